@@ -1,0 +1,44 @@
+"""The scene every task plays in: a floor, a light and the cameras of SoftGym."""
+
+import dataclasses
+
+from dm_control import composer
+
+from softgym_mj import assets
+from softgym_mj.exceptions import check_name
+
+
+@dataclasses.dataclass(frozen=True)
+class CameraPose:
+    """Pose of a fixed camera in the world frame: position [m], quaternion (w, x, y, z)."""
+
+    position: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+
+
+# SoftGym's cameras in z-up coordinates (facts 1.4); all have a field of view of 45 degrees.
+CAMERAS = {
+    "transport_water": CameraPose((0.64, -0.85, 1.8), (0.9763, 0.2164, 0.0, 0.0)),
+    "pour_water": CameraPose((1.4, -0.1, 1.5), (0.7345, 0.1968, 0.1681, 0.6273)),
+    "rope": CameraPose((0.0, 0.0, 0.85), (1.0, 0.0, 0.0, 0.0)),
+    "cloth": CameraPose((0.0, -0.82, 0.82), (0.9239, 0.3827, 0.0, 0.0)),
+    "cloth_drop": CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
+}
+FIELD_OF_VIEW = 45.0  # Vertical [deg].
+OVERVIEW = CameraPose((1.1, -1.1, 0.9), (0.8001, 0.4619, 0.1913, 0.3314))
+
+
+class Arena(composer.Arena):
+    """Floor, key light, the task's camera (named "task") and an "overview" camera."""
+
+    def _build(self, camera: str, name: str = "arena"):
+        check_name("camera", camera, CAMERAS)
+        super()._build(name=name, xml_path=assets.path("arena.xml"))
+        for camera_name, pose in (("task", CAMERAS[camera]), ("overview", OVERVIEW)):
+            self._mjcf_root.worldbody.add(
+                "camera",
+                name=camera_name,
+                pos=pose.position,
+                quat=pose.quaternion,
+                fovy=FIELD_OF_VIEW,
+            )

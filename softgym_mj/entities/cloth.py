@@ -1,0 +1,228 @@
+"""`Cloth`: a rectangular sheet of woven cotton as a two-dimensional MuJoCo flex."""
+
+import dataclasses
+
+import numpy as np
+
+from softgym_mj.entities.flex import Flex
+from softgym_mj.exceptions import OutOfRangeError, check_name
+
+# SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
+PARTICLE_SPACING = 0.00625
+MIN_DIM, MAX_DIM = 10, 200  # Accepted sizes in particles: 0.06 m to 1.24 m.
+DEFAULT_DIMS = (96, 58)  # SoftGym's size when variations are off (facts 3.0).
+
+# Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
+RADIUS = 0.005
+AREA_DENSITY = 0.2  # [kg/m^2], shirting cotton. FleX's dynamics do not depend on the mass.
+# Membrane stiffness E*t = 100 N/m: the 99th percentile of edge strain stays below 10 % in a fold
+# at 0.6 m/s. Real cotton is ten times stiffer, at which CG no longer converges at this time step.
+YOUNG = 2e5  # [Pa]
+THICKNESS = 5e-4  # [m]; bending rigidity E t^3 / 12 = 2e-6 N m, within the range of cotton.
+POISSON = 0.2
+DAMPING = 0.003  # [s], Rayleigh. 0.01 makes the implicit system stiffer without settling sooner.
+FRICTION = 0.75  # SoftGym's friction of cloth against shapes and floor.
+TIMESTEP = 0.01  # [s]: the discrete integrator is implicit, one solve a sim step is enough.
+
+FRONT_COLOR = (0.92, 0.29, 0.59, 1.0)  # SoftGym's pink-magenta.
+BACK_COLOR = (1.0, 0.40, 0.10, 1.0)  # SoftGym's orange.
+# Each face is drawn this far [m] from the mid-surface, so that the two do not fight for depth.
+SKIN_OFFSET = 0.0015
+
+
+@dataclasses.dataclass(frozen=True)
+class Fidelity:
+    """Resolution of a cloth: vertex spacing [m] and solver iterations that converge there."""
+
+    spacing: float
+    iterations: int
+
+
+FIDELITIES = {
+    "fast": Fidelity(spacing=0.04, iterations=80),
+    "default": Fidelity(spacing=0.03, iterations=100),
+    "accurate": Fidelity(spacing=0.02, iterations=200),
+}
+SELF_CONTACTS = ("mujoco", "none")
+
+
+def grid_shape(dims: tuple[int, int], fidelity: str) -> tuple[int, int]:
+    """Number of vertex (rows, columns) of a cloth of `dims` = (dimx, dimy) particles."""
+    check_name("fidelity", fidelity, FIDELITIES)
+    spacing = FIDELITIES[fidelity].spacing
+    columns, rows = (round((dim - 1) * PARTICLE_SPACING / spacing) + 1 for dim in dims)
+    return rows, columns
+
+
+class Cloth(Flex):
+    """A sheet of (rows, columns) vertices; row 0 lies at +Y, column 0 at -X, front side down.
+
+    This is SoftGym's order (index = row * columns + column, columns along x, rows along z) in
+    z-up coordinates, where FleX's z is -Y.
+    """
+
+    def _build(
+        self,
+        dims: tuple[int, int] = DEFAULT_DIMS,
+        fidelity: str = "default",
+        self_contact: str = "mujoco",
+        name: str = "cloth",
+    ):
+        """Builds the cloth.
+
+        Args:
+            dims: (dimx, dimy) size in SoftGym particles, each 10..200.
+            fidelity: "fast", "default" or "accurate".
+            self_contact: "mujoco" for MuJoCo's own flex self-collision, "none" for none.
+            name: model name.
+
+        Raises:
+            UnknownNameError, OutOfRangeError: for a bad fidelity, self_contact or size.
+        """
+        super()._build(name)
+        check_name("fidelity", fidelity, FIDELITIES)
+        check_name("self_contact", self_contact, SELF_CONTACTS)
+        self._fidelity, self._self_contact = fidelity, self_contact
+        option = self._mjcf_root.option
+        # Flex elasticity is far too stiff for an explicit step of 10 ms; `discrete` is implicit
+        # in position. CG is 5 to 15 times faster than Newton on a cloth in contact.
+        option.integrator, option.solver, option.jacobian = "discrete", "CG", "sparse"
+        option.timestep = TIMESTEP
+        option.iterations = FIDELITIES[fidelity].iterations
+        option.tolerance = 1e-4  # 1e-3 leaves a folded cloth creeping, 1e-6 changes nothing.
+        self._mjcf_root.size.memory = "128M"  # A crumpled 38 x 38 cloth has 10,000 contacts.
+        for side, color in (("front", FRONT_COLOR), ("back", BACK_COLOR)):
+            self._mjcf_root.asset.add(
+                "material", name=side, rgba=color, specular=0.1, shininess=0.1
+            )
+        self._dims = (0, 0)
+        self.resize(dims)
+
+    @property
+    def timestep(self) -> float:
+        return TIMESTEP
+
+    @property
+    def dims(self) -> tuple[int, int]:
+        """Size (dimx, dimy) in SoftGym particles."""
+        return self._dims
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Side lengths (along columns, along rows) [m]."""
+        return (self._dims[0] - 1) * PARTICLE_SPACING, (self._dims[1] - 1) * PARTICLE_SPACING
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of vertex (rows, columns)."""
+        return self._shape
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Vertex indices (4,) of SoftGym's key points p1..p4.
+
+        p1 = (row 0, column 0), p2 = (last row, column 0), p3 = (row 0, last column), p4 = last.
+        """
+        rows, columns = self._shape
+        last = rows * columns - 1
+        return np.array([0, last - columns + 1, columns - 1, last])
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """Vertex indices (num_triangles, 3), counter-clockwise from above when laid flat."""
+        return self._triangles
+
+    def index(self, row: int, column: int) -> int:
+        """Vertex index of a grid node; negative rows and columns count from the end."""
+        rows, columns = self._shape
+        if not (-rows <= row < rows and -columns <= column < columns):
+            raise OutOfRangeError("(row, column)", (row, column), f"a grid of {self._shape}")
+        return (row % rows) * columns + column % columns
+
+    def grid(self) -> np.ndarray:
+        """Current vertex positions (rows, columns, 3) [m]."""
+        return self.vertices().reshape(*self._shape, 3)
+
+    def flat(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
+        """Vertex positions (num_vertices, 3) [m] of the cloth lying flat at its resting height.
+
+        Args:
+            centre: (X, Y) of its centre [m].
+            angle: rotation about +Z [rad].
+        """
+        cosine, sine = np.cos(angle), np.sin(angle)
+        positions = self._rest_points @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+        return positions + np.array([*centre, RADIUS])
+
+    def resize(self, dims: tuple[int, int]) -> bool:
+        """Gives the cloth another size; True when the model changed and must be recompiled."""
+        if len(dims) != 2 or not all(MIN_DIM <= dim <= MAX_DIM for dim in dims):
+            raise OutOfRangeError("dims", dims, f"two sizes in {MIN_DIM}..{MAX_DIM} particles")
+        dims = (int(dims[0]), int(dims[1]))
+        if dims == self._dims:
+            return False
+        self._dims = dims
+        self._shape = grid_shape(dims, self._fidelity)
+        rows, columns = self._shape
+        width, depth = self.size
+        x, y = np.meshgrid(
+            np.linspace(-width / 2, width / 2, columns), np.linspace(depth / 2, -depth / 2, rows)
+        )
+        points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+        self._triangles = _alternating_triangles(rows, columns)
+        flexcomp = self._add_flexcomp(
+            points,
+            self._triangles,
+            radius=RADIUS,
+            mass=AREA_DENSITY * width * depth,
+            rgba=FRONT_COLOR,
+        )
+        # The flex itself is hidden (group 4): the two skins below show its two sides.
+        flexcomp.elasticity.young = YOUNG
+        flexcomp.elasticity.poisson = POISSON
+        flexcomp.elasticity.thickness = THICKNESS
+        flexcomp.elasticity.damping = DAMPING
+        flexcomp.elasticity.elastic2d = "both"
+        flexcomp.edge.equality = "false"
+        flexcomp.contact.selfcollide = "auto" if self._self_contact == "mujoco" else "none"
+        flexcomp.contact.condim = 3
+        flexcomp.contact.friction = [FRICTION]
+        flexcomp.contact.solref = [0.01, 1]  # Twice as stiff as default: 5 mm layers stay apart.
+        flexcomp.group = 4
+        self._add_skins(points)
+        return True
+
+    def _add_skins(self, points: np.ndarray):
+        self._mjcf_root.deformable.skin.clear()
+        for side, faces in (("front", self._triangles[:, ::-1]), ("back", self._triangles)):
+            skin = self._mjcf_root.deformable.add(
+                "skin",
+                name=side,
+                material=side,
+                inflate=SKIN_OFFSET,
+                vertex=points.ravel(),
+                face=faces.ravel(),
+            )
+            for vertex, point in enumerate(points):
+                skin.add(
+                    "bone",
+                    body=self.vertex_body(vertex),
+                    bindpos=point,
+                    bindquat=[1, 0, 0, 0],
+                    vertid=[vertex],
+                    vertweight=[1.0],
+                )
+
+
+def _alternating_triangles(rows: int, columns: int) -> np.ndarray:
+    """Triangles (m, 3) of a grid whose diagonals alternate, so that no direction bends easier."""
+    triangles = []
+    for row in range(rows - 1):
+        for column in range(columns - 1):
+            a = row * columns + column
+            b, c, d = a + 1, a + columns, a + columns + 1
+            if (row + column) % 2 == 0:
+                triangles += [(a, c, b), (b, c, d)]
+            else:
+                triangles += [(a, c, d), (a, d, b)]
+    return np.array(triangles)

@@ -1,0 +1,148 @@
+"""`Flex`: a deformable object made of point-mass vertices, the base of `Cloth` and `Rope`."""
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+
+from softgym_mj.exceptions import OutOfRangeError
+
+# Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
+# 1 kg is about 5,000 cloth vertices: the elastic pull on a held vertex moves it by less than
+# 0.15 mm in a step at full picker speed, and the solver stays well conditioned (100 kg does not).
+HELD_MASS = 1.0
+
+_FLEX = "flex"  # Name of the flexcomp, hence of its vertex bodies: flex_0, flex_1, ...
+
+
+class Flex(composer.Entity):
+    """A flexcomp of free vertices (three world-aligned slides each), in the order of `points`.
+
+    Attach it with `arena.attach` at the world frame: vertex positions are read straight from
+    `qpos`, which is always current, even between a step and the next kinematics. The entity is
+    bound to the physics it was last compiled into.
+    """
+
+    def _build(self, name: str):
+        self._mjcf_root = mjcf.RootElement(model=name)
+        self._rest_points = np.zeros((0, 3))
+        self._held: dict[int, np.ndarray] = {}
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    @property
+    def num_vertices(self) -> int:
+        return len(self._rest_points)
+
+    @property
+    def radius(self) -> float:
+        """Contact radius [m]: the height of the vertices of an object that lies on the floor."""
+        return float(self._flexcomp.radius)
+
+    @property
+    def timestep(self) -> float:
+        """Physics step [s] this object needs; it divides the sim step of 0.01 s."""
+        raise NotImplementedError
+
+    def _add_flexcomp(self, points: np.ndarray, elements: np.ndarray, **attributes):
+        """(Re)places the flexcomp by one with `points` (n, 3) [m] and `elements` (m, dim + 1)."""
+        self._mjcf_root.worldbody.flexcomp.clear()
+        self._rest_points = points
+        self._flexcomp = self._mjcf_root.worldbody.add(
+            "flexcomp",
+            name=_FLEX,
+            type="direct",
+            dim=elements.shape[1] - 1,
+            point=points.ravel(),
+            element=elements.ravel(),
+            **attributes,
+        )
+        return self._flexcomp
+
+    def vertex_body(self, vertex: int) -> str:
+        """Name of the body of a vertex inside this entity's own model."""
+        return f"{_FLEX}_{vertex}"
+
+    # ------------------------------------------------------------------ simulation
+
+    def after_compile(self, physics, random_state):
+        model, data = physics.model.ptr, physics.data.ptr
+        name = f"{self._mjcf_root.model}/{_FLEX}"
+        flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, name)
+        first, count = model.flex_vertadr[flex], model.flex_vertnum[flex]
+        bodies = model.flex_vertbodyid[first : first + count]
+        self._dofs = np.array(model.body_dofadr[bodies])
+        qpos = model.jnt_qposadr[model.body_jntadr[bodies]]
+        if np.any(np.diff(self._dofs) != 3) or np.any(np.diff(qpos) != 3):
+            raise RuntimeError("flexcomp vertices are expected to have consecutive slide joints")
+        self._origin = np.array(model.body_pos[bodies])
+        self._qpos = data.qpos[qpos[0] : qpos[0] + 3 * count].reshape(count, 3)
+        self._qvel = data.qvel[self._dofs[0] : self._dofs[0] + 3 * count].reshape(count, 3)
+        self._dof_mass = model.dof_M0
+        edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
+        self._edges = np.array(model.flex_edge[edges])
+        self._rest_lengths = np.array(model.flexedge_length0[edges])
+        self._held = {}
+
+    def initialize_episode(self, physics, random_state):
+        self.release_all()
+
+    def vertices(self) -> np.ndarray:
+        """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""
+        return self._origin + self._qpos
+
+    def vertex(self, index: int) -> np.ndarray:
+        """Current position (3,) [m] of one vertex."""
+        return self._origin[index] + self._qpos[index]
+
+    def velocities(self) -> np.ndarray:
+        """Current vertex velocities (num_vertices, 3) [m/s], a fresh array."""
+        return self._qvel.copy()
+
+    def set_vertices(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
+        """Places the vertices: `positions` (num_vertices, 3) [m], `velocities` alike [m/s]."""
+        positions = np.asarray(positions, float).reshape(-1, 3)
+        if positions.shape != (self.num_vertices, 3) or not np.isfinite(positions).all():
+            raise OutOfRangeError(
+                "positions", positions.shape, f"finite array of shape ({self.num_vertices}, 3)"
+            )
+        self._qpos[:] = positions - self._origin
+        self._qvel[:] = velocities
+
+    @property
+    def edges(self) -> np.ndarray:
+        """Vertex indices (num_edges, 2) of the mesh edges."""
+        return self._edges
+
+    def edge_strain(self) -> np.ndarray:
+        """Relative elongation (num_edges,) of every edge: 0 at rest, negative when compressed."""
+        vertices = self.vertices()
+        difference = vertices[self._edges[:, 0]] - vertices[self._edges[:, 1]]
+        return np.linalg.norm(difference, axis=1) / self._rest_lengths - 1.0
+
+    # ------------------------------------------------------------------ holding vertices
+
+    def hold(self, index: int) -> None:
+        """Makes a vertex follow `drive` alone: physics no longer moves it."""
+        if index not in self._held:
+            dof = self._dofs[index]
+            self._held[index] = np.array(self._dof_mass[dof : dof + 3])
+            # For a simple body the engine takes the inertia from dof_M0; nothing else reads it.
+            self._dof_mass[dof : dof + 3] = HELD_MASS
+
+    def release(self, index: int) -> None:
+        """Gives a held vertex its own mass back; it keeps the velocity it was driven at."""
+        dof = self._dofs[index]
+        self._dof_mass[dof : dof + 3] = self._held.pop(index)
+
+    def release_all(self) -> None:
+        for index in list(self._held):
+            self.release(index)
+
+    def drive(self, index: int, target: np.ndarray, duration: float) -> None:
+        """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s].
+
+        The velocity is recomputed from the position at every call, so errors do not add up.
+        """
+        self._qvel[index] = (target - self._origin[index] - self._qpos[index]) / duration

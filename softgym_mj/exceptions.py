@@ -1,0 +1,57 @@
+"""Errors raised by softgym_mj: one tree, messages that say what would have worked."""
+
+from collections.abc import Iterable
+
+
+class SoftGymError(Exception):
+    """Base class of every error this package raises on purpose."""
+
+
+class UnknownNameError(SoftGymError, ValueError):
+    """A name (task, actor, observation, fidelity, split, ...) that does not exist."""
+
+    def __init__(self, argument: str, value: object, valid: Iterable[object]):
+        choices = ", ".join(repr(name) for name in valid)
+        super().__init__(f"{argument}={value!r} is unknown; valid choices: {choices}.")
+
+
+class OutOfRangeError(SoftGymError, ValueError):
+    """A number outside its documented range."""
+
+    def __init__(self, argument: str, value: object, valid: str):
+        super().__init__(f"{argument}={value!r} is out of range; valid: {valid}.")
+
+
+class InvalidActionError(SoftGymError, ValueError):
+    """An action with a wrong shape, a non-finite entry or an entry outside [-1, 1]."""
+
+
+class EpisodeEndedError(SoftGymError, RuntimeError):
+    """A Gymnasium step without a running episode: call `reset()` first."""
+
+
+class SettlingError(SoftGymError, RuntimeError):
+    """A generated initial state did not come to rest."""
+
+
+class CorruptStoreError(SoftGymError, RuntimeError):
+    """A stored initial state that is truncated, altered or of another specification."""
+
+
+class SnapshotError(SoftGymError, ValueError):
+    """A snapshot that does not belong to this environment."""
+
+
+class RenderingUnavailableError(SoftGymError, RuntimeError):
+    """No working OpenGL backend for off-screen rendering or no display for the viewer."""
+
+
+class MissingDependencyError(SoftGymError, ImportError):
+    """An optional dependency is not installed; the message has the command that installs it."""
+
+
+def check_name(argument: str, value: object, valid: Iterable[object]) -> None:
+    """Raises `UnknownNameError` unless `value` is one of `valid`."""
+    valid = tuple(valid)
+    if value not in valid:
+        raise UnknownNameError(argument, value, valid)

@@ -1,0 +1,164 @@
+"""`SoftGymEnv`: a Gymnasium environment over `Environment`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from dm_env import specs
+from gymnasium.utils import EzPickle
+
+from softgym_mj import registry
+from softgym_mj.environment import Snapshot
+from softgym_mj.exceptions import EpisodeEndedError, UnknownNameError, check_name
+from softgym_mj.rendering import CameraView
+
+_OPTIONS = ("variation",)
+
+
+def _space(spec: specs.Array) -> gymnasium.spaces.Box:
+    if spec.dtype == np.uint8:
+        return gymnasium.spaces.Box(0, 255, spec.shape, np.uint8)
+    return gymnasium.spaces.Box(-np.inf, np.inf, spec.shape, np.float32)
+
+
+class SoftGymEnv(gymnasium.Env, EzPickle):
+    """One task of softgym_mj as a Gymnasium environment.
+
+    Action space: Box(-1, 1, (4 n,), float32), n grippers. Observation space: a float32 or uint8
+    Box for one observation, a Dict of them for several. An episode is truncated after `horizon`
+    env steps and never terminates. `info` is `Environment.info`.
+    """
+
+    metadata = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 12}
+
+    def __init__(
+        self,
+        task: str,
+        render_mode: str | None = None,
+        *,
+        render_size: tuple[int, int] = (480, 480),
+        camera: str = "task",
+        split: str | Sequence[int] = "train",
+        horizon: int | None = None,
+        **task_kwargs: Any,
+    ):
+        """Builds the environment.
+
+        Args:
+            task: task name.
+            render_mode: None, "rgb_array" (uint8) or "depth_array" (float32 metres).
+            render_size: (height, width) of `render` [pixels].
+            camera: camera of `render`: "task" or "overview".
+            split: "train", "evaluate", "all" or a sequence of variation indices.
+            horizon: env steps in an episode; the task's own when None.
+            **task_kwargs: keyword arguments of the task, such as `observation` or `actor`.
+        """
+        EzPickle.__init__(
+            self, task, render_mode, render_size=render_size, camera=camera, split=split,
+            horizon=horizon, **task_kwargs,
+        )  # fmt: skip
+        check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
+        check_name("camera", camera, ("task", "overview"))
+        self.render_mode = render_mode
+        self._env = registry.load(task, split=split, horizon=horizon, **task_kwargs)
+        self._view = CameraView(camera, *render_size)
+        self._running = False
+        self.metadata = {**self.metadata, "render_fps": round(1 / self._env.control_timestep(), 3)}
+        spaces = {name: _space(spec) for name, spec in self._env.observation_spec().items()}
+        self._single = next(iter(spaces)) if len(spaces) == 1 else None
+        self.observation_space = (
+            spaces[self._single] if self._single else gymnasium.spaces.Dict(spaces)
+        )
+        size = self._env.task.actor.action_size
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
+
+    @property
+    def dm_env(self):
+        """The dm_control environment underneath."""
+        return self._env
+
+    @property
+    def horizon(self) -> int:
+        """Env steps after which an episode is truncated."""
+        return self._env.horizon
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Starts an episode.
+
+        Args:
+            seed: seeds the draw of variations.
+            options: {"variation": index 0..999}, else one is drawn from the split.
+
+        Returns:
+            Observation and info.
+
+        Raises:
+            UnknownNameError: for an unknown option.
+            OutOfRangeError: for a variation that does not exist.
+        """
+        super().reset(seed=seed)
+        options = options or {}
+        for key in options:
+            if key not in _OPTIONS:
+                raise UnknownNameError("options key", key, _OPTIONS)
+        variation = options.get("variation")
+        if variation is None:
+            variations = self._env.variations
+            variation = int(variations[int(self.np_random.integers(len(variations)))])
+        timestep = self._env.reset(variation)
+        self._running = True
+        return self._convert(timestep.observation), self._env.info()
+
+    def step(self, action: np.ndarray):
+        """Applies an action (4 n,) in [-1, 1].
+
+        Returns:
+            Observation, reward, terminated (always False), truncated, info.
+
+        Raises:
+            EpisodeEndedError: if no episode is running.
+            InvalidActionError: for a bad action.
+        """
+        if not self._running:
+            raise EpisodeEndedError("no episode is running: call reset() before step()")
+        timestep = self._env.step(action)
+        ended = timestep.last()
+        self._running = not ended
+        terminated = bool(ended and timestep.discount == 0.0)
+        observation = self._convert(timestep.observation)
+        info = self._env.info()
+        return observation, float(timestep.reward), terminated, ended and not terminated, info
+
+    def render(self) -> np.ndarray | None:
+        """An image (height, width, 3) uint8 or depths (height, width) float32 [m]."""
+        if self.render_mode == "rgb_array":
+            return self._view.rgb(self._env.physics)
+        if self.render_mode == "depth_array":
+            return self._view.depth(self._env.physics)
+        return None
+
+    def close(self) -> None:
+        """Frees the simulation."""
+        if self._env is not None:
+            self._env.close()
+            self._env = None
+
+    def get_state(self) -> tuple[Snapshot, dict]:
+        """A snapshot for `set_state`, with the generator that draws variations."""
+        return self._env.get_state(), self.np_random.bit_generator.state
+
+    def set_state(self, state: tuple[Snapshot, dict]):
+        """Restores a snapshot; returns observation and info."""
+        snapshot, generator = state
+        self._env.set_state(snapshot)
+        self.np_random.bit_generator.state = generator
+        self._running = not snapshot.ended
+        return self._convert(self._env.observation()), self._env.info()
+
+    def _convert(self, observation: dict[str, np.ndarray]):
+        converted = {
+            name: value if value.dtype == np.uint8 else value.astype(np.float32)
+            for name, value in observation.items()
+        }
+        return converted[self._single] if self._single else converted

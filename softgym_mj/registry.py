@@ -1,0 +1,111 @@
+"""The tasks: one frozen record each, and `load`, which builds an environment from a record."""
+
+import dataclasses
+import importlib
+import inspect
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from softgym_mj.exceptions import UnknownNameError, check_name
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from softgym_mj.environment import Environment
+    from softgym_mj.tasks.base import DeformableTask
+
+
+@dataclasses.dataclass(frozen=True)
+class TaskRecord:
+    """A task.
+
+    Attributes:
+        name: snake_case name.
+        constructor: "module:function" that builds the task from keyword arguments.
+        tags: difficulty and kind of object.
+        horizon: env steps in an episode.
+        action_repeat: sim steps of 0.01 s per env step.
+        summary: what is to be done.
+    """
+
+    name: str
+    constructor: str
+    tags: tuple[str, ...]
+    horizon: int
+    action_repeat: int
+    summary: str
+
+    @property
+    def gymnasium_id(self) -> str:
+        """Gymnasium id, "softgym_mj/SpreadCloth-v0" for "spread_cloth"."""
+        return f"softgym_mj/{''.join(word.title() for word in self.name.split('_'))}-v0"
+
+    def resolve(self) -> Callable[..., "DeformableTask"]:
+        """The constructor; imports its module."""
+        module, function = self.constructor.split(":")
+        return getattr(importlib.import_module(module), function)
+
+    def build(self, **task_kwargs) -> "DeformableTask":
+        """Builds the task; an unknown keyword argument is an `UnknownNameError`."""
+        constructor = self.resolve()
+        valid = inspect.signature(constructor).parameters
+        for key in task_kwargs:
+            if key not in valid:
+                raise UnknownNameError("keyword argument", key, valid)
+        return constructor(**task_kwargs)
+
+
+TASKS = {
+    record.name: record
+    for record in (
+        TaskRecord(
+            "straighten_rope",
+            "softgym_mj.tasks.straighten_rope:straighten_rope",
+            ("medium", "rope"),
+            horizon=75,
+            action_repeat=8,
+            summary="Pull the ends of a twisted rope apart until it is straight.",
+        ),
+        TaskRecord(
+            "spread_cloth",
+            "softgym_mj.tasks.spread_cloth:spread_cloth",
+            ("medium", "cloth"),
+            horizon=100,
+            action_repeat=8,
+            summary="Spread a crumpled cloth on the floor.",
+        ),
+    )
+}
+
+
+def load(
+    task: str,
+    *,
+    split: str | Sequence[int] = "train",
+    horizon: int | None = None,
+    random_state: "int | np.random.RandomState | None" = None,
+    **task_kwargs,
+) -> "Environment":
+    """Builds the dm_env environment of a task.
+
+    Args:
+        task: task name, one of `TASKS`.
+        split: "train" (variations 0..799), "evaluate" (800..999), "all" or a sequence of indices.
+        horizon: env steps in an episode; the task's own when None.
+        random_state: seed or generator that draws the variations.
+        **task_kwargs: keyword arguments of the task's constructor, such as `observation`.
+
+    Raises:
+        UnknownNameError, OutOfRangeError: for a bad name or value.
+    """
+    check_name("task", task, TASKS)
+    record = TASKS[task]
+    from softgym_mj.environment import Environment
+
+    return Environment(
+        record.build(**task_kwargs),
+        name=task,
+        horizon=record.horizon if horizon is None else horizon,
+        split=split,
+        random_state=random_state,
+    )

@@ -1,0 +1,191 @@
+"""`Picker`: SoftGym's abstract gripper, a solid sphere that can hold the nearest vertex."""
+
+import numpy as np
+from dm_control import composer, mjcf
+
+from softgym_mj.entities.flex import Flex
+from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.robots.base import Actor, Workspace
+
+MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
+COLOR = (0.32, 0.36, 0.42, 1.0)  # SoftGym's 0.9 grey vanishes on its own 0.9 grey floor.
+
+# (sphere radius, pick distance) [m], facts 2.1: the distance is the sphere radius plus SoftGym's
+# particle radius (0.00625 cloth, 0.025 rope) plus its threshold of 0.005.
+CLOTH_GEOMETRY = (0.05, 0.06125)
+ROPE_GEOMETRY = (0.02, 0.05)
+
+
+class Picker(Actor):
+    """Any number of pickers with the semantics of SoftGym (facts 2.4).
+
+    In a sim step, every picker whose grip is off first releases what it holds. Then, in order,
+    each picker moves by its clipped displacement; one that grips and holds nothing takes the
+    vertex nearest to its old centre within the pick distance that no picker holds (the first
+    index wins a tie). A held vertex keeps its offset to the picker, except that it is never
+    pushed below its resting height on the floor.
+    """
+
+    def _build(
+        self,
+        geometry: tuple[float, float] = CLOTH_GEOMETRY,
+        num_pickers: int = 2,
+        name: str = "picker",
+    ):
+        """Builds the pickers.
+
+        Args:
+            geometry: (sphere radius, pick distance) [m], `CLOTH_GEOMETRY` or `ROPE_GEOMETRY`.
+            num_pickers: number of pickers, 1 or more.
+            name: model name.
+        """
+        if num_pickers < 1:
+            raise OutOfRangeError("num_pickers", num_pickers, "1 or more")
+        self._radius, self._pick_distance = geometry
+        self._mjcf_root = mjcf.RootElement(model=name)
+        self._spheres = []
+        for i in range(num_pickers):
+            sphere = mjcf.RootElement(model=f"{name}_{i}")
+            sphere.worldbody.add(
+                "geom", name="sphere", type="sphere", size=[self._radius], rgba=COLOR
+            )
+            self._spheres.append(sphere)
+        self._held = np.full(num_pickers, -1)
+        self._offset = np.zeros((num_pickers, 3))
+        self._centre = np.zeros((num_pickers, 3))
+        self._old_centre = np.zeros((num_pickers, 3))
+        self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    @property
+    def num_grippers(self) -> int:
+        return len(self._held)
+
+    @property
+    def action_size(self) -> int:
+        return 4 * len(self._held)
+
+    @property
+    def radius(self) -> float:
+        """Sphere radius [m]."""
+        return self._radius
+
+    @property
+    def pick_distance(self) -> float:
+        """Largest distance [m] between a picker's centre and a vertex it can take."""
+        return self._pick_distance
+
+    @property
+    def held(self) -> np.ndarray:
+        return self._held.copy()
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest picker centre (3,) [m]: the workspace less the radius."""
+        return self._low, self._high
+
+    def join(self, arena: composer.Arena) -> None:
+        super().join(arena)
+        # Only a child of the world can be mocap, so each sphere is attached by itself.
+        for sphere in self._spheres:
+            arena.mjcf_model.attach(sphere).mocap = "true"
+
+    def manipulate(self, target: Flex) -> None:
+        self._target = target
+
+    def after_compile(self, physics, random_state):
+        model, data = physics.model.ptr, physics.data.ptr
+        mocap = [
+            int(model.body_mocapid[model.body(f"{sphere.model}/").id]) for sphere in self._spheres
+        ]
+        if not np.array_equal(mocap, np.arange(mocap[0], mocap[0] + len(mocap))):
+            raise RuntimeError("pickers are expected to have consecutive mocap indices")
+        self._mocap_pos = data.mocap_pos[mocap[0] : mocap[0] + len(mocap)]
+
+    def default_positions(self, point: np.ndarray) -> np.ndarray:
+        # Facts 2.3: a ring of radius 2 r sqrt(n - 1) from FleX's +z, which is -Y here.
+        number = self.num_grippers
+        angle = 2 * np.pi * np.arange(number) / number
+        ring = 2 * self._radius * np.sqrt(number - 1)
+        offset = np.column_stack([np.sin(angle), -np.cos(angle), np.zeros(number)])
+        return np.asarray(point) + ring * offset
+
+    def place(self, positions: np.ndarray, workspace: Workspace) -> None:
+        self._target.release_all()
+        self._held[:] = -1
+        self._set_workspace(workspace)
+        self._centre[:] = positions
+        self._old_centre[:] = positions
+        self._mocap_pos[:] = positions
+
+    def _set_workspace(self, workspace: Workspace):
+        self._workspace = workspace
+        self._low = np.asarray(workspace.low) + self._radius
+        self._high = np.asarray(workspace.high) - self._radius
+
+    def plan(self, action: np.ndarray) -> None:
+        action = action.reshape(-1, 4)
+        held, target = self._held, self._target
+        grips = (action[:, 3] > 0.0).tolist()
+        for i, grip in enumerate(grips):
+            if not grip and held[i] >= 0:
+                target.release(int(held[i]))
+                held[i] = -1
+        self._old_centre[:] = self._centre
+        self._centre += MAX_DISPLACEMENT * action[:, :3]
+        np.minimum(self._centre, self._high, out=self._centre)
+        np.maximum(self._centre, self._low, out=self._centre)
+        for i, grip in enumerate(grips):
+            if grip and held[i] < 0:
+                self._pick(i)
+
+    def _pick(self, i: int):
+        offsets = self._target.vertices() - self._old_centre[i]
+        distances = np.einsum("ij,ij->i", offsets, offsets)
+        distances[self._held[self._held >= 0]] = np.inf
+        nearest = int(np.argmin(distances))
+        if distances[nearest] <= self._pick_distance**2:
+            self._held[i] = nearest
+            self._offset[i] = offsets[nearest]
+            self._target.hold(nearest)
+
+    def move(self, fraction: float, timestep: float) -> None:
+        position = self._old_centre + fraction * (self._centre - self._old_centre)
+        self._mocap_pos[:] = position
+        for i, vertex in enumerate(self._held.tolist()):
+            if vertex >= 0:
+                goal = position[i] + self._offset[i]
+                goal[2] = max(goal[2], self._target.radius)
+                self._target.drive(vertex, goal, timestep)
+
+    def held_positions(self) -> np.ndarray:
+        """Where each held vertex belongs (num_pickers, 3) [m]; NaN where none is held."""
+        goals = self._centre + self._offset
+        goals[:, 2] = np.maximum(goals[:, 2], self._target.radius)
+        goals[self._held < 0] = np.nan
+        return goals
+
+    def positions(self) -> np.ndarray:
+        return self._centre.copy()
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return {
+            "held": self._held.copy(),
+            "offset": self._offset.copy(),
+            "centre": self._centre.copy(),
+            "workspace": np.array([self._workspace.low, self._workspace.high]),
+        }
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self._target.release_all()
+        self._held[:] = state["held"]
+        self._offset[:] = state["offset"]
+        self._centre[:] = state["centre"]
+        self._old_centre[:] = state["centre"]
+        low, high = state["workspace"]
+        self._set_workspace(Workspace(tuple(low), tuple(high)))
+        for vertex in self._held[self._held >= 0]:
+            self._target.hold(int(vertex))

@@ -1,0 +1,69 @@
+"""The `softgym` domain of `dm_control.suite`."""
+
+import functools
+import importlib.abc
+import importlib.machinery
+import sys
+
+from softgym_mj import registry
+
+DOMAIN = "softgym"
+_SUITE_MODULE = "dm_control.suite"
+
+
+def _constructor(name: str, environment_kwargs: dict | None = None, **kwargs):
+    settings = dict(kwargs)
+    # suite tasks call the seed `random`.
+    if "random" in settings:
+        settings["random_state"] = settings.pop("random")
+    return registry.load(name, **settings, **(environment_kwargs or {}))
+
+
+def _add_domain(suite) -> None:
+    from dm_control.utils import containers
+
+    this = sys.modules[__name__]
+    if not hasattr(this, "SUITE"):
+        tasks = containers.TaggedTasks()
+        for record in registry.TASKS.values():
+            constructor = functools.partial(_constructor, record.name)
+            functools.update_wrapper(constructor, _constructor)
+            constructor.__name__ = record.name
+            tasks.add(*record.tags)(constructor)
+        this.SUITE = tasks
+    suite._DOMAINS[DOMAIN] = this
+
+
+class _SuiteLoader(importlib.abc.Loader):
+    """Runs the module's own loader, then adds the domain."""
+
+    def __init__(self, loader):
+        self._loader = loader
+
+    def create_module(self, spec):
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module):
+        self._loader.exec_module(module)
+        _add_domain(module)
+
+
+class _SuiteFinder(importlib.abc.MetaPathFinder):
+    """Adds the domain when `dm_control.suite` is imported, so that we need not import it."""
+
+    def find_spec(self, fullname, path, target=None):
+        if fullname != _SUITE_MODULE:
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
+        if spec is not None and spec.loader is not None:
+            spec.loader = _SuiteLoader(spec.loader)
+        return spec
+
+
+def register() -> None:
+    """Makes `dm_control.suite.load("softgym", task)` work, now or when it is imported."""
+    if _SUITE_MODULE in sys.modules:
+        _add_domain(sys.modules[_SUITE_MODULE])
+    elif not any(isinstance(finder, _SuiteFinder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _SuiteFinder())

@@ -1,0 +1,167 @@
+"""Initializers: how the settled initial states of the variations come about by simulation.
+
+Each is the procedure of SoftGym (facts 3.4 and 3.6) with its settle test made on the speed of
+every vertex, where the original compares signed components and so may stop while things fall.
+"""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.rope import Rope
+from softgym_mj.exceptions import SettlingError
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.variations import generator
+
+SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for "at rest".
+_MIN_SETTLE_STEPS = 10  # Sim steps: at release the speed passes through zero without being at rest.
+
+# Rope: displacement of the dragged vertex per sim step [m] and its duration in sim steps.
+_DRAG_DISPLACEMENT, _DRAG_STEPS, _DRAG_REPEATS = 0.005, 60, 4
+_ROPE_SETTLE_STEPS, _ROPE_FINAL_STEPS = 100, 500
+_ROPE_MAX_STEPS = 3000  # SoftGym saves whatever moves after its 500; we go on until it rests.
+
+# Cloth: sizes in particles (upper end exclusive), lift height [m], sim steps held and falling.
+SIZE_RANGE = (60, 120)
+_LIFT_HEIGHT = (0.5, 1.0)
+_LIFT_SPEED = 1.0  # [m/s]. SoftGym teleports the vertex; 1 m/s is the fastest picker.
+_HOLD_STEPS, _FALL_STEPS = 300, 300
+# A crumpled cloth keeps creeping: contacts of a hundred layers never rest exactly. It counts as
+# settled when its root mean square speed is below this [m/s].
+_CLOTH_SETTLED_RMS = 0.01
+_CLOTH_MAX_STEPS = 1500
+
+
+class _Scene:
+    """A flex alone on the floor, stepped by sim steps."""
+
+    def __init__(self, flex: Flex):
+        arena = Arena(camera="cloth")
+        arena.attach(flex)
+        arena.mjcf_model.option.timestep = flex.timestep
+        self._physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+        self._flex = flex
+        self._steps = round(SIM_STEP / flex.timestep)
+        flex.after_compile(self._physics, None)
+
+    def step(self) -> None:
+        """One sim step; divergence is an error."""
+        with self._physics.check_invalid_state():
+            mujoco.mj_step(self._physics.model.ptr, self._physics.data.ptr, self._steps)
+
+    def drag(self, vertex: int, displacement: np.ndarray, steps: int) -> None:
+        """Moves a held vertex by `displacement` (3,) [m] in each of `steps` sim steps."""
+        goal = self._flex.vertex(vertex)
+        for _ in range(steps):
+            goal = goal + displacement
+            self._flex.drive(vertex, goal, SIM_STEP)
+            self.step()
+
+    def settle(self, max_steps: int, min_steps: int = _MIN_SETTLE_STEPS) -> int:
+        """Steps until every vertex is slower than `SETTLED_SPEED`; returns the sim steps taken."""
+        for count in range(1, max_steps + 1):
+            self.step()
+            if count >= min_steps and self.max_speed() < SETTLED_SPEED:
+                return count
+        return max_steps
+
+    def speeds(self) -> np.ndarray:
+        """Speed of every vertex [m/s]."""
+        return np.linalg.norm(self._flex.velocities(), axis=1)
+
+    def max_speed(self) -> float:
+        """Speed of the fastest vertex [m/s]."""
+        return float(self.speeds().max())
+
+
+def _centred(vertices: np.ndarray) -> np.ndarray:
+    """The vertices (n, 3) shifted so that their horizontal mean is the origin."""
+    return vertices - [*vertices[:, :2].mean(axis=0), 0.0]
+
+
+@dataclasses.dataclass(frozen=True)
+class TwistedRope:
+    """A rope dragged by a random vertex four times and left to settle (facts 3.4)."""
+
+    name: str = "twisted_rope"
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        return {"version": 1, "settled_speed": SETTLED_SPEED}
+
+    def generate(self, index: int) -> np.ndarray:
+        """Settled vertex positions (41, 3) [m]."""
+        random = generator(self.name, index)
+        rope = Rope()
+        scene = _Scene(rope)
+        rope.set_vertices(rope.straight())
+        for repeat in range(_DRAG_REPEATS):
+            vertex = int(random.integers(rope.num_vertices))
+            u = random.uniform(-1.0, 1.0, 3)
+            rope.hold(vertex)
+            scene.drag(vertex, _DRAG_DISPLACEMENT * (u + [0.0, 0.0, 1.0]), _DRAG_STEPS)
+            rope.release(vertex)
+            last = repeat == _DRAG_REPEATS - 1
+            scene.settle(_ROPE_SETTLE_STEPS + (_ROPE_FINAL_STEPS if last else 0))
+        if scene.max_speed() >= SETTLED_SPEED:
+            scene.settle(_ROPE_MAX_STEPS)
+        if scene.max_speed() >= SETTLED_SPEED:
+            raise SettlingError(
+                f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
+                f"after {_ROPE_MAX_STEPS} sim steps"
+            )
+        return _centred(rope.vertices())
+
+
+@dataclasses.dataclass(frozen=True)
+class CrumpledCloth:
+    """A cloth of random size lifted at a random vertex and dropped (facts 3.6)."""
+
+    fidelity: str = "default"
+    name: str = "crumpled_cloth"
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        return {"version": 1, "fidelity": self.fidelity, "sizes": SIZE_RANGE}
+
+    def dims(self, index: int) -> tuple[int, int]:
+        """Size (dimx, dimy) of a variation in SoftGym particles."""
+        dimx, dimy = generator(self.name, index).integers(*SIZE_RANGE, size=2)
+        return int(dimx), int(dimy)
+
+    def generate(self, index: int) -> np.ndarray:
+        """Settled vertex positions (rows * columns, 3) [m]."""
+        random = generator(self.name, index)
+        random.integers(*SIZE_RANGE, size=2)  # Drawn in `dims`.
+        cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
+        scene = _Scene(cloth)
+        cloth.set_vertices(cloth.flat())
+        scene.step()
+        # Drawn as a place on the sheet: the same for every fidelity.
+        place = random.uniform(size=2) * (np.array(cloth.shape) - 1)
+        vertex = cloth.index(*np.round(place).astype(int).tolist())
+        height = random.uniform(*_LIFT_HEIGHT)
+        lift_steps = int(np.ceil(height / (_LIFT_SPEED * SIM_STEP)))
+        cloth.hold(vertex)
+        scene.drag(vertex, np.array([0.0, 0.0, height / lift_steps]), lift_steps)
+        for count in range(_HOLD_STEPS):
+            scene.drag(vertex, np.zeros(3), 1)
+            if count >= _MIN_SETTLE_STEPS and scene.max_speed() < SETTLED_SPEED:
+                break
+        cloth.release(vertex)
+        scene.settle(_FALL_STEPS)
+        steps = _FALL_STEPS
+        while np.sqrt(np.mean(scene.speeds() ** 2)) >= _CLOTH_SETTLED_RMS:
+            if steps >= _CLOTH_MAX_STEPS:
+                raise SettlingError(
+                    f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
+                    f"after {steps} sim steps"
+                )
+            scene.step()
+            steps += 1
+        return _centred(cloth.vertices())

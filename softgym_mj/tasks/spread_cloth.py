@@ -1,0 +1,115 @@
+"""SpreadCloth (SoftGym: ClothFlatten): spread a crumpled cloth on the floor.
+
+Goal: cover as much floor as possible. Two pickers; 100 env steps of 8 sim steps.
+
+Reward = performance: covered area in top view [m^2].
+Bounds: lower = area at reset; upper = area of the flat cloth, (dimx - 1)(dimy - 1) rho^2, measured
+by the same rule as the value, so that a flat cloth scores 1 in every orientation. SoftGym's bound
+adds half a particle of border on every side and its value only along the axes (facts 5, row 35).
+Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
+Start: sizes of 60..119 particles a side; lifted 0.5..1 m at a random vertex and dropped.
+Pickers start 0.2 m above the centre of the cloth's bounding box. End: horizon only.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softgym_mj import metrics
+from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.cloth import Cloth, grid_shape
+from softgym_mj.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.robots.base import Actor, Workspace
+from softgym_mj.robots.factory import make_actor
+from softgym_mj.tasks.base import DeformableTask, Evaluation
+from softgym_mj.tasks.initializers import SIZE_RANGE, CrumpledCloth
+from softgym_mj.variations import VariationStore
+
+ACTION_REPEAT = 8  # Facts 1.2.
+WORKSPACE = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2, re-centred at reset.
+RESET_HEIGHT = 0.2  # [m]
+SUCCESS = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
+
+
+class SpreadCloth(DeformableTask):
+    """See the module docstring."""
+
+    def __init__(self, cloth: Cloth, actor: Actor, initializer: CrumpledCloth, **settings):
+        """Wires the task; `settings` as in `DeformableTask`."""
+        self._initializer = initializer
+        self._cloth = cloth
+        rows, columns = grid_shape((SIZE_RANGE[1] - 1,) * 2, initializer.fidelity)
+        self._max_vertices = rows * columns
+        super().__init__(
+            arena=Arena(camera="cloth"),
+            target=cloth,
+            actor=actor,
+            store=VariationStore(initializer),
+            **settings,
+        )
+
+    @property
+    def cloth(self) -> Cloth:
+        return self._cloth
+
+    @property
+    def workspace(self) -> Workspace:
+        return WORKSPACE
+
+    @property
+    def reset_height(self) -> float:
+        return RESET_HEIGHT
+
+    @property
+    def max_vertices(self) -> int:
+        return self._max_vertices
+
+    @property
+    def success_threshold(self) -> float:
+        return SUCCESS
+
+    def resize(self, variation: int) -> bool:
+        return self._cloth.resize(self._initializer.dims(variation))
+
+    def evaluate(self) -> Evaluation:
+        area = metrics.covered_area(self._cloth.vertices(), self._cloth.triangles)
+        return Evaluation(performance=area, reward_terms={"covered_area": area}, measures={})
+
+    def bounds(self) -> tuple[float, float]:
+        width, depth = self._cloth.size
+        return self.initial_performance, width * depth
+
+    def key_points(self) -> np.ndarray:
+        return self._cloth.vertices()[self._cloth.corners]
+
+
+def spread_cloth(
+    *,
+    actor: str = "picker",
+    num_pickers: int = 2,
+    observation: str | Sequence[str] = "reduced",
+    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    fidelity: str = "default",
+    self_contact: str = "mujoco",
+    action_repeat: int = ACTION_REPEAT,
+) -> SpreadCloth:
+    """Builds the task.
+
+    Args:
+        actor: "picker".
+        num_pickers: number of pickers.
+        observation: "full", "reduced", "rgb" or a sequence of these.
+        image_size: (height, width) of images [pixels].
+        fidelity: resolution of the cloth: "fast", "default" or "accurate".
+        self_contact: "mujoco" or "none".
+        action_repeat: sim steps per env step.
+    """
+    cloth = Cloth(fidelity=fidelity, self_contact=self_contact)
+    return SpreadCloth(
+        cloth,
+        make_actor(actor, "cloth", num_pickers),
+        CrumpledCloth(fidelity),
+        observation=observation,
+        image_size=image_size,
+        action_repeat=action_repeat,
+    )

@@ -1,0 +1,114 @@
+"""StraightenRope (SoftGym: RopeFlatten): pull the ends of a twisted rope apart until it is straight.
+
+Goal: the two ends 0.5 m apart, the natural length. Two pickers; 75 env steps of 8 sim steps.
+
+Reward = performance: -|d - 0.5|, d the distance of the end vertices [m].
+Bounds: lower = -0.5 (the worst possible, not the start), upper = 0. The initial value lies well
+above the lower bound: `initial_normalized_performance` in info.
+Reduced state: 10 key points, evenly spaced along the rope (x, y, z each), picker 0, picker 1:
+36 entries [m].
+Start: dragged four times by a random vertex (facts 3.4). Pickers start 0.1 m above the floor
+around the centre of the rope's bounding box. End: horizon only.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softgym_mj import metrics
+from softgym_mj.entities import rope as rope_module
+from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.rope import Rope
+from softgym_mj.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.robots.base import Actor, Workspace
+from softgym_mj.robots.factory import make_actor
+from softgym_mj.tasks.base import DeformableTask, Evaluation
+from softgym_mj.tasks.initializers import TwistedRope
+from softgym_mj.variations import VariationStore
+
+ACTION_REPEAT = 8  # Facts 1.2.
+WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2, re-centred at reset.
+RESET_HEIGHT = 0.1  # [m]
+SUCCESS = 0.95  # Ours: ends within 2.5 cm of the natural length.
+
+
+class StraightenRope(DeformableTask):
+    """See the module docstring."""
+
+    def __init__(self, rope: Rope, actor: Actor, initializer: TwistedRope, **settings):
+        """Wires the task; `settings` as in `DeformableTask`."""
+        self._rope = rope
+        super().__init__(
+            arena=Arena(camera="rope"),
+            target=rope,
+            actor=actor,
+            store=VariationStore(initializer),
+            **settings,
+        )
+
+    @property
+    def rope(self) -> Rope:
+        return self._rope
+
+    @property
+    def workspace(self) -> Workspace:
+        return WORKSPACE
+
+    @property
+    def reset_height(self) -> float:
+        return RESET_HEIGHT
+
+    @property
+    def max_vertices(self) -> int:
+        return self._rope.num_vertices
+
+    @property
+    def success_threshold(self) -> float:
+        return SUCCESS
+
+    def evaluate(self) -> Evaluation:
+        distance = self._rope.end_distance()
+        performance = -abs(distance - rope_module.LENGTH)
+        return Evaluation(
+            performance=performance,
+            reward_terms={"end_distance_error": performance},
+            measures={
+                "end_point_distance": distance,
+                "initial_normalized_performance": metrics.normalize(
+                    self.initial_performance, *self.bounds()
+                ),
+            },
+        )
+
+    def bounds(self) -> tuple[float, float]:
+        return -rope_module.LENGTH, 0.0
+
+    def key_points(self) -> np.ndarray:
+        return self._rope.vertices()[rope_module.KEY_POINTS]
+
+
+def straighten_rope(
+    *,
+    actor: str = "picker",
+    num_pickers: int = 2,
+    observation: str | Sequence[str] = "reduced",
+    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    action_repeat: int = ACTION_REPEAT,
+) -> StraightenRope:
+    """Builds the task.
+
+    Args:
+        actor: "picker".
+        num_pickers: number of pickers.
+        observation: "full", "reduced", "rgb" or a sequence of these.
+        image_size: (height, width) of images [pixels].
+        action_repeat: sim steps per env step.
+    """
+    return StraightenRope(
+        Rope(),
+        make_actor(actor, "rope", num_pickers),
+        TwistedRope(),
+        observation=observation,
+        image_size=image_size,
+        action_repeat=action_repeat,
+    )

@@ -1,0 +1,270 @@
+"""Variations of a task: seeds, the train/evaluate split and the store of settled initial states.
+
+A variation is an index 0..999 of an `Initializer`. Everything random in it comes from a generator
+seeded with a hash of the initializer's name and that index, so it is the same on every machine
+and whatever was generated before. States that take simulation to settle are kept in a store:
+first the set shipped in the package, then the user's cache, one file a variation.
+"""
+
+import concurrent.futures
+import functools
+import hashlib
+import io
+import json
+import logging
+import multiprocessing
+import os
+import pathlib
+import secrets
+import zipfile
+from collections.abc import Callable, Iterable
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from softgym_mj import assets
+from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError, check_name
+
+NUM_VARIATIONS = 1000
+SPLITS = {
+    "train": range(0, 800),
+    "evaluate": range(800, NUM_VARIATIONS),
+    "all": range(NUM_VARIATIONS),
+}
+
+CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"  # Overrides the cache folder.
+_MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])  # Results change between minors.
+
+_log = logging.getLogger(__name__)
+
+
+class Initializer(Protocol):
+    """Produces the initial states of a family of variations; picklable."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        """Everything, JSON-able, that changes the generated states."""
+        ...
+
+    def generate(self, index: int) -> np.ndarray:
+        """Settled vertex positions (n, 3) [m] of a variation; a pure function of `index`."""
+        ...
+
+
+def check_variation(index: object) -> int:
+    """The index as int.
+
+    Raises:
+        OutOfRangeError: if it is not a whole number in 0..999.
+    """
+    if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
+        raise OutOfRangeError("variation", index, f"a whole number in 0..{NUM_VARIATIONS - 1}")
+    if not 0 <= index < NUM_VARIATIONS:
+        raise OutOfRangeError("variation", int(index), f"0..{NUM_VARIATIONS - 1}")
+    return int(index)
+
+
+def split_indices(split: str) -> range:
+    """Variation indices of a split: "train" (0..799), "evaluate" (800..999) or "all"."""
+    check_name("split", split, SPLITS)
+    return SPLITS[split]
+
+
+def generator(name: str, index: int) -> np.random.Generator:
+    """The random generator of variation `index` of the family `name`."""
+    digest = hashlib.sha256(f"softgym_mj/{name}/{check_variation(index)}".encode()).digest()
+    return np.random.default_rng(int.from_bytes(digest[:16], "little"))
+
+
+def cache_folder() -> pathlib.Path:
+    """Where generated states are kept: $SOFTGYM_MJ_CACHE or ~/.cache/softgym_mj."""
+    if CACHE_VARIABLE in os.environ:
+        return pathlib.Path(os.environ[CACHE_VARIABLE])
+    root = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
+    return pathlib.Path(root) / "softgym_mj"
+
+
+class VariationStore:
+    """Settled initial states of one initializer, generated where missing."""
+
+    def __init__(self, initializer: Initializer):
+        self._initializer = initializer
+        self._specification = json.dumps(
+            {
+                "initializer": initializer.name,
+                "parameters": initializer.parameters,
+                "mujoco": _MUJOCO_SERIES,
+            },
+            sort_keys=True,
+        )
+        digest = hashlib.sha256(self._specification.encode()).hexdigest()
+        self._folder = cache_folder() / f"{initializer.name}-{digest[:12]}"
+
+    @property
+    def folder(self) -> pathlib.Path:
+        """Cache folder of this initializer and its parameters."""
+        return self._folder
+
+    def file(self, index: int) -> pathlib.Path:
+        """Cache file of a variation."""
+        return self._folder / f"{check_variation(index):04d}.npz"
+
+    def load(self, index: int) -> np.ndarray:
+        """Vertex positions (n, 3) [m] of a variation; generated and stored if missing.
+
+        Raises:
+            CorruptStoreError: if the file is truncated, altered or of another specification.
+        """
+        states = self._shipped()
+        if states is not None:
+            return states[check_variation(index)]
+        file = self.file(index)
+        if not file.exists():
+            _log.info("generating variation %d of %s", index, self._initializer.name)
+            self.generate(index)
+        return read_states(file, self._specification)[0]
+
+    def generate(self, index: int) -> None:
+        """Simulates a variation and writes its file, whole or not at all."""
+        states = [self._initializer.generate(index).astype(np.float32)]
+        write_states(self.file(index), states, self._specification)
+
+    def is_stored(self, index: int) -> bool:
+        """Whether a valid file of this variation is in the cache."""
+        try:
+            read_states(self.file(index), self._specification)
+        except (FileNotFoundError, CorruptStoreError):
+            return False
+        return True
+
+    def generate_missing(
+        self, indices: Iterable[int], jobs: int = 1, progress: Callable[[int], None] = lambda _: None
+    ) -> int:
+        """Generates what is missing or corrupt, in `jobs` processes; may be killed and resumed.
+
+        Args:
+            indices: variation indices.
+            jobs: number of worker processes, 1 or more; the files do not depend on it.
+            progress: called with each index when its file is there.
+
+        Returns:
+            How many variations were generated.
+        """
+        if jobs < 1:
+            raise OutOfRangeError("jobs", jobs, "1 or more")
+        missing = []
+        for index in indices:
+            if self.is_stored(index):
+                progress(index)
+            else:
+                missing.append(index)
+        if jobs == 1 or len(missing) < 2:
+            for index in missing:
+                self.generate(index)
+                progress(index)
+            return len(missing)
+        context = multiprocessing.get_context("spawn")
+        with concurrent.futures.ProcessPoolExecutor(jobs, mp_context=context) as pool:
+            futures = {pool.submit(self.generate, index): index for index in missing}
+            try:
+                for future in concurrent.futures.as_completed(futures):
+                    future.result()
+                    progress(futures[future])
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+        return len(missing)
+
+    def pack(self, file: pathlib.Path) -> None:
+        """Writes all variations into one file, as shipped in the package."""
+        states = [
+            read_states(self.file(index), self._specification)[0]
+            for index in range(NUM_VARIATIONS)
+        ]
+        write_states(file, states, self._specification)
+
+    def _shipped(self) -> list[np.ndarray] | None:
+        return _shipped_states(self._initializer.name, self._specification)
+
+
+@functools.cache
+def _shipped_states(name: str, specification: str) -> list[np.ndarray] | None:
+    file = pathlib.Path(assets.path("variations", f"{name}.npz"))
+    if not file.exists() or _stored_specification(file) != specification:
+        return None
+    return read_states(file, specification)
+
+
+def _stored_specification(file: pathlib.Path) -> str | None:
+    try:
+        with np.load(file, allow_pickle=False) as content:
+            return str(content["specification"])
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise _corrupt(file, repr(error)) from error
+
+
+def _corrupt(file: pathlib.Path, reason: str) -> CorruptStoreError:
+    return CorruptStoreError(
+        f"{file} is not a valid store of initial states ({reason}). Generate it again with "
+        "`softgym-mj generate TASK`, which replaces invalid files and keeps valid ones."
+    )
+
+
+def _checksum(specification: str, counts: np.ndarray, vertices: np.ndarray) -> str:
+    digest = hashlib.sha256(specification.encode())
+    digest.update(np.ascontiguousarray(counts).tobytes())
+    digest.update(np.ascontiguousarray(vertices).tobytes())
+    return digest.hexdigest()
+
+
+def write_states(file: pathlib.Path, states: list[np.ndarray], specification: str) -> None:
+    """Writes vertex positions [(n, 3) float32, ...] to an npz, atomically and byte-reproducibly."""
+    counts = np.array([len(state) for state in states], np.int32)
+    vertices = np.concatenate(states).astype(np.float32)
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        specification=specification,
+        checksum=_checksum(specification, counts, vertices),
+        counts=counts,
+        vertices=vertices,
+    )
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_name(f".{file.name}.{secrets.token_hex(8)}.partial")
+    try:
+        with open(partial, "wb") as stream:
+            stream.write(buffer.getvalue())
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(partial, file)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read_states(file: pathlib.Path, specification: str) -> list[np.ndarray]:
+    """Reads what `write_states` wrote: a list of (n, 3) float64 arrays [m].
+
+    Raises:
+        FileNotFoundError: if there is no such file.
+        CorruptStoreError: if it is truncated, altered or of another specification.
+    """
+    if not file.exists():
+        raise FileNotFoundError(file)
+    try:
+        with np.load(file, allow_pickle=False) as content:
+            found, checksum = str(content["specification"]), str(content["checksum"])
+            counts, vertices = content["counts"], content["vertices"]
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise _corrupt(file, repr(error)) from error
+    if found != specification:
+        raise _corrupt(file, f"it holds {found}, expected {specification}")
+    actual = _checksum(found, counts, vertices)
+    if actual != checksum:
+        raise _corrupt(file, f"checksum {actual[:12]}..., expected {checksum[:12]}...")
+    return [
+        np.asarray(part, float) for part in np.split(vertices, np.cumsum(counts)[:-1].astype(int))
+    ]
