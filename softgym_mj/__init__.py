@@ -1,20 +1,20 @@
 """SoftGym's deformable-object tasks on MuJoCo.
 
-    import softgym_mj
-    env = softgym_mj.load("spread_cloth", observation="reduced", split="train")
+import softgym_mj
+env = softgym_mj.load("spread_cloth", observation="reduced", split="train")
 
-    from dm_control import suite
-    env = suite.load("softgym", "spread_cloth")
+from dm_control import suite
+env = suite.load("softgym", "spread_cloth")
 
-    import gymnasium
-    env = gymnasium.make("softgym_mj/SpreadCloth-v0", observation="rgb")
+import gymnasium
+env = gymnasium.make("softgym_mj/SpreadCloth-v0", observation="rgb")
 """
 
 from softgym_mj import exceptions, gymnasium_registration, registry, rendering, suite
 from softgym_mj.registry import TASKS, load
 
 __version__ = "0.1.0"
-__all__ = ["TASKS", "exceptions", "load", "registry", "__version__"]
+__all__ = ["TASKS", "__version__", "exceptions", "load", "registry"]
 
 rendering.choose_backend()
 suite.register()

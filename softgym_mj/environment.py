@@ -8,6 +8,7 @@ import dm_env
 import mujoco
 import numpy as np
 from dm_control import composer
+from dm_control.composer import observation
 
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError
 from softgym_mj.tasks.base import DeformableTask
@@ -89,7 +90,14 @@ class Environment(composer.Environment):
         super()._recompile_physics_and_update_observables()
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
         self._timestep = self._model.opt.timestep
-        self._physics_steps = self._n_sub_steps // self._task.action_repeat
+        physics_steps = self._n_sub_steps // self._task.action_repeat
+        self._fractions = [(i + 1) / physics_steps for i in range(physics_steps)]
+
+    def _make_observation_updater(self):
+        # Hooks and observables run once per sim step, however many physics steps that takes.
+        return observation.Updater(
+            self._task.observables, self._task.action_repeat, self._strip_singleton_obs_buffer_dim
+        )
 
     # ------------------------------------------------------------------ properties
 
@@ -159,21 +167,19 @@ class Environment(composer.Environment):
         hooks, updater, random_state = self._hooks, self._observation_updater, self._random_state
         hooks.before_step(physics, action, random_state)
         updater.prepare_for_next_control_step()
-        fractions = [(i + 1) / self._physics_steps for i in range(self._physics_steps)]
+        actor.command(action)
         with self._physics.check_invalid_state():
             for i in range(task.action_repeat):
                 if i:
-                    for _ in fractions:
-                        updater.update()
-                actor.plan(action)
-                for fraction in fractions:
-                    hooks.before_substep(physics, action, random_state)
+                    updater.update()
+                hooks.before_substep(physics, action, random_state)
+                actor.plan()
+                for fraction in self._fractions:
                     actor.move(fraction, self._timestep)
                     mujoco.mj_step(self._model, self._data)
-                    hooks.after_substep(physics, random_state)
+                hooks.after_substep(physics, random_state)
         hooks.after_step(physics, random_state)
-        for _ in fractions:
-            updater.update()
+        updater.update()
         self._step_count += 1
         reward = task.get_reward(physics)
         discount = task.get_discount(physics)
@@ -208,7 +214,7 @@ class Environment(composer.Environment):
         """
         if snapshot.task_name != self._name:
             raise SnapshotError(
-                f"the snapshot is of task {snapshot.task_name!r}, this environment is {self._name!r}"
+                f"the snapshot is of task {snapshot.task_name!r}, this one is {self._name!r}"
             )
         if snapshot.task["variation"] != self._task.variation:
             self._start(snapshot.task["variation"])

@@ -1,6 +1,6 @@
 """`SoftGymEnv`: a Gymnasium environment over `Environment`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -30,7 +30,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
     env steps and never terminates. `info` is `Environment.info`.
     """
 
-    metadata = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 12}
+    metadata = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 12.5}  # noqa: RUF012
 
     def __init__(
         self,
@@ -63,9 +63,12 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self.render_mode = render_mode
         self._env = registry.load(task, split=split, horizon=horizon, **task_kwargs)
         self._view = CameraView(camera, *render_size)
-        self._running = False
-        self.metadata = {**self.metadata, "render_fps": round(1 / self._env.control_timestep(), 3)}
-        spaces = {name: _space(spec) for name, spec in self._env.observation_spec().items()}
+        self._running = self._closed = False
+        frames_per_second = round(1 / self._env.control_timestep(), 3)
+        self.metadata = {**self.metadata, "render_fps": frames_per_second}
+        spaces: dict[str, gymnasium.Space] = {
+            name: _space(spec) for name, spec in self._env.observation_spec().items()
+        }
         self._single = next(iter(spaces)) if len(spaces) == 1 else None
         self.observation_space = (
             spaces[self._single] if self._single else gymnasium.spaces.Dict(spaces)
@@ -140,15 +143,15 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def close(self) -> None:
         """Frees the simulation."""
-        if self._env is not None:
+        if not self._closed:
             self._env.close()
-            self._env = None
+            self._closed = True
 
-    def get_state(self) -> tuple[Snapshot, dict]:
+    def get_state(self) -> tuple[Snapshot, Mapping[str, Any]]:
         """A snapshot for `set_state`, with the generator that draws variations."""
         return self._env.get_state(), self.np_random.bit_generator.state
 
-    def set_state(self, state: tuple[Snapshot, dict]):
+    def set_state(self, state: tuple[Snapshot, Mapping[str, Any]]):
         """Restores a snapshot; returns observation and info."""
         snapshot, generator = state
         self._env.set_state(snapshot)

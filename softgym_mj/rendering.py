@@ -3,6 +3,7 @@
 import ctypes.util
 import os
 import sys
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -52,9 +53,9 @@ class CameraView:
 
     def __init__(self, camera: str, height: int, width: int):
         self._camera, self._height, self._width = camera, height, width
-        self._data = None
-        self._view = None
-        self._option = None
+        self._data: Any = None
+        self._view: Any = None
+        self._option: Any = None
 
     def rgb(self, physics) -> np.ndarray:
         """Image (height, width, 3) uint8."""

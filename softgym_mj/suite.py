@@ -11,7 +11,7 @@ DOMAIN = "softgym"
 _SUITE_MODULE = "dm_control.suite"
 
 
-def _constructor(name: str, environment_kwargs: dict | None = None, **kwargs):
+def _load(name: str, environment_kwargs: dict | None = None, **kwargs):
     settings = dict(kwargs)
     # suite tasks call the seed `random`.
     if "random" in settings:
@@ -19,19 +19,28 @@ def _constructor(name: str, environment_kwargs: dict | None = None, **kwargs):
     return registry.load(name, **settings, **(environment_kwargs or {}))
 
 
-def _add_domain(suite) -> None:
+@functools.cache
+def _tasks():
     from dm_control.utils import containers
 
-    this = sys.modules[__name__]
-    if not hasattr(this, "SUITE"):
-        tasks = containers.TaggedTasks()
-        for record in registry.TASKS.values():
-            constructor = functools.partial(_constructor, record.name)
-            functools.update_wrapper(constructor, _constructor)
-            constructor.__name__ = record.name
-            tasks.add(*record.tags)(constructor)
-        this.SUITE = tasks
-    suite._DOMAINS[DOMAIN] = this
+    tasks = containers.TaggedTasks()
+    for record in registry.TASKS.values():
+        # The container takes the task's name from the function's.
+        constructor = functools.partial(_load, record.name)
+        functools.update_wrapper(constructor, _load, assigned=())
+        constructor.__dict__["__name__"] = record.name
+        tasks.add(*record.tags)(constructor)
+    return tasks
+
+
+def __getattr__(name: str):
+    if name == "SUITE":  # What dm_control.suite looks for in a domain; built on first use.
+        return _tasks()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _add_domain(suite) -> None:
+    suite._DOMAINS[DOMAIN] = sys.modules[__name__]
 
 
 class _SuiteLoader(importlib.abc.Loader):

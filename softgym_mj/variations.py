@@ -142,7 +142,10 @@ class VariationStore:
         return True
 
     def generate_missing(
-        self, indices: Iterable[int], jobs: int = 1, progress: Callable[[int], None] = lambda _: None
+        self,
+        indices: Iterable[int],
+        jobs: int = 1,
+        progress: Callable[[int], None] = lambda _: None,
     ) -> int:
         """Generates what is missing or corrupt, in `jobs` processes; may be killed and resumed.
 
@@ -182,8 +185,7 @@ class VariationStore:
     def pack(self, file: pathlib.Path) -> None:
         """Writes all variations into one file, as shipped in the package."""
         states = [
-            read_states(self.file(index), self._specification)[0]
-            for index in range(NUM_VARIATIONS)
+            read_states(self.file(index), self._specification)[0] for index in range(NUM_VARIATIONS)
         ]
         write_states(file, states, self._specification)
 

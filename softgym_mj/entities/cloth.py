@@ -79,7 +79,7 @@ class Cloth(Flex):
         Raises:
             UnknownNameError, OutOfRangeError: for a bad fidelity, self_contact or size.
         """
-        super()._build(name)
+        self._start_model(name)
         check_name("fidelity", fidelity, FIDELITIES)
         check_name("self_contact", self_contact, SELF_CONTACTS)
         self._fidelity, self._self_contact = fidelity, self_contact

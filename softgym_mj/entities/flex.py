@@ -22,9 +22,11 @@ class Flex(composer.Entity):
     bound to the physics it was last compiled into.
     """
 
-    def _build(self, name: str):
+    def _start_model(self, name: str) -> None:
+        """To be called first in a subclass's `_build`."""
         self._mjcf_root = mjcf.RootElement(model=name)
         self._rest_points = np.zeros((0, 3))
+        self._radius = 0.0
         self._held: dict[int, np.ndarray] = {}
 
     @property
@@ -38,27 +40,49 @@ class Flex(composer.Entity):
     @property
     def radius(self) -> float:
         """Contact radius [m]: the height of the vertices of an object that lies on the floor."""
-        return float(self._flexcomp.radius)
+        return self._radius
 
     @property
     def timestep(self) -> float:
         """Physics step [s] this object needs; it divides the sim step of 0.01 s."""
         raise NotImplementedError
 
-    def _add_flexcomp(self, points: np.ndarray, elements: np.ndarray, **attributes):
+    def _add_flexcomp(
+        self, points: np.ndarray, elements: np.ndarray, radius: float, **attributes
+    ) -> mjcf.Element:
         """(Re)places the flexcomp by one with `points` (n, 3) [m] and `elements` (m, dim + 1)."""
         self._mjcf_root.worldbody.flexcomp.clear()
-        self._rest_points = points
-        self._flexcomp = self._mjcf_root.worldbody.add(
+        self._rest_points, self._radius = points, radius
+        flexcomp = self._mjcf_root.worldbody.add(
             "flexcomp",
             name=_FLEX,
             type="direct",
             dim=elements.shape[1] - 1,
             point=points.ravel(),
             element=elements.ravel(),
+            radius=radius,
             **attributes,
         )
-        return self._flexcomp
+        return flexcomp
+
+    @property
+    def physical_parameters(self) -> dict[str, dict[str, object]]:
+        """What determines the motion besides the mesh: solver, mass, elasticity, contact."""
+        flexcomp = self._mjcf_root.worldbody.flexcomp[0]
+        parts = {
+            "option": self._mjcf_root.option.get_attributes(),
+            "body": {"radius": flexcomp.radius, "mass": flexcomp.mass},
+            "elasticity": flexcomp.elasticity.get_attributes(),
+            "edge": flexcomp.edge.get_attributes(),
+            "contact": flexcomp.contact.get_attributes(),
+        }
+        return {
+            part: {
+                name: value.tolist() if isinstance(value, np.ndarray) else value
+                for name, value in sorted(attributes.items())
+            }
+            for part, attributes in parts.items()
+        }
 
     def vertex_body(self, vertex: int) -> str:
         """Name of the body of a vertex inside this entity's own model."""
@@ -91,6 +115,10 @@ class Flex(composer.Entity):
     def vertices(self) -> np.ndarray:
         """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""
         return self._origin + self._qpos
+
+    def offsets(self, point: np.ndarray) -> np.ndarray:
+        """Vertex positions (num_vertices, 3) [m] relative to a point (3,)."""
+        return self._qpos + (self._origin - point)
 
     def vertex(self, index: int) -> np.ndarray:
         """Current position (3,) [m] of one vertex."""

@@ -4,11 +4,15 @@ import numpy as np
 
 from softgym_mj.entities.flex import Flex
 
-LENGTH = 0.5  # [m] natural length; SoftGym calls this straight (its own relaxed rope is 7.5 % longer).
+LENGTH = (
+    0.5  # [m] natural length; SoftGym calls this straight (its own relaxed rope is 7.5 % longer).
+)
 NUM_VERTICES = 41  # SoftGym's particle count.
 RADIUS = 0.00625  # [m] SoftGym's drawn radius; here it is the contact radius too.
 MASS = 0.05  # [kg], 0.1 kg/m: a cotton cord of this diameter.
-YOUNG = 1e5  # [Pa]; bending rigidity E pi r^4 / 4 = 1.2e-4 N m^2: soft cord, holds coarse bends.
+# [Pa]; bending rigidity E pi r^4 / 4 = 1.2e-5 N m^2, a soft cotton cord. With ten times more a
+# third of the twisted initial states spring back to nearly straight.
+YOUNG = 1e4
 DAMPING = 0.01  # [s], Rayleigh.
 FRICTION = 1.0  # SoftGym's friction of the rope against shapes and floor.
 TIMESTEP = 0.005  # [s]: at 1 m/s a vertex moves 5 mm a step, less than the radius.
@@ -28,7 +32,7 @@ class Rope(Flex):
     """A rope of 41 vertices; at rest it lies along +X, centred at the origin."""
 
     def _build(self, name: str = "rope"):
-        super()._build(name)
+        self._start_model(name)
         option = self._mjcf_root.option
         # Newton is twice as fast as CG on a model this small, and exact.
         option.integrator, option.solver, option.jacobian = "discrete", "Newton", "sparse"

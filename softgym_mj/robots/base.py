@@ -64,8 +64,12 @@ class Actor(composer.Entity, abc.ABC):
         """Start positions (num_grippers, 3) [m] around a reset point (3,) [m]."""
 
     @abc.abstractmethod
-    def plan(self, action: np.ndarray) -> None:
-        """Starts a sim step: opens, closes and chooses where to move, from a checked action."""
+    def command(self, action: np.ndarray) -> None:
+        """Starts an env step with a checked action, which holds for all its sim steps."""
+
+    @abc.abstractmethod
+    def plan(self) -> None:
+        """Starts a sim step: opens, closes and chooses where to move."""
 
     @abc.abstractmethod
     def move(self, fraction: float, timestep: float) -> None:
@@ -117,4 +121,4 @@ class Actor(composer.Entity, abc.ABC):
                 f"action{bad.tolist()} = {array[bad].tolist()} must be finite and within [-1, 1]; "
                 "clip the action first, for example with numpy.clip(action, -1, 1)."
             )
-        return np.clip(array, -1.0, 1.0)
+        return array

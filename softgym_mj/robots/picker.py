@@ -54,6 +54,7 @@ class Picker(Actor):
         self._offset = np.zeros((num_pickers, 3))
         self._centre = np.zeros((num_pickers, 3))
         self._old_centre = np.zeros((num_pickers, 3))
+        self._step = np.zeros((num_pickers, 3))  # Displacement in the current sim step [m].
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     @property
@@ -126,34 +127,43 @@ class Picker(Actor):
         self._low = np.asarray(workspace.low) + self._radius
         self._high = np.asarray(workspace.high) - self._radius
 
-    def plan(self, action: np.ndarray) -> None:
+    def command(self, action: np.ndarray) -> None:
         action = action.reshape(-1, 4)
-        held, target = self._held, self._target
-        grips = (action[:, 3] > 0.0).tolist()
-        for i, grip in enumerate(grips):
+        self._displacement = MAX_DISPLACEMENT * action[:, :3]
+        self._grips = (action[:, 3] > 0.0).tolist()
+
+    def plan(self) -> None:
+        held = self._held.tolist()
+        for i, grip in enumerate(self._grips):
             if not grip and held[i] >= 0:
-                target.release(int(held[i]))
-                held[i] = -1
+                self._target.release(held[i])
+                self._held[i] = held[i] = -1
         self._old_centre[:] = self._centre
-        self._centre += MAX_DISPLACEMENT * action[:, :3]
+        self._centre += self._displacement
         np.minimum(self._centre, self._high, out=self._centre)
         np.maximum(self._centre, self._low, out=self._centre)
-        for i, grip in enumerate(grips):
+        np.subtract(self._centre, self._old_centre, out=self._step)
+        for i, grip in enumerate(self._grips):
             if grip and held[i] < 0:
-                self._pick(i)
+                held[i] = self._pick(i, held)
 
-    def _pick(self, i: int):
-        offsets = self._target.vertices() - self._old_centre[i]
+    def _pick(self, i: int, held: list[int]) -> int:
+        """Takes the nearest free vertex within reach; returns its index or -1."""
+        offsets = self._target.offsets(self._old_centre[i])
         distances = np.einsum("ij,ij->i", offsets, offsets)
-        distances[self._held[self._held >= 0]] = np.inf
-        nearest = int(np.argmin(distances))
-        if distances[nearest] <= self._pick_distance**2:
-            self._held[i] = nearest
-            self._offset[i] = offsets[nearest]
-            self._target.hold(nearest)
+        for vertex in held:
+            if vertex >= 0:
+                distances[vertex] = np.inf
+        nearest = int(distances.argmin())
+        if distances[nearest] > self._pick_distance**2:
+            return -1
+        self._held[i] = nearest
+        self._offset[i] = offsets[nearest]
+        self._target.hold(nearest)
+        return nearest
 
     def move(self, fraction: float, timestep: float) -> None:
-        position = self._old_centre + fraction * (self._centre - self._old_centre)
+        position = self._centre - (1.0 - fraction) * self._step
         self._mocap_pos[:] = position
         for i, vertex in enumerate(self._held.tolist()):
             if vertex >= 0:

@@ -92,7 +92,7 @@ class TwistedRope:
 
     @property
     def parameters(self) -> dict[str, object]:
-        return {"version": 1, "settled_speed": SETTLED_SPEED}
+        return {"version": 1, "rope": Rope().physical_parameters}
 
     def generate(self, index: int) -> np.ndarray:
         """Settled vertex positions (41, 3) [m]."""
@@ -102,9 +102,9 @@ class TwistedRope:
         rope.set_vertices(rope.straight())
         for repeat in range(_DRAG_REPEATS):
             vertex = int(random.integers(rope.num_vertices))
-            u = random.uniform(-1.0, 1.0, 3)
+            direction = random.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0])
             rope.hold(vertex)
-            scene.drag(vertex, _DRAG_DISPLACEMENT * (u + [0.0, 0.0, 1.0]), _DRAG_STEPS)
+            scene.drag(vertex, _DRAG_DISPLACEMENT * direction, _DRAG_STEPS)
             rope.release(vertex)
             last = repeat == _DRAG_REPEATS - 1
             scene.settle(_ROPE_SETTLE_STEPS + (_ROPE_FINAL_STEPS if last else 0))
@@ -127,7 +127,8 @@ class CrumpledCloth:
 
     @property
     def parameters(self) -> dict[str, object]:
-        return {"version": 1, "fidelity": self.fidelity, "sizes": SIZE_RANGE}
+        cloth = Cloth(fidelity=self.fidelity).physical_parameters
+        return {"version": 1, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
 
     def dims(self, index: int) -> tuple[int, int]:
         """Size (dimx, dimy) of a variation in SoftGym particles."""

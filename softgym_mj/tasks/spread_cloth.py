@@ -38,7 +38,7 @@ class SpreadCloth(DeformableTask):
         """Wires the task; `settings` as in `DeformableTask`."""
         self._initializer = initializer
         self._cloth = cloth
-        rows, columns = grid_shape((SIZE_RANGE[1] - 1,) * 2, initializer.fidelity)
+        rows, columns = grid_shape((SIZE_RANGE[1] - 1, SIZE_RANGE[1] - 1), initializer.fidelity)
         self._max_vertices = rows * columns
         super().__init__(
             arena=Arena(camera="cloth"),

@@ -1,4 +1,4 @@
-"""StraightenRope (SoftGym: RopeFlatten): pull the ends of a twisted rope apart until it is straight.
+"""StraightenRope (SoftGym: RopeFlatten): pull a twisted rope straight by its ends.
 
 Goal: the two ends 0.5 m apart, the natural length. Two pickers; 75 env steps of 8 sim steps.
 

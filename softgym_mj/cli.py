@@ -1,0 +1,224 @@
+"""The command line: softgym-mj list | demo | rollout | generate | view."""
+
+import contextlib
+import dataclasses
+import json
+import pathlib
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any
+
+import numpy as np
+import rich.console
+import rich.progress
+import rich.table
+import typer
+
+import softgym_mj
+from softgym_mj.exceptions import RenderingUnavailableError, SoftGymError, check_name
+from softgym_mj.rendering import CameraView, has_display
+
+app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
+_console = rich.console.Console()
+
+POLICIES = ("scripted", "random", "zero")
+
+Task = Annotated[str, typer.Argument(help="Task name, see `softgym-mj list`.")]
+
+
+def _policy(name: str, env, seed: int) -> Callable:
+    check_name("policy", name, POLICIES)
+    size = env.task.actor.action_size
+    if name == "scripted":
+        from softgym_mj.baselines.scripted import make_policy
+
+        return make_policy(env)
+    if name == "zero":
+        return lambda timestep: np.zeros(size)
+    random = np.random.default_rng(seed)
+    return lambda timestep: random.uniform(-1.0, 1.0, size)
+
+
+def _progress() -> rich.progress.Progress:
+    return rich.progress.Progress(
+        rich.progress.TextColumn("{task.description}"),
+        rich.progress.BarColumn(),
+        rich.progress.MofNCompleteColumn(),
+        rich.progress.TimeElapsedColumn(),
+        rich.progress.TimeRemainingColumn(),
+        console=_console,
+    )
+
+
+@app.command("list")
+def list_tasks() -> None:
+    """Lists the tasks."""
+    table = rich.table.Table("task", "Gymnasium id", "tags", "horizon", "action repeat", "goal")
+    for record in softgym_mj.TASKS.values():
+        table.add_row(
+            record.name,
+            record.gymnasium_id,
+            ", ".join(record.tags),
+            str(record.horizon),
+            str(record.action_repeat),
+            record.summary,
+        )
+    _console.print(table)
+
+
+@app.command()
+def demo(
+    out: Annotated[
+        pathlib.Path, typer.Option(help="Folder for videos and pictures.")
+    ] = pathlib.Path("demo"),
+    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = 480,
+    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
+) -> None:
+    """Plays every task with its scripted policy; writes a video and a picture of each."""
+    with _progress() as progress:
+        for name in softgym_mj.TASKS:
+            video = _Video(out / f"{name}.mp4", size)
+            env = softgym_mj.load(name, split="all")
+            bar = progress.add_task(name, total=env.horizon)
+            scores = []
+            for score in _play(env, "scripted", variation, video=video):
+                scores.append(score)
+                progress.advance(bar)
+            progress.console.print(
+                f"{name}: normalized performance {scores[-1]:.3f}; "
+                f"wrote {video.file} and {video.file.with_suffix('.png')}"
+            )
+
+
+@app.command()
+def rollout(
+    task: Task,
+    policy: Annotated[str, typer.Option(help=f"One of {', '.join(POLICIES)}.")] = "scripted",
+    split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
+    episodes: Annotated[int, typer.Option(min=1)] = 5,
+    seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
+    video: Annotated[
+        pathlib.Path | None, typer.Option(help="Folder for a video of every episode.")
+    ] = None,
+) -> None:
+    """Runs a policy on the first variations of a split; prints one JSON line an episode."""
+    env = softgym_mj.load(task, split=split)
+    for index in list(env.variations)[:episodes]:
+        file = None if video is None else _Video(video / f"{task}_{index:04d}.mp4")
+        *_, score = _play(env, policy, index, seed, file)
+        typer.echo(
+            json.dumps(
+                {
+                    "task": task,
+                    "policy": policy,
+                    "variation": index,
+                    "normalized_performance": score,
+                    "success": env.info()["success"],
+                }
+            )
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Video:
+    """Where a video goes; its last frame becomes a PNG beside it."""
+
+    file: pathlib.Path
+    size: int = 480  # Image side [pixels].
+
+
+def _play(
+    env, policy: str, variation: int, seed: int = 0, video: _Video | None = None
+) -> Iterator[float]:
+    """Plays one episode; yields the normalised performance after every env step."""
+    act = _policy(policy, env, seed)
+    timestep = env.reset(variation)
+    with contextlib.ExitStack() as stack:
+        film = stack.enter_context(_film(env, video)) if video else lambda: None
+        while not timestep.last():
+            timestep = env.step(act(timestep))
+            film()
+            yield env.info()["normalized_performance"]
+
+
+@contextlib.contextmanager
+def _film(env, video: _Video) -> Iterator[Callable[[], None]]:
+    """Yields a function that adds the current frame to the video."""
+    import imageio.v2 as imageio
+
+    view = CameraView("task", video.size, video.size)
+    first = view.rgb(env.physics)  # Fails before a file is made if there is no OpenGL.
+    video.file.parent.mkdir(parents=True, exist_ok=True)
+    fps = round(1 / env.control_timestep())
+    writer: Any  # imageio annotates the base class, which lacks append_data.
+    with imageio.get_writer(video.file, fps=fps, macro_block_size=8, quality=8) as writer:
+        writer.append_data(first)
+        yield lambda: writer.append_data(view.rgb(env.physics))
+    imageio.imwrite(video.file.with_suffix(".png"), view.rgb(env.physics))
+
+
+@app.command()
+def generate(
+    task: Task,
+    start: Annotated[int, typer.Option(help="First variation.")] = 0,
+    num: Annotated[int, typer.Option(help="Number of variations.")] = 1000,
+    jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
+    fidelity: Annotated[str, typer.Option(help="Resolution of cloth tasks.")] = "default",
+    pack: Annotated[
+        pathlib.Path | None, typer.Option(help="Also write all 1000 into this file.")
+    ] = None,
+) -> None:
+    """Generates settled initial states into the cache; may be killed and run again."""
+    check_name("task", task, softgym_mj.TASKS)
+    record = softgym_mj.TASKS[task]
+    settings = {"fidelity": fidelity} if "cloth" in record.tags else {}
+    store = record.build(**settings).store
+    with _progress() as progress:
+        bar = progress.add_task(f"{task} variations", total=num)
+        made = store.generate_missing(
+            range(start, start + num), jobs, lambda index: progress.advance(bar)
+        )
+    _console.print(f"{made} generated, {num - made} were there, in {store.folder}")
+    if pack is not None:
+        store.pack(pack)
+        _console.print(f"packed into {pack} ({pack.stat().st_size / 1e6:.2f} MB)")
+
+
+@app.command()
+def view(
+    task: Task,
+    policy: Annotated[str, typer.Option(help=f"One of {', '.join(POLICIES)}.")] = "scripted",
+    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
+) -> None:
+    """Plays a task in MuJoCo's viewer; needs a display."""
+    check_name("task", task, softgym_mj.TASKS)
+    if not has_display():
+        raise RenderingUnavailableError(
+            "the viewer needs a display and neither DISPLAY nor WAYLAND_DISPLAY is set; "
+            f"make a video instead: softgym-mj rollout {task} --video videos"
+        )
+    import mujoco.viewer
+
+    env = softgym_mj.load(task, split="all")
+    timestep = env.reset(variation)
+    act = _policy(policy, env, seed=0)
+    model, data = env.physics.model.ptr, env.physics.data.ptr
+    with mujoco.viewer.launch_passive(model, data) as window:
+        while window.is_running():
+            if timestep.last():
+                timestep = env.reset(variation)
+            timestep = env.step(act(timestep))
+            mujoco.mj_forward(model, data)
+            window.sync()
+
+
+def main() -> None:
+    """Runs the command line; an error of this package is one line and exit status 1."""
+    try:
+        app()
+    except SoftGymError as error:
+        typer.echo(f"{type(error).__name__}: {error}", err=True)
+        raise SystemExit(1) from None
+
+
+if __name__ == "__main__":
+    main()

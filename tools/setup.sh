@@ -1,0 +1,30 @@
+#!/bin/sh
+# Creates the virtual environment $VENV and installs the package with its development tools.
+# OpenGL libraries come from apt when this runs as root; otherwise it says what to run.
+set -eu
+
+if ! "$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    echo "error: '$PYTHON' is not Python 3.11 or newer; run: make PYTHON=/path/to/python3.11" >&2
+    exit 1
+fi
+
+packages=""
+if command -v dpkg >/dev/null; then
+    for package in libegl1 libgl1-mesa-dri; do
+        dpkg -s "$package" >/dev/null 2>&1 || packages="$packages $package"
+    done
+fi
+"$PYTHON" -c 'import ensurepip, venv' 2>/dev/null || packages="$packages python3-venv"
+if [ -n "$packages" ]; then
+    command="apt-get update && apt-get install -y$packages"
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        sh -c "$command"
+    else
+        echo "error: missing system packages; run: sudo sh -c '$command'" >&2
+        exit 1
+    fi
+fi
+
+"$PYTHON" -m venv "$VENV"
+"$VENV/bin/python" -m pip install --quiet --upgrade pip
+"$VENV/bin/python" -m pip install --quiet --editable '.[dev]'
