@@ -1,0 +1,220 @@
+"""Every task keeps the same contract, whatever its observation."""
+
+import pickle
+
+import dm_env
+import gymnasium
+import numpy as np
+import pytest
+from dm_control import suite
+from gymnasium.utils.env_checker import check_env
+
+import softgym_mj
+from softgym_mj.observations import OBSERVATIONS
+
+STATE_OBSERVATIONS = ("full", "reduced")
+# Fast cloth keeps the contract tests short; the contract does not depend on the resolution.
+SETTINGS = {"spread_cloth": {"fidelity": "fast"}, "straighten_rope": {}}
+VARIATION = 800
+
+tasks = pytest.mark.parametrize("task", softgym_mj.TASKS)
+
+
+def make(task, **kwargs):
+    return softgym_mj.load(task, **{"split": "evaluate", **SETTINGS[task], **kwargs})
+
+
+def actions(env, count, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (count, *env.action_spec().shape))
+
+
+@tasks
+def test_specs_match_what_is_returned(task):
+    env = make(task, observation=list(OBSERVATIONS), image_size=(48, 64))
+    timestep = env.reset(VARIATION)
+    steps = [timestep] + [env.step(action) for action in actions(env, 3)]
+    for step in steps:
+        assert set(step.observation) == set(OBSERVATIONS) == set(env.observation_spec())
+        for name, spec in env.observation_spec().items():
+            spec.validate(step.observation[name])
+            assert np.isfinite(step.observation[name]).all()
+    assert steps[0].observation["rgb"].shape == (48, 64, 3)
+    assert steps[0].observation["rgb"].dtype == np.uint8
+    assert all(isinstance(step.reward, float) for step in steps[1:])
+    assert all(step.discount == 1.0 for step in steps[1:])
+    spec = env.action_spec()
+    assert (spec.minimum == -1).all() and (spec.maximum == 1).all() and spec.shape == (8,)
+
+
+@tasks
+def test_observations_share_no_memory(task):
+    env = make(task, observation=list(OBSERVATIONS), image_size=(32, 32))
+    first = env.reset(VARIATION)
+    kept = {name: value.copy() for name, value in first.observation.items()}
+    second = env.step(actions(env, 1)[0])
+    for name, value in first.observation.items():
+        assert not np.shares_memory(value, second.observation[name])
+        np.testing.assert_array_equal(value, kept[name])
+
+
+@tasks
+def test_reduced_and_full_states_list_what_they_say(task):
+    env = make(task, observation=["full", "reduced"])
+    observation = env.reset(VARIATION).observation
+    vertices = env.task.target.vertices()
+    pickers = env.task.actor.positions()
+    full = observation["full"]
+    np.testing.assert_array_equal(full[: vertices.size], vertices.ravel())
+    assert not full[vertices.size : -6].any()
+    np.testing.assert_array_equal(full[-6:], pickers.ravel())
+    # Hand-written key points: cloth corners p1..p4; ten evenly spaced rope vertices.
+    if task == "spread_cloth":
+        rows, columns = env.task.cloth.shape
+        keys = [0, (rows - 1) * columns, columns - 1, rows * columns - 1]
+        assert full.size == 3 * 19 * 19 + 6  # 118 * 0.00625 m in steps of 0.04 m: 19 a side.
+    else:
+        keys = [0, 4, 9, 13, 18, 22, 27, 31, 36, 40]
+        assert full.size == 3 * 41 + 6
+    expected = np.concatenate([vertices[keys].ravel(), pickers.ravel()])
+    np.testing.assert_array_equal(observation["reduced"], expected)
+
+
+@tasks
+def test_same_seed_and_actions_give_the_same_bits(task):
+    runs = []
+    for seed in (3, 3, 4):
+        env = make(task, random_state=seed)
+        steps = [env.reset()] + [env.step(action) for action in actions(env, 5)]
+        runs.append((env.task.variation, [s.observation["reduced"] for s in steps], steps[-1]))
+    assert runs[0][0] == runs[1][0] != runs[2][0]
+    np.testing.assert_array_equal(runs[0][1], runs[1][1])
+    assert runs[0][2].reward == runs[1][2].reward
+    assert not np.array_equal(runs[0][1][0], runs[2][1][0])
+
+
+@tasks
+def test_reward_is_the_sum_of_the_info_terms(task):
+    env = make(task)
+    env.reset(VARIATION)
+    for action in actions(env, 5):
+        timestep = env.step(action)
+        info = env.info()
+        terms = [value for key, value in info.items() if key.startswith("reward_")]
+        assert terms and timestep.reward == sum(terms) == info["performance"]
+
+
+@tasks
+def test_the_episode_ends_at_the_horizon_and_restarts(task):
+    env = make(task, horizon=2)
+    record = softgym_mj.TASKS[task]
+    assert make(task).horizon == record.horizon
+    assert env.control_timestep() == pytest.approx(0.01 * record.action_repeat)
+    first = env.reset(VARIATION)
+    act = actions(env, 3)
+    steps = [env.step(action) for action in act]
+    types = [step.step_type for step in (first, *steps)]
+    assert types == [
+        dm_env.StepType.FIRST, dm_env.StepType.MID, dm_env.StepType.LAST, dm_env.StepType.FIRST
+    ]  # fmt: skip
+    assert steps[1].discount == 1.0  # A time limit is not a terminal state.
+    assert env.task.variation in range(800, 1000)
+
+
+@tasks
+def test_dm_control_suite_loads_the_task(task):
+    env = suite.load(
+        "softgym", task, task_kwargs={"split": [801], "random": 1, **SETTINGS[task]}
+    )
+    env.reset()
+    assert env.task.variation == 801
+    assert task in suite._DOMAINS["softgym"].SUITE
+    assert env.physics.model.ncam >= 2
+
+
+@tasks
+def test_gymnasium_check_env(task):
+    env = gymnasium.make(
+        softgym_mj.TASKS[task].gymnasium_id,
+        render_mode="rgb_array",
+        render_size=(64, 64),
+        split=[800, 801],
+        **SETTINGS[task],
+    )
+    check_env(env.unwrapped)
+
+
+@pytest.mark.parametrize("observation", [*OBSERVATIONS, ["reduced", "rgb"]])
+def test_gymnasium_spaces_and_dtypes(observation):
+    env = gymnasium.make(
+        "softgym_mj/StraightenRope-v0", observation=observation, image_size=(32, 32)
+    )
+    value, info = env.reset(options={"variation": 812})
+    assert info["variation"] == 812
+    assert env.observation_space.contains(value)
+    parts = value.values() if isinstance(value, dict) else [value]
+    assert {part.dtype.name for part in parts} <= {"float32", "uint8"}
+    _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+    assert isinstance(reward, float) and terminated is False and truncated is False
+
+
+def test_gymnasium_renders_colour_and_metric_depth():
+    kwargs = {"render_size": (120, 160), "split": [800]}
+    env = gymnasium.make("softgym_mj/StraightenRope-v0", render_mode="rgb_array", **kwargs)
+    env.reset()
+    image = env.render()
+    assert image.shape == (120, 160, 3) and image.dtype == np.uint8
+    blue = (image[..., 2] > 150) & (image[..., 0] < 80)
+    assert 50 < blue.sum() < 3000  # The rope: 0.5 m x 12 mm at 5.9 mm a pixel.
+    env = gymnasium.make("softgym_mj/StraightenRope-v0", render_mode="depth_array", **kwargs)
+    env.reset()
+    depth = env.render()
+    assert depth.dtype == np.float32
+    # The camera looks straight down from 0.85 m.
+    assert np.median(depth) == pytest.approx(0.85, abs=0.005)
+    assert 0.7 < depth.min() < 0.84
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_gymnasium_vector_envs_agree_with_a_single_one(mode):
+    kwargs = {"split": [800], "horizon": 3}
+    vector = gymnasium.make_vec(
+        "softgym_mj/StraightenRope-v0", num_envs=2, vectorization_mode=mode, **kwargs
+    )
+    single = gymnasium.make("softgym_mj/StraightenRope-v0", **kwargs)
+    try:
+        observations, _ = vector.reset(seed=0)
+        observation, _ = single.reset(seed=0)
+        np.testing.assert_array_equal(observations[1], observation)
+        for action in np.random.default_rng(0).uniform(-1, 1, (3, 8)).astype(np.float32):
+            observations, rewards, _, truncated, _ = vector.step(np.stack([action, action]))
+            observation, reward, _, _, _ = single.step(action)
+            np.testing.assert_array_equal(observations[0], observation)
+            assert rewards[0] == rewards[1] == reward
+        assert truncated.all()
+    finally:
+        vector.close()
+
+
+def test_a_pickled_environment_plays_the_same_episode():
+    env = gymnasium.make("softgym_mj/StraightenRope-v0", split=[800], num_pickers=1).unwrapped
+    twin = pickle.loads(pickle.dumps(env))
+    first, _ = env.reset(seed=0)
+    second, _ = twin.reset(seed=0)
+    np.testing.assert_array_equal(first, second)
+    action = np.full(4, 0.5, np.float32)
+    np.testing.assert_array_equal(env.step(action)[0], twin.step(action)[0])
+
+
+def test_recompiles_only_when_the_size_changes():
+    env = make("spread_cloth")
+    env.reset(800)
+    model = env.physics.model.ptr
+    env.reset(800)
+    assert env.physics.model.ptr is model
+    env.reset(801)  # Another size.
+    assert env.physics.model.ptr is not model
+    rope = make("straighten_rope")
+    rope.reset(800)
+    model = rope.physics.model.ptr
+    rope.reset(801)
+    assert rope.physics.model.ptr is model

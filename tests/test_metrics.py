@@ -1,0 +1,461 @@
+"""Metrics against closed forms, the published table, shapely and exact rational arithmetic."""
+
+import fractions
+
+import numpy as np
+import pytest
+import shapely
+
+from softgym_mj import metrics
+
+RHO = 0.00625  # FleX particle spacing [m].
+SQUARE_CELLS = 100  # SoftGym's covered-area grid has 100 x 100 cells.
+
+# Facts, Appendix A. (n, m): upper bound, flat aligned area, its ratio, ratios when rotated by 15,
+# 30 and 45 degrees, ratio of the half-fold. Ratios are relative to the upper bound n m rho^2.
+TABLE = {
+    (60, 60): (0.140625, 0.135977, 0.9669, (1.0368, 1.0400, 1.0428), 0.4753),
+    (96, 58): (0.217500, 0.211523, 0.9725, (1.0309, 1.0344, 1.0361), 0.4811),
+    (90, 90): (0.316406, 0.309414, 0.9779, (1.0250, 1.0285, 1.0358), 0.4835),
+    (119, 119): (0.553164, 0.543906, 0.9833, (1.0194, 1.0209, 1.0194), 0.4833),
+    (60, 119): (0.278906, 0.271953, 0.9751, (1.0296, 1.0303, 1.0281), 0.4793),
+}
+ANGLES = (15.0, 30.0, 45.0)  # [deg] of the table.
+HALF_ULP = 0.5e-6 + 1e-12  # Rounding of the table's areas [m^2].
+
+each_size = pytest.mark.parametrize("size", TABLE, ids="{0[0]}x{0[1]}".format)
+each_angle = pytest.mark.parametrize("angle", ANGLES)
+
+
+def make_grid(n: int, m: int, step_x: float, step_y: float) -> np.ndarray:
+    """Vertices (n m, 3) of a flat grid, rows along X."""
+    x, y = np.meshgrid(np.arange(n) * step_x, np.arange(m) * step_y)
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(n * m)])
+
+
+def make_triangles(n: int, m: int) -> np.ndarray:
+    """Two triangles a cell of an n x m grid."""
+    index = np.arange(n * m).reshape(m, n)
+    a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
+    c, d = index[1:, :-1].ravel(), index[1:, 1:].ravel()
+    return np.concatenate([np.column_stack([a, b, c]), np.column_stack([b, d, c])])
+
+
+def make_edges(triangles: np.ndarray) -> np.ndarray:
+    """The distinct edges of a mesh."""
+    pairs = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    return np.unique(np.sort(pairs, axis=1), axis=0)
+
+
+def stacked(*meshes: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Several meshes as one."""
+    vertices, triangles, number = [], [], 0
+    for points, faces in meshes:
+        vertices.append(points)
+        triangles.append(faces + number)
+        number += len(points)
+    return np.concatenate(vertices), np.concatenate(triangles)
+
+
+def flat(size: tuple[int, int]) -> np.ndarray:
+    return make_grid(*size, RHO, RHO)
+
+
+def half_fold(size: tuple[int, int]) -> np.ndarray:
+    """The second half of the columns on the first, as in the table: n // 2 columns stay apart."""
+    n, m = size
+    column = np.arange(n)
+    folded = np.minimum(np.minimum(column, n - 1 - column), n // 2 - 1)
+    vertices = flat(size)
+    vertices[:, 0] = np.tile(folded, m) * RHO
+    return vertices
+
+
+def rotated(vertices: np.ndarray, degrees: float) -> np.ndarray:
+    cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return vertices @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def softgym_area(vertices: np.ndarray) -> float:
+    """SoftGym's own covered area, written down from facts 3.6: the slow reference."""
+    points = vertices[:, :2]
+    low, high = points.min(axis=0), points.max(axis=0)
+    cell = (high - low) / SQUARE_CELLS
+    marked = np.zeros((SQUARE_CELLS, SQUARE_CELLS), bool)
+    for point in points:
+        first = np.maximum(0, np.round((point - low - RHO) / cell)).astype(int)
+        last = np.minimum(SQUARE_CELLS, np.round((point - low + RHO) / cell)).astype(int)
+        last = np.maximum(last, first + 1)
+        marked[first[0] : last[0], first[1] : last[1]] = True
+    return float(marked.sum() * cell.prod())
+
+
+def softgym_upper_bound(size: tuple[int, int]) -> float:
+    n, m = size
+    return softgym_area(make_grid(n, m, RHO * n / (n - 1), RHO * m / (m - 1)))
+
+
+def union_area(vertices: np.ndarray, triangles: np.ndarray) -> float:
+    """Area of the union of the projected triangles by shapely."""
+    corners = vertices[triangles, :2]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    doubled = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    polygons = [shapely.Polygon(corner) for corner in corners[np.abs(doubled) > 1e-14]]
+    return float(shapely.union_all(polygons).area)
+
+
+# ---------------------------------------------------------------- the reference itself
+
+
+@each_size
+def test_reference_reproduces_the_whole_table(size):
+    upper, aligned, aligned_ratio, rotated_ratios, fold_ratio = TABLE[size]
+    bound = softgym_upper_bound(size)
+    assert bound == pytest.approx(upper, abs=HALF_ULP)
+    assert bound == pytest.approx(size[0] * size[1] * RHO**2, rel=1e-12)
+    assert softgym_area(flat(size)) == pytest.approx(aligned, abs=HALF_ULP)
+    assert softgym_area(flat(size)) / bound == pytest.approx(aligned_ratio, abs=0.51e-4)
+    for angle, ratio in zip(ANGLES, rotated_ratios, strict=True):
+        assert softgym_area(rotated(flat(size), angle)) / bound == pytest.approx(ratio, abs=0.51e-4)
+    assert softgym_area(half_fold(size)) / bound == pytest.approx(fold_ratio, abs=0.51e-4)
+
+
+# ---------------------------------------------------------------- covered_area
+
+
+@each_size
+def test_flat_area_is_the_published_one(size):
+    n, m = size
+    area = metrics.covered_area(flat(size), make_triangles(n, m))
+    assert area == pytest.approx(TABLE[size][1], abs=1e-6)
+    assert area == pytest.approx((n - 1) * (m - 1) * RHO**2, rel=1e-12)
+
+
+@each_size
+def test_half_fold_has_the_published_ratio(size):
+    n, m = size
+    ratio = metrics.covered_area(half_fold(size), make_triangles(n, m)) / (n * m * RHO**2)
+    assert ratio == pytest.approx(TABLE[size][4], rel=1e-3)
+    assert ratio == pytest.approx((n // 2 - 1) * (m - 1) / (n * m), rel=1e-9)
+
+
+@each_size
+@each_angle
+def test_rotation_leaves_the_area_unchanged(size, angle):
+    n, m = size
+    area = metrics.covered_area(rotated(flat(size), angle), make_triangles(n, m))
+    assert area == pytest.approx((n - 1) * (m - 1) * RHO**2, rel=1e-3)
+
+
+@each_size
+@pytest.mark.parametrize("angle", (0.0, *ANGLES))
+def test_difference_to_softgym_on_flat_sheets_is_its_border(size, angle):
+    n, m = size
+    vertices = rotated(flat(size), angle)
+    ours = metrics.covered_area(vertices, make_triangles(n, m))
+    theirs = softgym_area(vertices)
+    # Each of SoftGym's particles covers a square of 2 rho along the axes: the sheet grows by at
+    # most the support of that square along its sides, and by half a cell of rounding.
+    radians = np.radians(angle)
+    support = RHO * (np.cos(radians) + np.sin(radians)) + np.ptp(vertices[:, :2]) / SQUARE_CELLS
+    width, depth = (n - 1) * RHO, (m - 1) * RHO
+    assert ours - 1e-4 * ours <= theirs <= (width + 2 * support) * (depth + 2 * support)
+    # Both stay within 5 % of the bound n m rho^2 that lies between them.
+    bound = n * m * RHO**2
+    assert ours == pytest.approx(bound, rel=0.05)
+    assert theirs == pytest.approx(bound, rel=0.05)
+
+
+def crumpled(seed: int, noise: float, folds: int, n: int = 12, m: int = 14) -> np.ndarray:
+    """A 0.33 x 0.39 m sheet mirrored at random lines, then shaken by `noise` [m]."""
+    random = np.random.default_rng(seed)
+    vertices = make_grid(n, m, 0.03, 0.03)
+    vertices[:, :2] -= vertices[:, :2].mean(axis=0)
+    for _ in range(folds):
+        angle, shift = random.uniform(0.0, 2 * np.pi), random.uniform(-0.08, 0.08)
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        beyond = np.maximum(vertices[:, :2] @ normal - shift, 0.0)
+        vertices[:, :2] -= 2 * beyond[:, None] * normal
+        vertices[:, 2] += 0.01 * (beyond > 0)
+    return vertices + random.normal(0.0, noise, vertices.shape)
+
+
+# Verified tolerance with the default number of lines: 0.1 % (the worst found is 0.03 %).
+CRUMPLED = [
+    (seed, noise, folds) for seed in range(4) for noise in (0.002, 0.02) for folds in (1, 3)
+]
+CRUMPLED_TOLERANCE = 1e-3
+
+
+@pytest.mark.parametrize(("seed", "noise", "folds"), CRUMPLED)
+def test_crumpled_area_is_that_of_the_polygon_union(seed, noise, folds):
+    vertices, triangles = crumpled(seed, noise, folds), make_triangles(12, 14)
+    oracle = union_area(vertices, triangles)
+    assert metrics.covered_area(vertices, triangles) == pytest.approx(
+        oracle, rel=CRUMPLED_TOLERANCE
+    )
+    # The reading direction is arbitrary: X and Y may be swapped.
+    swapped = vertices[:, [1, 0, 2]]
+    assert metrics.covered_area(swapped, triangles) == pytest.approx(oracle, rel=CRUMPLED_TOLERANCE)
+
+
+def test_random_triangle_soup_is_the_polygon_union():
+    random = np.random.default_rng(7)
+    vertices = random.uniform(-0.3, 0.3, (90, 3))
+    triangles = random.permutation(90).reshape(30, 3)
+    assert metrics.covered_area(vertices, triangles, lines=4096) == pytest.approx(
+        union_area(vertices, triangles), rel=2e-4
+    )
+
+
+def test_more_lines_converge():
+    errors = {lines: [] for lines in (64, 256, 1024, 4096)}
+    for case in CRUMPLED:
+        vertices, triangles = crumpled(*case), make_triangles(12, 14)
+        oracle = union_area(vertices, triangles)
+        for lines, found in errors.items():
+            found.append(abs(metrics.covered_area(vertices, triangles, lines) / oracle - 1))
+    worst = {lines: max(found) for lines, found in errors.items()}
+    assert worst[64] < 1e-2
+    assert worst[256] < CRUMPLED_TOLERANCE
+    assert worst[1024] < 2e-4
+    assert worst[4096] < 5e-5
+
+
+def test_overlapping_squares_count_once():
+    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
+    triangles = np.array([[0, 1, 2], [1, 3, 2]])
+    vertices, triangles = stacked(
+        (square, triangles),
+        (square + np.array([0.25, 0.5, 0.1]), triangles),
+        (square + np.array([3.0, 0.0, 0.0]), triangles),
+    )
+    exact = 3.0 - 0.75 * 0.5
+    # The covered length jumps by 0.25 at y = 0.5 and by 1.25 at y = 1, which 300 lines on 1.5 m
+    # see exactly; otherwise a jump costs at most half the pitch of the lines.
+    assert metrics.covered_area(vertices, triangles, lines=300) == pytest.approx(exact, rel=1e-12)
+    half_pitch = 1.5 / metrics.AREA_LINES / 2
+    assert metrics.covered_area(vertices, triangles) == pytest.approx(
+        exact, abs=half_pitch * (0.25 + 1.25)
+    )
+
+
+def sheet(points: int, shape) -> tuple[np.ndarray, np.ndarray]:
+    """A square sheet of points x points vertices, each placed by `shape(u, v)`, u, v in 0..1."""
+    u, v = np.meshgrid(np.linspace(0, 1, points), np.linspace(0, 1, points))
+    return np.column_stack(shape(u.ravel(), v.ravel())), make_triangles(points, points)
+
+
+def _flat_sheet(u, v):
+    return 0.4 * u, 0.4 * v, 0.0 * u
+
+
+def _half_folded_sheet(u, v):
+    return 0.4 * np.abs(u - 0.5), 0.4 * v, 0.005 * (u > 0.5)
+
+
+def _vertical_ripples(u, v):
+    # Waves raise the sheet and shorten it to 70 %.
+    return 0.28 * u, 0.4 * v, 0.04 * np.sin(6 * np.pi * u)
+
+
+def _lateral_ripples(u, v):
+    # Every column is shifted sideways: by Cavalieri's principle the area is that of the square.
+    return 0.4 * u, 0.4 * v + 0.03 * np.sin(4 * np.pi * u), 0.0 * u
+
+
+@pytest.mark.parametrize(
+    ("shape", "points", "exact"),
+    [
+        # A sheet creases exactly in half only where it has a row of vertices: odd counts.
+        (_flat_sheet, (13, 60), 0.16),
+        (_half_folded_sheet, (13, 61), 0.08),
+        (_vertical_ripples, (13, 60), 0.112),
+        (_lateral_ripples, (13, 60), 0.16),
+    ],
+)
+@pytest.mark.parametrize("angle", (0.0, 20.0, 90.0))
+def test_area_does_not_depend_on_the_resolution(shape, points, exact, angle):
+    for number in points:
+        vertices, triangles = sheet(number, shape)
+        area = metrics.covered_area(rotated(vertices, angle), triangles)
+        assert area == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize("direction", ([1, 0, 0], [0, 1, 0], [0, 0, 1], [3, 4, 1], [-1, 7, 0]))
+def test_area_of_a_line_is_zero(direction):
+    random = np.random.default_rng(0)
+    vertices = random.uniform(-1, 1, (30, 1)) * np.array(direction, float)
+    triangles = random.permutation(30).reshape(10, 3)
+    assert metrics.covered_area(vertices, triangles) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_area_of_a_vertical_sheet_is_zero():
+    vertices = make_grid(8, 9, 0.03, 0.03)[:, [0, 2, 1]]
+    assert metrics.covered_area(vertices, make_triangles(8, 9)) == 0.0
+
+
+# ---------------------------------------------------------------- normalize
+
+
+@pytest.mark.parametrize(
+    ("performance", "lower", "upper", "expected"),
+    [
+        (0.0, 0.0, 1.0, 0.0),
+        (1.0, 0.0, 1.0, 1.0),
+        (-0.25, -0.5, 0.0, 0.5),  # Facts A: StraightenRope, end distance 0.25 m.
+        (-0.0375, -0.5, 0.0, 0.925),  # Facts A: StraightenRope, end distance 0.5375 m.
+        (-0.6, -1.2, 0.0, 0.5),
+        (2.0, 0.0, 1.0, 2.0),  # Not clipped above ...
+        (-1.0, 0.0, 1.0, -1.0),  # ... nor below.
+        (0.3, 1.0, 0.0, 0.7),  # A decreasing scale.
+        (0.3, 0.3, 0.3, 0.0),  # Equal bounds.
+        (0.9, 0.3, 0.3, 0.0),
+        (0.0, 0.0, 0.0, 0.0),
+    ],
+)
+def test_normalize(performance, lower, upper, expected):
+    assert metrics.normalize(performance, lower, upper) == pytest.approx(expected, abs=1e-12)
+
+
+# ---------------------------------------------------------------- count_intersections
+
+
+def count(vertices: np.ndarray, triangles: np.ndarray) -> int:
+    return metrics.count_intersections(vertices, make_edges(triangles), triangles)
+
+
+BASE = np.array([[-1.0, -1.0, 0.0], [2.0, -1.0, 0.0], [-1.0, 2.0, 0.0]])
+ONE_TRIANGLE = np.array([[0, 1, 2]])
+
+
+@pytest.mark.parametrize(
+    ("other", "expected"),
+    [
+        # Two edges of the other triangle pierce the base.
+        ([[0.0, 0.0, -0.5], [0.3, 0.1, 0.5], [0.1, 0.3, 0.5]], 2),
+        # Linked like two rings: one edge of each pierces the other one.
+        ([[-2.0, 0.1, 0.0], [0.0, 0.1, 0.5], [0.0, 0.1, -0.4]], 2),
+        # Parallel 1 cm above.
+        ([[-1.0, -1.0, 0.01], [2.0, -1.0, 0.01], [-1.0, 2.0, 0.01]], 0),
+        # Its plane crosses the base, the triangle itself ends 1 cm before.
+        ([[0.0, 0.0, 0.01], [0.3, 0.1, 0.5], [0.1, 0.3, 0.5]], 0),
+        # Crosses the plane of the base, but beside the base.
+        ([[5.0, 0.0, -0.5], [5.3, 0.1, 0.5], [5.1, 0.3, 0.5]], 0),
+    ],
+    ids=("pierced", "linked", "parallel", "short", "beside"),
+)
+def test_two_triangles(other, expected):
+    mesh = stacked((BASE, ONE_TRIANGLE), (np.array(other), ONE_TRIANGLE))
+    assert count(*mesh) == expected
+
+
+def test_triangles_with_a_common_vertex_do_not_count():
+    vertices = np.array(
+        [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.5, 0.4, -0.5], [0.4, 0.5, 0.5]]
+    )
+    # The edge 3-4 pierces 0-1-2, but its triangle hangs on vertex 0: only 3-4 itself counts.
+    assert count(vertices, np.array([[0, 1, 2], [0, 3, 4]])) == 1
+    assert count(vertices, np.array([[0, 1, 2], [0, 3, 1]])) == 0
+
+
+def test_flat_and_folded_sheets_do_not_cross():
+    triangles = make_triangles(13, 11)
+    vertices = make_grid(13, 11, 0.03, 0.03)
+    assert count(vertices, triangles) == 0
+    folded = vertices.copy()
+    beyond = folded[:, 0] > 0.18
+    folded[beyond, 0] = 0.36 - folded[beyond, 0]
+    folded[beyond, 2] = 0.01
+    assert count(folded, triangles) == 0
+
+
+def test_sheet_pushed_through_another():
+    # A horizontal sheet z = 0 over [0, 0.45]^2, and a vertical one in the plane x = 0.2 whose
+    # vertices lie at y = 0.101, 0.131, ... and z = -0.075, -0.045, ... Both have 3 cm cells.
+    flat_sheet = make_grid(16, 16, 0.03, 0.03)
+    upright = make_grid(8, 6, 0.03, 0.03)[:, [2, 0, 1]] + np.array([0.2, 0.101, -0.075])
+    vertices, triangles = stacked(
+        (flat_sheet, make_triangles(16, 16)), (upright, make_triangles(8, 6))
+    )
+    # The plane z = 0 lies in one row of the upright cells: it meets 8 vertical edges and the 7
+    # diagonals, all inside the flat sheet. The plane x = 0.2 lies in one column of the flat cells,
+    # 0.18..0.21; its edges along X are met at y = 0.03 k, its diagonals, which fall from
+    # (0.21, 0.03 k) to (0.18, 0.03 (k + 1)), at y = 0.03 k + 0.01. Those in 0.101 < y < 0.311 are
+    # k = 4..10 and k = 4..10 (0.13 to 0.31).
+    assert count(vertices, triangles) == 8 + 7 + 7 + 7
+
+
+def test_pushing_deeper_counts_the_pierced_cells():
+    # A pyramid of four faces pushed from below through the middle of one large triangle: its
+    # four edges to the tip pierce; pulled back, nothing does.
+    tip = np.array([[0.0, 0.0, 0.1], [0.2, 0.0, -0.3], [0.0, 0.2, -0.3], [-0.2, 0, -0.3]])
+    tip = np.concatenate([tip, [[0.0, -0.2, -0.3]]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]])
+    for depth, expected in ((0.0, 4), (0.11, 0), (0.5, 0)):
+        mesh = stacked((BASE, ONE_TRIANGLE), (tip - np.array([0.0, 0.0, depth]), faces))
+        assert count(*mesh) == expected
+
+
+def volume_sign(a, b, c, d) -> int:
+    """Sign of the volume of the tetrahedron a b c d, exact: the points are fractions."""
+    ab, ac, ad = ([q - p for p, q in zip(a, other, strict=True)] for other in (b, c, d))
+    volume = (
+        ab[0] * (ac[1] * ad[2] - ac[2] * ad[1])
+        - ab[1] * (ac[0] * ad[2] - ac[2] * ad[0])
+        + ab[2] * (ac[0] * ad[1] - ac[1] * ad[0])
+    )
+    return (volume > 0) - (volume < 0)
+
+
+def slow_count(vertices: np.ndarray, edges: np.ndarray, triangles: np.ndarray) -> int:
+    """Every edge against every triangle by signs of exact volumes, no bounding boxes."""
+    points = [[fractions.Fraction(float(value)) for value in vertex] for vertex in vertices]
+    number = 0
+    for p, q in edges.tolist():
+        for a, b, c in triangles.tolist():
+            if {p, q} & {a, b, c}:
+                continue
+            start, end, corners = points[p], points[q], [points[a], points[b], points[c]]
+            if volume_sign(*corners, start) * volume_sign(*corners, end) >= 0:
+                continue
+            sides = {volume_sign(start, end, corners[i], corners[(i + 1) % 3]) for i in range(3)}
+            number += sides in ({1}, {-1})
+    return number
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_soup_agrees_with_the_slow_loop(seed):
+    random = np.random.default_rng(seed)
+    vertices = random.uniform(0.0, 1.0, (24, 3))
+    triangles = np.stack([random.choice(24, 3, replace=False) for _ in range(20)])
+    edges = make_edges(triangles)
+    expected = slow_count(vertices, edges, triangles)
+    assert expected > 20  # The case is not an empty one.
+    assert metrics.count_intersections(vertices, edges, triangles) == expected
+
+
+def test_crumpled_sheet_agrees_with_the_slow_loop():
+    vertices, triangles = crumpled(seed=3, noise=0.02, folds=2, n=7, m=6), make_triangles(7, 6)
+    edges = make_edges(triangles)
+    expected = slow_count(vertices, edges, triangles)
+    assert expected > 10
+    assert metrics.count_intersections(vertices, edges, triangles) == expected
+
+
+def test_order_of_edges_and_triangles_does_not_matter():
+    # 1,300 edges: several blocks of the vectorised loop.
+    vertices, triangles = crumpled(seed=1, noise=0.01, folds=2, n=21, m=22), make_triangles(21, 22)
+    edges = make_edges(triangles)
+    random = np.random.default_rng(0)
+    expected = metrics.count_intersections(vertices, edges, triangles)
+    assert len(edges) > 1000 and expected > 0
+    parts = [
+        metrics.count_intersections(vertices, edges[i : i + 1], triangles)
+        for i in range(len(edges))
+    ]
+    assert sum(parts) == expected
+    shuffled = metrics.count_intersections(
+        vertices, random.permutation(edges)[:, ::-1], random.permutation(triangles)[:, [2, 0, 1]]
+    )
+    assert shuffled == expected

@@ -1,0 +1,118 @@
+"""Snapshots restore exactly: grip, counters, random state, in this and in another instance."""
+
+import pickle
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+
+import softgym_mj
+from tests.test_contract import SETTINGS, actions, make, tasks
+
+
+def grip_something(env):
+    """Lowers picker 0 onto its nearest vertex and lifts it; returns the last time step."""
+    timestep = env.reset(800)
+    actor, target = env.task.actor, env.task.target
+    for _ in range(12):
+        gap = target.vertices() - actor.positions()[0]
+        nearest = gap[np.argmin(np.linalg.norm(gap, axis=1))]
+        action = np.zeros(8)
+        action[:3] = np.clip((nearest + [0, 0, actor.radius]) / 0.08, -1, 1)
+        action[3] = 1.0
+        timestep = env.step(action)
+        if actor.held[0] >= 0:
+            break
+    assert actor.held[0] >= 0
+    return timestep
+
+
+def trace(env, act):
+    """Observations and rewards of a list of actions, as bits."""
+    steps = [env.step(action) for action in act]
+    rows = [np.append(s.observation["full"], -1 if s.reward is None else s.reward) for s in steps]
+    return np.array(rows)
+
+
+@tasks
+def test_fifty_steps_after_a_restore_are_bit_equal(task):
+    env = make(task, observation="full")
+    grip_something(env)
+    act = actions(env, 50, seed=1)
+    act[:20, 3] = 1.0  # Keeps holding for a while.
+    snapshot = pickle.loads(pickle.dumps(env.get_state()))
+    expected = trace(env, act)
+    env.set_state(snapshot)
+    np.testing.assert_array_equal(trace(env, act), expected)
+    other = make(task, observation="full", random_state=7)
+    other.reset(803)  # Another variation, of another size for the cloth.
+    trace(other, act[:2])
+    other.set_state(snapshot)
+    assert other.task.variation == 800
+    np.testing.assert_array_equal(trace(other, act), expected)
+    assert env.info() == other.info()
+
+
+def test_a_restore_includes_counter_random_state_and_end():
+    env = make("straighten_rope", horizon=2, random_state=5)
+    env.reset()
+    act = actions(env, 4)
+    env.step(act[0])
+    snapshot = env.get_state()
+    assert env.step(act[1]).last()
+    next_variation = (env.step(act[2]), env.task.variation)[1]
+    env.set_state(snapshot)
+    assert env.step_count == 1
+    assert env.step(act[1]).last()
+    env.step(act[2])
+    assert env.task.variation == next_variation
+
+
+def test_gymnasium_snapshot_returns_to_the_same_observation():
+    env = gymnasium.make("softgym_mj/StraightenRope-v0").unwrapped
+    env.reset(seed=1)
+    act = np.full(8, 0.3, np.float32)
+    first, *_ = env.step(act)
+    state = env.get_state()
+    second = env.step(act)
+    restored, info = env.set_state(state)
+    np.testing.assert_array_equal(restored, first)
+    again = env.step(act)
+    np.testing.assert_array_equal(again[0], second[0])
+    assert again[1:] == second[1:]
+
+
+_PROCESS = """
+import hashlib, numpy as np, softgym_mj
+env = softgym_mj.load({task!r}, observation="full", split="evaluate", random_state=2, **{settings})
+digest = hashlib.sha256()
+step = env.reset(800)
+for action in np.random.default_rng(0).uniform(-1, 1, (10, 8)):
+    step = env.step(action)
+    digest.update(step.observation["full"].tobytes() + np.float64(step.reward).tobytes())
+print(digest.hexdigest())
+"""
+
+
+@tasks
+def test_two_processes_agree_bit_for_bit(task):
+    make(task).reset(800)  # Makes the state, so that both processes read it.
+    script = _PROCESS.format(task=task, settings=SETTINGS[task])
+    results = [
+        subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, check=True
+        ).stdout
+        for _ in range(2)
+    ]
+    assert len(results[0].strip()) == 64
+    assert results[0] == results[1]
+
+
+def test_other_settings_are_refused():
+    snapshot = (env := make("straighten_rope", num_pickers=1), env.reset(800), env.get_state())[2]
+    with pytest.raises(softgym_mj.exceptions.SnapshotError, match="picker|actor"):
+        other = make("straighten_rope")
+        other.reset(800)
+        other.set_state(snapshot)
