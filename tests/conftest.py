@@ -5,7 +5,5 @@ import pathlib
 
 # Before anything imports dm_control.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-os.environ.setdefault(
-    "SOFTGYM_MJ_CACHE", str(pathlib.Path(__file__).parent.parent / ".test_cache")
-)
-import softgym_mj  # noqa: E402, F401  (chooses the OpenGL backend)
+os.environ.setdefault("SOFTGYM_MJ_CACHE", str(pathlib.Path(__file__).parent.parent / ".test_cache"))
+import softgym_mj  # noqa: F401  (chooses the OpenGL backend)

@@ -122,9 +122,7 @@ def test_the_episode_ends_at_the_horizon_and_restarts(task):
 
 @tasks
 def test_dm_control_suite_loads_the_task(task):
-    env = suite.load(
-        "softgym", task, task_kwargs={"split": [801], "random": 1, **SETTINGS[task]}
-    )
+    env = suite.load("softgym", task, task_kwargs={"split": [801], "random": 1, **SETTINGS[task]})
     env.reset()
     assert env.task.variation == 801
     assert task in suite._DOMAINS["softgym"].SUITE

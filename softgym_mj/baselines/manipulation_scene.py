@@ -68,6 +68,7 @@ class ManipulationScene:
         cloth.after_compile(self.physics, None)
         self.picker.after_compile(self.physics, None)
         cloth.set_vertices(cloth.flat())
+        self.picker.place(self.picker.default_positions(np.array([0.0, 0.0, _PARKED])), _WORKSPACE)
         self._on_step = on_step
         self._released = False
         self._count = 0

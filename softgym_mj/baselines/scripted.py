@@ -15,7 +15,8 @@ from softgym_mj.exceptions import OutOfRangeError, check_name
 from softgym_mj.robots.base import SIM_STEP  # noqa: F401
 from softgym_mj.robots.picker import MAX_DISPLACEMENT
 
-ARRIVED = 0.002  # [m] Distance at which a goal counts as reached.
+ARRIVED = 0.003  # [m] Distance at which a goal counts as reached.
+PASSED = 0.05  # [m] The same for a point to be passed on the way.
 
 
 class Expert:
@@ -60,12 +61,12 @@ class Expert:
         grip = np.where(grips, 1.0, -1.0)
         return np.column_stack([delta, grip]).ravel()
 
-    def _move(self, goals, grips, speed: float = 1.0, limit: int = 30) -> Iterator[np.ndarray]:
-        """Actions until the pickers are at `goals` or `limit` env steps have passed."""
+    def _move(
+        self, goals, grips, speed: float = 1.0, near: float = ARRIVED
+    ) -> Iterator[np.ndarray]:
+        """Actions until the pickers are within `near` [m] of `goals`."""
         goals = np.clip(goals, *self._actor.limits)
-        for _ in range(limit):
-            if np.abs(goals - self._actor.positions()).max() < ARRIVED:
-                return
+        while np.abs(goals - self._actor.positions()).max() >= near:
             yield self._step(goals, grips, speed)
 
     def _wait(self, grips, steps: int = 1) -> Iterator[np.ndarray]:
@@ -143,6 +144,8 @@ CLOTH_REACH = (
 )
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
 TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
+PACE = 0.06
+LIFT = 0.8
 SLOW = 0.5  # Fraction of full speed while a cloth is stretched.
 
 
@@ -190,7 +193,7 @@ class SpreadCloth(Expert):
             up = self._actor.positions()
             for i, _ in todo:
                 up[i, 2] = max(TRAVEL_HEIGHT, up[i, 2])
-            yield from self._move(up, grips)
+            yield from self._move(up, grips, near=PASSED)
             for stage in (0, 1, 2):
                 goals = self._actor.positions()
                 for i, v in todo:
@@ -198,7 +201,9 @@ class SpreadCloth(Expert):
                     goals[i] = centre + STANDOFF * direction * (stage < 2)
                     if stage == 0:
                         goals[i, 2] = up[i, 2]
-                yield from self._move(goals, grips, 1.0 if stage < 2 else SLOW)
+                yield from self._move(
+                    goals, grips, 1.0 if stage < 2 else SLOW, ARRIVED if stage else PASSED
+                )
             for i, _ in todo:
                 grips[i] = 1
             yield from self._wait(grips)
@@ -236,7 +241,9 @@ class SpreadCloth(Expert):
                 yield from self._put(places)
                 continue
             yield from self._park()
-            yield from self._wait((0, 0))
+            self.log.append("park")
+            while True:
+                yield from self._wait((0, 0))
 
     def _registered(self) -> np.ndarray:
         """The flat cloth (n, 3) laid where most of the cloth is."""
@@ -330,6 +337,7 @@ class SpreadCloth(Expert):
                 take.reverse()
             yield from self._take((0, 1), take, grips)
         for trial in range(5):
+            self.log.append((self._env.step_count, self._actor.held.tolist()))
             if grips.all():
                 if all(self._at_corner(h) is not None for h in self._actor.held) or trial > 2:
                     return
@@ -364,7 +372,8 @@ class SpreadCloth(Expert):
         held = self._actor.held
         order = sorted(
             (min(self._grid_distance(g, v) for g in goals), v)
-            for v in range(self._target.num_vertices) if v not in held
+            for v in range(self._target.num_vertices)
+            if v not in held
         )
         for _, v in order:
             if self._grasp(v)[2] > 0.0:
@@ -406,8 +415,10 @@ class SpreadCloth(Expert):
 
         lift = self._actor.positions()
         lift[:, 2] = high[2]
-        yield from self._move(lift, grips, SLOW)
-        yield from self._move(pose(x(), high[2]), grips, SLOW)
+        yield from self._move(lift, grips, LIFT, PASSED)
+        self.log.append((self._env.step_count, "lifted"))
+        yield from self._move(pose(x(), high[2]), grips, LIFT, 0.02)
+        self.log.append((self._env.step_count, "posed"))
         edge = high[0] - centre[0]
         for _ in range(12):
             if edge - side * x() > depth + 0.1:
@@ -415,14 +426,15 @@ class SpreadCloth(Expert):
             now = self._actor.positions()[:, 0].mean() - centre[0]
             if side * now < -edge + 0.02:
                 break
-            yield self._step(pose(now - side * 0.05, high[2]), grips, SLOW)
+            yield self._step(pose(now - side * 0.08, high[2]), grips, LIFT)
         now = self._actor.positions()[:, 0].mean() - centre[0]
         taut = 0
+        self.log.append((self._env.step_count, "away"))
         for _ in range(40):
-            now += side * 0.04
+            now += side * PACE
             reach = side * (now - x())
             z = np.sqrt(max(depth**2 - max(reach, 0.0) ** 2, 0.0))
-            yield self._step(pose(now, min(z, high[2])), grips, 0.6)
+            yield self._step(pose(now, min(z, high[2])), grips, 1.0)
             low_enough = self._actor.positions()[:, 2].max() < low[2] + 0.01
             taut += reach > 0.97 * depth and low_enough
             if taut > 2 or side * now > edge:

@@ -25,7 +25,8 @@ CAMERAS = {
     "cloth_drop": CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
 }
 FIELD_OF_VIEW = 45.0  # Vertical [deg].
-OVERVIEW = CameraPose((1.1, -1.1, 0.9), (0.8001, 0.4619, 0.1913, 0.3314))
+# From the front right, looking at the middle of the table top.
+OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.8241, 0.4461, 0.1677, 0.3062))
 
 
 class Arena(composer.Arena):

@@ -1,0 +1,104 @@
+"""Env steps per second of every task on one core, what `env.step` adds to MuJoCo, image rate.
+
+A stored state in the middle of a random episode is replayed, so that runs time the same physics.
+SoftGym's own figure, for comparison: 46 env steps/s with rendering on a 2080Ti.
+
+    python benchmarks/throughput.py --out new.json
+    python benchmarks/throughput.py --compare old.json new.json
+"""
+
+import argparse
+import json
+import pathlib
+import platform
+import time
+from unittest import mock
+
+import mujoco
+import numpy as np
+
+import softgym_mj
+from softgym_mj import environment
+from softgym_mj.rendering import CameraView
+
+SOFTGYM = 46.0  # Env steps/s, facts 6.
+VARIATIONS = (800, 801, 802, 803, 804)
+STEPS = {"straighten_rope": 75, "spread_cloth": 50}  # Env steps timed per variation.
+IMAGES = 60
+
+
+class _TimedMujoco:
+    """Stands in for the mujoco module and adds up the time spent in mj_step."""
+
+    def __init__(self):
+        self.seconds = 0.0
+
+    def __getattr__(self, name):
+        return getattr(mujoco, name)
+
+    def mj_step(self, model, data):
+        start = time.perf_counter()
+        mujoco.mj_step(model, data)
+        self.seconds += time.perf_counter() - start
+
+
+def measure(task: str) -> dict[str, float]:
+    """Rates of one task with random actions."""
+    env = softgym_mj.load(task, split="evaluate", observation="reduced")
+    random = np.random.default_rng(0)
+    plain = timed = inside = count = 0.0
+    steps = min(STEPS[task], env.horizon - 1)
+    for variation in VARIATIONS:
+        env.reset(variation)
+        actions = random.uniform(-1, 1, (steps, 8))
+        snapshot = env.get_state()
+        start = time.perf_counter()
+        for action in actions:
+            env.step(action)
+        plain += time.perf_counter() - start
+        env.set_state(snapshot)
+        clock = _TimedMujoco()
+        with mock.patch.object(environment, "mujoco", clock):
+            start = time.perf_counter()
+            for action in actions:
+                env.step(action)
+            timed += time.perf_counter() - start
+        inside += clock.seconds
+        count += steps
+    view = CameraView("task", 128, 128)
+    view.rgb(env.physics)
+    start = time.perf_counter()
+    for _ in range(IMAGES):
+        view.rgb(env.physics)
+    images = IMAGES / (time.perf_counter() - start)
+    return {
+        "env_steps_per_second": count / plain,
+        "times_softgym": count / plain / SOFTGYM,
+        "share_outside_mj_step": 1.0 - inside / timed,
+        "images_128_per_second": images,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=pathlib.Path)
+    parser.add_argument("--compare", type=pathlib.Path, nargs=2, metavar=("OLD", "NEW"))
+    arguments = parser.parse_args()
+    if arguments.compare:
+        old, new = (json.loads(file.read_text())["tasks"] for file in arguments.compare)
+        for task in old.keys() & new.keys():
+            for name, value in old[task].items():
+                print(f"{task:18} {name:24} {value:9.3f} -> {new[task][name]:9.3f} "
+                      f"({new[task][name] / value:.2f} x)")  # fmt: skip
+        return
+    results = {}
+    for task in softgym_mj.TASKS:
+        results[task] = measure(task)
+        print(task, {name: round(value, 3) for name, value in results[task].items()}, flush=True)
+    if arguments.out:
+        machine = {"processor": platform.processor(), "mujoco": mujoco.__version__}
+        arguments.out.write_text(json.dumps({"machine": machine, "tasks": results}, indent=2))
+
+
+if __name__ == "__main__":
+    main()

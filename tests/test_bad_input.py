@@ -1,0 +1,456 @@
+"""Bad input gives typed errors that say what would have worked, and changes nothing."""
+
+import os
+import pathlib
+import pickle
+import re
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj import exceptions
+from softgym_mj.gymnasium_env import SoftGymEnv
+
+ROPE, CLOTH = "straighten_rope", "spread_cloth"
+ROPE_ID, CLOTH_ID = "softgym_mj/StraightenRope-v0", "softgym_mj/SpreadCloth-v0"
+
+
+def assert_says(error: pytest.ExceptionInfo, *words: str) -> None:
+    """The error belongs to the package's tree, is a ValueError and its message has all words."""
+    assert isinstance(error.value, exceptions.SoftGymError)
+    assert isinstance(error.value, ValueError)
+    for word in words:
+        assert word in str(error.value)
+
+
+def make(identifier: str, **settings) -> gymnasium.Env:
+    # The checker's own asserts would come first.
+    return gymnasium.make(identifier, disable_env_checker=True, **settings)
+
+
+# ---------------------------------------------------------------- settings
+
+# Task, settings, the argument the message names, the value it repeats, choices it offers.
+UNKNOWN_NAMES = [
+    (ROPE, {"actor": "hand"}, "actor", "'hand'", ("'picker'",)),
+    (ROPE, {"actor": None}, "actor", "None", ("'picker'",)),
+    (ROPE, {"observation": "pixels"}, "observation", "'pixels'", ("'full'", "'reduced'", "'rgb'")),
+    (ROPE, {"observation": ("full", "x")}, "observation", "('full', 'x')", ("'reduced'",)),
+    (ROPE, {"observation": ["full", "full"]}, "observation", "['full', 'full']", ("'rgb'",)),
+    (ROPE, {"observation": []}, "observation", "[]", ("'full'", "'reduced'", "'rgb'")),
+    (ROPE, {"split": "test"}, "split", "'test'", ("'train'", "'evaluate'", "'all'")),
+    (ROPE, {"number_of_pickers": 2}, "keyword argument", "'number_of_pickers'", ("'num_pickers'",)),
+    (ROPE, {"fidelity": "fast"}, "keyword argument", "'fidelity'", ("'actor'", "'observation'")),
+    (CLOTH, {"fidelity": "ultra"}, "fidelity", "'ultra'", ("'fast'", "'default'", "'accurate'")),
+    (CLOTH, {"self_contact": "sdf"}, "self_contact", "'sdf'", ("'mujoco'", "'none'")),
+    (CLOTH, {"actor": "Picker"}, "actor", "'Picker'", ("'picker'",)),
+    (CLOTH, {"observation": "depth"}, "observation", "'depth'", ("'full'", "'reduced'", "'rgb'")),
+]
+OUT_OF_RANGE = [
+    (ROPE, {"horizon": 0}, "horizon", "0", ("1 or more",)),
+    (ROPE, {"horizon": -5}, "horizon", "-5", ("1 or more",)),
+    (ROPE, {"num_pickers": 0}, "num_pickers", "0", ("1 or more",)),
+    (ROPE, {"num_pickers": -1}, "num_pickers", "-1", ("1 or more",)),
+    (ROPE, {"image_size": (0, 64)}, "image_size", "(0, 64)", ("1..1280",)),
+    (ROPE, {"image_size": (64, 0)}, "image_size", "(64, 0)", ("1..1280",)),
+    (ROPE, {"image_size": (64, 1281)}, "image_size", "(64, 1281)", ("1..1280",)),
+    (ROPE, {"split": []}, "split", "[]", ("at least one variation",)),
+    (ROPE, {"split": [0, 1000]}, "variation", "1000", ("0..999",)),
+    (ROPE, {"split": [-1]}, "variation", "-1", ("0..999",)),
+    (ROPE, {"split": ["train"]}, "variation", "'train'", ("0..999",)),
+    (ROPE, {"action_repeat": 0}, "action_repeat", "0", ("1 or more",)),
+    (ROPE, {"action_repeat": -1}, "action_repeat", "-1", ("1 or more",)),
+    (CLOTH, {"horizon": 0}, "horizon", "0", ("1 or more",)),
+    (CLOTH, {"num_pickers": 0}, "num_pickers", "0", ("1 or more",)),
+    (CLOTH, {"image_size": (0, 0)}, "image_size", "(0, 0)", ("1..1280",)),
+]
+# Values of a wrong type: the message must still name argument and value.
+WRONG_TYPES = [
+    (ROPE, {"image_size": 0}, "image_size", "0"),
+    (ROPE, {"image_size": 64}, "image_size", "64"),
+    (ROPE, {"image_size": (64,)}, "image_size", "(64,)"),
+    (ROPE, {"image_size": ("64", "64")}, "image_size", "('64', '64')"),
+    (ROPE, {"observation": None}, "observation", "None"),
+    (ROPE, {"observation": 3}, "observation", "3"),
+    (ROPE, {"split": None}, "split", "None"),
+    (ROPE, {"split": 800}, "split", "800"),
+    (ROPE, {"horizon": "75"}, "horizon", "'75'"),
+    (ROPE, {"horizon": 2.5}, "horizon", "2.5"),
+    (ROPE, {"num_pickers": 1.5}, "num_pickers", "1.5"),
+    (ROPE, {"num_pickers": "2"}, "num_pickers", "'2'"),
+    (ROPE, {"action_repeat": 1.5}, "action_repeat", "1.5"),
+]
+
+
+def _identify(value):
+    return str(value) if isinstance(value, dict) else ""
+
+
+@pytest.fixture(name="build", params=["load", "gymnasium"])
+def _build(request):
+    """Builds a task by `softgym_mj.load` or by `gymnasium.make`."""
+    if request.param == "load":
+        return softgym_mj.load
+    return lambda task, **settings: make(softgym_mj.TASKS[task].gymnasium_id, **settings)
+
+
+@pytest.mark.parametrize(
+    ("task", "settings", "argument", "value", "choices"), UNKNOWN_NAMES, ids=_identify
+)
+def test_unknown_name(build, task, settings, argument, value, choices):
+    with pytest.raises(exceptions.UnknownNameError) as error:
+        build(task, **settings)
+    assert_says(error, f"{argument}={value}", *choices)
+
+
+@pytest.mark.parametrize(
+    ("task", "settings", "argument", "value", "choices"), OUT_OF_RANGE, ids=_identify
+)
+def test_out_of_range(build, task, settings, argument, value, choices):
+    with pytest.raises(exceptions.OutOfRangeError) as error:
+        build(task, **settings)
+    assert_says(error, f"{argument}={value}", *choices)
+
+
+@pytest.mark.parametrize(("task", "settings", "argument", "value"), WRONG_TYPES, ids=_identify)
+def test_wrong_type(task, settings, argument, value):
+    with pytest.raises(exceptions.SoftGymError) as error:
+        softgym_mj.load(task, **settings)
+    assert_says(error, f"{argument}={value}")
+
+
+@pytest.mark.parametrize("task", ["RopeFlatten", "Straighten_Rope", "", None, ["spread_cloth"]])
+def test_unknown_task(task):
+    for build in (softgym_mj.load, SoftGymEnv):
+        with pytest.raises(exceptions.UnknownNameError) as error:
+            build(task)
+        assert_says(error, f"task={task!r}", "'straighten_rope'", "'spread_cloth'")
+
+
+@pytest.mark.parametrize("identifier", [ROPE_ID, CLOTH_ID])
+@pytest.mark.parametrize(
+    ("settings", "choices"),
+    [
+        ({"render_mode": "depth"}, ("None", "'rgb_array'", "'depth_array'")),
+        ({"camera": "front"}, ("'task'", "'overview'")),
+    ],
+    ids=_identify,
+)
+@pytest.mark.filterwarnings("ignore:.*render_modes")
+def test_unknown_render_setting(identifier, settings, choices):
+    with pytest.raises(exceptions.UnknownNameError) as error:
+        make(identifier, **settings)
+    ((argument, value),) = settings.items()
+    assert_says(error, f"{argument}={value!r}", *choices)
+
+
+@pytest.mark.parametrize("size", [(0, 10), (10, 0), 0, (10,)])
+def test_bad_render_size(size):
+    with pytest.raises(exceptions.OutOfRangeError) as error:
+        make(ROPE_ID, render_mode="rgb_array", render_size=size)
+    assert_says(error, f"render_size={size!r}")
+
+
+# ---------------------------------------------------------------- reset
+
+
+@pytest.fixture(name="env")
+def _env():
+    env = softgym_mj.load(ROPE, split=[3], horizon=5, random_state=0)
+    env.reset()
+    return env
+
+
+@pytest.mark.parametrize("variation", [-1, 1000, 3.5, True, "3"])
+def test_bad_variation(env, variation):
+    before = env.get_state()
+    with pytest.raises(exceptions.OutOfRangeError) as error:
+        env.reset(variation)
+    assert_says(error, f"variation={variation!r}", "0..999")
+    assert_same_state(env.get_state(), before)
+    gym = make(ROPE_ID)
+    with pytest.raises(exceptions.OutOfRangeError) as error:
+        gym.reset(options={"variation": variation})
+    assert_says(error, f"variation={variation!r}", "0..999")
+
+
+@pytest.mark.parametrize("option", ["index", "Variation", ""])
+def test_unknown_reset_option(option):
+    gym = make(ROPE_ID)
+    with pytest.raises(exceptions.UnknownNameError) as error:
+        gym.reset(options={option: 3})
+    assert_says(error, f"options key={option!r}", "'variation'")
+
+
+# ---------------------------------------------------------------- actions
+
+BAD_ACTIONS = {
+    "nan": [0, 0, np.nan, 0, 0, 0, 0, 0],
+    "all nan": np.full(8, np.nan),
+    "inf": [0, np.inf, 0, 0, 0, 0, 0, 0],
+    "-inf": [0, 0, 0, 0, 0, 0, 0, -np.inf],
+    "1.5": [0, 0, 0, 1.5, 0, 0, 0, 0],
+    "-2": [-2, 0, 0, 0, 0, 0, 0, 0],
+    "just above": [0, 0, 0, 0, 0, 0, 0, 1.0001],
+    "float32 above": np.full(8, 1.001, np.float32),
+    "huge": np.full(8, 1e300),
+    "too few": np.zeros(7),
+    "too many": np.zeros(9),
+    "one picker": np.zeros(4),
+    "empty": [],
+    "scalar": 0.0,
+    "row": np.zeros((1, 8)),
+    "column": np.zeros((8, 1)),
+    "matrix": np.zeros((2, 4)),
+    "ragged": [[0, 0, 0, 0], [0, 0, 0]],
+    "text": "up",
+    "texts": ["a"] * 8,
+    "numbers as text": ["0"] * 8,
+    "array of text": np.array(["0.5"] * 8),
+    "bytes": b"12345678",
+    "none": None,
+    "nones": [None] * 8,
+    "dictionary": {"dx": 0.0},
+    "object": object(),
+    "complex": np.full(8, 0.1 + 0.5j),
+}
+
+
+def assert_same_state(found, expected) -> None:
+    """Two snapshots are bit-identical."""
+    assert pickle.dumps(found) == pickle.dumps(expected)
+
+
+each_bad_action = pytest.mark.parametrize(
+    "action", list(BAD_ACTIONS.values()), ids=list(BAD_ACTIONS)
+)
+
+
+@each_bad_action
+@pytest.mark.filterwarnings("ignore::numpy.exceptions.ComplexWarning")
+def test_bad_action_changes_nothing(env, action):
+    move = np.array([0.5, -0.3, -1.0, 1.0, -0.2, 0.1, -1.0, 1.0])
+    env.step(move)
+    before = env.get_state()
+    with pytest.raises(exceptions.InvalidActionError) as error:
+        env.step(action)
+    assert_says(error, "action")
+    assert_same_state(env.get_state(), before)
+    # The episode goes on as if nothing had happened.
+    twin = softgym_mj.load(ROPE, split=[3], horizon=5, random_state=0)
+    twin.reset()
+    twin.step(move)
+    for _ in range(4):
+        step, expected = env.step(move), twin.step(move)
+        np.testing.assert_array_equal(step.observation["reduced"], expected.observation["reduced"])
+        assert step.reward == expected.reward
+        assert step.last() == expected.last()
+    assert step.last()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("nan", ("[2]", "nan", "[-1, 1]")),
+        ("1.5", ("[3]", "1.5", "[-1, 1]", "numpy.clip")),
+        ("-2", ("[0]", "-2.0", "[-1, 1]")),
+        ("too few", ("(7,)", "(8,)")),
+        ("row", ("(1, 8)", "(8,)")),
+        ("text", ("'up'",)),
+    ],
+)
+def test_message_about_a_bad_action(env, name, words):
+    with pytest.raises(exceptions.InvalidActionError) as error:
+        env.step(BAD_ACTIONS[name])
+    assert_says(error, *words)
+
+
+@pytest.mark.parametrize("name", ["nan", "1.5", "too few", "text", "none"])
+def test_bad_action_in_gymnasium(name):
+    gym = make(ROPE_ID, split=[3], horizon=2)
+    gym.reset(seed=0)
+    before = gym.unwrapped.get_state()
+    with pytest.raises(exceptions.InvalidActionError):
+        gym.step(BAD_ACTIONS[name])
+    assert_same_state(gym.unwrapped.get_state(), before)
+    gym.step(np.zeros(8, np.float32))
+    *_, truncated, _ = gym.step(np.zeros(8, np.float32))
+    assert truncated
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        np.ones(8, np.float32),
+        -np.ones(8, np.float32),
+        np.nextafter(np.ones(8, np.float32), np.float32(2.0)),  # Rounding of one unit.
+        [1] * 8,
+        (-1.0,) * 8,
+        np.zeros(8, int),
+    ],
+)
+def test_good_actions(env, action):
+    start = env.task.actor.positions()
+    env.step(action)
+    moved = env.task.actor.positions() - start
+    # 0.08 m along each axis; the low workspace stops the pickers at 0.28 and 0.02 m.
+    expected = 0.08 * np.asarray(action, float).reshape(2, 4)[:, :3]
+    np.testing.assert_allclose(moved, expected, atol=1e-6)
+
+
+# ---------------------------------------------------------------- snapshots
+
+
+def assert_refused(env, snapshot, *words: str) -> None:
+    before = env.get_state()
+    with pytest.raises(exceptions.SnapshotError) as error:
+        env.set_state(snapshot)
+    assert_says(error, *words)
+    assert_same_state(env.get_state(), before)
+
+
+def test_snapshot_of_another_task(env):
+    cloth = softgym_mj.load(CLOTH, fidelity="fast")
+    assert_refused(cloth, env.get_state(), "'straighten_rope'", "'spread_cloth'")
+    assert_refused(env, cloth.get_state(), "'straighten_rope'", "'spread_cloth'")
+
+
+@pytest.mark.parametrize("variation", [3, 4])
+def test_snapshot_of_another_number_of_pickers(env, variation):
+    other = softgym_mj.load(ROPE, num_pickers=1)
+    other.reset(variation)
+    assert_refused(env, other.get_state(), "actor")
+    assert_refused(other, env.get_state(), "actor")
+
+
+def test_snapshot_of_a_shorter_vector(env):
+    gym = make(ROPE_ID, num_pickers=3)
+    gym.reset(options={"variation": 3})
+    (snapshot, generator) = gym.unwrapped.get_state()
+    other = make(ROPE_ID)
+    other.reset(options={"variation": 3})
+    with pytest.raises(exceptions.SnapshotError):
+        other.unwrapped.set_state((snapshot, generator))
+
+
+# ---------------------------------------------------------------- order of calls
+
+
+def test_step_before_reset():
+    gym = make(ROPE_ID)
+    with pytest.raises(exceptions.EpisodeEndedError, match=r"reset\(\)") as error:
+        gym.unwrapped.step(np.zeros(8))
+    assert isinstance(error.value, RuntimeError)
+
+
+def test_step_after_truncation():
+    gym = make(ROPE_ID, horizon=2)
+    for _ in range(2):
+        gym.reset(options={"variation": 3})
+        gym.step(np.zeros(8))
+        *_, terminated, truncated, _ = gym.step(np.zeros(8))
+        assert truncated and not terminated
+        with pytest.raises(exceptions.EpisodeEndedError, match=r"reset\(\)"):
+            gym.step(np.zeros(8))
+
+
+def test_failed_reset_does_not_start_an_episode():
+    gym = make(ROPE_ID)
+    with pytest.raises(exceptions.OutOfRangeError):
+        gym.unwrapped.reset(options={"variation": 1000})
+    with pytest.raises(exceptions.EpisodeEndedError):
+        gym.unwrapped.step(np.zeros(8))
+
+
+# ---------------------------------------------------------------- separate processes
+
+
+def run(code: str, **variables: str | None) -> str:
+    """Output of a fresh Python; a variable that is None is unset."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(pathlib.Path(softgym_mj.__file__).parents[1]),
+        **variables,
+    }
+    environment = {name: value for name, value in environment.items() if value is not None}
+    process = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert process.returncode == 0, process.stderr
+    return process.stdout
+
+
+NO_GL = """
+import numpy as np, softgym_mj, gymnasium
+env = softgym_mj.load("straighten_rope", split=[3], observation=("full", "reduced"))
+env.reset()
+print(env.step(np.zeros(8)).observation["reduced"].sum().hex())
+gym = gymnasium.make(
+    "softgym_mj/StraightenRope-v0", disable_env_checker=True, render_mode="rgb_array"
+)
+gym.reset(seed=0)
+def rendered():
+    return gym.render()
+def observed():
+    return softgym_mj.load("straighten_rope", split=[3], observation="rgb").reset()
+for call in (rendered, observed):
+    try:
+        call()
+    except softgym_mj.exceptions.RenderingUnavailableError as error:
+        print(type(error).__name__, error)
+gym.step(np.zeros(8))
+print("goes on")
+"""
+
+
+def test_without_opengl():
+    lines = run(NO_GL, MUJOCO_GL="disable").splitlines()
+    env = softgym_mj.load(ROPE, split=[3], observation=("full", "reduced"))
+    env.reset()
+    assert lines[0] == env.step(np.zeros(8)).observation["reduced"].sum().hex()
+    assert len(lines) == 4
+    for line in lines[1:3]:
+        assert line.startswith("RenderingUnavailableError")
+        assert re.search(r"apt-get install -y .*libegl1", line)
+        assert "MUJOCO_GL='disable'" in line
+    assert lines[3] == "goes on"
+
+
+SLOW_MODULES = ("torch", "mink", "matplotlib", "dm_control", "OpenGL", "glfw")
+
+
+@pytest.mark.parametrize("backend", [None, "egl", "disable"])
+def test_import_stays_cheap(backend):
+    code = "import softgym_mj, sys; print(*{name.split('.')[0] for name in sys.modules})"
+    imported = run(code, MUJOCO_GL=backend, DISPLAY=None, WAYLAND_DISPLAY=None).split()
+    assert "softgym_mj" in imported
+    assert sorted(set(SLOW_MODULES) & set(imported)) == []
+
+
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "import softgym_mj; from dm_control import suite",
+        "from dm_control import suite; import softgym_mj",
+        "import dm_control; import softgym_mj; import dm_control.suite as suite",
+    ],
+)
+def test_suite_domain(imports):
+    code = f"""
+{imports}
+print("softgym" in suite._DOMAINS, ("softgym", "straighten_rope") in suite.ALL_TASKS)
+print(type(suite.load("softgym", "straighten_rope", {{"random": 3}})).__module__)
+print(suite.load("cartpole", "balance").action_spec().shape)
+"""
+    lines = run(code, MUJOCO_GL="disable").splitlines()
+    assert lines[0].split()[0] == "True"
+    assert lines[1] == "softgym_mj.environment"
+    assert lines[2] == "(1,)"

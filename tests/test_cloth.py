@@ -1,0 +1,117 @@
+"""The cloth looks and moves like cloth: sizes, order, strain, floor, rest, release."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from softgym_mj.baselines.manipulation_scene import ManipulationScene, fold, lift_and_release
+from softgym_mj.entities.cloth import RADIUS, Cloth, grid_shape
+from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.robots.base import SIM_STEP
+
+
+@pytest.mark.parametrize(
+    ("dims", "fidelity", "shape"),
+    [
+        # (dim - 1) * 0.00625 m in steps of about 0.03 / 0.04 / 0.02 m, plus one.
+        ((60, 60), "default", (13, 13)),
+        ((119, 60), "default", (13, 26)),
+        ((96, 58), "default", (13, 21)),
+        ((96, 58), "fast", (10, 16)),
+        ((96, 58), "accurate", (19, 31)),
+    ],
+)
+def test_grid_has_the_expected_rows_and_columns(dims, fidelity, shape):
+    assert grid_shape(dims, fidelity) == shape
+
+
+def test_order_size_and_mass_follow_softgym():
+    scene = ManipulationScene(Cloth(dims=(96, 58)))
+    cloth = scene.cloth
+    grid = cloth.grid()
+    assert cloth.size == pytest.approx((0.59375, 0.35625))
+    # Column 0 at the smallest X; row 0 at the largest Y (FleX: the smallest z).
+    np.testing.assert_allclose(grid[0, 0], [-0.296875, 0.178125, RADIUS], atol=1e-12)
+    np.testing.assert_allclose(grid[-1, -1], [0.296875, -0.178125, RADIUS], atol=1e-12)
+    p1, p2, p3, p4 = cloth.vertices()[cloth.corners]
+    np.testing.assert_array_equal([p1, p2], [grid[0, 0], grid[-1, 0]])
+    np.testing.assert_array_equal([p3, p4], [grid[0, -1], grid[-1, -1]])
+    assert cloth.index(-1, 2) == (cloth.shape[0] - 1) * cloth.shape[1] + 2
+    model = scene.physics.model.ptr
+    assert model.body_subtreemass[0] - model.body_mass[:1].sum() > 0
+    total = sum(
+        model.body_mass[model.body(f"cloth/flex_{i}").id] for i in range(cloth.num_vertices)
+    )
+    assert total == pytest.approx(0.2 * 0.59375 * 0.35625)
+    # Triangles are counter-clockwise from above and tile the rectangle.
+    a, b, c = (cloth.vertices()[cloth.triangles[:, i], :2] for i in range(3))
+    u, v = b - a, c - a
+    areas = 0.5 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    assert (areas > 0).all() and areas.sum() == pytest.approx(0.59375 * 0.35625)
+
+
+def test_index_outside_the_grid_is_an_error():
+    with pytest.raises(OutOfRangeError, match="grid of"):
+        Cloth(dims=(60, 60)).index(13, 0)
+
+
+def test_a_free_cloth_falls_as_a_stone():
+    scene = ManipulationScene(Cloth(dims=(60, 60), fidelity="fast"))
+    cloth = scene.cloth
+    cloth.set_vertices(cloth.flat() + [0.0, 0.0, 1.0])
+    for _ in range(30):
+        mujoco.mj_step(scene.physics.model.ptr, scene.physics.data.ptr)
+    # Semi-implicit Euler: n steps of h fall g h^2 n (n + 1) / 2.
+    fallen = 9.8 * SIM_STEP**2 * 30 * 31 / 2
+    np.testing.assert_allclose(cloth.vertices()[:, 2], RADIUS + 1.0 - fallen, atol=1e-6)
+    np.testing.assert_allclose(cloth.edge_strain(), 0.0, atol=1e-6)
+
+
+def test_a_flat_cloth_rests_at_its_radius():
+    scene = ManipulationScene(Cloth(dims=(60, 60)))
+    for _ in range(50):
+        mujoco.mj_step(scene.physics.model.ptr, scene.physics.data.ptr)
+    np.testing.assert_allclose(scene.cloth.vertices()[:, 2], RADIUS, atol=5e-4)
+    assert np.abs(scene.cloth.velocities()).max() < 1e-4
+
+
+@pytest.mark.parametrize("motion", [fold, lift_and_release])
+def test_scripted_motion_of_the_default_cloth(motion):
+    scene = ManipulationScene(Cloth())
+    motion(scene, speed=0.6)
+    record = scene.record
+    assert record.held_error < 1e-3
+    assert record.strain_99 <= 0.10
+    assert record.lowest > -RADIUS
+    assert record.settle_time(speed=0.02) < 2.0
+    assert record.warnings == 0
+    assert record.end_intersections == 0
+
+
+def test_a_fold_brings_the_halves_together():
+    scene = ManipulationScene(Cloth(dims=(90, 90)))
+    fold(scene, speed=0.6, rest=1.0)
+    grid = scene.cloth.grid()
+    columns = grid.shape[1]
+    half = columns // 2
+    pairs = np.linalg.norm(grid[:, :half] - grid[:, ::-1][:, :half], axis=-1)
+    # Two layers lie a thickness (1 cm) apart; unfolded, the mean would be 0.28 m.
+    assert 0.008 < np.median(pairs) < 0.025
+    assert grid[:, columns - 1, 0] == pytest.approx(0.278, abs=0.02)  # The lower half stayed.
+
+
+def test_a_release_leaves_the_vertex_its_velocity():
+    scene = ManipulationScene(Cloth(dims=(60, 60)))
+    corner = int(scene.cloth.corners[0])
+    scene.grip([corner, int(scene.cloth.corners[1])])
+    for _ in range(20):
+        scene.step(np.tile([0.0, 0.0, 0.008], (2, 1)), grip=True)
+    before = scene.cloth.velocities()[corner]
+    np.testing.assert_allclose(before, [0.0, 0.0, 0.8], atol=0.02)
+    scene.step(np.zeros((2, 3)), grip=False)
+    after = scene.cloth.velocities()[corner]
+    # The 0.2 g vertex is now pulled down by the hanging cloth and gravity, it does not explode.
+    assert np.linalg.norm(after) < 1.5
+    model = scene.physics.model.ptr
+    assert np.ptp(model.dof_M0[3 * corner : 3 * corner + 3]) == 0.0
+    assert model.dof_M0[3 * corner] < 1e-3

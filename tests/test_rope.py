@@ -1,0 +1,136 @@
+"""The rope: length, mass, order, stretch under pull, and the task's metric."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.tasks.initializers import SETTLED_SPEED, CrumpledCloth, TwistedRope
+from softgym_mj.variations import NUM_VARIATIONS
+
+
+@pytest.fixture(name="env", scope="module")
+def _env():
+    env = softgym_mj.load("straighten_rope", split="evaluate")
+    env.reset(800)
+    return env
+
+
+def test_natural_length_and_mass(env):
+    rope, model = env.task.rope, env.physics.model.ptr
+    points = rope.straight()
+    assert rope.num_vertices == 41
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1).sum() == pytest.approx(0.5)
+    masses = [model.body_mass[model.body(f"rope/flex_{i}").id] for i in range(41)]
+    assert sum(masses) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("distance", "normalized"),
+    # Facts A: d = 0.25 gives 0.5, d = 0.5375 gives 0.925.
+    [(0.5, 1.0), (0.25, 0.5), (0.5375, 0.925), (0.0, 0.0), (0.45, 0.9)],
+)
+def test_reward_table(env, distance, normalized):
+    env.reset(800)
+    points = env.task.rope.straight()
+    points[-1, 0] = points[0, 0] + distance  # Only the ends count.
+    env.task.rope.set_vertices(points)
+    env.task.after_step(env.physics, None)
+    assert env.task.last_evaluation.performance == pytest.approx(-abs(distance - 0.5))
+    assert env.info()["normalized_performance"] == pytest.approx(normalized)
+    assert env.info()["success"] == (normalized >= 0.95)
+    assert env.info()["end_point_distance"] == pytest.approx(distance)
+
+
+def test_a_straight_rope_stays_straight_and_scores_one(env):
+    env.reset(800)
+    env.task.rope.set_vertices(env.task.rope.straight())
+    for _ in range(5):
+        env.step(np.zeros(8))
+    info = env.info()
+    assert info["normalized_performance"] == pytest.approx(1.0, abs=0.005)
+
+
+def test_pulled_at_both_ends_it_hardly_stretches(env):
+    env.reset(800)
+    rope = env.task.rope
+    rope.set_vertices(rope.straight())
+    first, last = rope.ends
+    rope.hold(first), rope.hold(last)
+    goals = rope.vertices()[[first, last]]
+    model, data = env.physics.model.ptr, env.physics.data.ptr
+    for _ in range(100):  # Lifted by both ends at 0.4 m/s without slack: it sags a little.
+        goals[:, 2] += 0.002
+        for vertex, goal in zip((first, last), goals, strict=True):
+            rope.drive(vertex, goal, model.opt.timestep)
+        mujoco.mj_step(model, data)
+    assert rope.vertices()[20, 2] > 0.1
+    assert np.abs(rope.edge_strain()).max() < 0.05
+    rope.release_all()
+
+
+def test_shipped_states_rest_on_the_floor_at_full_length():
+    store = softgym_mj.TASKS["straighten_rope"].build().store
+    states = np.array([store.load(i) for i in range(NUM_VARIATIONS)])
+    assert states.shape == (1000, 41, 3)
+    lengths = np.linalg.norm(np.diff(states, axis=1), axis=2).sum(axis=1)
+    np.testing.assert_allclose(lengths, 0.5, atol=0.01)
+    assert states[..., 2].min() > 0.0 and states[..., 2].max() < 0.06
+    np.testing.assert_allclose(states[..., :2].mean(axis=1), 0.0, atol=1e-6)
+    assert len(np.unique(states[:, 0, 0])) == 1000
+
+
+def test_shipped_states_are_what_the_generator_makes():
+    store = softgym_mj.TASKS["straighten_rope"].build().store
+    for index in (0, 807):
+        made = TwistedRope().generate(index)
+        np.testing.assert_allclose(store.load(index), made, atol=1e-6)
+
+
+def test_shipped_states_stay_where_they_are(env):
+    for index in (3, 500, 999):
+        start = env.reset(index)
+        del start
+        before = env.task.rope.vertices()
+        for _ in range(10):
+            env.step(np.zeros(8))
+        moved = np.linalg.norm(env.task.rope.vertices() - before, axis=1)
+        assert moved.max() < SETTLED_SPEED * 0.8  # 0.8 s at less than the settled speed.
+
+
+def test_crumpled_sizes_are_seeded_and_in_range():
+    dims = np.array([CrumpledCloth().dims(i) for i in range(NUM_VARIATIONS)])
+    assert dims.min() == 60 and dims.max() == 119  # 2,000 draws of 60 values.
+    assert dims.mean() == pytest.approx(89.5, abs=1.0)
+    np.testing.assert_array_equal(
+        dims[:3], [CrumpledCloth("fast").dims(i) for i in range(3)]
+    )  # The same whatever the resolution.
+
+
+def test_crumpled_cloth_is_crumpled_and_at_rest():
+    for fidelity in ("fast", "default"):
+        env = softgym_mj.load("spread_cloth", split="evaluate", fidelity=fidelity)
+        env.reset(800)
+        cloth = env.task.cloth
+        vertices = cloth.vertices()
+        flat_area = np.prod(cloth.size)
+        assert env.task.initial_performance < 0.75 * flat_area
+        assert np.abs(cloth.edge_strain()).mean() < 0.03
+        for _ in range(3):
+            env.step(np.zeros(8))
+        moved = np.linalg.norm(cloth.vertices() - vertices, axis=1)
+        assert np.median(moved) < 0.005
+        # Doing nothing scores 0 (facts 1.8).
+        assert abs(env.info()["normalized_performance"]) < 0.02
+
+
+def test_a_flat_cloth_scores_one_in_every_orientation():
+    env = softgym_mj.load("spread_cloth", split="evaluate", fidelity="fast")
+    env.reset(800)
+    cloth = env.task.cloth
+    for angle in np.deg2rad([0.0, 15.0, 45.0, 100.0]):
+        cloth.set_vertices(cloth.flat(angle=angle))
+        env.task.after_step(env.physics, None)
+        info = env.info()
+        assert info["normalized_performance"] == pytest.approx(1.0, abs=0.003)
+        assert info["success"]

@@ -1,0 +1,54 @@
+"""Minutes-long checks: random episodes without a warning, restore time, scripted experts."""
+
+import time
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.baselines.scripted import make_policy
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_a_hundred_random_episodes_raise_no_warning(task):
+    env = softgym_mj.load(task, split=range(100), observation=["full", "reduced"])
+    random = np.random.default_rng(0)
+    lowest = np.inf
+    for variation in range(100):
+        env.reset(variation)
+        for _ in range(env.horizon):
+            timestep = env.step(random.uniform(-1, 1, 8))
+            assert np.isfinite(timestep.observation["full"]).all()
+            lowest = min(lowest, env.task.target.vertices()[:, 2].min())
+        assert timestep.last()
+        assert env.info()["physics_warnings"] == 0
+    assert lowest > -0.05
+
+
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_a_restore_takes_less_than_five_milliseconds(task):
+    env = softgym_mj.load(task, split="evaluate", observation="full")
+    env.reset(800)
+    snapshot = env.get_state()
+    times = []
+    for _ in range(50):
+        env.step(np.zeros(8))
+        start = time.perf_counter()
+        env.set_state(snapshot)
+        times.append(time.perf_counter() - start)
+    assert np.median(times) < 5e-3
+
+
+@pytest.mark.parametrize(("task", "mean"), [("straighten_rope", 0.95), ("spread_cloth", 0.7)])
+def test_the_scripted_expert_solves_the_evaluation_variations(task, mean):
+    env = softgym_mj.load(task, split="evaluate")
+    scores = []
+    for variation in range(800, 820):
+        act = make_policy(env)
+        timestep = env.reset(variation)
+        while not timestep.last():
+            timestep = env.step(act(timestep))
+        scores.append(env.info()["normalized_performance"])
+    assert np.mean(scores) >= mean
