@@ -28,8 +28,10 @@ def main() -> None:
             motion(scene, speed=speed)
             record = scene.record
             print(
-                f"{motion.__name__:16} {speed:4.2f} m/s  held error {1e3 * record.held_error:5.2f} mm"
-                f"  p99 strain {100 * record.strain_99:4.1f} %  lowest {1e3 * record.lowest:5.1f} mm"
+                f"{motion.__name__:16} {speed:4.2f} m/s"
+                f"  held error {1e3 * record.held_error:5.2f} mm"
+                f"  p99 strain {100 * record.strain_99:4.1f} %"
+                f"  lowest {1e3 * record.lowest:5.1f} mm"
                 f"  rest after {record.settle_time():4.2f} s  intersections: most "
                 f"{record.most_intersections}, end {record.end_intersections}"
                 f"  warnings {record.warnings}  ({time.process_time() - start:.1f} s CPU)",

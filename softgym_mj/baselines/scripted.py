@@ -1,22 +1,44 @@
-"""Scripted experts: what a hand-written policy reaches that sees the whole state.
+"""Scripted experts: hand-written policies that see the whole state.
 
-They read positions straight from the task, so they are no baseline for learning but a proof that
-the tasks can be solved with the pickers. Each is a generator of actions over the steps of an
-episode; all are deterministic.
+They read positions straight from the task: not baselines to learn against, but evidence that the
+pickers can solve the tasks. Each writes an episode as a generator of actions; all are
+deterministic.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import dm_env
 import numpy as np
 
+from softgym_mj.entities.rope import LENGTH
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, check_name
-from softgym_mj.robots.base import SIM_STEP  # noqa: F401
 from softgym_mj.robots.picker import MAX_DISPLACEMENT
 
-ARRIVED = 0.003  # [m] Distance at which a goal counts as reached.
-PASSED = 0.05  # [m] The same for a point to be passed on the way.
+ARRIVED = 0.003  # [m] Distance along every axis at which a goal counts as reached.
+PASSED = 0.05  # [m] The same for a point on the way.
+SLOW = 0.5  # Fraction of full speed at which something held is moved gently.
+LIFT = 0.8  # Fraction of full speed at which cloth is carried.
+
+# Rope [m]: safe height of the picker centres, grasp beyond the end and above it, pulling height.
+ROPE_APPROACH, ROPE_BEYOND, ROPE_ABOVE, ROPE_LIFT = 0.1, 0.008, 0.036, 0.1
+ROPE_TOLERANCE = 0.001  # [m] Error of the end distance at which pulling stops.
+ROPE_SPEED = 0.3  # Fraction of full speed at which the rope is pulled.
+
+REACH = 0.059  # [m] From picker centre to the vertex to be taken: 4 mm off the cloth.
+STANDOFF = 0.06  # [m] Further distance at which an approach starts.
+TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
+CLEAR = 0.003  # [m] Clearance from which a vertex counts as fully exposed.
+NEAR_CORNER = 2  # Grid steps from a corner within which a hold counts as one of the corner.
+PACE = 0.06  # [m] Way of the pickers in an env step while the cloth is dragged.
+TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pulled out.
+OVERSHOOT = 0.02  # [m] By which a vertex is pulled beyond its place; cloth springs back.
+MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.
+APART = 0.15  # [m] Least distance of two places that the pickers work at together.
+DONE = 0.98  # Normalised performance from which the cloth is left alone.
+ROUND_STEPS = 45  # Env steps that taking a side and dragging the cloth out need at least.
+PUT_STEPS = 13  # The same for putting vertices in their places.
+REDO = 0.35  # Normalised performance below which the cloth is taken up again if time allows.
 
 
 class Expert:
@@ -26,7 +48,7 @@ class Expert:
         """Binds the expert.
 
         Args:
-            env: environment of the expert's task with two pickers.
+            env: environment of the expert's task, with two pickers.
 
         Raises:
             OutOfRangeError: for another number of grippers.
@@ -35,11 +57,11 @@ class Expert:
         self._actor, self._target = env.task.actor, env.task.target
         if self._actor.num_grippers != 2:
             raise OutOfRangeError("num_grippers", self._actor.num_grippers, "2")
-        self._reach = MAX_DISPLACEMENT * env.task.action_repeat
+        self._stride = MAX_DISPLACEMENT * env.task.action_repeat
         self._plan = self._episode()
 
     def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
-        """The action (8,) in [-1, 1] for a time step."""
+        """The action (8,) in [-1, 1] for a time step; the first of an episode clears the memory."""
         if timestep.first():
             self._plan = self._episode()
         return next(self._plan)
@@ -48,37 +70,34 @@ class Expert:
         """Endless actions of an episode."""
         raise NotImplementedError
 
-    def _step(self, goals: np.ndarray, grips, speed: float = 1.0) -> np.ndarray:
-        """Action that moves the pickers straight towards `goals` (2, 3) [m].
-
-        Args:
-            goals: picker centres, clipped to the workspace.
-            grips: two flags, true to hold.
-            speed: largest fraction of the pickers' speed along an axis.
-        """
-        delta = (np.clip(goals, *self._actor.limits) - self._actor.positions()) / self._reach
+    def _step(self, goals: np.ndarray, grips: Sequence[bool], speed: float = 1.0) -> np.ndarray:
+        """Action (8,) that moves the pickers straight towards `goals` (2, 3) [m] at `speed`."""
+        delta = (np.clip(goals, *self._actor.limits) - self._actor.positions()) / self._stride
         delta *= speed / max(np.abs(delta).max(), speed)
-        grip = np.where(grips, 1.0, -1.0)
-        return np.column_stack([delta, grip]).ravel()
+        return np.column_stack([delta, np.where(grips, 1.0, -1.0)]).ravel()
 
-    def _move(
-        self, goals, grips, speed: float = 1.0, near: float = ARRIVED
-    ) -> Iterator[np.ndarray]:
-        """Actions until the pickers are within `near` [m] of `goals`."""
+    def _move(self, goals, grips, speed=1.0, near=ARRIVED) -> Iterator[np.ndarray]:
+        """Actions until both pickers are within `near` [m] of `goals`, clipped to the workspace."""
         goals = np.clip(goals, *self._actor.limits)
         while np.abs(goals - self._actor.positions()).max() >= near:
             yield self._step(goals, grips, speed)
 
-    def _wait(self, grips, steps: int = 1) -> Iterator[np.ndarray]:
-        """Actions that stay in place for `steps` env steps."""
-        for _ in range(steps):
-            yield self._step(self._actor.positions(), grips)
+    def _raised(self, height: float) -> np.ndarray:
+        """Picker centres (2, 3) [m], lifted to `height` [m]."""
+        positions = self._actor.positions()
+        positions[:, 2] = height
+        return positions
 
+    def _rest(self, grips) -> np.ndarray:
+        """Action that stays in place."""
+        return self._step(self._actor.positions(), grips)
 
-ROPE_APPROACH = 0.1  # [m] Height of the picker centres above the ends before they go down.
-ROPE_GRASP = (0.008, 0.036)  # [m] Grasp point beyond the end along the rope and above it.
-ROPE_LIFT = 0.1  # [m] Height at which the rope is pulled.
-ROPE_SLOW = 0.3  # Fraction of full speed at which the rope is pulled.
+    def _matched(self, vertices: Sequence[int]) -> list[int]:
+        """Two vertices in the order of the pickers that reaches them on the shorter ways."""
+        starts, goals = self._actor.positions(), self._target.vertices()[list(vertices)]
+        direct = np.linalg.norm(starts - goals, axis=1).sum()
+        crossed = np.linalg.norm(starts - goals[::-1], axis=1).sum()
+        return list(vertices) if direct <= crossed else list(vertices)[::-1]
 
 
 class StraightenRope(Expert):
@@ -86,375 +105,286 @@ class StraightenRope(Expert):
 
     def _episode(self):
         rope = self._env.task.rope
-        ends = np.array(rope.ends)
-        inner = np.array([ends[0] + 2, ends[1] - 2])
-        if _crosses(self._actor.positions(), self._target.vertices()[ends]):
-            ends, inner = ends[::-1], inner[::-1]
-        for _ in range(4):
-            up = self._actor.positions()
-            up[:, 2] = ROPE_APPROACH
-            yield from self._move(up, (0, 0))
+        ends = self._matched(rope.ends)
+        while not np.all(np.isin(self._actor.held, ends)):
+            yield from self._move(self._raised(ROPE_APPROACH), (0, 0))
             vertices = self._target.vertices()
+            inner = [end + 2 if end == 0 else end - 2 for end in ends]
             tangent = vertices[ends] - vertices[inner]
             tangent[:, 2] = 0.0
             tangent /= np.linalg.norm(tangent, axis=1, keepdims=True) + 1e-9
-            grasp = vertices[ends] + ROPE_GRASP[0] * tangent + [0.0, 0.0, ROPE_GRASP[1]]
+            grasp = vertices[ends] + ROPE_BEYOND * tangent + [0.0, 0.0, ROPE_ABOVE]
             above = grasp.copy()
             above[:, 2] = ROPE_APPROACH
             yield from self._move(above, (0, 0))
-            yield from self._move(grasp, (0, 0), 0.5)
-            yield from self._wait((1, 1))
-            if np.all(np.isin(self._actor.held, ends)):
-                break
-            print(self._actor.held, ends)
-        low, high = self._actor.limits
-        centre = (low + high) / 2
-        natural = 0.5
-        lifted = self._actor.positions()
-        lifted[:, 2] = ROPE_LIFT
-        yield from self._move(lifted, (1, 1), 0.5)
-        for _ in range(40):
-            a, b = self._target.vertex(ends[0]), self._target.vertex(ends[1])
-            error = natural - rope.end_distance()
-            if abs(error) < 0.001:
-                break
-            line = a - b
-            line[2] = 0
-            line /= np.linalg.norm(line)
-            p = self._actor.positions()
-            mid = p.mean(axis=0)
-            goals = np.array([p[0] + line * error / 2, p[1] - line * error / 2])
-            shift = np.array([*(centre - mid)[:2], 0])
-            yield self._step(goals + shift, (1, 1), ROPE_SLOW)
-        down = self._actor.positions()
-        down[:, 2] = ROPE_GRASP[1]
-        yield from self._move(down, (1, 1), ROPE_SLOW)
+            yield from self._move(grasp, (0, 0), SLOW)
+            yield self._rest((1, 1))
+        yield from self._move(self._raised(ROPE_LIFT), (1, 1), SLOW)
+        centre = np.mean(self._actor.limits, axis=0)
+        while abs(error := LENGTH - rope.end_distance()) > ROPE_TOLERANCE:
+            line = self._target.vertex(ends[0]) - self._target.vertex(ends[1])
+            line *= [1.0, 1.0, 0.0]
+            line *= error / 2 / (np.linalg.norm(line) + 1e-9)
+            positions = self._actor.positions()
+            to_centre = (centre - positions.mean(axis=0)) * [1.0, 1.0, 0.0]
+            yield self._step(positions + [line, -line] + to_centre, (1, 1), ROPE_SPEED)
+        yield from self._move(self._raised(ROPE_ABOVE), (1, 1), ROPE_SPEED)
         while True:
-            yield from self._wait((1, 1))
-
-
-def _crosses(starts, goals) -> bool:
-    """Whether exchanging the goals (2, 3) shortens the way from the starts (2, 3)."""
-    direct = np.linalg.norm(starts - goals, axis=1).sum()
-    return np.linalg.norm(starts - goals[::-1], axis=1).sum() < direct
-
-
-CLOTH_REACH = (
-    0.059  # [m] Distance from picker centre to the vertex to be taken: 4 mm off the cloth.
-)
-STANDOFF = 0.06  # [m] Further distance at which an approach starts.
-TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
-PACE = 0.06
-LIFT = 0.8
-SLOW = 0.5  # Fraction of full speed while a cloth is stretched.
+            yield self._rest((1, 1))
 
 
 def _directions() -> np.ndarray:
-    """Approach directions (n, 3) over the upper half-sphere, the steepest first."""
-    rows = [(np.pi / 2, 1)] + [(np.deg2rad(e), 12) for e in (70, 52, 35, 18, 0)]
-    return np.array(
-        [
-            (np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e))
-            for e, n in rows
-            for a in 2 * np.pi * np.arange(n) / n
-        ]
-    )
+    """Unit vectors (n, 3) over the upper half-sphere, the vertical first."""
+    rows = [(90, 1), (70, 12), (52, 12), (35, 12), (18, 12), (0, 12)]  # (elevation [deg], number)
+    angles = [(np.deg2rad(e), 2 * np.pi * k / n) for e, n in rows for k in range(n)]
+    return np.array([(np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)) for e, a in angles])
+
+
+_DIRECTIONS = _directions()
 
 
 class SpreadCloth(Expert):
-    """Takes two adjacent corners, drags the cloth out, then pulls the other places right."""
-
-    _DIRECTIONS = _directions()
-
-    def _grasp(self, vertex: int) -> tuple[np.ndarray, np.ndarray, float]:
-        """Where to take a vertex: picker centre (3,) [m], direction (3,) and clearance [m].
-
-        The clearance is how much further than the vertex its nearest competitor is, not counting
-        those next to it in the sheet.
-        """
-        vertices = self._target.vertices()
-        low, high = self._actor.limits
-        centres = vertices[vertex] + CLOTH_REACH * self._DIRECTIONS
-        inside = np.clip(centres, low, high)
-        distance = np.linalg.norm(inside[:, None] - vertices, axis=2)
-        own = distance[:, vertex].copy()
-        distance[:, vertex] = np.inf
-        clearance = distance.min(axis=1) - own
-        clearance[own > self._actor.pick_distance] = -1.0
-        best = int(np.argmax(np.minimum(clearance, 0.005)))
-        return inside[best], self._DIRECTIONS[best], float(clearance[best])
-
-    def _take(self, pickers, vertices, grips, tries: int = 2):
-        """Takes `vertices` with `pickers`, others keep `grips`; grips (2,) is changed."""
-        for _ in range(tries):
-            todo = [(i, v) for i, v in zip(pickers, vertices) if not grips[i]]
-            if not todo:
-                return
-            up = self._actor.positions()
-            for i, _ in todo:
-                up[i, 2] = max(TRAVEL_HEIGHT, up[i, 2])
-            yield from self._move(up, grips, near=PASSED)
-            for stage in (0, 1, 2):
-                goals = self._actor.positions()
-                for i, v in todo:
-                    centre, direction, _ = self._grasp(v)
-                    goals[i] = centre + STANDOFF * direction * (stage < 2)
-                    if stage == 0:
-                        goals[i, 2] = up[i, 2]
-                yield from self._move(
-                    goals, grips, 1.0 if stage < 2 else SLOW, ARRIVED if stage else PASSED
-                )
-            for i, _ in todo:
-                grips[i] = 1
-            yield from self._wait(grips)
-            held = self._actor.held
-            for i, v in todo:
-                if held[i] < 0 or self._grid_distance(held[i], v) > 2:
-                    grips[i] = 0
-
-    def _grid_distance(self, a: int, b: int) -> int:
-        columns = self._env.task.cloth.shape[1]
-        return max(abs(a // columns - b // columns), abs(a % columns - b % columns))
-
-    def _pairs(self):
-        """The four sides as (corner, corner, length)."""
-        p1, p2, p3, p4 = self._env.task.cloth.corners.tolist()
-        width, depth = self._env.task.cloth.size
-        return [(p1, p2, depth), (p3, p4, depth), (p1, p3, width), (p2, p4, width)]
+    """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
 
     def _episode(self):
+        dragged = False
         self.log = []
-        first = True
         while True:
             score = self._env.task.info()["normalized_performance"]
             left = self._env.horizon - self._env.step_count
             self.log.append((self._env.step_count, round(score, 2)))
-            if first or (score < 0.45 and left > 45):
-                first = False
-                grips = np.zeros(2)
+            if not dragged or (score < REDO and left > ROUND_STEPS):
+                dragged = True
+                grips = [0, 0]
                 yield from self._take_side(grips)
-                if grips.all():
+                if all(grips):
                     yield from self._drag(grips)
                 continue
-            places = self._misplaced() if score < 0.97 and left > 12 else []
+            places = self._misplaced() if score < DONE and left > PUT_STEPS else {}
             if places:
                 yield from self._put(places)
-                continue
-            yield from self._park()
-            self.log.append("park")
-            while True:
-                yield from self._wait((0, 0))
+            else:
+                yield from self._move(self._raised(TRAVEL_HEIGHT), (0, 0))
+                yield self._rest((0, 0))
+
+    # ------------------------------------------------------------------ the sheet
+
+    def _steps(self, a: int, b: int) -> int:
+        """Grid steps between two vertices, diagonal ones counted once."""
+        columns = self._env.task.cloth.shape[1]
+        return max(abs(a // columns - b // columns), abs(a % columns - b % columns))
+
+    def _corner(self, vertex: int) -> int | None:
+        """The corner that a vertex stands for, None if there is none near."""
+        corner = min(self._env.task.cloth.corners.tolist(), key=lambda c: self._steps(c, vertex))
+        return corner if vertex >= 0 and self._steps(corner, vertex) <= NEAR_CORNER else None
+
+    def _sides(self) -> list[tuple[int, int, float]]:
+        """The sides as (corner, corner, length [m])."""
+        p1, p2, p3, p4 = self._env.task.cloth.corners.tolist()
+        width, depth = self._env.task.cloth.size
+        return [(p1, p2, depth), (p3, p4, depth), (p1, p3, width), (p2, p4, width)]
 
     def _registered(self) -> np.ndarray:
-        """The flat cloth (n, 3) laid where most of the cloth is."""
+        """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
         vertices = self._target.vertices()
-        best = None
+        fits = []
         for mirror in (1.0, -1.0):
             flat = self._env.task.cloth.flat() * [1.0, mirror, 1.0]
-            weights = np.ones(len(flat))
-            for _ in range(20):
-                w = weights / weights.sum()
-                p, q = w @ flat[:, :2], w @ vertices[:, :2]
-                u, _, vt = np.linalg.svd((flat[:, :2] - p).T @ (w[:, None] * (vertices[:, :2] - q)))
-                rotation = u @ np.diag([1.0, np.linalg.det(u @ vt)]) @ vt
-                placed = flat.copy()
-                placed[:, :2] = (flat[:, :2] - p) @ rotation + q
-                residual = np.linalg.norm(placed - vertices, axis=1)
+            residual = np.ones(len(flat))
+            for _ in range(20):  # Iteratively reweighted Procrustes: folds are outliers.
                 weights = 1.0 / (0.02 + residual)
-            cost = np.log(0.02 + residual).sum()
-            if best is None or cost < best[0]:
-                best = cost, placed
-        return best[1]
+                weights /= weights.sum()
+                mean, goal = weights @ flat[:, :2], weights @ vertices[:, :2]
+                moment = (flat[:, :2] - mean).T @ (weights[:, None] * (vertices[:, :2] - goal))
+                u, _, vt = np.linalg.svd(moment)
+                rotation = u @ np.diag([1.0, np.linalg.det(u @ vt)]) @ vt
+                placed = np.column_stack([(flat[:, :2] - mean) @ rotation + goal, flat[:, 2]])
+                residual = np.linalg.norm(placed - vertices, axis=1)
+            fits.append((np.log(0.02 + residual).sum(), placed))
+        return min(fits, key=lambda fit: fit[0])[1]
 
-    def _misplaced(self):
-        """Up to two exposed vertices far from their places, each with its place."""
-        placed, vertices = self._registered(), self._target.vertices()
-        offset = placed - vertices
-        distance = np.linalg.norm(offset[:, :2], axis=1)
-        distance[self._env.task.cloth.corners] *= 1.5
-        chosen = []
-        for v in np.argsort(-distance)[:120].tolist():
-            if distance[v] < 0.04 or len(chosen) == 2:
-                break
-            apart = all(
-                min(
-                    np.linalg.norm(vertices[v] - vertices[w]),
-                    np.linalg.norm(placed[v] - placed[w]),
-                )
-                > 0.15
-                for w, _ in chosen
-            )
-            if apart and self._grasp(v)[2] > -0.001:
-                goal = placed[v] + 0.02 * offset[v] / np.linalg.norm(offset[v])
-                chosen.append((v, goal))
-        return chosen
+    # ------------------------------------------------------------------ taking
 
-    def _put(self, places):
-        """Takes vertices and puts them in their places."""
-        grips = np.zeros(2)
-        vertices = [v for v, _ in places]
-        if len(places) == 2:
-            pickers = [0, 1]
-            if _crosses(self._actor.positions(), self._target.vertices()[vertices]):
-                pickers = [1, 0]
-        else:
-            pickers = [self._nearest_picker(vertices[0])]
-        yield from self._take(pickers, vertices, grips, 1)
-        if not grips.any():
-            return
-        start = self._actor.positions()
-        goals = start.copy()
-        for i, (v, place) in zip(pickers, places):
-            if grips[i]:
-                goals[i, :2] = place[:2] - (self._target.vertex(v) - start[i])[:2]
-        apex = (start + goals) / 2
-        apex[:, 2] = start[:, 2] + np.clip(np.linalg.norm(goals - start, axis=1) / 2, 0.03, 0.2)
-        goals[:, 2] = np.where(grips, self._actor.limits[0][2], goals[:, 2])
-        apex[grips == 0] = goals[grips == 0]
-        yield from self._move(apex, grips, SLOW)
-        yield from self._move(goals, grips, SLOW)
-        yield from self._wait((0, 0), 1)
+    def _grasp(self, vertex: int) -> tuple[np.ndarray, np.ndarray, float]:
+        """How to take a vertex: picker centre (3,) [m], direction (3,) and clearance [m].
+
+        The clearance is how much further the next vertex is; negative: another one is taken.
+        """
+        centres = self._target.vertex(vertex) + REACH * _DIRECTIONS
+        centres = np.clip(centres, *self._actor.limits)
+        distance = np.linalg.norm(centres[:, None] - self._target.vertices(), axis=2)
+        own = distance[:, vertex].copy()
+        distance[:, vertex] = np.inf
+        clearance = distance.min(axis=1) - own
+        clearance[own > self._actor.pick_distance] = -1.0
+        best = int(np.argmax(np.minimum(clearance, CLEAR)))
+        return centres[best], _DIRECTIONS[best], float(min(clearance[best], CLEAR))
+
+    def _exposed_near(self, goals: Sequence[int]) -> int:
+        """The free vertex that can be taken and is the fewest grid steps from one of `goals`."""
+        free = np.setdiff1d(np.arange(self._target.num_vertices), self._actor.held).tolist()
+        free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
+        return next((v for v in free if self._grasp(v)[2] > 0.0), free[0])
+
+    def _take(self, wanted: dict[int, int], grips: list) -> Iterator[np.ndarray]:
+        """Takes vertices, `wanted` by picker, and lifts off; sets `grips` where it succeeds."""
         up = self._actor.positions()
-        up[:, 2] = TRAVEL_HEIGHT
-        yield from self._move(up, (0, 0))
-
-    def _at_corner(self, vertex):
-        corner = min(self._env.task.cloth.corners, key=lambda c: self._grid_distance(c, vertex))
-        return corner if self._grid_distance(corner, vertex) <= 2 else None
-
-    def _take_side(self, grips):
-        """Takes the two ends of a side, one after the other where the cloth has to be lifted."""
-        low, high = self._actor.limits
-        centre = (low + high) / 2
-        cloth = self._env.task.cloth
-        corners = cloth.corners.tolist()
-        clear = {c: min(self._grasp(c)[2], 0.003) for c in corners}
-        sides = self._pairs()
-        a, b, length = max(sides, key=lambda p: (min(clear[p[0]], clear[p[1]]), p[2]))
-        if min(clear[a], clear[b]) >= 0.0:
-            take = [a, b]
-            if _crosses(self._actor.positions(), self._target.vertices()[take]):
-                take.reverse()
-            yield from self._take((0, 1), take, grips)
-        for trial in range(5):
-            self.log.append((self._env.step_count, self._actor.held.tolist()))
-            if grips.all():
-                if all(self._at_corner(h) is not None for h in self._actor.held) or trial > 2:
-                    return
-                # Keep the better one.
-                i = 0 if self._at_corner(self._actor.held[0]) is not None else 1
-                grips[1 - i] = 0
-            if not grips.any():
-                corner = self._exposed_near(corners)
-                i = self._nearest_picker(corner)
-                yield from self._take((i,), (corner,), grips, 1)
-                if not grips.any():
-                    continue
-            i = int(np.argmax(grips))
+        for i in wanted:
+            up[i, 2] = max(TRAVEL_HEIGHT, up[i, 2])
+        yield from self._move(up, grips, near=PASSED)
+        for stage, near in (("over", PASSED), ("standoff", PASSED / 2), ("grasp", ARRIVED)):
             goals = self._actor.positions()
-            if goals[i, 2] < high[2] - 0.01:
-                goals[i] = [*centre[:2], high[2]]
-                y = low[1] if goals[1 - i, 1] < centre[1] else high[1]
-                goals[1 - i] = [centre[0], y, high[2]]
-                yield from self._move(goals, grips)
-                yield from self._wait(grips, 1)
-            corner = self._at_corner(self._actor.held[i])
-            near = corners
-            if corner is not None:
-                near = [p[1] if p[0] == corner else p[0] for p in sides if corner in p[:2]]
-            best = max(near, key=lambda c: min(self._grasp(c)[2], 0.005))
-            if self._grasp(best)[2] < 0.0:
-                best = self._exposed_near(near)
-            yield from self._take((1 - i,), (best,), grips, 1)
+            for i, vertex in wanted.items():
+                centre, direction, _ = self._grasp(vertex)
+                goals[i] = centre + STANDOFF * direction * (stage != "grasp")
+                if stage == "over":
+                    goals[i, 2] = max(goals[i, 2], up[i, 2])
+            yield from self._move(goals, grips, near=near)
+        for i in wanted:
+            grips[i] = 1
+        yield self._step(goals, grips)
+        for i, vertex in wanted.items():
+            held = int(self._actor.held[i])
+            grips[i] = int(held >= 0 and self._steps(held, vertex) <= NEAR_CORNER)
 
-    def _exposed_near(self, goals):
-        """The exposed vertex with the fewest meshes to one of `goals`."""
-        held = self._actor.held
-        order = sorted(
-            (min(self._grid_distance(g, v) for g in goals), v)
-            for v in range(self._target.num_vertices)
-            if v not in held
-        )
-        for _, v in order:
-            if self._grasp(v)[2] > 0.0:
-                return v
-        return order[0][1]
-
-    def _nearest_picker(self, vertex):
+    def _nearest_picker(self, vertex: int) -> int:
         offsets = self._actor.positions() - self._target.vertex(vertex)
         return int(np.argmin(np.linalg.norm(offsets, axis=1)))
 
-    def _park(self):
-        goals = self._actor.positions()
-        goals[:, 2] = self._actor.limits[1][2]
-        yield from self._move(goals, (0, 0))
+    def _take_side(self, grips: list) -> Iterator[np.ndarray]:
+        """Takes the ends of a side, one after the other where the cloth has to be lifted."""
+        low, high = self._actor.limits
+        corners, sides = self._env.task.cloth.corners.tolist(), self._sides()
+        clear = {c: self._grasp(c)[2] for c in corners}
+        a, b, _ = max(sides, key=lambda side: (min(clear[side[0]], clear[side[1]]), side[2]))
+        if min(clear[a], clear[b]) > 0.0:
+            yield from self._take(dict(enumerate(self._matched([a, b]))), grips)
+        for trial in range(6):
+            self.log.append((self._env.step_count, self._actor.held.tolist()))
+            at_corner = [self._corner(int(held)) is not None for held in self._actor.held]
+            if all(grips):
+                if all(at_corner) or trial > 3:
+                    return
+                grips[int(at_corner[0])] = 0  # Go on with the one at a corner.
+            if not any(grips):
+                vertex = self._exposed_near(corners)
+                yield from self._take({self._nearest_picker(vertex): vertex}, grips)
+                if not any(grips):
+                    continue
+            holding = int(np.argmax(grips))
+            goals = self._actor.positions()
+            if goals[holding, 2] < high[2] - PASSED:
+                side = low[1] if goals[1 - holding, 1] < goals[holding, 1] else high[1]
+                goals[1 - holding, 1:] = side, TRAVEL_HEIGHT
+                goals[holding] = [*(low + high)[:2] / 2, high[2]]
+                yield from self._move(goals, grips, LIFT, PASSED)
+                yield self._step(goals, grips)
+            corner = self._corner(int(self._actor.held[holding]))
+            near = {c: 0.0 for c in corners}
+            if corner is not None:
+                near = {a if b == corner else b: l for a, b, l in sides if corner in (a, b)}
+            vertex = max(near, key=lambda c: (self._grasp(c)[2], near[c]))
+            if self._grasp(vertex)[2] <= 0.0:
+                vertex = self._exposed_near(list(near))
+            yield from self._take({1 - holding: vertex}, grips)
 
-    def _drag(self, grips):
+    # ------------------------------------------------------------------ moving
+
+    def _drag(self, grips: list) -> Iterator[np.ndarray]:
+        """Stretches the held side along Y and pulls the cloth out along X, down to the floor."""
         low, high = self._actor.limits
         centre = (low + high) / 2
-        cloth = self._env.task.cloth
-        a, b = self._actor.held
-        flat = cloth.flat()
-        width = np.linalg.norm(flat[a] - flat[b])
-        away = flat - (flat[a] + flat[b]) / 2
+        flat, (a, b) = self._env.task.cloth.flat(), self._actor.held
+        width = np.linalg.norm(flat[b] - flat[a])
         across = (flat[b] - flat[a]) / width
-        away -= np.outer(away @ across, across)
-        distance = np.linalg.norm(away, axis=1)
-        depth = distance.max()
-        tail = np.flatnonzero(distance > depth - 0.01)
-        offset = self._target.vertices()[[a, b]] - self._actor.positions()
-        sign = 1 if self._target.vertex(a)[1] > self._target.vertex(b)[1] else -1
-        line = np.array([[0, sign * 0.98 * width / 2, 0], [0, -sign * 0.98 * width / 2, 0]])
-        x = lambda: self._target.vertices()[tail, 0].mean() - centre[0]
-        side = -1.0 if x() > 0 else 1.0
+        away = flat - (flat[a] + flat[b]) / 2
+        away = np.linalg.norm(away - np.outer(away @ across, across), axis=1)
+        depth, tail = away.max(), np.flatnonzero(away > away.max() - 0.01)
+        offset = (self._target.vertices()[[a, b]] - self._actor.positions()) * [1.0, 1.0, 0.0]
+        sign = np.sign(self._target.vertex(a)[1] - self._target.vertex(b)[1]) or 1.0
+        line = np.array([[0.0, sign * width / 2, 0.0], [0.0, -sign * width / 2, 0.0]])
 
-        def pose(x, z):
-            goals = line - offset * [1, 1, 0] + [centre[0] + x, centre[1], 0]
+        def tail_x() -> float:
+            return float(self._target.vertices()[tail, 0].mean() - centre[0])
+
+        def now_x() -> float:
+            return float((self._actor.positions() + offset)[:, 0].mean() - centre[0])
+
+        def pose(x: float, z: float) -> np.ndarray:
+            goals = line - offset + centre + [x, 0.0, 0.0]
             goals[:, 2] = z
             return goals
 
-        lift = self._actor.positions()
-        lift[:, 2] = high[2]
-        yield from self._move(lift, grips, LIFT, PASSED)
-        self.log.append((self._env.step_count, "lifted"))
-        yield from self._move(pose(x(), high[2]), grips, LIFT, 0.02)
-        self.log.append((self._env.step_count, "posed"))
+        way = -1.0 if tail_x() > 0.0 else 1.0
         edge = high[0] - centre[0]
-        for _ in range(12):
-            if edge - side * x() > depth + 0.1:
-                break
-            now = self._actor.positions()[:, 0].mean() - centre[0]
-            if side * now < -edge + 0.02:
-                break
-            yield self._step(pose(now - side * 0.08, high[2]), grips, LIFT)
-        now = self._actor.positions()[:, 0].mean() - centre[0]
+        yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
+        yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)
+        # Make room: carry the tail back until the whole cloth fits between it and the edge.
+        while edge - way * tail_x() < depth + 0.02 and way * now_x() > -edge + PACE:
+            yield self._step(pose(now_x() - way * PACE, high[2]), grips, LIFT)
         taut = 0
-        self.log.append((self._env.step_count, "away"))
-        for _ in range(40):
-            now += side * PACE
-            reach = side * (now - x())
-            z = np.sqrt(max(depth**2 - max(reach, 0.0) ** 2, 0.0))
-            yield self._step(pose(now, min(z, high[2])), grips, 1.0)
-            low_enough = self._actor.positions()[:, 2].max() < low[2] + 0.01
-            taut += reach > 0.97 * depth and low_enough
-            if taut > 2 or side * now > edge:
+        x = now_x()
+        self.log.append((self._env.step_count, 'away'))
+        while taut < 2 and way * x < edge:
+            x += way * PACE
+            reach = max(way * (x - tail_x()), 0.0)
+            height = np.sqrt(max(depth**2 - reach**2, 0.0))
+            yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
+            taut += reach > TAUT * depth
+        yield from self._move(pose(x, low[2]), grips, SLOW)
+        yield self._step(self._raised(TRAVEL_HEIGHT), (0, 0))
+
+    def _misplaced(self) -> dict[int, np.ndarray]:
+        """Up to two vertices that can be taken far from their places, each with its goal [m]."""
+        placed, vertices = self._registered(), self._target.vertices()
+        offset = placed - vertices
+        distance = np.linalg.norm(offset[:, :2], axis=1)
+        value = distance.copy()
+        value[self._env.task.cloth.corners] *= 1.5
+        chosen: dict[int, np.ndarray] = {}
+        for v in np.argsort(-value).tolist():
+            if value[v] < MISPLACED or len(chosen) == 2:
                 break
-        goals = self._actor.positions()
-        goals[:, 2] = low[2]
+            others = [*chosen]
+            apart = [np.linalg.norm(points[v] - points[others], axis=1) for points in (placed, vertices)]
+            if np.min(apart, initial=1.0) > APART and self._grasp(v)[2] > 0.0:
+                chosen[v] = placed[v] + OVERSHOOT * offset[v] / np.linalg.norm(offset[v])
+        return chosen
+
+    def _put(self, places: dict[int, np.ndarray]) -> Iterator[np.ndarray]:
+        """Takes vertices, swings them over in an arc and puts them down at their goals [m]."""
+        if len(places) == 2:
+            wanted = dict(enumerate(self._matched(list(places))))
+        else:
+            wanted = {self._nearest_picker(v): v for v in places}
+        grips = [0, 0]
+        yield from self._take(wanted, grips)
+        start, goals = self._actor.positions(), self._actor.positions()
+        for i, vertex in wanted.items():
+            if grips[i]:
+                goals[i] += places[vertex] - self._target.vertex(vertex)
+                goals[i, 2] = self._actor.limits[0][2]
+            else:
+                goals[i, 2] = TRAVEL_HEIGHT
+        arc = (start + goals) / 2
+        arc[:, 2] = np.maximum(arc[:, 2], np.linalg.norm(goals - start, axis=1) / 2)
+        yield from self._move(arc, grips, SLOW, PASSED)
         yield from self._move(goals, grips, SLOW)
-        yield from self._wait(grips, 1)
-        yield from self._wait((0, 0), 1)
-        yield from self._park()
+        yield self._step(self._raised(TRAVEL_HEIGHT), (0, 0))
 
 
 EXPERTS: dict[str, type[Expert]] = {"straighten_rope": StraightenRope, "spread_cloth": SpreadCloth}
 
 
 def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
-    """The expert for an environment.
+    """The expert for the task of an environment.
+
+    Args:
+        env: environment with two pickers.
 
     Raises:
-        UnknownNameError: if its task has none.
+        UnknownNameError: if the task has no expert.
     """
     check_name("task", env.name, EXPERTS)
     return EXPERTS[env.name](env)
