@@ -50,7 +50,7 @@ class Picker(Actor):
                 "geom", name="sphere", type="sphere", size=[self._radius], rgba=COLOR
             )
             self._spheres.append(sphere)
-        self._held = np.full(num_pickers, -1)
+        self._held = [-1] * num_pickers  # A list: it is read several times in every sim step.
         self._offset = np.zeros((num_pickers, 3))
         self._centre = np.zeros((num_pickers, 3))
         self._old_centre = np.zeros((num_pickers, 3))
@@ -81,7 +81,7 @@ class Picker(Actor):
 
     @property
     def held(self) -> np.ndarray:
-        return self._held.copy()
+        return np.array(self._held)
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
@@ -116,7 +116,7 @@ class Picker(Actor):
 
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._target.release_all()
-        self._held[:] = -1
+        self._held = [-1] * self.num_grippers
         self._set_workspace(workspace)
         self._centre[:] = positions
         self._old_centre[:] = positions
@@ -133,39 +133,40 @@ class Picker(Actor):
         self._grips = (action[:, 3] > 0.0).tolist()
 
     def plan(self) -> None:
-        held = self._held.tolist()
+        held, target = self._held, self._target
         for i, grip in enumerate(self._grips):
             if not grip and held[i] >= 0:
-                self._target.release(held[i])
-                self._held[i] = held[i] = -1
-        self._old_centre[:] = self._centre
-        self._centre += self._displacement
-        np.minimum(self._centre, self._high, out=self._centre)
-        np.maximum(self._centre, self._low, out=self._centre)
-        np.subtract(self._centre, self._old_centre, out=self._step)
+                target.release(held[i])
+                held[i] = -1
+        centre, old_centre = self._centre, self._old_centre
+        old_centre[:] = centre
+        centre += self._displacement
+        np.minimum(centre, self._high, out=centre)
+        np.maximum(centre, self._low, out=centre)
+        np.subtract(centre, old_centre, out=self._step)
         for i, grip in enumerate(self._grips):
             if grip and held[i] < 0:
-                held[i] = self._pick(i, held)
+                self._pick(i)
 
-    def _pick(self, i: int, held: list[int]) -> int:
-        """Takes the nearest free vertex within reach; returns its index or -1."""
+    def _pick(self, i: int) -> None:
+        """Takes the nearest free vertex within reach, if there is one."""
         offsets = self._target.offsets(self._old_centre[i])
         distances = np.einsum("ij,ij->i", offsets, offsets)
-        for vertex in held:
+        for vertex in self._held:
             if vertex >= 0:
                 distances[vertex] = np.inf
         nearest = int(distances.argmin())
-        if distances[nearest] > self._pick_distance**2:
-            return -1
-        self._held[i] = nearest
-        self._offset[i] = offsets[nearest]
-        self._target.hold(nearest)
-        return nearest
+        if distances[nearest] <= self._pick_distance**2:
+            self._held[i] = nearest
+            self._offset[i] = offsets[nearest]
+            self._target.hold(nearest)
 
     def move(self, fraction: float, timestep: float) -> None:
-        position = self._centre - (1.0 - fraction) * self._step
+        position = self._centre
+        if fraction < 1.0:
+            position = position - (1.0 - fraction) * self._step
         self._mocap_pos[:] = position
-        for i, vertex in enumerate(self._held.tolist()):
+        for i, vertex in enumerate(self._held):
             if vertex >= 0:
                 goal = position[i] + self._offset[i]
                 goal[2] = max(goal[2], self._target.radius)
@@ -175,7 +176,7 @@ class Picker(Actor):
         """Where each held vertex belongs (num_pickers, 3) [m]; NaN where none is held."""
         goals = self._centre + self._offset
         goals[:, 2] = np.maximum(goals[:, 2], self._target.radius)
-        goals[self._held < 0] = np.nan
+        goals[self.held < 0] = np.nan
         return goals
 
     def positions(self) -> np.ndarray:
@@ -183,7 +184,7 @@ class Picker(Actor):
 
     def get_state(self) -> dict[str, np.ndarray]:
         return {
-            "held": self._held.copy(),
+            "held": self.held,
             "offset": self._offset.copy(),
             "centre": self._centre.copy(),
             "workspace": np.array([self._workspace.low, self._workspace.high]),
@@ -191,11 +192,12 @@ class Picker(Actor):
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         self._target.release_all()
-        self._held[:] = state["held"]
+        self._held = [int(vertex) for vertex in state["held"]]
         self._offset[:] = state["offset"]
         self._centre[:] = state["centre"]
         self._old_centre[:] = state["centre"]
         low, high = state["workspace"]
         self._set_workspace(Workspace(tuple(low), tuple(high)))
-        for vertex in self._held[self._held >= 0]:
-            self._target.hold(int(vertex))
+        for vertex in self._held:
+            if vertex >= 0:
+                self._target.hold(vertex)
