@@ -10,7 +10,7 @@ import numpy as np
 from dm_control import composer
 from dm_control.composer import observation
 
-from softgym_mj.exceptions import OutOfRangeError, SnapshotError
+from softgym_mj.exceptions import SnapshotError, check_count
 from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.variations import check_variation, split_indices
 
@@ -23,6 +23,7 @@ class Snapshot:
 
     Attributes:
         task_name: task it was taken from.
+        layout: `DeformableTask.state_layout` of that task.
         physics: mjSTATE_INTEGRATION vector of mjData.
         task: memory of the task and its actor: variation, bounds, what is held.
         step_count: env steps since reset.
@@ -31,6 +32,7 @@ class Snapshot:
     """
 
     task_name: str
+    layout: tuple
     physics: np.ndarray
     task: dict
     step_count: int
@@ -67,14 +69,8 @@ class Environment(composer.Environment):
         Raises:
             UnknownNameError, OutOfRangeError: for a bad split or horizon.
         """
-        if horizon < 1:
-            raise OutOfRangeError("horizon", horizon, "1 or more")
-        if isinstance(split, str):
-            self._variations: Sequence[int] = split_indices(split)
-        else:
-            self._variations = [check_variation(index) for index in split]
-        if not len(self._variations):
-            raise OutOfRangeError("split", split, "a split name or at least one variation")
+        check_count("horizon", horizon, 1)
+        self._variations = split_indices(split)
         self._name, self._horizon = name, horizon
         self._step_count = 0
         task.choose_variation(self._variations[0])
@@ -196,6 +192,7 @@ class Environment(composer.Environment):
         mujoco.mj_getState(self._model, self._data, physics, _STATE)
         return Snapshot(
             task_name=self._name,
+            layout=self._task.state_layout,
             physics=physics,
             task=self._task.get_state(),
             step_count=self._step_count,
@@ -216,13 +213,13 @@ class Environment(composer.Environment):
             raise SnapshotError(
                 f"the snapshot is of task {snapshot.task_name!r}, this one is {self._name!r}"
             )
+        if snapshot.layout != self._task.state_layout:
+            raise SnapshotError(
+                f"the snapshot is of (actor, grippers, vertices) {snapshot.layout}, this one has "
+                f"{self._task.state_layout}: actor or fidelity differ"
+            )
         if snapshot.task["variation"] != self._task.variation:
             self._start(snapshot.task["variation"])
-        if snapshot.physics.size != mujoco.mj_stateSize(self._model, _STATE):
-            raise SnapshotError(
-                f"the snapshot has {snapshot.physics.size} physics numbers, this environment "
-                f"{mujoco.mj_stateSize(self._model, _STATE)}: actor or fidelity differ"
-            )
         mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
         self._task.set_state(copy.deepcopy(snapshot.task))
         self._step_count = snapshot.step_count

@@ -1,6 +1,7 @@
 """Errors raised by softgym_mj: one tree, messages that say what would have worked."""
 
-from collections.abc import Iterable
+import operator
+from collections.abc import Iterable, Sequence
 
 
 class SoftGymError(Exception):
@@ -55,3 +56,27 @@ def check_name(argument: str, value: object, valid: Iterable[object]) -> None:
     valid = tuple(valid)
     if value not in valid:
         raise UnknownNameError(argument, value, valid)
+
+
+def check_count(argument: str, value: object, low: int, high: int | None = None) -> int:
+    """`value` as int; `OutOfRangeError` unless it is a whole number in low..high."""
+    valid = f"a whole number, {low} or more" if high is None else f"a whole number in {low}..{high}"
+    try:
+        count = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise OutOfRangeError(argument, value, valid) from None
+    if isinstance(value, bool) or count < low or (high is not None and count > high):
+        raise OutOfRangeError(argument, value, valid)
+    return count
+
+
+def check_image_size(argument: str, value: object, largest: int) -> tuple[int, int]:
+    """`value` as (height, width); `OutOfRangeError` unless both are in 1..largest [pixels]."""
+    if not isinstance(value, Sequence) or len(value) != 2:
+        raise OutOfRangeError(argument, value, f"(height, width), each in 1..{largest} pixels")
+    try:
+        height, width = (check_count(argument, side, 1, largest) for side in value)
+    except OutOfRangeError:
+        valid = f"(height, width), each in 1..{largest} pixels"
+        raise OutOfRangeError(argument, value, valid) from None
+    return height, width

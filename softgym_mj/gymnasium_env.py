@@ -10,8 +10,8 @@ from gymnasium.utils import EzPickle
 
 from softgym_mj import registry
 from softgym_mj.environment import Snapshot
-from softgym_mj.exceptions import EpisodeEndedError, UnknownNameError, check_name
-from softgym_mj.rendering import CameraView
+from softgym_mj.exceptions import EpisodeEndedError, UnknownNameError, check_image_size, check_name
+from softgym_mj.rendering import LARGEST_IMAGE, CameraView
 
 _OPTIONS = ("variation",)
 
@@ -61,6 +61,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         check_name("camera", camera, ("task", "overview"))
         self.render_mode = render_mode
+        check_image_size("render_size", render_size, LARGEST_IMAGE)
         self._env = registry.load(task, split=split, horizon=horizon, **task_kwargs)
         self._view = CameraView(camera, *render_size)
         self._running = self._closed = False

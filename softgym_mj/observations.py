@@ -6,7 +6,7 @@ import numpy as np
 from dm_control.composer.observation import observable
 from dm_env import specs
 
-from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
+from softgym_mj.exceptions import UnknownNameError
 from softgym_mj.rendering import CameraView
 
 # name: what it is. Positions are in metres, in the world frame.
@@ -27,7 +27,10 @@ def enabled_names(observation: str | Sequence[str]) -> tuple[str, ...]:
     Raises:
         UnknownNameError: for a name that does not exist, none or one given twice.
     """
-    names = (observation,) if isinstance(observation, str) else tuple(observation)
+    names = (observation,) if isinstance(observation, str) else observation
+    if not isinstance(names, Sequence):
+        raise UnknownNameError("observation", observation, OBSERVATIONS)
+    names = tuple(names)
     if not names or len(set(names)) != len(names) or not set(names) <= set(OBSERVATIONS):
         raise UnknownNameError("observation", observation, OBSERVATIONS)
     return names
@@ -37,9 +40,6 @@ class CameraObservable(observable.Generic):
     """An RGB image (height, width, 3) uint8 from a fixed camera."""
 
     def __init__(self, camera: str, height: int, width: int):
-        for value in (height, width):
-            if not 1 <= value <= 1280:  # The off-screen buffer in arena.xml.
-                raise OutOfRangeError("image_size", (height, width), "1..1280 pixels a side")
         self._view = CameraView(camera, height, width)
         self._spec = specs.BoundedArray((height, width, 3), np.uint8, 0, 255)
         super().__init__(self._view.rgb)

@@ -5,12 +5,13 @@ import os
 import sys
 from typing import Any
 
-import mujoco
 import numpy as np
 
-from softgym_mj.exceptions import RenderingUnavailableError
+from softgym_mj.exceptions import RenderingUnavailableError, check_image_size
 
 INSTALL_COMMAND = "apt-get install -y libegl1 libgl1-mesa-dri"
+
+LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
 
 # The flex is drawn by its skins (group 0); its own triangles and sites stay hidden.
 _FLEX_GROUP = 4
@@ -52,7 +53,8 @@ class CameraView:
     """Renders one camera at one size; the scene is kept until the physics changes."""
 
     def __init__(self, camera: str, height: int, width: int):
-        self._camera, self._height, self._width = camera, height, width
+        self._camera = camera
+        self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None
         self._view: Any = None
         self._option: Any = None
@@ -66,6 +68,7 @@ class CameraView:
         return self._render(physics, depth=True).astype(np.float32)
 
     def _render(self, physics, **options) -> np.ndarray:
+        import mujoco
         from dm_control.mujoco import engine, wrapper
 
         model, data = physics.model.ptr, physics.data.ptr

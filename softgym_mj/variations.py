@@ -17,14 +17,20 @@ import os
 import pathlib
 import secrets
 import zipfile
-from collections.abc import Callable, Iterable
+import zlib
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 import mujoco
 import numpy as np
 
 from softgym_mj import assets
-from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError, check_name
+from softgym_mj.exceptions import (
+    CorruptStoreError,
+    OutOfRangeError,
+    UnknownNameError,
+    check_count,
+)
 
 NUM_VARIATIONS = 1000
 SPLITS = {
@@ -35,6 +41,12 @@ SPLITS = {
 
 CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"  # Overrides the cache folder.
 _MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])  # Results change between minors.
+
+# What numpy and zipfile raise on a file that is not a whole npz of ours.
+_UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 _log = logging.getLogger(__name__)
 
@@ -61,16 +73,21 @@ def check_variation(index: object) -> int:
     Raises:
         OutOfRangeError: if it is not a whole number in 0..999.
     """
-    if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
-        raise OutOfRangeError("variation", index, f"a whole number in 0..{NUM_VARIATIONS - 1}")
-    if not 0 <= index < NUM_VARIATIONS:
-        raise OutOfRangeError("variation", int(index), f"0..{NUM_VARIATIONS - 1}")
-    return int(index)
+    return check_count("variation", index, 0, NUM_VARIATIONS - 1)
 
 
-def split_indices(split: str) -> range:
-    """Variation indices of a split: "train" (0..799), "evaluate" (800..999) or "all"."""
-    check_name("split", split, SPLITS)
+def split_indices(split: str | Sequence[int]) -> Sequence[int]:
+    """Variation indices of a split.
+
+    Args:
+        split: "train" (0..799), "evaluate" (800..999), "all" or at least one index.
+    """
+    if isinstance(split, Sequence) and not isinstance(split, str):
+        if not len(split):
+            raise OutOfRangeError("split", split, "a split name or at least one variation")
+        return [check_variation(index) for index in split]
+    if not isinstance(split, str) or split not in SPLITS:
+        raise UnknownNameError("split", split, [*SPLITS, "a sequence of variation indices"])
     return SPLITS[split]
 
 
@@ -121,7 +138,7 @@ class VariationStore:
         """
         states = self._shipped()
         if states is not None:
-            return states[check_variation(index)]
+            return states[check_variation(index)].copy()
         file = self.file(index)
         if not file.exists():
             _log.info("generating variation %d of %s", index, self._initializer.name)
@@ -157,8 +174,7 @@ class VariationStore:
         Returns:
             How many variations were generated.
         """
-        if jobs < 1:
-            raise OutOfRangeError("jobs", jobs, "1 or more")
+        check_count("jobs", jobs, 1)
         missing = []
         for index in indices:
             if self.is_stored(index):
@@ -205,7 +221,7 @@ def _stored_specification(file: pathlib.Path) -> str | None:
     try:
         with np.load(file, allow_pickle=False) as content:
             return str(content["specification"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except _UNREADABLE as error:
         raise _corrupt(file, repr(error)) from error
 
 
@@ -260,7 +276,7 @@ def read_states(file: pathlib.Path, specification: str) -> list[np.ndarray]:
         with np.load(file, allow_pickle=False) as content:
             found, checksum = str(content["specification"]), str(content["checksum"])
             counts, vertices = content["counts"], content["vertices"]
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except _UNREADABLE as error:
         raise _corrupt(file, repr(error)) from error
     if found != specification:
         raise _corrupt(file, f"it holds {found}, expected {specification}")

@@ -89,7 +89,8 @@ WRONG_TYPES = [
 def each(arguments: str, table: list[tuple]):
     """Parametrizes with the rows of a table named by task and settings."""
     ids = [
-        " ".join([row[0], *(f"{name}={value}" for name, value in row[1].items())]) for row in table
+        " ".join([row[0], *(f"{name}={value!r}" for name, value in row[1].items())])
+        for row in table
     ]
     return pytest.mark.parametrize(arguments, table, ids=ids)
 

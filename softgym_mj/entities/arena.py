@@ -25,8 +25,8 @@ CAMERAS = {
     "cloth_drop": CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
 }
 FIELD_OF_VIEW = 45.0  # Vertical [deg].
-# From the front right, looking at the middle of the table top.
-OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.8241, 0.4461, 0.1677, 0.3062))
+# From the front right, looking at the origin.
+OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.7948, 0.4920, 0.1870, 0.3022))
 
 
 class Arena(composer.Arena):

@@ -1,5 +1,7 @@
 """`Flex`: a deformable object made of point-mass vertices, the base of `Cloth` and `Rope`."""
 
+import abc
+
 import mujoco
 import numpy as np
 from dm_control import composer, mjcf
@@ -43,9 +45,9 @@ class Flex(composer.Entity):
         return self._radius
 
     @property
+    @abc.abstractmethod
     def timestep(self) -> float:
         """Physics step [s] this object needs; it divides the sim step of 0.01 s."""
-        raise NotImplementedError
 
     def _add_flexcomp(
         self, points: np.ndarray, elements: np.ndarray, radius: float, **attributes

@@ -106,9 +106,12 @@ class Actor(composer.Entity, abc.ABC):
             InvalidActionError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
         """
         try:
-            array = np.asarray(action, float)
-        except (TypeError, ValueError):
-            raise InvalidActionError(f"action={action!r} is not an array of numbers.") from None
+            array = np.asarray(action)
+        except ValueError:  # Ragged.
+            array = np.empty(0, object)
+        if array.dtype.kind not in "fiub":
+            raise InvalidActionError(f"action={action!r} is not an array of real numbers.")
+        array = array.astype(float)
         if array.shape != (self.action_size,):
             raise InvalidActionError(
                 f"action has shape {array.shape}; expected ({self.action_size},): "

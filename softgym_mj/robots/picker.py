@@ -4,7 +4,7 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj.entities.flex import Flex
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import check_count
 from softgym_mj.robots.base import Actor, Workspace
 
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
@@ -39,8 +39,7 @@ class Picker(Actor):
             num_pickers: number of pickers, 1 or more.
             name: model name.
         """
-        if num_pickers < 1:
-            raise OutOfRangeError("num_pickers", num_pickers, "1 or more")
+        check_count("num_pickers", num_pickers, 1)
         self._radius, self._pick_distance = geometry
         self._mjcf_root = mjcf.RootElement(model=name)
         self._spheres = []

@@ -13,7 +13,9 @@ from dm_env import specs
 from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.flex import Flex
+from softgym_mj.exceptions import check_count, check_image_size
 from softgym_mj.observations import CameraObservable, enabled_names
+from softgym_mj.rendering import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor, Workspace
 from softgym_mj.variations import VariationStore, check_variation
 
@@ -62,6 +64,9 @@ class DeformableTask(composer.Task, abc.ABC):
             image_size: (height, width) of image observations [pixels].
             action_repeat: sim steps of 0.01 s per env step.
         """
+        check_count("action_repeat", action_repeat, 1)
+        image_size = check_image_size("image_size", image_size, LARGEST_IMAGE)
+        names = enabled_names(observation)
         self._arena, self._target, self._actor, self._store = arena, target, actor, store
         arena.attach(target)
         actor.join(arena)
@@ -75,7 +80,7 @@ class DeformableTask(composer.Task, abc.ABC):
             reduced=observable.Generic(lambda physics: self.reduced_state()),
             rgb=CameraObservable("task", *image_size),
         )
-        for name in enabled_names(observation):
+        for name in names:
             self._observables[name].enabled = True
         self._variation = 0
         self._initial_performance = 0.0
@@ -228,6 +233,11 @@ class DeformableTask(composer.Task, abc.ABC):
         return np.concatenate([self.key_points().ravel(), self._actor.positions().ravel()])
 
     # ------------------------------------------------------------------ snapshots
+
+    @property
+    def state_layout(self) -> tuple:
+        """What must agree for a state of one instance to fit into another."""
+        return type(self._actor).__name__, self._actor.num_grippers, self.max_vertices
 
     def get_state(self) -> dict[str, object]:
         """What the task and its actor remember and mjData does not hold."""

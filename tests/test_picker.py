@@ -1,0 +1,494 @@
+"""The picker against SoftGym's semantics (facts 2.1 to 2.4), worked out by hand or by brute force.
+
+Most tests take one sim step per env step (`action_repeat=1`), so that every step can be followed.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.entities.flex import Flex
+from softgym_mj.environment import Environment
+from softgym_mj.robots.base import Workspace
+from softgym_mj.robots.picker import Picker
+
+SIM_STEP = 0.01  # [s]
+FULL = 0.01  # Displacement of an action of 1 in a sim step [m].
+GRAVITY = 9.8
+OFF, ON = -1.0, 1.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Facts:
+    """Facts 2.1 to 2.3 of a kind of object [m]."""
+
+    task: str
+    radius: float
+    pick_distance: float
+    reset_height: float
+    spread: float  # Distance of two pickers at reset.
+    half_x: float  # Range of the centre around the reset point.
+    half_y: float
+    low: float
+    high: float
+
+
+ROPE = Facts("straighten_rope", 0.02, 0.05, 0.10, 0.08, 0.33, 0.33, 0.02, 0.28)
+CLOTH = Facts("spread_cloth", 0.05, 0.06125, 0.20, 0.20, 0.65, 0.35, 0.05, 0.45)
+BOTH = pytest.mark.parametrize("facts", [ROPE, CLOTH], ids=["rope", "cloth"])
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A running environment and its parts."""
+
+    env: Environment
+    target: Flex
+    actor: Picker
+    facts: Facts
+
+    def lay(self, vertices: np.ndarray | None = None) -> np.ndarray:
+        """Lays the object out, flat and straight if no vertices are given; returns them."""
+        if vertices is None:
+            target = self.target
+            vertices = target.straight() if self.facts is ROPE else target.flat()
+        self.target.set_vertices(vertices)
+        return self.target.vertices()
+
+    def place(self, *positions) -> None:
+        """Puts the pickers down, open, in the workspace around the origin."""
+        facts = self.facts
+        half = np.array([facts.half_x, facts.half_y]) + facts.radius
+        workspace = Workspace((*-half, 0.0), (*half, facts.high + facts.radius))
+        self.actor.place(np.array(positions, float), workspace)
+
+    def step(self, *moves) -> None:
+        """One env step; each move is (dx, dy, dz, grip) of a picker."""
+        self.env.step(np.concatenate(moves))
+
+    def held(self) -> list[int]:
+        return self.actor.held.tolist()
+
+
+_scenes = {}
+
+
+def make_scene(facts: Facts, num_pickers: int = 2, action_repeat: int = 1) -> Scene:
+    """A scene after reset; environments are reused, since each test lays out its own state."""
+    key = (facts.task, num_pickers, action_repeat)
+    if key not in _scenes:
+        settings = {"fidelity": "fast"} if facts is CLOTH else {}
+        env = softgym_mj.load(
+            facts.task,
+            split=[0],
+            horizon=10**6,
+            num_pickers=num_pickers,
+            action_repeat=action_repeat,
+            **settings,
+        )
+        _scenes[key] = Scene(env, env.task.target, env.task.actor, facts)
+    _scenes[key].env.reset()
+    return _scenes[key]
+
+
+def box_centre(vertices: np.ndarray) -> np.ndarray:
+    return (vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2
+
+
+# ---------------------------------------------------------------- geometry and limits
+
+
+@BOTH
+def test_two_pickers_at_reset(facts):
+    scene = make_scene(facts)
+    x, y = box_centre(scene.target.vertices())
+    half = facts.spread / 2
+    expected = [[x, y - half, facts.reset_height], [x, y + half, facts.reset_height]]
+    np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)
+    assert half == pytest.approx(2 * facts.radius)
+    assert scene.held() == [-1, -1]
+
+
+def test_one_and_three_pickers_at_reset():
+    scene = make_scene(ROPE, num_pickers=1)
+    x, y = box_centre(scene.target.vertices())
+    np.testing.assert_allclose(scene.actor.positions(), [[x, y, 0.1]], atol=1e-12)
+    scene = make_scene(ROPE, num_pickers=3)
+    # A ring of radius 2 r sqrt(2) from -Y, every 120 degrees.
+    ring = 0.0565685425
+    expected = [
+        [x, y - ring, 0.1],
+        [x + 0.8660254038 * ring, y + 0.5 * ring, 0.1],
+        [x - 0.8660254038 * ring, y + 0.5 * ring, 0.1],
+    ]
+    np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-9)
+    assert scene.held() == [-1, -1, -1]
+
+
+@BOTH
+def test_geometry(facts):
+    actor = make_scene(facts).actor
+    assert actor.radius == facts.radius
+    assert actor.pick_distance == facts.pick_distance
+
+
+@pytest.mark.parametrize("action_repeat", [1, 8])
+def test_displacement(action_repeat):
+    scene = make_scene(ROPE, action_repeat=action_repeat)
+    start = scene.actor.positions()
+    scene.step([1, -1, 1, OFF], [0.3, 0.0, -0.05, OFF])
+    expected = action_repeat * 0.01 * np.array([[1, -1, 1], [0.3, 0.0, -0.05]])
+    np.testing.assert_allclose(scene.actor.positions() - start, expected, atol=1e-12)
+    # The spheres are where the actor says.
+    np.testing.assert_array_equal(scene.env.physics.data.mocap_pos, scene.actor.positions())
+
+
+@BOTH
+def test_workspace_limits(facts):
+    scene = make_scene(facts, action_repeat=8)
+    x, y = box_centre(scene.target.vertices())
+    lowest = [x - facts.half_x, y - facts.half_y, facts.low]
+    highest = [x + facts.half_x, y + facts.half_y, facts.high]
+    for corner, direction in ((lowest, -1.0), (highest, 1.0)):
+        for _ in range(int(2 * facts.half_x / 0.08) + 2):
+            scene.step(*[[direction] * 3 + [OFF]] * 2)
+            assert np.all(scene.actor.positions() >= np.array(lowest) - 1e-12)
+            assert np.all(scene.actor.positions() <= np.array(highest) + 1e-12)
+        np.testing.assert_allclose(scene.actor.positions(), [corner, corner], atol=1e-12)
+
+
+def test_clipping_one_axis_leaves_the_others():
+    scene = make_scene(ROPE)
+    scene.place([0.326, 0.0, 0.022], [0.0, -0.329, 0.27])
+    scene.step([1, 0.5, -1, OFF], [-1, -1, 1, OFF])
+    expected = [[0.33, 0.005, 0.02], [-0.01, -0.33, 0.28]]
+    np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)
+    scene.step([-1, 0.5, 1, OFF], [-1, 1, -1, OFF])  # The clipped part is not made up for.
+    expected = [[0.32, 0.01, 0.03], [-0.02, -0.32, 0.27]]
+    np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)
+
+
+# ---------------------------------------------------------------- which vertex is taken
+
+
+@pytest.mark.parametrize(
+    ("grip", "holds"), [(-1.0, False), (-1e-3, False), (0.0, False), (1e-3, True), (1.0, True)]
+)
+def test_grip_threshold(grip, holds):
+    scene = make_scene(ROPE, num_pickers=1)
+    scene.lay()
+    scene.place([0.0, 0.0, 0.04])
+    scene.step([0, 0, 0, grip])
+    assert scene.held() == [20 if holds else -1]
+    scene.place([0.0, 0.0, 0.04])
+    scene.step([0, 0, 0, ON])
+    scene.step([0, 0, 0, grip])
+    assert scene.held() == [20 if holds else -1]
+
+
+@BOTH
+def test_nearest_vertex_within_reach_by_brute_force(facts):
+    scene = make_scene(facts, num_pickers=1)
+    state = scene.env.get_state()
+    random = np.random.default_rng(0)
+    found = set()
+    for _ in range(40):
+        scene.env.set_state(state)
+        vertices = scene.target.vertices()
+        near = vertices[random.integers(len(vertices))]
+        centre = near + random.normal(0.0, 0.6 * facts.pick_distance, 3)
+        scene.place(centre)
+        best, shortest = -1, facts.pick_distance
+        for index, vertex in enumerate(vertices):
+            distance = float(np.linalg.norm(vertex - centre))
+            if distance < shortest:
+                best, shortest = index, distance
+        scene.actor.command(np.array([0.0, 0.0, 0.0, ON]))
+        scene.actor.plan()
+        assert scene.held() == [best]
+        found.add(best)
+    assert -1 in found and len(found) > 10
+
+
+@BOTH
+@pytest.mark.parametrize("direction", ["above", "beside"])
+def test_pick_distance(facts, direction):
+    scene = make_scene(facts, num_pickers=1)
+    for excess, taken in ((-1e-6, True), (1e-6, False)):
+        vertices = scene.lay()
+        # The last vertex of the first row is an end of the rope and a corner of the cloth.
+        index = len(vertices) - 1 if facts is ROPE else scene.target.corners[2]
+        reach = facts.pick_distance + excess
+        if direction == "above":
+            offset = np.array([0.0, 0.0, reach])
+        else:  # On the floor, beyond the end.
+            height = facts.radius - vertices[index, 2]
+            offset = np.array([np.sqrt(reach**2 - height**2), 0.0, height])
+        scene.place(vertices[index] + offset)
+        scene.step([0, 0, 0, ON])
+        assert scene.held() == [index if taken else -1]
+
+
+def hairpin() -> np.ndarray:
+    """The rope as a U on the floor: vertices 10 and 29 lie at x = 0 and opposite y."""
+    spacing = 0.0125
+    radius = spacing / (2 * np.sin(np.pi / 10))  # The turn has five segments.
+    first = [((i - 10) * spacing, radius) for i in range(18)]
+    turn = [
+        (7 * spacing + radius * np.sin(angle), radius * np.cos(angle))
+        for angle in np.pi * np.arange(1, 5) / 5
+    ]
+    last = [((7 - i) * spacing, -radius) for i in range(19)]
+    vertices = np.array(first + turn + last)
+    return np.column_stack([vertices, np.full(41, 0.00625)])
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_first_index_wins_a_tie(side):
+    scene = make_scene(ROPE, num_pickers=1)
+    vertices = scene.lay(hairpin() * [1.0, side, 1.0])
+    distances = np.linalg.norm(vertices - [0.0, 0.0, 0.03], axis=1)
+    assert distances[10] == distances[29] == distances.min()  # A tie to the last bit.
+    scene.place([0.0, 0.0, 0.03])
+    scene.step([0, 0, 0, ON])
+    assert scene.held() == [10]
+
+
+def test_distance_is_measured_from_the_old_centre_and_the_vertex_moves_at_once():
+    scene = make_scene(ROPE, num_pickers=1)
+    vertices = scene.lay()
+    scene.place([0.001, 0.0, 0.04])
+    scene.step([1, 0, 0, ON])  # The new centre is nearest to vertex 21.
+    assert scene.held() == [20]
+    expected = vertices[20] + [FULL, 0.0, 0.0]
+    np.testing.assert_allclose(scene.target.vertex(20), expected, atol=1e-3)
+
+
+# ---------------------------------------------------------------- two pickers
+
+
+def test_contention():
+    scene = make_scene(ROPE)
+    scene.lay()
+    # Vertex 20 lies 1 mm away, 21 next (11.5 mm), then 19 (13.5 mm).
+    scene.place([0.001, 0.0, 0.04], [0.001, 0.0, 0.04])
+    scene.step([0, 0, 0, ON], [0, 0, 0, ON])
+    assert scene.held() == [20, 21]
+    scene.lay()
+    scene.place([0.001, 0.0, 0.04], [0.001, 0.0, 0.04])
+    scene.step([0, 0, 0, OFF], [0, 0, 0, ON])
+    assert scene.held() == [-1, 20]
+    scene.step([0, 0, 0, ON], [0, 0, 0, ON])  # Late: takes what is left.
+    assert scene.held() == [21, 20]
+
+
+def test_contention_for_the_only_vertex_in_reach():
+    scene = make_scene(ROPE)
+    scene.lay()
+    beyond = [0.25 + 0.042, 0.0, 0.02]  # 44 mm from the end, 56 mm from the vertex before it.
+    scene.place(beyond, beyond)
+    scene.step([0, 0, 0, ON], [0, 0, 0, ON])
+    assert scene.held() == [40, -1]
+
+
+@pytest.mark.parametrize(("holder", "taker"), [(0, 1), (1, 0)])
+def test_released_vertex_can_be_taken_in_the_same_sim_step(holder, taker):
+    scene = make_scene(ROPE)
+    scene.lay()
+    scene.place([0.0, 0.0, 0.04], [0.0, 0.0, 0.04])
+    grips = np.full(2, OFF)
+    grips[holder] = ON
+    scene.step([0, 0, 0, grips[0]], [0, 0, 0, grips[1]])
+    assert scene.actor.held[holder] == 20
+    scene.step([0, 0, 0, grips[1]], [0, 0, 0, grips[0]])
+    assert scene.actor.held[taker] == 20
+    assert scene.actor.held[holder] == -1
+
+
+def test_three_pickers_share_what_is_there():
+    scene = make_scene(ROPE, num_pickers=3)
+    scene.lay()
+    scene.place(*[[0.001, 0.0, 0.04]] * 3)
+    scene.step(*[[0, 0, 0, ON]] * 3)
+    assert scene.held() == [20, 21, 19]
+    assert scene.env.info()["picks_held"] == 3
+
+
+# ---------------------------------------------------------------- holding
+
+
+def random_moves(number: int, length: int, seed: int) -> np.ndarray:
+    """(number, 4) moves at full speed that change every `length` steps and lead upwards first."""
+    random = np.random.default_rng(seed)
+    directions = random.choice([-1.0, 1.0], (number // length + 1, 3))
+    directions[0] = (1.0, -1.0, 1.0)
+    return np.column_stack([np.repeat(directions, length, axis=0)[:number], np.full(number, ON)])
+
+
+@BOTH
+@pytest.mark.parametrize("action_repeat", [1, 8])
+def test_offset_is_kept_at_full_speed(facts, action_repeat):
+    scene = make_scene(facts, action_repeat=action_repeat)
+    vertices = scene.lay()
+    indices = [5, 33] if facts is ROPE else scene.target.corners[[1, 2]].tolist()
+    offsets = np.array([[0.003, 0.002, 0.045], [-0.002, 0.004, 0.03]])
+    scene.place(*(vertices[indices] + offsets))
+    number = 48 // action_repeat
+    for move in random_moves(number, max(1, 12 // action_repeat), seed=3):
+        scene.step(move, move * [1, 1, 1, 1e-3])  # However faint, the grip holds.
+        assert scene.held() == indices
+        expected = scene.actor.positions() - offsets
+        expected[:, 2] = np.maximum(expected[:, 2], scene.target.radius)
+        found = scene.target.vertices()[indices]
+        assert np.linalg.norm(found - expected, axis=1).max() < 1e-3
+
+
+def test_three_pickers_move_on_their_own():
+    scene = make_scene(ROPE, num_pickers=3)
+    vertices = scene.lay()
+    indices = [0, 20, 40]
+    offset = np.array([0.0, 0.0, 0.04])
+    scene.place(*(vertices[indices] + offset))
+    moves = ([1, 0, 0.5, ON], [0, 1, 1, ON], [-1, 0, 0.2, ON])
+    for _ in range(10):
+        scene.step(*moves)
+    assert scene.held() == indices
+    expected = vertices[indices] + 0.1 * np.array(moves)[:, :3]
+    np.testing.assert_allclose(scene.target.vertices()[indices], expected, atol=1e-3)
+    scene.step([0, 0, 0, ON], [0, 0, 0, OFF], [0, 0, 0, ON])
+    assert scene.held() == [0, -1, 40]
+
+
+def test_one_picker_holds_exactly_one_vertex():
+    scene = make_scene(ROPE, num_pickers=1)
+    vertices = scene.lay()
+    scene.place(vertices[0] + [0.0, 0.0, 0.04])
+    for _ in range(50):  # Past all other vertices.
+        scene.step([1, 0, 0, ON])
+        assert scene.held() == [0]
+    for _ in range(10):
+        scene.step([0, 0, 1, ON])
+    # The neighbours hang on the held end by the rope alone: a segment is 12.5 mm long.
+    heights = scene.target.vertices()[:, 2]
+    assert scene.held() == [0]
+    assert heights[0] == pytest.approx(0.10625, abs=1e-3)
+    assert heights[1] < heights[0] - 0.006
+
+
+@BOTH
+def test_held_vertex_stays_above_the_floor(facts):
+    scene = make_scene(facts, num_pickers=1)
+    vertices = scene.lay()
+    index = 20 if facts is ROPE else scene.target.corners[0]
+    drop = 0.9 * facts.pick_distance
+    scene.place(vertices[index] + [0.0, 0.0, drop])
+    scene.step([0, 0, 0, ON])
+    assert scene.held() == [index]
+    for _ in range(6):
+        scene.step([0, 0, -1, ON])
+        assert scene.target.vertex(index)[2] > scene.target.radius - 1e-3
+    assert scene.actor.positions()[0, 2] == facts.radius
+    # The offset is remembered: going up, the vertex follows once it belongs above the floor.
+    for _ in range(8):
+        scene.step([0, 0, 1, ON])
+    expected = facts.radius + 8 * FULL - drop
+    assert scene.target.vertex(index)[2] == pytest.approx(expected, abs=1e-3)
+
+
+def test_retry_while_moving():
+    # From y = -0.09 towards the rope at y = 0, 3 cm above the floor: 5 cm are reached between
+    # y = -0.05 and y = -0.04, which is the old centre in the sixth of eight sim steps.
+    for grip in (ON, OFF):
+        scene = make_scene(ROPE, num_pickers=1, action_repeat=8)
+        scene.lay()
+        scene.place([0.0, -0.09, 0.03])
+        scene.step([0, 1, 0, grip])
+        assert scene.actor.positions()[0, 1] == pytest.approx(-0.01)
+        if grip == ON:
+            assert scene.held() == [20]
+            assert scene.target.vertex(20)[1] == pytest.approx(3 * FULL, abs=1e-3)
+        else:
+            assert scene.held() == [-1]
+
+
+# ---------------------------------------------------------------- release
+
+
+def test_released_vertex_falls():
+    scene = make_scene(ROPE, num_pickers=1)
+    vertices = scene.lay()
+    vertices[:, 2] = 0.2
+    scene.lay(vertices)
+    masses = scene.env.physics.model.dof_M0.copy()
+    scene.place([0.0, 0.0, 0.245])
+    scene.step([0, 0, 0, ON])
+    assert scene.held() == [20]
+    assert scene.target.vertex(20)[2] == pytest.approx(0.2, abs=1e-4)
+    timestep = scene.target.timestep
+    steps_per_sim_step = round(SIM_STEP / timestep)
+    for number in range(1, 16):
+        scene.step([0, 0, 0, OFF])
+        assert scene.held() == [-1]
+        released = number * steps_per_sim_step
+        # Semi-implicit Euler: after n steps a body has fallen g dt^2 n (n + 1) / 2. The rope
+        # began to fall one sim step before the vertex, which it then pulls along.
+        own, ropes = (
+            0.2 - GRAVITY * timestep**2 * n * (n + 1) / 2
+            for n in (released, released + steps_per_sim_step)
+        )
+        heights = scene.target.vertices()[:, 2]
+        np.testing.assert_allclose(heights[[2, 38]], ropes, atol=1e-3)
+        assert ropes - 1e-3 < heights[20] < own + 1e-3
+    np.testing.assert_array_equal(scene.env.physics.model.dof_M0, masses)
+    for _ in range(150):
+        scene.step([0, 0, 0, OFF])
+    np.testing.assert_allclose(scene.target.vertices()[:, 2], scene.target.radius, atol=1e-3)
+
+
+def test_reset_and_place_open_the_grippers():
+    scene = make_scene(ROPE)
+    masses = scene.env.physics.model.dof_M0.copy()
+    for opening in (scene.env.reset, lambda: scene.place([0, 0, 0.1], [0, 0, 0.2])):
+        scene.lay()
+        scene.place([0.0, 0.0, 0.04], [0.1, 0.0, 0.04])
+        scene.step([0, 0, 0, ON], [0, 0, 0, ON])
+        assert scene.held() == [20, 28]
+        assert not np.array_equal(scene.env.physics.model.dof_M0, masses)
+        opening()
+        assert scene.held() == [-1, -1]
+        np.testing.assert_array_equal(scene.env.physics.model.dof_M0, masses)
+
+
+# ---------------------------------------------------------------- solid spheres
+
+
+@pytest.mark.parametrize(("speed", "moved"), [(1.0, 0.005), (0.2, 0.01), (0.05, 0.015)])
+def test_solid_picker_pushes_the_rope(speed, moved):
+    scene = make_scene(ROPE, num_pickers=1)
+    scene.lay()
+    scene.place([0.0, -0.06, 0.02])
+    for _ in range(round(0.1 / (speed * FULL))):  # 6 cm to the rope, 4 cm beyond its place.
+        scene.step([0, speed, 0, OFF])
+        # A vertex, the middle of a rope of 6.25 mm radius, never gets inside the solid sphere.
+        distances = np.linalg.norm(scene.target.vertices() - scene.actor.positions(), axis=1)
+        assert distances.min() > ROPE.radius
+    for _ in range(20):
+        scene.step([0, 0, 0, OFF])
+    distances = np.linalg.norm(scene.target.vertices() - scene.actor.positions(), axis=1)
+    assert distances.min() > ROPE.radius + scene.target.radius / 2
+    assert scene.held() == [-1]
+    assert scene.target.vertex(20)[1] > moved
+
+
+def test_picker_at_rest_moves_nothing():
+    scene = make_scene(ROPE)
+    scene.lay()
+    scene.place([0.0, -0.2, 0.02], [0.0, 0.2, 0.1])
+    for _ in range(20):
+        scene.step([0, 0, 0, OFF], [0, 0, 0, OFF])
+    before = scene.target.vertices()
+    for _ in range(50):
+        scene.step([0, 0, 0, OFF], [0, 0, 0, OFF])
+    np.testing.assert_allclose(scene.target.vertices(), before, atol=1e-4)
