@@ -11,12 +11,14 @@ DOMAIN = "softgym"
 _SUITE_MODULE = "dm_control.suite"
 
 
-def _load(name: str, environment_kwargs: dict | None = None, **kwargs):
-    settings = dict(kwargs)
-    # suite tasks call the seed `random`.
-    if "random" in settings:
-        settings["random_state"] = settings.pop("random")
-    return registry.load(name, **settings, **(environment_kwargs or {}))
+def _constructor(name: str):
+    def load(random=None, environment_kwargs=None, **kwargs):
+        # Tasks of the suite call the seed `random`.
+        seed = {} if random is None else {"random_state": random}
+        return registry.load(name, **kwargs, **seed, **(environment_kwargs or {}))
+
+    load.__name__ = name  # The container takes the task's name from the function's.
+    return load
 
 
 @functools.cache
@@ -25,11 +27,7 @@ def _tasks():
 
     tasks = containers.TaggedTasks()
     for record in registry.TASKS.values():
-        # The container takes the task's name from the function's.
-        constructor = functools.partial(_load, record.name)
-        functools.update_wrapper(constructor, _load, assigned=())
-        constructor.__dict__["__name__"] = record.name
-        tasks.add(*record.tags)(constructor)
+        tasks.add(*record.tags)(_constructor(record.name))
     return tasks
 
 

@@ -15,17 +15,18 @@ from softgym_mj.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, check_name
 from softgym_mj.robots.picker import MAX_DISPLACEMENT
 
+OPEN, CLOSED = (False, False), (True, True)  # Grips of the two pickers.
+REACH_MARGIN = 0.00225  # [m] By which a vertex is taken from nearer than the pick distance.
 ARRIVED = 0.003  # [m] Distance along every axis at which a goal counts as reached.
 PASSED = 0.05  # [m] The same for a point on the way.
 SLOW = 0.5  # Fraction of full speed at which something held is moved gently.
 LIFT = 0.8  # Fraction of full speed at which cloth is carried.
 
-# Rope [m]: safe height of the picker centres, grasp beyond the end and above it, pulling height.
-ROPE_APPROACH, ROPE_BEYOND, ROPE_ABOVE, ROPE_LIFT = 0.1, 0.008, 0.036, 0.1
+# Heights [m] of the picker centres above a rope: passing over, pulling, at the end.
+ROPE_APPROACH, ROPE_LIFT, ROPE_LAID = 0.1, 0.1, 0.04
 ROPE_TOLERANCE = 0.001  # [m] Error of the end distance at which pulling stops.
 ROPE_SPEED = 0.3  # Fraction of full speed at which the rope is pulled.
 
-REACH = 0.059  # [m] From picker centre to the vertex to be taken: 4 mm off the cloth.
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
 TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
 CLEAR = 0.003  # [m] Clearance from which a vertex counts as fully exposed.
@@ -39,6 +40,16 @@ DONE = 0.98  # Normalised performance from which the cloth is left alone.
 ROUND_STEPS = 45  # Env steps that taking a side and dragging the cloth out need at least.
 PUT_STEPS = 13  # The same for putting vertices in their places.
 REDO = 0.35  # Normalised performance below which the cloth is taken up again if time allows.
+
+
+def _directions() -> np.ndarray:
+    """Unit vectors (n, 3) over the upper half-sphere, the vertical first."""
+    rows = [(90, 1), (70, 12), (52, 12), (35, 12), (18, 12), (0, 12)]  # (elevation [deg], number)
+    angles = [(np.deg2rad(e), 2 * np.pi * k / n) for e, n in rows for k in range(n)]
+    return np.array([(np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)) for e, a in angles])
+
+
+_DIRECTIONS = _directions()
 
 
 class Expert:
@@ -58,6 +69,7 @@ class Expert:
         if self._actor.num_grippers != 2:
             raise OutOfRangeError("num_grippers", self._actor.num_grippers, "2")
         self._stride = MAX_DISPLACEMENT * env.task.action_repeat
+        self._reach = self._actor.pick_distance - REACH_MARGIN
         self._plan = self._episode()
 
     def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
@@ -99,6 +111,21 @@ class Expert:
         crossed = np.linalg.norm(starts - goals[::-1], axis=1).sum()
         return list(vertices) if direct <= crossed else list(vertices)[::-1]
 
+    def _grasp(self, vertex: int) -> tuple[np.ndarray, np.ndarray, float]:
+        """How to take a vertex: picker centre (3,) [m], direction (3,) and clearance [m].
+
+        The clearance is how much further the next vertex is; negative: another one is taken.
+        """
+        centres = self._target.vertex(vertex) + self._reach * _DIRECTIONS
+        centres = np.clip(centres, *self._actor.limits)
+        distance = np.linalg.norm(centres[:, None] - self._target.vertices(), axis=2)
+        own = distance[:, vertex].copy()
+        distance[:, vertex] = np.inf
+        clearance = distance.min(axis=1) - own
+        clearance[own > self._actor.pick_distance] = -1.0
+        best = int(np.argmax(np.minimum(clearance, CLEAR)))
+        return centres[best], _DIRECTIONS[best], float(min(clearance[best], CLEAR))
+
 
 class StraightenRope(Expert):
     """Takes both ends from above, pulls them apart and lays the rope down."""
@@ -106,20 +133,17 @@ class StraightenRope(Expert):
     def _episode(self):
         rope = self._env.task.rope
         ends = self._matched(rope.ends)
-        while not np.all(np.isin(self._actor.held, ends)):
-            yield from self._move(self._raised(ROPE_APPROACH), (0, 0))
-            vertices = self._target.vertices()
-            inner = [end + 2 if end == 0 else end - 2 for end in ends]
-            tangent = vertices[ends] - vertices[inner]
-            tangent[:, 2] = 0.0
-            tangent /= np.linalg.norm(tangent, axis=1, keepdims=True) + 1e-9
-            grasp = vertices[ends] + ROPE_BEYOND * tangent + [0.0, 0.0, ROPE_ABOVE]
-            above = grasp.copy()
-            above[:, 2] = ROPE_APPROACH
-            yield from self._move(above, (0, 0))
-            yield from self._move(grasp, (0, 0), SLOW)
-            yield self._rest((1, 1))
-        yield from self._move(self._raised(ROPE_LIFT), (1, 1), SLOW)
+        while True:
+            yield from self._move(self._raised(ROPE_APPROACH), OPEN, near=PASSED)
+            for lift in (ROPE_APPROACH, 0.0):
+                goals = np.array([self._grasp(end)[0] for end in ends])
+                goals[:, 2] = np.maximum(goals[:, 2], lift)
+                yield from self._move(goals, OPEN, SLOW if lift == 0.0 else 1.0)
+            yield self._rest(CLOSED)
+            if np.all(np.isin(self._actor.held, ends)):
+                break
+            yield from self._move(self._raised(ROPE_LIFT), CLOSED)  # What covers an end.
+        yield from self._move(self._raised(ROPE_LIFT), CLOSED, SLOW)
         centre = np.mean(self._actor.limits, axis=0)
         while abs(error := LENGTH - rope.end_distance()) > ROPE_TOLERANCE:
             line = self._target.vertex(ends[0]) - self._target.vertex(ends[1])
@@ -127,20 +151,10 @@ class StraightenRope(Expert):
             line *= error / 2 / (np.linalg.norm(line) + 1e-9)
             positions = self._actor.positions()
             to_centre = (centre - positions.mean(axis=0)) * [1.0, 1.0, 0.0]
-            yield self._step(positions + [line, -line] + to_centre, (1, 1), ROPE_SPEED)
-        yield from self._move(self._raised(ROPE_ABOVE), (1, 1), ROPE_SPEED)
+            yield self._step(positions + [line, -line] + to_centre, CLOSED, ROPE_SPEED)
+        yield from self._move(self._raised(ROPE_LAID), CLOSED, ROPE_SPEED)
         while True:
-            yield self._rest((1, 1))
-
-
-def _directions() -> np.ndarray:
-    """Unit vectors (n, 3) over the upper half-sphere, the vertical first."""
-    rows = [(90, 1), (70, 12), (52, 12), (35, 12), (18, 12), (0, 12)]  # (elevation [deg], number)
-    angles = [(np.deg2rad(e), 2 * np.pi * k / n) for e, n in rows for k in range(n)]
-    return np.array([(np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)) for e, a in angles])
-
-
-_DIRECTIONS = _directions()
+            yield self._rest(CLOSED)
 
 
 class SpreadCloth(Expert):
@@ -148,14 +162,12 @@ class SpreadCloth(Expert):
 
     def _episode(self):
         dragged = False
-        self.log = []
         while True:
             score = self._env.task.info()["normalized_performance"]
             left = self._env.horizon - self._env.step_count
-            self.log.append((self._env.step_count, round(score, 2)))
             if not dragged or (score < REDO and left > ROUND_STEPS):
                 dragged = True
-                grips = [0, 0]
+                grips = [False, False]
                 yield from self._take_side(grips)
                 if all(grips):
                     yield from self._drag(grips)
@@ -164,8 +176,8 @@ class SpreadCloth(Expert):
             if places:
                 yield from self._put(places)
             else:
-                yield from self._move(self._raised(TRAVEL_HEIGHT), (0, 0))
-                yield self._rest((0, 0))
+                yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN)
+                yield self._rest(OPEN)
 
     # ------------------------------------------------------------------ the sheet
 
@@ -206,28 +218,13 @@ class SpreadCloth(Expert):
 
     # ------------------------------------------------------------------ taking
 
-    def _grasp(self, vertex: int) -> tuple[np.ndarray, np.ndarray, float]:
-        """How to take a vertex: picker centre (3,) [m], direction (3,) and clearance [m].
-
-        The clearance is how much further the next vertex is; negative: another one is taken.
-        """
-        centres = self._target.vertex(vertex) + REACH * _DIRECTIONS
-        centres = np.clip(centres, *self._actor.limits)
-        distance = np.linalg.norm(centres[:, None] - self._target.vertices(), axis=2)
-        own = distance[:, vertex].copy()
-        distance[:, vertex] = np.inf
-        clearance = distance.min(axis=1) - own
-        clearance[own > self._actor.pick_distance] = -1.0
-        best = int(np.argmax(np.minimum(clearance, CLEAR)))
-        return centres[best], _DIRECTIONS[best], float(min(clearance[best], CLEAR))
-
     def _exposed_near(self, goals: Sequence[int]) -> int:
         """The free vertex that can be taken and is the fewest grid steps from one of `goals`."""
         free = np.setdiff1d(np.arange(self._target.num_vertices), self._actor.held).tolist()
         free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
         return next((v for v in free if self._grasp(v)[2] > 0.0), free[0])
 
-    def _take(self, wanted: dict[int, int], grips: list) -> Iterator[np.ndarray]:
+    def _take(self, wanted: dict[int, int], grips: list[bool]) -> Iterator[np.ndarray]:
         """Takes vertices, `wanted` by picker, and lifts off; sets `grips` where it succeeds."""
         up = self._actor.positions()
         for i in wanted:
@@ -242,17 +239,17 @@ class SpreadCloth(Expert):
                     goals[i, 2] = max(goals[i, 2], up[i, 2])
             yield from self._move(goals, grips, near=near)
         for i in wanted:
-            grips[i] = 1
+            grips[i] = True
         yield self._step(goals, grips)
         for i, vertex in wanted.items():
             held = int(self._actor.held[i])
-            grips[i] = int(held >= 0 and self._steps(held, vertex) <= NEAR_CORNER)
+            grips[i] = bool(held >= 0 and self._steps(held, vertex) <= NEAR_CORNER)
 
     def _nearest_picker(self, vertex: int) -> int:
         offsets = self._actor.positions() - self._target.vertex(vertex)
         return int(np.argmin(np.linalg.norm(offsets, axis=1)))
 
-    def _take_side(self, grips: list) -> Iterator[np.ndarray]:
+    def _take_side(self, grips: list[bool]) -> Iterator[np.ndarray]:
         """Takes the ends of a side, one after the other where the cloth has to be lifted."""
         low, high = self._actor.limits
         corners, sides = self._env.task.cloth.corners.tolist(), self._sides()
@@ -261,12 +258,11 @@ class SpreadCloth(Expert):
         if min(clear[a], clear[b]) > 0.0:
             yield from self._take(dict(enumerate(self._matched([a, b]))), grips)
         for trial in range(6):
-            self.log.append((self._env.step_count, self._actor.held.tolist()))
             at_corner = [self._corner(int(held)) is not None for held in self._actor.held]
             if all(grips):
                 if all(at_corner) or trial > 3:
                     return
-                grips[int(at_corner[0])] = 0  # Go on with the one at a corner.
+                grips[int(at_corner[0])] = False  # Go on with the one at a corner.
             if not any(grips):
                 vertex = self._exposed_near(corners)
                 yield from self._take({self._nearest_picker(vertex): vertex}, grips)
@@ -283,7 +279,7 @@ class SpreadCloth(Expert):
             corner = self._corner(int(self._actor.held[holding]))
             near = {c: 0.0 for c in corners}
             if corner is not None:
-                near = {a if b == corner else b: l for a, b, l in sides if corner in (a, b)}
+                near = {a if b == corner else b: n for a, b, n in sides if corner in (a, b)}
             vertex = max(near, key=lambda c: (self._grasp(c)[2], near[c]))
             if self._grasp(vertex)[2] <= 0.0:
                 vertex = self._exposed_near(list(near))
@@ -291,7 +287,7 @@ class SpreadCloth(Expert):
 
     # ------------------------------------------------------------------ moving
 
-    def _drag(self, grips: list) -> Iterator[np.ndarray]:
+    def _drag(self, grips: list[bool]) -> Iterator[np.ndarray]:
         """Stretches the held side along Y and pulls the cloth out along X, down to the floor."""
         low, high = self._actor.limits
         centre = (low + high) / 2
@@ -323,17 +319,15 @@ class SpreadCloth(Expert):
         # Make room: carry the tail back until the whole cloth fits between it and the edge.
         while edge - way * tail_x() < depth + 0.02 and way * now_x() > -edge + PACE:
             yield self._step(pose(now_x() - way * PACE, high[2]), grips, LIFT)
-        taut = 0
-        x = now_x()
-        self.log.append((self._env.step_count, 'away'))
+        x, anchor, taut = now_x(), tail_x(), 0
         while taut < 2 and way * x < edge:
             x += way * PACE
-            reach = max(way * (x - tail_x()), 0.0)
-            height = np.sqrt(max(depth**2 - reach**2, 0.0))
+            # Down along an arc as if the tail stuck to the floor; it slides where it does not.
+            height = np.sqrt(max(depth**2 - max(way * (x - anchor), 0.0) ** 2, 0.0))
             yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
-            taut += reach > TAUT * depth
+            taut += way * (now_x() - tail_x()) > TAUT * depth
         yield from self._move(pose(x, low[2]), grips, SLOW)
-        yield self._step(self._raised(TRAVEL_HEIGHT), (0, 0))
+        yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
 
     def _misplaced(self) -> dict[int, np.ndarray]:
         """Up to two vertices that can be taken far from their places, each with its goal [m]."""
@@ -347,8 +341,10 @@ class SpreadCloth(Expert):
             if value[v] < MISPLACED or len(chosen) == 2:
                 break
             others = [*chosen]
-            apart = [np.linalg.norm(points[v] - points[others], axis=1) for points in (placed, vertices)]
-            if np.min(apart, initial=1.0) > APART and self._grasp(v)[2] > 0.0:
+            apart = [
+                np.linalg.norm(points[v] - points[others], axis=1) for points in (placed, vertices)
+            ]
+            if np.min(apart, initial=np.inf) > APART and self._grasp(v)[2] > 0.0:
                 chosen[v] = placed[v] + OVERSHOOT * offset[v] / np.linalg.norm(offset[v])
         return chosen
 
@@ -358,7 +354,7 @@ class SpreadCloth(Expert):
             wanted = dict(enumerate(self._matched(list(places))))
         else:
             wanted = {self._nearest_picker(v): v for v in places}
-        grips = [0, 0]
+        grips = [False, False]
         yield from self._take(wanted, grips)
         start, goals = self._actor.positions(), self._actor.positions()
         for i, vertex in wanted.items():
@@ -371,7 +367,7 @@ class SpreadCloth(Expert):
         arc[:, 2] = np.maximum(arc[:, 2], np.linalg.norm(goals - start, axis=1) / 2)
         yield from self._move(arc, grips, SLOW, PASSED)
         yield from self._move(goals, grips, SLOW)
-        yield self._step(self._raised(TRAVEL_HEIGHT), (0, 0))
+        yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
 
 
 EXPERTS: dict[str, type[Expert]] = {"straighten_rope": StraightenRope, "spread_cloth": SpreadCloth}

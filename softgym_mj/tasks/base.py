@@ -39,16 +39,35 @@ class Evaluation:
         return sum(self.reward_terms.values())
 
 
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """The fixed numbers of a task.
+
+    Attributes:
+        camera: name of its camera in `arena.CAMERAS`.
+        workspace: of the grippers, as written in SoftGym; re-centred on the object at reset.
+        reset_height: height of the grippers at reset, above the centre of the object [m].
+        success: normalised performance from which the goal counts as reached.
+        max_vertices: most vertices of any variation; the full state is zero-padded to it.
+    """
+
+    camera: str
+    workspace: Workspace
+    reset_height: float
+    success: float
+    max_vertices: int
+
+
 class DeformableTask(composer.Task, abc.ABC):
     """A task on one flex. Subclasses say what is measured and where things start."""
 
     def __init__(
         self,
-        *,
-        arena: Arena,
+        layout: Layout,
         target: Flex,
         actor: Actor,
         store: VariationStore,
+        *,
         observation: str | Sequence[str],
         image_size: tuple[int, int],
         action_repeat: int,
@@ -56,7 +75,7 @@ class DeformableTask(composer.Task, abc.ABC):
         """Wires the parts together.
 
         Args:
-            arena: the scene, with a camera named "task".
+            layout: the fixed numbers.
             target: the object, not yet attached.
             actor: what acts, not yet attached.
             store: the initial states.
@@ -67,9 +86,10 @@ class DeformableTask(composer.Task, abc.ABC):
         check_count("action_repeat", action_repeat, 1)
         image_size = check_image_size("image_size", image_size, LARGEST_IMAGE)
         names = enabled_names(observation)
-        self._arena, self._target, self._actor, self._store = arena, target, actor, store
-        arena.attach(target)
-        actor.join(arena)
+        self._layout, self._target, self._actor, self._store = layout, target, actor, store
+        self._arena = Arena(camera=layout.camera)
+        self._arena.attach(target)
+        actor.join(self._arena)
         actor.manipulate(target)
         self._action_repeat = action_repeat
         self.set_timesteps(
@@ -117,21 +137,6 @@ class DeformableTask(composer.Task, abc.ABC):
 
     # ------------------------------------------------------------------ what a task defines
 
-    @property
-    @abc.abstractmethod
-    def workspace(self) -> Workspace:
-        """Workspace as written in SoftGym; re-centred on the reset point at every episode."""
-
-    @property
-    @abc.abstractmethod
-    def reset_height(self) -> float:
-        """Height [m] of the grippers at reset, above the centre of the object."""
-
-    @property
-    @abc.abstractmethod
-    def max_vertices(self) -> int:
-        """Most vertices of any variation: the full state is zero-padded to it."""
-
     @abc.abstractmethod
     def evaluate(self) -> Evaluation:
         """Measures the current state."""
@@ -139,11 +144,6 @@ class DeformableTask(composer.Task, abc.ABC):
     @abc.abstractmethod
     def bounds(self) -> tuple[float, float]:
         """(lower, upper) performance that normalise to 0 and 1 in this episode."""
-
-    @property
-    @abc.abstractmethod
-    def success_threshold(self) -> float:
-        """Normalised performance from which the goal counts as reached."""
 
     @abc.abstractmethod
     def key_points(self) -> np.ndarray:
@@ -175,8 +175,8 @@ class DeformableTask(composer.Task, abc.ABC):
     def _place_actor(self):
         vertices = self._target.vertices()
         x, y = (vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2
-        positions = self._actor.default_positions(np.array([x, y, self.reset_height]))
-        self._actor.place(positions, self.workspace.centred_at(x, y))
+        positions = self._actor.default_positions(np.array([x, y, self._layout.reset_height]))
+        self._actor.place(positions, self._layout.workspace.centred_at(x, y))
 
     def before_step(self, physics, action, random_state):
         pass  # The environment drives the actor; the base class would write `ctrl`.
@@ -209,7 +209,7 @@ class DeformableTask(composer.Task, abc.ABC):
         return {
             "performance": evaluation.performance,
             "normalized_performance": normalized,
-            "success": bool(normalized >= self.success_threshold),
+            "success": bool(normalized >= self._layout.success),
             **{f"reward_{name}": value for name, value in evaluation.reward_terms.items()},
             **evaluation.measures,
             "max_edge_strain": float(np.max(self._target.edge_strain())),
@@ -220,12 +220,12 @@ class DeformableTask(composer.Task, abc.ABC):
     # ------------------------------------------------------------------ observations
 
     def full_state(self) -> np.ndarray:
-        """All vertices (x, y, z each, zero-padded to `max_vertices`), then gripper centres [m]."""
+        """All vertices (x, y, z each), zeros up to `max_vertices`, then gripper centres [m]."""
         vertices = self._target.vertices().ravel()
         grippers = self._actor.positions().ravel()
-        state = np.zeros(3 * self.max_vertices + grippers.size)
+        state = np.zeros(3 * self._layout.max_vertices + grippers.size)
         state[: vertices.size] = vertices
-        state[3 * self.max_vertices :] = grippers
+        state[3 * self._layout.max_vertices :] = grippers
         return state
 
     def reduced_state(self) -> np.ndarray:
@@ -237,7 +237,7 @@ class DeformableTask(composer.Task, abc.ABC):
     @property
     def state_layout(self) -> tuple:
         """What must agree for a state of one instance to fit into another."""
-        return type(self._actor).__name__, self._actor.num_grippers, self.max_vertices
+        return type(self._actor).__name__, self._actor.num_grippers, self._layout.max_vertices
 
     def get_state(self) -> dict[str, object]:
         """What the task and its actor remember and mjData does not hold."""

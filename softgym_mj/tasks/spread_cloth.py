@@ -16,17 +16,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth, grid_shape
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.base import Actor, Workspace
 from softgym_mj.robots.factory import make_actor
-from softgym_mj.tasks.base import DeformableTask, Evaluation
+from softgym_mj.tasks.base import DeformableTask, Evaluation, Layout
 from softgym_mj.tasks.initializers import SIZE_RANGE, CrumpledCloth
 from softgym_mj.variations import VariationStore
 
 ACTION_REPEAT = 8  # Facts 1.2.
-WORKSPACE = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2, re-centred at reset.
+WORKSPACE = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.
 RESET_HEIGHT = 0.2  # [m]
 SUCCESS = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
 
@@ -38,35 +37,14 @@ class SpreadCloth(DeformableTask):
         """Wires the task; `settings` as in `DeformableTask`."""
         self._initializer = initializer
         self._cloth = cloth
-        rows, columns = grid_shape((SIZE_RANGE[1] - 1, SIZE_RANGE[1] - 1), initializer.fidelity)
-        self._max_vertices = rows * columns
-        super().__init__(
-            arena=Arena(camera="cloth"),
-            target=cloth,
-            actor=actor,
-            store=VariationStore(initializer),
-            **settings,
-        )
+        largest = SIZE_RANGE[1] - 1
+        rows, columns = grid_shape((largest, largest), initializer.fidelity)
+        layout = Layout("cloth", WORKSPACE, RESET_HEIGHT, SUCCESS, max_vertices=rows * columns)
+        super().__init__(layout, cloth, actor, VariationStore(initializer), **settings)
 
     @property
     def cloth(self) -> Cloth:
         return self._cloth
-
-    @property
-    def workspace(self) -> Workspace:
-        return WORKSPACE
-
-    @property
-    def reset_height(self) -> float:
-        return RESET_HEIGHT
-
-    @property
-    def max_vertices(self) -> int:
-        return self._max_vertices
-
-    @property
-    def success_threshold(self) -> float:
-        return SUCCESS
 
     def resize(self, variation: int) -> bool:
         return self._cloth.resize(self._initializer.dims(variation))

@@ -17,17 +17,16 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities import rope as rope_module
-from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.rope import Rope
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.base import Actor, Workspace
 from softgym_mj.robots.factory import make_actor
-from softgym_mj.tasks.base import DeformableTask, Evaluation
+from softgym_mj.tasks.base import DeformableTask, Evaluation, Layout
 from softgym_mj.tasks.initializers import TwistedRope
 from softgym_mj.variations import VariationStore
 
 ACTION_REPEAT = 8  # Facts 1.2.
-WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2, re-centred at reset.
+WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
 RESET_HEIGHT = 0.1  # [m]
 SUCCESS = 0.95  # Ours: ends within 2.5 cm of the natural length.
 
@@ -38,33 +37,12 @@ class StraightenRope(DeformableTask):
     def __init__(self, rope: Rope, actor: Actor, initializer: TwistedRope, **settings):
         """Wires the task; `settings` as in `DeformableTask`."""
         self._rope = rope
-        super().__init__(
-            arena=Arena(camera="rope"),
-            target=rope,
-            actor=actor,
-            store=VariationStore(initializer),
-            **settings,
-        )
+        layout = Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS, max_vertices=rope.num_vertices)
+        super().__init__(layout, rope, actor, VariationStore(initializer), **settings)
 
     @property
     def rope(self) -> Rope:
         return self._rope
-
-    @property
-    def workspace(self) -> Workspace:
-        return WORKSPACE
-
-    @property
-    def reset_height(self) -> float:
-        return RESET_HEIGHT
-
-    @property
-    def max_vertices(self) -> int:
-        return self._rope.num_vertices
-
-    @property
-    def success_threshold(self) -> float:
-        return SUCCESS
 
     def evaluate(self) -> Evaluation:
         distance = self._rope.end_distance()
