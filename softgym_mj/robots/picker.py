@@ -1,19 +1,41 @@
 """`Picker`: SoftGym's abstract gripper, a solid sphere that can hold the nearest vertex."""
 
-import numpy as np
-from dm_control import composer, mjcf
+import dataclasses
 
-from softgym_mj.entities.flex import Flex
+import numpy as np
+from dm_control import mjcf
+
+from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
 from softgym_mj.exceptions import check_count
 from softgym_mj.robots.base import Actor, Workspace
 
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
+# [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
+# standing still: it runs through a rope instead of pushing it). This mass makes the recoil of a
+# contact of 10 N shift a picker by 0.1 mm in a step, which the next step makes good.
+MASS = 10.0
 COLOR = (0.32, 0.36, 0.42, 1.0)  # SoftGym's 0.9 grey vanishes on its own 0.9 grey floor.
 
-# (sphere radius, pick distance) [m], facts 2.1: the distance is the sphere radius plus SoftGym's
-# particle radius (0.00625 cloth, 0.025 rope) plus its threshold of 0.005.
-CLOTH_GEOMETRY = (0.05, 0.06125)
-ROPE_GEOMETRY = (0.02, 0.05)
+# Contact of the sphere, instead of the object's own: as stiff as the time step allows, so that a
+# rope hit at 1 m/s stays outside the sphere.
+SOLREF, SOLIMP = (0.01, 1.0), (0.95, 0.99, 0.001)
+
+
+@dataclasses.dataclass(frozen=True)
+class Geometry:
+    """Sphere radius [m], pick distance [m] and sliding friction of a picker.
+
+    Facts 2.1: the pick distance is the radius plus SoftGym's particle radius (0.00625 cloth, 0.025
+    rope) plus its threshold of 0.005. Friction as between the object and the floor.
+    """
+
+    radius: float
+    pick_distance: float
+    friction: float
+
+
+CLOTH_GEOMETRY = Geometry(0.05, 0.06125, friction=0.75)
+ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0)
 
 
 class Picker(Actor):
@@ -28,27 +50,39 @@ class Picker(Actor):
 
     def _build(
         self,
-        geometry: tuple[float, float] = CLOTH_GEOMETRY,
+        geometry: Geometry = CLOTH_GEOMETRY,
         num_pickers: int = 2,
         name: str = "picker",
     ):
         """Builds the pickers.
 
         Args:
-            geometry: (sphere radius, pick distance) [m], `CLOTH_GEOMETRY` or `ROPE_GEOMETRY`.
+            geometry: `CLOTH_GEOMETRY` or `ROPE_GEOMETRY`.
             num_pickers: number of pickers, 1 or more.
             name: model name.
         """
         check_count("num_pickers", num_pickers, 1)
-        self._radius, self._pick_distance = geometry
+        self._radius, self._pick_distance = geometry.radius, geometry.pick_distance
         self._mjcf_root = mjcf.RootElement(model=name)
-        self._spheres = []
         for i in range(num_pickers):
-            sphere = mjcf.RootElement(model=f"{name}_{i}")
-            sphere.worldbody.add(
-                "geom", name="sphere", type="sphere", size=[self._radius], rgba=COLOR
+            body = self._mjcf_root.worldbody.add("body", name=f"picker_{i}", gravcomp=1)
+            for axis, direction in zip("xyz", np.eye(3), strict=True):
+                body.add("joint", name=f"picker_{i}_{axis}", type="slide", axis=direction)
+            body.add(
+                "geom",
+                name=f"picker_{i}",
+                type="sphere",
+                size=[self._radius],
+                mass=MASS,
+                contype=GRIPPER_CONTACT,
+                conaffinity=0,
+                condim=3,
+                friction=[geometry.friction],
+                priority=1,
+                solref=SOLREF,
+                solimp=SOLIMP,
+                rgba=COLOR,
             )
-            self._spheres.append(sphere)
         self._held = [-1] * num_pickers  # A list: it is read several times in every sim step.
         self._offset = np.zeros((num_pickers, 3))
         self._centre = np.zeros((num_pickers, 3))
@@ -87,23 +121,21 @@ class Picker(Actor):
         """Lowest and highest picker centre (3,) [m]: the workspace less the radius."""
         return self._low, self._high
 
-    def join(self, arena: composer.Arena) -> None:
-        super().join(arena)
-        # Only a child of the world can be mocap, so each sphere is attached by itself.
-        for sphere in self._spheres:
-            arena.mjcf_model.attach(sphere).mocap = "true"
-
     def manipulate(self, target: Flex) -> None:
         self._target = target
 
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
-        mocap = [
-            int(model.body_mocapid[model.body(f"{sphere.model}/").id]) for sphere in self._spheres
+        bodies = [
+            model.body(f"{self._mjcf_root.model}/picker_{i}").id for i in range(self.num_grippers)
         ]
-        if not np.array_equal(mocap, np.arange(mocap[0], mocap[0] + len(mocap))):
-            raise RuntimeError("pickers are expected to have consecutive mocap indices")
-        self._mocap_pos = data.mocap_pos[mocap[0] : mocap[0] + len(mocap)]
+        dofs = model.body_dofadr[bodies]
+        qpos = model.jnt_qposadr[model.body_jntadr[bodies]]
+        if np.any(np.diff(dofs) != 3) or np.any(np.diff(qpos) != 3):
+            raise RuntimeError("pickers are expected to have consecutive slide joints")
+        count = 3 * self.num_grippers
+        self._qpos = data.qpos[qpos[0] : qpos[0] + count].reshape(-1, 3)
+        self._qvel = data.qvel[dofs[0] : dofs[0] + count].reshape(-1, 3)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
         # Facts 2.3: a ring of radius 2 r sqrt(n - 1) from FleX's +z, which is -Y here.
@@ -119,7 +151,8 @@ class Picker(Actor):
         self._set_workspace(workspace)
         self._centre[:] = positions
         self._old_centre[:] = positions
-        self._mocap_pos[:] = positions
+        self._qpos[:] = positions
+        self._qvel[:] = 0.0
 
     def _set_workspace(self, workspace: Workspace):
         self._workspace = workspace
@@ -164,7 +197,7 @@ class Picker(Actor):
         position = self._centre
         if fraction < 1.0:
             position = position - (1.0 - fraction) * self._step
-        self._mocap_pos[:] = position
+        self._qvel[:] = (position - self._qpos) / timestep
         for i, vertex in enumerate(self._held):
             if vertex >= 0:
                 goal = position[i] + self._offset[i]

@@ -237,7 +237,13 @@ class DeformableTask(composer.Task, abc.ABC):
     @property
     def state_layout(self) -> tuple:
         """What must agree for a state of one instance to fit into another."""
-        return type(self._actor).__name__, self._actor.num_grippers, self._layout.max_vertices
+        return (
+            type(self._actor).__name__,
+            self._actor.num_grippers,
+            self._layout.max_vertices,
+            self._action_repeat,
+            self._target.physical_parameters["contact"]["selfcollide"],
+        )
 
     def get_state(self) -> dict[str, object]:
         """What the task and its actor remember and mjData does not hold."""

@@ -92,7 +92,7 @@ class TwistedRope:
 
     @property
     def parameters(self) -> dict[str, object]:
-        return {"version": 1, "rope": Rope().physical_parameters}
+        return {"version": 2, "rope": Rope().physical_parameters}
 
     def generate(self, index: int) -> np.ndarray:
         """Settled vertex positions (41, 3) [m]."""
@@ -128,7 +128,7 @@ class CrumpledCloth:
     @property
     def parameters(self) -> dict[str, object]:
         cloth = Cloth(fidelity=self.fidelity).physical_parameters
-        return {"version": 1, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
+        return {"version": 2, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
 
     def dims(self, index: int) -> tuple[int, int]:
         """Size (dimx, dimy) of a variation in SoftGym particles."""
