@@ -1,35 +1,14 @@
-"""Scripted experts: hand-written policies that see the whole state.
+"""The expert of SpreadCloth: takes a side, drags the cloth out, then mends what lies wrong."""
 
-They read positions straight from the task: not baselines to learn against, but evidence that the
-pickers can solve the tasks. Each writes an episode as a generator of actions; all are
-deterministic.
-"""
+from collections.abc import Iterator, Sequence
 
-from collections.abc import Callable, Iterator, Sequence
-
-import dm_env
 import numpy as np
 
-from softgym_mj.entities.rope import LENGTH
-from softgym_mj.environment import Environment
-from softgym_mj.exceptions import OutOfRangeError, check_name
-from softgym_mj.robots.picker import MAX_DISPLACEMENT
+from softgym_mj.baselines.scripted.expert import ARRIVED, OPEN, PASSED, SLOW, Expert
 
-OPEN, CLOSED = (False, False), (True, True)  # Grips of the two pickers.
-REACH_MARGIN = 0.00225  # [m] By which a vertex is taken from nearer than the pick distance.
-ARRIVED = 0.003  # [m] Distance along every axis at which a goal counts as reached.
-PASSED = 0.05  # [m] The same for a point on the way.
-SLOW = 0.5  # Fraction of full speed at which something held is moved gently.
 LIFT = 0.8  # Fraction of full speed at which cloth is carried.
-
-# Heights [m] of the picker centres above a rope: passing over, pulling, at the end.
-ROPE_APPROACH, ROPE_LIFT, ROPE_LAID = 0.1, 0.1, 0.04
-ROPE_TOLERANCE = 0.001  # [m] Error of the end distance at which pulling stops.
-ROPE_SPEED = 0.3  # Fraction of full speed at which the rope is pulled.
-
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
 TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
-CLEAR = 0.003  # [m] Clearance from which a vertex counts as fully exposed.
 NEAR_CORNER = 2  # Grid steps from a corner within which a hold counts as one of the corner.
 PACE = 0.06  # [m] Way of the pickers in an env step while the cloth is dragged.
 TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pulled out.
@@ -40,121 +19,6 @@ DONE = 0.98  # Normalised performance from which the cloth is left alone.
 ROUND_STEPS = 45  # Env steps that taking a side and dragging the cloth out need at least.
 PUT_STEPS = 13  # The same for putting vertices in their places.
 REDO = 0.35  # Normalised performance below which the cloth is taken up again if time allows.
-
-
-def _directions() -> np.ndarray:
-    """Unit vectors (n, 3) over the upper half-sphere, the vertical first."""
-    rows = [(90, 1), (70, 12), (52, 12), (35, 12), (18, 12), (0, 12)]  # (elevation [deg], number)
-    angles = [(np.deg2rad(e), 2 * np.pi * k / n) for e, n in rows for k in range(n)]
-    return np.array([(np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)) for e, a in angles])
-
-
-_DIRECTIONS = _directions()
-
-
-class Expert:
-    """Moves two pickers; subclasses write an episode as a generator of actions."""
-
-    def __init__(self, env: Environment):
-        """Binds the expert.
-
-        Args:
-            env: environment of the expert's task, with two pickers.
-
-        Raises:
-            OutOfRangeError: for another number of grippers.
-        """
-        self._env = env
-        self._actor, self._target = env.task.actor, env.task.target
-        if self._actor.num_grippers != 2:
-            raise OutOfRangeError("num_grippers", self._actor.num_grippers, "2")
-        self._stride = MAX_DISPLACEMENT * env.task.action_repeat
-        self._reach = self._actor.pick_distance - REACH_MARGIN
-        self._plan = self._episode()
-
-    def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
-        """The action (8,) in [-1, 1] for a time step; the first of an episode clears the memory."""
-        if timestep.first():
-            self._plan = self._episode()
-        return next(self._plan)
-
-    def _episode(self) -> Iterator[np.ndarray]:
-        """Endless actions of an episode."""
-        raise NotImplementedError
-
-    def _step(self, goals: np.ndarray, grips: Sequence[bool], speed: float = 1.0) -> np.ndarray:
-        """Action (8,) that moves the pickers straight towards `goals` (2, 3) [m] at `speed`."""
-        delta = (np.clip(goals, *self._actor.limits) - self._actor.positions()) / self._stride
-        delta *= speed / max(np.abs(delta).max(), speed)
-        return np.column_stack([delta, np.where(grips, 1.0, -1.0)]).ravel()
-
-    def _move(self, goals, grips, speed=1.0, near=ARRIVED) -> Iterator[np.ndarray]:
-        """Actions until both pickers are within `near` [m] of `goals`, clipped to the workspace."""
-        goals = np.clip(goals, *self._actor.limits)
-        while np.abs(goals - self._actor.positions()).max() >= near:
-            yield self._step(goals, grips, speed)
-
-    def _raised(self, height: float) -> np.ndarray:
-        """Picker centres (2, 3) [m], lifted to `height` [m]."""
-        positions = self._actor.positions()
-        positions[:, 2] = height
-        return positions
-
-    def _rest(self, grips) -> np.ndarray:
-        """Action that stays in place."""
-        return self._step(self._actor.positions(), grips)
-
-    def _matched(self, vertices: Sequence[int]) -> list[int]:
-        """Two vertices in the order of the pickers that reaches them on the shorter ways."""
-        starts, goals = self._actor.positions(), self._target.vertices()[list(vertices)]
-        direct = np.linalg.norm(starts - goals, axis=1).sum()
-        crossed = np.linalg.norm(starts - goals[::-1], axis=1).sum()
-        return list(vertices) if direct <= crossed else list(vertices)[::-1]
-
-    def _grasp(self, vertex: int) -> tuple[np.ndarray, np.ndarray, float]:
-        """How to take a vertex: picker centre (3,) [m], direction (3,) and clearance [m].
-
-        The clearance is how much further the next vertex is; negative: another one is taken.
-        """
-        centres = self._target.vertex(vertex) + self._reach * _DIRECTIONS
-        centres = np.clip(centres, *self._actor.limits)
-        distance = np.linalg.norm(centres[:, None] - self._target.vertices(), axis=2)
-        own = distance[:, vertex].copy()
-        distance[:, vertex] = np.inf
-        clearance = distance.min(axis=1) - own
-        clearance[own > self._actor.pick_distance] = -1.0
-        best = int(np.argmax(np.minimum(clearance, CLEAR)))
-        return centres[best], _DIRECTIONS[best], float(min(clearance[best], CLEAR))
-
-
-class StraightenRope(Expert):
-    """Takes both ends from above, pulls them apart and lays the rope down."""
-
-    def _episode(self):
-        rope = self._env.task.rope
-        ends = self._matched(rope.ends)
-        while True:
-            yield from self._move(self._raised(ROPE_APPROACH), OPEN, near=PASSED)
-            for lift in (ROPE_APPROACH, 0.0):
-                goals = np.array([self._grasp(end)[0] for end in ends])
-                goals[:, 2] = np.maximum(goals[:, 2], lift)
-                yield from self._move(goals, OPEN, SLOW if lift == 0.0 else 1.0)
-            yield self._rest(CLOSED)
-            if np.all(np.isin(self._actor.held, ends)):
-                break
-            yield from self._move(self._raised(ROPE_LIFT), CLOSED)  # What covers an end.
-        yield from self._move(self._raised(ROPE_LIFT), CLOSED, SLOW)
-        centre = np.mean(self._actor.limits, axis=0)
-        while abs(error := LENGTH - rope.end_distance()) > ROPE_TOLERANCE:
-            line = self._target.vertex(ends[0]) - self._target.vertex(ends[1])
-            line *= [1.0, 1.0, 0.0]
-            line *= error / 2 / (np.linalg.norm(line) + 1e-9)
-            positions = self._actor.positions()
-            to_centre = (centre - positions.mean(axis=0)) * [1.0, 1.0, 0.0]
-            yield self._step(positions + [line, -line] + to_centre, CLOSED, ROPE_SPEED)
-        yield from self._move(self._raised(ROPE_LAID), CLOSED, ROPE_SPEED)
-        while True:
-            yield self._rest(CLOSED)
 
 
 class SpreadCloth(Expert):
@@ -368,19 +232,3 @@ class SpreadCloth(Expert):
         yield from self._move(arc, grips, SLOW, PASSED)
         yield from self._move(goals, grips, SLOW)
         yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
-
-
-EXPERTS: dict[str, type[Expert]] = {"straighten_rope": StraightenRope, "spread_cloth": SpreadCloth}
-
-
-def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
-    """The expert for the task of an environment.
-
-    Args:
-        env: environment with two pickers.
-
-    Raises:
-        UnknownNameError: if the task has no expert.
-    """
-    check_name("task", env.name, EXPERTS)
-    return EXPERTS[env.name](env)

@@ -1,0 +1,32 @@
+"""Scripted experts: hand-written policies that see the whole state.
+
+They read positions straight from the task: not baselines to learn against, but evidence that the
+pickers can solve the tasks. Each writes an episode as a generator of actions; all are
+deterministic.
+"""
+
+from collections.abc import Callable
+
+import dm_env
+import numpy as np
+
+from softgym_mj.baselines.scripted.expert import Expert
+from softgym_mj.baselines.scripted.spread_cloth import SpreadCloth
+from softgym_mj.baselines.scripted.straighten_rope import StraightenRope
+from softgym_mj.environment import Environment
+from softgym_mj.exceptions import check_name
+
+EXPERTS: dict[str, type[Expert]] = {"straighten_rope": StraightenRope, "spread_cloth": SpreadCloth}
+
+
+def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
+    """The expert for the task of an environment.
+
+    Args:
+        env: environment with two pickers.
+
+    Raises:
+        UnknownNameError: if the task has no expert.
+    """
+    check_name("task", env.name, EXPERTS)
+    return EXPERTS[env.name](env)
