@@ -180,8 +180,8 @@ class SpreadCloth(Expert):
         edge = high[0] - centre[0]
         yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
         yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)
-        # Make room: carry the tail back until the whole cloth fits between it and the edge.
-        while edge - way * tail_x() < depth + 0.02 and way * now_x() > -edge + PACE:
+        # Carry the tail back so far that the spread cloth will lie in the middle of the workspace.
+        while way * tail_x() > -depth / 2 and way * now_x() > -edge + PACE:
             yield self._step(pose(now_x() - way * PACE, high[2]), grips, LIFT)
         x, anchor, taut = now_x(), tail_x(), 0
         while taut < 2 and way * x < edge:
