@@ -201,7 +201,7 @@ def test_nearest_vertex_within_reach_by_brute_force(facts):
         scene.env.set_state(state)
         vertices = scene.target.vertices()
         near = vertices[random.integers(len(vertices))]
-        centre = near + random.normal(0.0, 0.6 * facts.pick_distance, 3)
+        centre = near + random.normal(0.0, 0.9 * facts.pick_distance, 3)
         scene.place(centre)
         best, shortest = -1, facts.pick_distance
         for index, vertex in enumerate(vertices):

@@ -16,26 +16,29 @@ MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1)
 MASS = 10.0
 COLOR = (0.32, 0.36, 0.42, 1.0)  # SoftGym's 0.9 grey vanishes on its own 0.9 grey floor.
 
-# Contact of the sphere, instead of the object's own: as stiff as the time step allows, so that a
-# rope hit at 1 m/s stays outside the sphere.
-SOLREF, SOLIMP = (0.01, 1.0), (0.95, 0.99, 0.001)
-
 
 @dataclasses.dataclass(frozen=True)
 class Geometry:
-    """Sphere radius [m], pick distance [m] and sliding friction of a picker.
+    """Shape and contact of a picker.
 
-    Facts 2.1: the pick distance is the radius plus SoftGym's particle radius (0.00625 cloth, 0.025
-    rope) plus its threshold of 0.005. Friction as between the object and the floor.
+    Attributes:
+        radius: of the sphere [m].
+        pick_distance: facts 2.1: the radius plus SoftGym's particle radius (0.00625 cloth, 0.025
+            rope) plus its threshold of 0.005 [m].
+        friction: as between the object and the floor.
+        solref, solimp: MuJoCo's contact stiffness. A thin rope hit at 1 m/s stays outside the
+            sphere only with a stiff contact; that would press cloth through the floor.
     """
 
     radius: float
     pick_distance: float
     friction: float
+    solref: tuple[float, float] = (0.02, 1.0)
+    solimp: tuple[float, float, float] = (0.9, 0.95, 0.001)
 
 
 CLOTH_GEOMETRY = Geometry(0.05, 0.06125, friction=0.75)
-ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0)
+ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0, solref=(0.01, 1.0), solimp=(0.95, 0.99, 0.001))
 
 
 class Picker(Actor):
@@ -79,8 +82,8 @@ class Picker(Actor):
                 condim=3,
                 friction=[geometry.friction],
                 priority=1,
-                solref=SOLREF,
-                solimp=SOLIMP,
+                solref=geometry.solref,
+                solimp=geometry.solimp,
                 rgba=COLOR,
             )
         self._held = [-1] * num_pickers  # A list: it is read several times in every sim step.
