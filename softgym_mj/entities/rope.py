@@ -1,5 +1,7 @@
 """`Rope`: a cord of 0.5 m as a one-dimensional MuJoCo flex."""
 
+import math
+
 import numpy as np
 
 from softgym_mj.entities.flex import Flex
@@ -69,4 +71,4 @@ class Rope(Flex):
     def end_distance(self) -> float:
         """Distance [m] between the two end vertices."""
         first, last = self.ends
-        return float(np.linalg.norm(self.vertex(first) - self.vertex(last)))
+        return math.dist(self.vertex(first), self.vertex(last))

@@ -118,7 +118,7 @@ class Actor(composer.Entity, abc.ABC):
                 f"{self.num_grippers} gripper(s) x {self.action_size // self.num_grippers}."
             )
         limit = 1.0 + _BOUND_TOLERANCE
-        if not (array.max() <= limit and array.min() >= -limit):  # False for NaN as well.
+        if not np.abs(array).max() <= limit:  # True for NaN as well.
             bad = np.flatnonzero(~(np.abs(array) <= limit))
             raise InvalidActionError(
                 f"action{bad.tolist()} = {array[bad].tolist()} must be finite and within [-1, 1]; "

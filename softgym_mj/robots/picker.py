@@ -186,7 +186,7 @@ class Picker(Actor):
     def _pick(self, i: int) -> None:
         """Takes the nearest free vertex within reach, if there is one."""
         offsets = self._target.offsets(self._old_centre[i])
-        distances = np.einsum("ij,ij->i", offsets, offsets)
+        distances = np.vecdot(offsets, offsets)
         for vertex in self._held:
             if vertex >= 0:
                 distances[vertex] = np.inf
@@ -200,7 +200,8 @@ class Picker(Actor):
         position = self._centre
         if fraction < 1.0:
             position = position - (1.0 - fraction) * self._step
-        self._qvel[:] = (position - self._qpos) / timestep
+        np.subtract(position, self._qpos, out=self._qvel)
+        self._qvel /= timestep
         for i, vertex in enumerate(self._held):
             if vertex >= 0:
                 goal = position[i] + self._offset[i]
