@@ -115,3 +115,17 @@ def test_a_release_leaves_the_vertex_its_velocity():
     model = scene.physics.model.ptr
     assert np.ptp(model.dof_M0[3 * corner : 3 * corner + 3]) == 0.0
     assert model.dof_M0[3 * corner] < 1e-3
+
+
+def test_self_contact_keeps_layers_apart_and_none_does_not():
+    gaps = {}
+    for self_contact in ("mujoco", "none"):
+        scene = ManipulationScene(Cloth(dims=(60, 60), fidelity="fast", self_contact=self_contact))
+        fold(scene, speed=0.6, rest=1.0)
+        grid = scene.cloth.grid()
+        columns = grid.shape[1]
+        heights = grid[..., 2]
+        # The folded half, less the crease and its neighbours, against the half below.
+        gaps[self_contact] = float(np.median(heights[:, : columns // 2 - 1]) - RADIUS)
+    assert gaps["mujoco"] == pytest.approx(2 * RADIUS, abs=0.002)
+    assert gaps["none"] == pytest.approx(0.0, abs=0.002)

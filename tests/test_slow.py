@@ -52,3 +52,14 @@ def test_the_scripted_expert_solves_the_evaluation_variations(task, mean):
             timestep = env.step(act(timestep))
         scores.append(env.info()["normalized_performance"])
     assert np.mean(scores) >= mean
+
+
+def test_doing_nothing_scores_zero_on_a_cloth():
+    env = softgym_mj.load("spread_cloth", split="evaluate")
+    scores = []
+    for variation in range(800, 820):
+        timestep = env.reset(variation)
+        while not timestep.last():
+            timestep = env.step(np.zeros(8))
+        scores.append(env.info()["normalized_performance"])
+    np.testing.assert_allclose(scores, 0.0, atol=0.02)
