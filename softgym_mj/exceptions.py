@@ -47,10 +47,6 @@ class RenderingUnavailableError(SoftGymError, RuntimeError):
     """No working OpenGL backend for off-screen rendering or no display for the viewer."""
 
 
-class MissingDependencyError(SoftGymError, ImportError):
-    """An optional dependency is not installed; the message has the command that installs it."""
-
-
 def check_name(argument: str, value: object, valid: Iterable[object]) -> None:
     """Raises `UnknownNameError` unless `value` is one of `valid`."""
     valid = tuple(valid)

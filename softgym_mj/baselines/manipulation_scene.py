@@ -1,7 +1,7 @@
 """A cloth and two pickers without a task: scripted folds and drops, for tests and benchmarks."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -159,11 +159,3 @@ def lift_and_release(
     path = height * np.column_stack([1 - np.cos(angle), np.zeros_like(angle), np.sin(angle)])
     scene.follow(path, speed)
     scene.release(rest)
-
-
-def fold_report(dims: tuple[int, int], speeds: tuple[float, ...]) -> Iterator[tuple[float, Record]]:
-    """Folds a cloth of `dims` particles at each speed [m/s]; yields (speed, record)."""
-    for speed in speeds:
-        scene = ManipulationScene(Cloth(dims=dims))
-        fold(scene, speed)
-        yield speed, scene.record
