@@ -68,11 +68,11 @@ def check_count(argument: str, value: object, low: int, high: int | None = None)
 
 def check_image_size(argument: str, value: object, largest: int) -> tuple[int, int]:
     """`value` as (height, width); `OutOfRangeError` unless both are in 1..largest [pixels]."""
+    valid = f"(height, width), each in 1..{largest} pixels"
     if not isinstance(value, Sequence) or len(value) != 2:
-        raise OutOfRangeError(argument, value, f"(height, width), each in 1..{largest} pixels")
+        raise OutOfRangeError(argument, value, valid)
     try:
         height, width = (check_count(argument, side, 1, largest) for side in value)
     except OutOfRangeError:
-        valid = f"(height, width), each in 1..{largest} pixels"
         raise OutOfRangeError(argument, value, valid) from None
     return height, width

@@ -1,6 +1,7 @@
 """`Flex`: a deformable object made of point-mass vertices, the base of `Cloth` and `Rope`."""
 
 import abc
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -18,6 +19,19 @@ HELD_MASS = 10.0
 OBJECT_CONTACT, GRIPPER_CONTACT = 1, 2
 
 _FLEX = "flex"  # Name of the flexcomp, hence of its vertex bodies: flex_0, flex_1, ...
+
+
+def slide_views(model, data, bodies: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Views (n, 3) of qpos [m] and qvel [m/s] of n bodies with three slides each, in a row."""
+    qpos = model.jnt_qposadr[model.body_jntadr[bodies]]
+    qvel = model.body_dofadr[bodies]
+    if np.any(np.diff(qpos) != 3) or np.any(np.diff(qvel) != 3):
+        raise RuntimeError("vertices and pickers are expected to have consecutive slide joints")
+    count = 3 * len(bodies)
+    return (
+        data.qpos[qpos[0] : qpos[0] + count].reshape(-1, 3),
+        data.qvel[qvel[0] : qvel[0] + count].reshape(-1, 3),
+    )
 
 
 class Flex(composer.Entity):
@@ -105,12 +119,8 @@ class Flex(composer.Entity):
         first, count = model.flex_vertadr[flex], model.flex_vertnum[flex]
         bodies = model.flex_vertbodyid[first : first + count]
         self._dofs = np.array(model.body_dofadr[bodies])
-        qpos = model.jnt_qposadr[model.body_jntadr[bodies]]
-        if np.any(np.diff(self._dofs) != 3) or np.any(np.diff(qpos) != 3):
-            raise RuntimeError("flexcomp vertices are expected to have consecutive slide joints")
         self._origin = np.array(model.body_pos[bodies])
-        self._qpos = data.qpos[qpos[0] : qpos[0] + 3 * count].reshape(count, 3)
-        self._qvel = data.qvel[self._dofs[0] : self._dofs[0] + 3 * count].reshape(count, 3)
+        self._qpos, self._qvel = slide_views(model, data, bodies)
         self._dof_mass = model.dof_M0
         # The solver's tolerance is relative to the mean inertia: heavy actors must not loosen it.
         model.stat.meaninertia = self._dof_mass[self._dofs].mean()
@@ -118,9 +128,6 @@ class Flex(composer.Entity):
         self._edges = np.array(model.flex_edge[edges])
         self._rest_lengths = np.array(model.flexedge_length0[edges])
         self._held = {}
-
-    def initialize_episode(self, physics, random_state):
-        self.release_all()
 
     def vertices(self) -> np.ndarray:
         """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""

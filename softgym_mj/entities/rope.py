@@ -6,9 +6,8 @@ import numpy as np
 
 from softgym_mj.entities.flex import Flex
 
-LENGTH = (
-    0.5  # [m] natural length; SoftGym calls this straight (its own relaxed rope is 7.5 % longer).
-)
+# [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
+LENGTH = 0.5
 NUM_VERTICES = 41  # SoftGym's particle count.
 RADIUS = 0.00625  # [m] SoftGym's drawn radius; here it is the contact radius too.
 MASS = 0.05  # [kg], 0.1 kg/m: a cotton cord of this diameter.

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from dm_control import mjcf
 
-from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
+from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex, slide_views
 from softgym_mj.exceptions import check_count
 from softgym_mj.robots.base import Actor, Workspace
 
@@ -132,13 +132,7 @@ class Picker(Actor):
         bodies = [
             model.body(f"{self._mjcf_root.model}/picker_{i}").id for i in range(self.num_grippers)
         ]
-        dofs = model.body_dofadr[bodies]
-        qpos = model.jnt_qposadr[model.body_jntadr[bodies]]
-        if np.any(np.diff(dofs) != 3) or np.any(np.diff(qpos) != 3):
-            raise RuntimeError("pickers are expected to have consecutive slide joints")
-        count = 3 * self.num_grippers
-        self._qpos = data.qpos[qpos[0] : qpos[0] + count].reshape(-1, 3)
-        self._qvel = data.qvel[dofs[0] : dofs[0] + count].reshape(-1, 3)
+        self._qpos, self._qvel = slide_views(model, data, bodies)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
         # Facts 2.3: a ring of radius 2 r sqrt(n - 1) from FleX's +z, which is -Y here.

@@ -166,7 +166,6 @@ class DeformableTask(composer.Task, abc.ABC):
         return self.resize(self._variation)
 
     def initialize_episode(self, physics, random_state):
-        self._target.release_all()
         self._target.set_vertices(self._store.load(self._variation))
         self._place_actor()
         self._evaluation = self.evaluate()

@@ -65,13 +65,12 @@ class _Scene:
             self._flex.drive(vertex, goal, SIM_STEP)
             self.step()
 
-    def settle(self, max_steps: int, min_steps: int = _MIN_SETTLE_STEPS) -> int:
-        """Steps until every vertex is slower than `SETTLED_SPEED`; returns the sim steps taken."""
+    def settle(self, max_steps: int) -> None:
+        """Sim steps until every vertex is slower than `SETTLED_SPEED`, at most `max_steps`."""
         for count in range(1, max_steps + 1):
             self.step()
-            if count >= min_steps and self.max_speed() < SETTLED_SPEED:
-                return count
-        return max_steps
+            if count >= _MIN_SETTLE_STEPS and self.max_speed() < SETTLED_SPEED:
+                return
 
     def speeds(self) -> np.ndarray:
         """Speed of every vertex [m/s]."""
