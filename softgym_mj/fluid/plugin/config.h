@@ -1,0 +1,45 @@
+// The attributes of the fluid plugin, parsed and checked.
+
+#ifndef SOFTGYM_MJ_FLUID_CONFIG_H_
+#define SOFTGYM_MJ_FLUID_CONFIG_H_
+
+#include <string>
+
+#include <mujoco/mujoco.h>
+
+namespace softgym_mj {
+
+enum class Draw { kSurface, kMesh, kParticles, kNone };
+
+// Attributes as in README.md; SI units.
+struct FluidConfig {
+  int count = 0;
+  double spacing = 0.018;
+  int columns[2] = {0, 0};  // 0: near a cube.
+  double corner[3] = {0, 0, 0.009};
+  double viscosity = 1e-4;
+  double cohesion = 0;
+  double friction = 0.01;
+  double density = 1000;
+  int substeps = 0;  // 0: from the number of layers.
+  bool two_way = false;
+  bool world = true;
+  double max_speed = 10;
+  Draw draw = Draw::kSurface;
+  float rgba[4] = {0.16f, 0.5f, 0.78f, 0.85f};
+
+  int Layers() const;
+  // Substeps of a step of `timestep` seconds.
+  int Substeps(double timestep) const;
+};
+
+// Names of the attributes, as registered.
+extern const char* const kAttributes[];
+extern const int kNumAttributes;
+
+// Parses the attributes of a plugin instance. Returns "" or what is wrong, as a sentence.
+std::string ParseConfig(const mjModel* m, int instance, FluidConfig* config);
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_CONFIG_H_

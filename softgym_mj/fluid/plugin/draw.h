@@ -1,0 +1,19 @@
+// Draws the particles so that they read as water.
+
+#ifndef SOFTGYM_MJ_FLUID_DRAW_H_
+#define SOFTGYM_MJ_FLUID_DRAW_H_
+
+#include <mujoco/mujoco.h>
+
+#include "config.h"
+#include "solver.h"
+
+namespace softgym_mj {
+
+// Adds geoms to a scene, leaving room for those of the model.
+void DrawFluid(const mjModel* m, const FluidConfig& config, const mjtNum* positions,
+               Solver* solver, mjvScene* scene);
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_DRAW_H_

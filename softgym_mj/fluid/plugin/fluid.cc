@@ -1,0 +1,253 @@
+#include "fluid.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include <mujoco/mjplugin.h>
+
+#include "boundary.h"
+#include "config.h"
+#include "draw.h"
+#include "solver.h"
+
+namespace softgym_mj {
+namespace {
+
+// What a thread needs for a step. Only memory and the parsed attributes outlive a call; the latter
+// are parsed again when they differ, so nothing depends on which thread or mjData came before.
+struct Workspace {
+  std::string attributes;
+  FluidConfig config;
+  std::vector<Wall> walls;
+  std::vector<Pose> start, end;
+  std::vector<Impulse> impulses;
+  std::vector<mjtNum> jacobian, solution;
+  Solver solver;
+};
+
+Workspace& ThreadWorkspace() {
+  thread_local Workspace workspace;
+  return workspace;
+}
+
+// Stops with an error that names the instance. Must be called with no object that has a destructor
+// alive: MuJoCo's compiler leaves by longjmp.
+void Fail(const mjModel* m, int instance, const char* reason) {
+  const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
+  mju_error("softgym_mj.fluid, instance \"%s\": %s", name ? name : "", reason);
+}
+
+// Parses the attributes and finds the walls. False, with the reason, if something is wrong.
+bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t size) {
+  const char* first = m->plugin_attr + m->plugin_attradr[instance];
+  const bool last = instance + 1 == m->nplugin;
+  const char* end = m->plugin_attr + (last ? m->npluginattr : m->plugin_attradr[instance + 1]);
+  std::string error;
+  if (w->attributes.size() != static_cast<size_t>(end - first) ||
+      std::memcmp(w->attributes.data(), first, end - first)) {
+    error = ParseConfig(m, instance, &w->config);
+    if (error.empty()) {
+      w->attributes.assign(first, end);
+    } else {
+      w->attributes.clear();
+    }
+  }
+  if (error.empty()) error = CollectWalls(m, instance, w->config.world, &w->walls);
+  if (error.empty() && w->walls.size() > kMaxWalls) error = "there are too many walls.";
+  std::snprintf(reason, size, "%s", error.c_str());
+  return error.empty();
+}
+
+StateLayout Layout(const FluidConfig& config, int walls) {
+  StateLayout layout;
+  layout.known = 0;
+  layout.positions = 1;
+  layout.velocities = layout.positions + 3 * config.count;
+  layout.poses = layout.velocities + 3 * config.count;
+  layout.forces = layout.poses + 7 * walls;
+  layout.size = layout.forces + (config.two_way ? 6 * walls : 0);
+  return layout;
+}
+
+// A lattice of the rest spacing, filled from below, on both sides of whose sites a thousandth of the
+// spacing is left to chance so that it does not stand in unstable balance.
+void PlaceLattice(const FluidConfig& config, mjtNum* positions) {
+  unsigned random = 12345;
+  for (int i = 0; i < config.count; ++i) {
+    const int column = i % (config.columns[0] * config.columns[1]);
+    const int site[3] = {column % config.columns[0], column / config.columns[0],
+                         i / (config.columns[0] * config.columns[1])};
+    for (int k = 0; k < 3; ++k) {
+      random = random * 1664525u + 1013904223u;
+      const double noise = (random >> 8) / 16777216.0 - 0.5;
+      positions[3 * i + k] = config.corner[k] + config.spacing * (site[k] + 0.002 * noise);
+    }
+  }
+}
+
+int NumState(const mjModel* m, int instance) {
+  char reason[512];
+  Workspace& w = ThreadWorkspace();
+  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  return Layout(w.config, static_cast<int>(w.walls.size())).size;
+}
+
+int Init(const mjModel*, mjData* d, int instance) {
+  d->plugin_data[instance] = 0;
+  return 0;
+}
+
+void Reset(const mjModel* m, mjtNum* state, void*, int instance) {
+  char reason[512];
+  Workspace& w = ThreadWorkspace();
+  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  mju_zero(state, m->plugin_statenum[instance]);
+  PlaceLattice(w.config, state + Layout(w.config, static_cast<int>(w.walls.size())).positions);
+}
+
+void FindPoses(const mjModel* m, const mjData* d, const std::vector<Wall>& walls,
+               std::vector<Pose>* poses) {
+  poses->resize(walls.size());
+  Pose body;
+  for (size_t i = 0; i < walls.size(); ++i) {
+    if (i == 0 || walls[i].body != walls[i - 1].body) body = BodyPose(m, d, walls[i].body);
+    (*poses)[i] = GeomPose(m, walls[i].geom, body);
+  }
+}
+
+// How far any point of a wall moves between two poses, at most.
+double Motion(const mjModel* m, const Wall& wall, const Pose& a, const Pose& b) {
+  const double turn = 2 * std::acos(std::min(1.0, std::fabs(mju_dot(a.quaternion, b.quaternion, 4))));
+  const double radius = wall.shape == Shape::kPlane ? 0 : m->geom_rbound[wall.geom];
+  return mju_dist3(a.position, b.position) + turn * radius;
+}
+
+// The force of a body's walls follows the water with a lag of one step. Where the water outweighs
+// the body that feedback would grow; approaching the new value by this share of the way is stable
+// and loses no momentum.
+void FilterForces(const mjModel* m, mjData* d, Workspace* w,
+                  mjtNum* forces) {
+  const double dt = m->opt.timestep;
+  const size_t walls = w->walls.size();
+  for (size_t first = 0, last; first < walls; first = last) {
+    const int body = w->walls[first].body;
+    for (last = first; last < walls && w->walls[last].body == body; ++last) {
+    }
+    if (!IsDynamic(m, body)) {
+      mju_zero(forces + 6 * first, static_cast<int>(6 * (last - first)));
+      continue;
+    }
+    const Pose pose = BodyPose(m, d, body);
+    mjtNum centre[3];
+    mju_rotVecQuat(centre, m->body_ipos + 3 * body, pose.quaternion);
+    mju_addTo3(centre, pose.position);
+    // Inverse inertia of the body, with everything it is jointed to.
+    const int nv = m->nv;
+    w->jacobian.resize(6 * nv);
+    w->solution.resize(6 * nv);
+    mj_jac(m, d, w->jacobian.data(), w->jacobian.data() + 3 * nv, d->xipos + 3 * body, body);
+    mj_solveM(m, d, w->solution.data(), w->jacobian.data(), 6);
+    double mobility[2] = {0, 0};
+    for (int k = 0; k < 6; ++k) {
+      const double a = mju_dot(w->jacobian.data() + k * nv, w->solution.data() + k * nv, nv);
+      mobility[k / 3] = std::max(mobility[k / 3], a);
+    }
+    double inertia[2] = {0, 0};  // Of the water near the body: mass and moment.
+    w->solver.TouchingInertia(first, last, centre, inertia);
+    const double share[2] = {1 / (1 + inertia[0] * mobility[0]), 1 / (1 + inertia[1] * mobility[1])};
+    for (size_t i = first; i < last; ++i) {
+      mjtNum* force = forces + 6 * i;
+      const Impulse& impulse = w->impulses[i];
+      double offset[3];
+      mju_cross(offset, centre, impulse.linear);
+      for (int k = 0; k < 3; ++k) {
+        force[k] += share[0] * (impulse.linear[k] / dt - force[k]);
+        force[3 + k] += share[1] * ((impulse.angular[k] - offset[k]) / dt - force[3 + k]);
+      }
+    }
+  }
+}
+
+void Advance(const mjModel* m, mjData* d, int instance) {
+  char reason[512];
+  Workspace& w = ThreadWorkspace();
+  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  const int walls = static_cast<int>(w.walls.size());
+  const StateLayout layout = Layout(w.config, walls);
+  mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
+  double sum = 0;
+  for (int i = layout.positions; i < layout.poses; ++i) sum += state[i];
+  if (!std::isfinite(sum)) {
+    Fail(m, instance, "particle positions or velocities in plugin_state are not finite.");
+  }
+  FindPoses(m, d, w.walls, &w.end);
+  w.start = w.end;
+  const double reach = MaxSpeed(w.config, m->opt.timestep) * m->opt.timestep;
+  for (int i = 0; i < walls; ++i) {
+    if (!IsFinite(w.end[i])) return;  // MuJoCo finds the bad qpos and resets in the next step.
+    mjtNum* stored = state + layout.poses + 7 * i;
+    if (state[layout.known]) {
+      Pose old;
+      mju_copy3(old.position, stored);
+      mju_copy4(old.quaternion, stored + 3);
+      if (Motion(m, w.walls[i], old, w.end[i]) <= reach) w.start[i] = old;
+    }
+    mju_copy3(stored, w.end[i].position);
+    mju_copy4(stored + 3, w.end[i].quaternion);
+  }
+  state[layout.known] = 1;
+  w.impulses.resize(walls);
+  w.solver.Step(w.config, m->opt.timestep, m->opt.gravity, w.walls, w.start, w.end,
+                state + layout.positions, state + layout.velocities,
+                w.config.two_way ? w.impulses.data() : nullptr);
+  if (w.config.two_way) FilterForces(m, d, &w, state + layout.forces);
+}
+
+// Adds the forces of the last step to the passive forces.
+void Compute(const mjModel* m, mjData* d, int instance, int) {
+  char reason[512];
+  Workspace& w = ThreadWorkspace();
+  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  if (!w.config.two_way) return;
+  const StateLayout layout = Layout(w.config, static_cast<int>(w.walls.size()));
+  const mjtNum* force = d->plugin_state + m->plugin_stateadr[instance] + layout.forces;
+  for (size_t i = 0; i < w.walls.size(); ++i, force += 6) {
+    const int body = w.walls[i].body;
+    if (IsDynamic(m, body)) {
+      mj_applyFT(m, d, force, force + 3, d->xipos + 3 * body, body, d->qfrc_passive);
+    }
+  }
+}
+
+void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, int instance) {
+  char reason[512];
+  Workspace& w = ThreadWorkspace();
+  if (!Bind(m, instance, &w, reason, sizeof(reason))) return;
+  const StateLayout layout = Layout(w.config, static_cast<int>(w.walls.size()));
+  const mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
+  DrawFluid(m, w.config, state + layout.positions, &w.solver, scene);
+}
+
+}  // namespace
+
+void RegisterFluid() {
+  mjpPlugin plugin;
+  mjp_defaultPlugin(&plugin);
+  plugin.name = "softgym_mj.fluid";
+  plugin.nattribute = kNumAttributes;
+  plugin.attributes = kAttributes;
+  plugin.capabilityflags = mjPLUGIN_PASSIVE;
+  plugin.nstate = NumState;
+  plugin.init = Init;
+  plugin.reset = Reset;
+  plugin.compute = Compute;
+  plugin.advance = Advance;
+  plugin.visualize = Visualize;
+  mjp_registerPlugin(&plugin);
+}
+
+}  // namespace softgym_mj

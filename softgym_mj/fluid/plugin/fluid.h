@@ -1,0 +1,25 @@
+// The engine plugin "softgym_mj.fluid": particles of water in the plugin state of mjData.
+
+#ifndef SOFTGYM_MJ_FLUID_FLUID_H_
+#define SOFTGYM_MJ_FLUID_FLUID_H_
+
+#include <mujoco/mujoco.h>
+
+namespace softgym_mj {
+
+// Where the parts of an instance's state begin. All of it is in mjData.plugin_state, so whatever
+// copies or restores that restores the fluid; nothing is kept in plugin_data.
+struct StateLayout {
+  int known;       // 1: the wall poses are those of the last step; 0: there was none.
+  int positions;   // (count, 3) [m]
+  int velocities;  // (count, 3) [m/s]
+  int poses;       // (walls, 7): position and quaternion at the end of the last step.
+  int forces;      // (walls, 6) if two-way: force [N] and torque [N m] about the body's centre of mass.
+  int size;
+};
+
+void RegisterFluid();
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_FLUID_H_

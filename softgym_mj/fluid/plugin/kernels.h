@@ -1,0 +1,104 @@
+// The inner loops of the solver. One template, compiled once per instruction set.
+//
+// Translation units that include kernels_impl.h are compiled for different processors, so they must
+// not instantiate anything that another unit could share: no standard containers or algorithms.
+
+#ifndef SOFTGYM_MJ_FLUID_KERNELS_H_
+#define SOFTGYM_MJ_FLUID_KERNELS_H_
+
+namespace softgym_mj {
+
+constexpr int kMaxWidth = 16;  // Most lanes of any instruction set: arrays are padded by this.
+
+// Constants of a fluid.
+struct FluidConstants {
+  float spacing;         // Rest distance d [m].
+  float radius;          // Support H of the kernel [m].
+  float rest_density;    // Sum of (1 - r/H)^3 over the neighbours in water at rest.
+  float wall_density;    // Scale of what a wall adds to that sum.
+  float wall_pressure;   // Factor of a wall's push relative to the particle's own.
+  float relaxation;      // Of the one Jacobi iteration in a substep.
+  float correction;      // Largest correction in a substep [m].
+  float contact;         // Distance at which walls are hard [m].
+  float friction;        // Coulomb coefficient at walls.
+};
+
+// Particles in sorted order. Arrays of 4 floats per particle (x, y, z, 0); `count` real ones and one
+// more, far away, that pads lists.
+struct Particles {
+  int count;
+  float* position;      // Predicted, then corrected [m].
+  float* old_position;  // At the start of the substep [m].
+  float* velocity;      // [m/s].
+  float* correction;    // Displacement of the substep [m].
+  float* gradient;      // Sum of e_ij, plus the walls' part (see kernels_impl.h).
+  float* wall_gradient; // The walls' part.
+  float* wall_density;  // What the walls add to the density, one float per particle.
+  float* free_share;    // Product over the walls of what they leave open, one float per particle.
+  float* pressure;      // One float per particle.
+  const float* x;       // Coordinates at the time the lists were built.
+  const float* y;
+  const float* z;
+};
+
+// A wrapped grid of cells, each as wide as the search distance; sizes are powers of two, 4 or more.
+struct Grid {
+  int nx, ny, nz;
+  const int* start;  // First particle of each cell, nx * ny * nz + 1 entries.
+};
+
+// Neighbours of particle i are index[begin[i]] .. index[begin[i + 1]], padded to whole vectors.
+struct Neighbours {
+  int* begin;
+  int* index;
+  long capacity;   // Of `index`.
+  float* e;        // Three arrays of `stride` floats: e_ij by component.
+  long stride;
+};
+
+// Particles near one wall, padded, and what the kernels pass on about each.
+struct WallPairs {
+  int count;             // Whole vectors.
+  int shape;             // A Shape.
+  const float* size;     // (3,)
+  const float* start;    // Pose at the start of the substep: position (3,), rotation matrix (9,).
+  const float* end;      // The same at its end.
+  const int* particle;
+  float* normal;         // Three arrays of `stride` floats.
+  float* share;          // What the wall fills of the kernel, 0..1.
+  float* slope;          // Its decrease with distance, times H / 3 and the rest density.
+  long stride;
+};
+
+struct Kernels {
+  const char* name;
+  int width;
+  // Fills the lists with all neighbours within `distance`; false if they exceed the capacity.
+  bool (*FindNeighbours)(const Particles&, const Grid&, float distance, const Neighbours&);
+  void (*FindDensity)(const FluidConstants&, const Particles&, const Neighbours&);
+  void (*FindCorrection)(const FluidConstants&, const Particles&, const Neighbours&);
+  // Change of the velocity by viscosity (share 0..1 of the way to the neighbours' mean) and
+  // cohesion [m/s], into `correction`.
+  void (*Smooth)(const FluidConstants&, const Particles&, const Neighbours&, float viscosity,
+                 float cohesion);
+  // Distance [m] of particles to a wall at its end pose.
+  void (*FindDistance)(const WallPairs&, const float* position, float* distance);
+  void (*FindWallShare)(const FluidConstants&, const Particles&, const WallPairs&);
+  void (*AddWallGradient)(const FluidConstants&, const Particles&, const WallPairs&);
+  // Keeps particles out of a wall. With `impulse` (6 numbers: sum of displacements and of their
+  // moments about the world origin), adds what the wall took up.
+  void (*Collide)(const FluidConstants&, const Particles&, const WallPairs&, double* impulse);
+};
+
+extern const Kernels kScalarKernels;
+#ifdef SOFTGYM_MJ_AVX2
+extern const Kernels kAvx2Kernels;
+#endif
+
+// The fastest kernels this processor can run; SOFTGYM_MJ_SIMD=scalar in the environment forbids
+// vectors.
+const Kernels& ChooseKernels();
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_KERNELS_H_

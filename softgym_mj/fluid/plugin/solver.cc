@@ -1,0 +1,498 @@
+#include "solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace softgym_mj {
+namespace {
+
+constexpr float kSupport = 1.83f;  // Kernel radius in spacings, as in FleX.
+
+// Calibrated on columns at rest: kernel sum in water at rest, what a wall adds, and how hard it
+// pushes back.
+constexpr float kRestDensity = 0.632f;
+constexpr float kWallDensity = 24.3f;
+constexpr float kWallPressure = 1.0f;
+
+constexpr float kRelaxation = 0.5f;  // Above 0.6 the fluid boils.
+constexpr float kCorrection = 0.4f;  // Largest correction in a substep, in spacings.
+constexpr float kContact = 0.3f;     // Distance at which walls are hard, in spacings.
+
+// Lists hold pairs this much further apart than they act, and are rebuilt when something may have
+// come closer than that; in spacings.
+constexpr float kSkin = 0.33f;
+constexpr float kWallSkin = 1.0f;
+
+// Sum over the neighbours of (1 - r/H)^3 r^2 / 6 in units of H^2: what turns a sum of velocity
+// differences into a Laplacian. 4 pi (H/d)^3 times the integral of (1 - q)^3 q^4, over 6.
+constexpr double kLaplacian = 4 * 3.14159265358979 * kSupport * kSupport * kSupport / 280 / 6;
+constexpr double kViscosityPass = 0.7;  // Largest stable factor in one pass.
+constexpr int kMaxPasses = 64;
+
+constexpr float kFar = 1e6f;  // [m] Where the padding particle is.
+
+void ToPose(const double position[3], const double quaternion[4], const double origin[3],
+            float out[12]) {
+  mjtNum matrix[9];
+  mju_quat2Mat(matrix, quaternion);
+  for (int k = 0; k < 3; ++k) out[k] = static_cast<float>(position[k] - origin[k]);
+  for (int k = 0; k < 9; ++k) out[3 + k] = static_cast<float>(matrix[k]);
+}
+
+void Interpolate(const Pose& a, const Pose& b, double fraction, const double origin[3],
+                 float out[12]) {
+  double position[3], quaternion[4];
+  double sign = mju_dot(a.quaternion, b.quaternion, 4) < 0 ? -1 : 1;
+  for (int k = 0; k < 3; ++k) {
+    position[k] = a.position[k] + fraction * (b.position[k] - a.position[k]);
+  }
+  for (int k = 0; k < 4; ++k) {
+    quaternion[k] = a.quaternion[k] + fraction * (sign * b.quaternion[k] - a.quaternion[k]);
+  }
+  mju_normalize4(quaternion);
+  ToPose(position, quaternion, origin, out);
+}
+
+// Half extents of a shape in its own frame; a plane has none.
+void HalfExtents(const Wall& wall, float out[3]) {
+  const float* s = wall.size;
+  switch (wall.shape) {
+    case Shape::kSphere: out[0] = out[1] = out[2] = s[0]; break;
+    case Shape::kCapsule: out[0] = out[1] = s[0]; out[2] = s[0] + s[1]; break;
+    case Shape::kCylinder: out[0] = out[1] = s[0]; out[2] = s[1]; break;
+    default: out[0] = s[0]; out[1] = s[1]; out[2] = s[2];
+  }
+}
+
+int RoundUp(int n, int step) { return (n + step - 1) / step * step; }
+
+}  // namespace
+
+void Solver::Prepare(const FluidConfig& config, const double* positions) {
+  kernels_ = &ChooseKernels();
+  const float spacing = static_cast<float>(config.spacing);
+  fluid_ = {spacing,
+            kSupport * spacing,
+            kRestDensity,
+            kWallDensity,
+            kWallPressure,
+            kRelaxation,
+            kCorrection * spacing,
+            kContact * spacing,
+            static_cast<float>(config.friction)};
+  mass_ = config.density * config.spacing * config.spacing * config.spacing;
+  count_ = config.count;
+  lists_valid_ = false;
+  for (int k = 0; k < 3; ++k) {
+    double sum = 0;
+    for (int i = 0; i < count_; ++i) sum += positions[3 * i + k];
+    origin_[k] = std::round(sum / count_);
+  }
+  const size_t n = static_cast<size_t>(count_) + kMaxWidth;
+  p_.count = count_;
+  p_.position = position_.Reserve(4 * n);
+  p_.old_position = old_position_.Reserve(4 * n);
+  p_.velocity = velocity_.Reserve(4 * n);
+  p_.correction = correction_.Reserve(4 * n);
+  p_.gradient = gradient_.Reserve(4 * n);
+  p_.wall_gradient = wall_gradient_.Reserve(4 * n);
+  p_.wall_density = wall_density_.Reserve(n);
+  p_.free_share = free_share_.Reserve(n);
+  p_.pressure = pressure_.Reserve(n);
+  p_.x = x_.Reserve(n);
+  p_.y = y_.Reserve(n);
+  p_.z = z_.Reserve(n);
+  for (float* a : {x_.get(), y_.get(), z_.get()}) std::fill(a + count_, a + n, kFar);
+  spare_.Reserve(4 * n);
+  built_position_.Reserve(4 * n);
+  distance_.Reserve(n);
+  cell_.Reserve(n);
+  order_.Reserve(n);
+  spare_order_.Reserve(n);
+  neighbours_.begin = begin_.Reserve(n);
+  p_.pressure[count_] = 0;
+}
+
+void Solver::Load(const double* positions, const double* velocities) {
+  for (int i = 0; i < count_; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      p_.position[4 * i + k] = static_cast<float>(positions[3 * i + k] - origin_[k]);
+      p_.velocity[4 * i + k] = velocities ? static_cast<float>(velocities[3 * i + k]) : 0.0f;
+    }
+    p_.position[4 * i + 3] = p_.velocity[4 * i + 3] = 0;
+    order_.get()[i] = i;
+  }
+  for (int k = 0; k < 4; ++k) {
+    const int dummy = 4 * count_ + k;
+    p_.position[dummy] = p_.old_position[dummy] = kFar;
+    p_.velocity[dummy] = p_.correction[dummy] = 0;
+  }
+}
+
+void Solver::Store(double* positions, double* velocities) const {
+  for (int i = 0; i < count_; ++i) {
+    const int target = 3 * order_.get()[i];
+    for (int k = 0; k < 3; ++k) {
+      positions[target + k] = origin_[k] + p_.position[4 * i + k];
+      velocities[target + k] = p_.velocity[4 * i + k];
+    }
+  }
+}
+
+// Brings the particles into the order of their cells.
+void Solver::Sort(float cell) {
+  int bits = 6;
+  while ((1 << bits) < count_ / 2) ++bits;
+  grid_.nx = 1 << (bits + 2) / 3;
+  grid_.ny = 1 << (bits + 1) / 3;
+  grid_.nz = 1 << bits / 3;
+  const int cells = 1 << bits;
+  int* start = start_.Reserve(cells + 2);
+  grid_.start = start;
+  std::fill(start, start + cells + 2, 0);
+  const float inverse = 1.0f / cell;
+  const auto wrap = [inverse](float x, int size) {
+    return static_cast<int>(std::floor(x * inverse)) & (size - 1);
+  };
+  int* index = cell_.get();
+  for (int i = 0; i < count_; ++i) {
+    const float* x = p_.position + 4 * i;
+    index[i] = wrap(x[0], grid_.nx) +
+               grid_.nx * (wrap(x[1], grid_.ny) + grid_.ny * wrap(x[2], grid_.nz));
+    ++start[index[i] + 2];
+  }
+  for (int c = 2; c < cells + 2; ++c) start[c] += start[c - 1];
+  // start[c + 1] is where cell c is filled; afterwards it is where cell c ends.
+  int* to = spare_order_.get();
+  for (int i = 0; i < count_; ++i) to[i] = start[index[i] + 1]++;
+  for (Buffer<float>* array : {&position_, &old_position_, &velocity_}) {
+    const float* from = array->get();
+    float* sorted = spare_.get();
+    for (int i = 0; i < count_; ++i) std::memcpy(sorted + 4 * to[i], from + 4 * i, 16);
+    std::memcpy(sorted + 4 * count_, from + 4 * count_, 16);
+    std::swap(*array, spare_);
+  }
+  p_.position = position_.get();
+  p_.old_position = old_position_.get();
+  p_.velocity = velocity_.get();
+  for (int i = 0; i < count_; ++i) index[to[i]] = order_.get()[i];
+  std::swap(order_, cell_);
+  float *x = x_.get(), *y = y_.get(), *z = z_.get();
+  for (int i = 0; i < count_; ++i) {
+    x[i] = p_.position[4 * i];
+    y[i] = p_.position[4 * i + 1];
+    z[i] = p_.position[4 * i + 2];
+  }
+}
+
+void Solver::BuildLists() {
+  const float distance = fluid_.radius + kSkin * fluid_.spacing;
+  Sort(distance);
+  long capacity = std::max<long>(static_cast<long>(index_.size()), 48L * count_ + 4096);
+  for (;; capacity *= 2) {
+    neighbours_.index = index_.Reserve(capacity);
+    neighbours_.capacity = capacity;
+    if (kernels_->FindNeighbours(p_, grid_, distance, neighbours_)) break;
+  }
+  neighbours_.stride = RoundUp(neighbours_.begin[count_] + kMaxWidth, kMaxWidth);
+  neighbours_.e = e_.Reserve(3 * neighbours_.stride);
+  std::memcpy(built_position_.get(), p_.position, 4 * sizeof(float) * count_);
+  FindPairs();
+  lists_valid_ = true;
+}
+
+// Lists the particles near each wall.
+void Solver::FindPairs() {
+  const float range = fluid_.radius + kWallSkin * fluid_.spacing;
+  const int width = kernels_->width, most = count_ + kMaxWidth;
+  const int num_walls = static_cast<int>(walls_->size());
+  wall_built_ = wall_end_;
+  int* particle = pair_particle_.Reserve(static_cast<size_t>(most) * num_walls);
+  long total = 0;
+  for (int w = 0; w < num_walls; ++w) {
+    const Wall& wall = (*walls_)[w];
+    const float* pose = &wall_end_[12 * w];
+    WallPairs& pairs = pairs_[w];
+    pairs.shape = static_cast<int>(wall.shape);
+    pairs.size = wall.size;
+    pairs.start = &wall_start_[12 * w];
+    pairs.end = pose;
+    int* list = particle + total;
+    int n = 0;
+    if (wall.shape == Shape::kPlane) {
+      for (; n < count_; ++n) list[n] = n;
+    } else {
+      float half[3], low[3], high[3];
+      HalfExtents(wall, half);
+      for (int k = 0; k < 3; ++k) {
+        const float* r = pose + 3 + 3 * k;
+        const float reach = std::fabs(r[0]) * half[0] + std::fabs(r[1]) * half[1] +
+                            std::fabs(r[2]) * half[2] + range;
+        low[k] = pose[k] - reach;
+        high[k] = pose[k] + reach;
+      }
+      const float *x = p_.x, *y = p_.y, *z = p_.z;
+      for (int i = 0; i < count_; ++i) {
+        list[n] = i;
+        n += (x[i] > low[0]) & (x[i] < high[0]) & (y[i] > low[1]) & (y[i] < high[1]) &
+             (z[i] > low[2]) & (z[i] < high[2]);
+      }
+    }
+    for (int k = n; k < RoundUp(n, width); ++k) list[k] = count_;
+    pairs.particle = list;
+    pairs.count = RoundUp(n, width);
+    kernels_->FindDistance(pairs, p_.position, distance_.get());
+    int near = 0;
+    for (int k = 0; k < n; ++k) {
+      list[near] = list[k];
+      near += distance_.get()[k] < range;
+    }
+    pairs.count = RoundUp(near, width);
+    for (int k = near; k < pairs.count; ++k) list[k] = count_;
+    total += pairs.count;
+  }
+  const long stride = RoundUp(static_cast<int>(total) + kMaxWidth, kMaxWidth);
+  float* numbers = pair_numbers_.Reserve(5 * stride);
+  long first = 0;
+  for (WallPairs& pairs : pairs_) {
+    pairs.stride = stride;
+    pairs.normal = numbers + first;
+    pairs.share = numbers + 3 * stride + first;
+    pairs.slope = numbers + 4 * stride + first;
+    first += pairs.count;
+  }
+}
+
+// Whether a pair that is in no list could have come into reach: it moved by at most the diagonal of
+// the box around all displacements. Motion of everything together does not count.
+bool Solver::ListsExpired() const {
+  if (!lists_valid_) return true;
+  float low[4] = {kFar, kFar, kFar, kFar}, high[4] = {-kFar, -kFar, -kFar, -kFar};
+  const float *now = p_.position, *built = built_position_.get();
+  for (int i = 0; i < 4 * count_; i += 4) {
+    for (int k = 0; k < 4; ++k) {
+      const float d = now[i + k] - built[i + k];
+      low[k] = std::min(low[k], d);
+      high[k] = std::max(high[k], d);
+    }
+  }
+  const auto squared_diagonal = [&] {
+    float sum = 0;
+    for (int k = 0; k < 3; ++k) sum += (high[k] - low[k]) * (high[k] - low[k]);
+    return sum;
+  };
+  const float skin = kSkin * fluid_.spacing, wall_skin = kWallSkin * fluid_.spacing;
+  if (squared_diagonal() > skin * skin) return true;
+  for (size_t w = 0; w < walls_->size(); ++w) {
+    const float *pose = &wall_end_[12 * w], *old = &wall_built_[12 * w];
+    float half[3], radius = kFar, turn = 0;
+    if ((*walls_)[w].shape != Shape::kPlane) {
+      HalfExtents((*walls_)[w], half);
+      radius = std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
+    }
+    for (int k = 3; k < 12; ++k) turn += (pose[k] - old[k]) * (pose[k] - old[k]);
+    const float rotation = radius * std::sqrt(turn);
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], pose[k] - old[k] - rotation);
+      high[k] = std::max(high[k], pose[k] - old[k] + rotation);
+    }
+  }
+  return squared_diagonal() > wall_skin * wall_skin;
+}
+
+void Solver::MoveWalls(const std::vector<Pose>& start, const std::vector<Pose>& end, double from,
+                       double to) {
+  for (size_t w = 0; w < walls_->size(); ++w) {
+    Interpolate(start[w], end[w], from, origin_, &wall_start_[12 * w]);
+    Interpolate(start[w], end[w], to, origin_, &wall_end_[12 * w]);
+  }
+}
+
+void Solver::AddImpulse(const double (&sums)[6], double mass_rate, Impulse* impulse) const {
+  double linear[3], moment[3];
+  for (int k = 0; k < 3; ++k) linear[k] = mass_rate * sums[k];
+  mju_cross(moment, origin_, linear);
+  for (int k = 0; k < 3; ++k) {
+    impulse->linear[k] += linear[k];
+    impulse->angular[k] += mass_rate * sums[3 + k] + moment[k];
+  }
+}
+
+void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse* impulses) {
+  const float fall[3] = {static_cast<float>(gravity[0]) * h, static_cast<float>(gravity[1]) * h,
+                         static_cast<float>(gravity[2]) * h};
+  std::memcpy(p_.old_position, p_.position, 4 * sizeof(float) * count_);
+  for (int i = 0; i < count_; ++i) {
+    float *v = p_.velocity + 4 * i, *x = p_.position + 4 * i;
+    for (int k = 0; k < 3; ++k) v[k] += fall[k];
+    const float squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+    const float slow = squared > max_speed * max_speed ? max_speed / std::sqrt(squared) : 1.0f;
+    for (int k = 0; k < 3; ++k) {
+      v[k] *= slow;
+      x[k] += h * v[k];
+    }
+  }
+  if (ListsExpired()) BuildLists();
+
+  std::fill(p_.wall_gradient, p_.wall_gradient + 4 * (count_ + 1), 0.0f);
+  std::fill(p_.free_share, p_.free_share + count_ + 1, 1.0f);
+  for (const WallPairs& pairs : pairs_) kernels_->FindWallShare(fluid_, p_, pairs);
+  for (const WallPairs& pairs : pairs_) kernels_->AddWallGradient(fluid_, p_, pairs);
+  for (int i = 0; i < count_; ++i) {
+    p_.wall_density[i] = fluid_.rest_density * (1.0f - p_.free_share[i]);
+  }
+  kernels_->FindDensity(fluid_, p_, neighbours_);
+  kernels_->FindCorrection(fluid_, p_, neighbours_);
+  for (size_t w = 0; w < pairs_.size(); ++w) {
+    double sums[6] = {};
+    kernels_->Collide(fluid_, p_, pairs_[w], impulses ? sums : nullptr);
+    if (impulses) AddImpulse(sums, mass_ / h, impulses + w);
+  }
+  std::fill(p_.correction + 4 * count_, p_.correction + 4 * count_ + 4, 0.0f);
+  const float rate = 1.0f / h;
+  for (int i = 0; i < 4 * count_; ++i) {
+    p_.position[i] += p_.correction[i];
+    p_.velocity[i] += rate * p_.correction[i];
+  }
+}
+
+// Viscosity and cohesion, once a step.
+void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse* impulses) {
+  const double total =
+      config.viscosity * timestep / (kLaplacian * fluid_.radius * fluid_.radius);
+  if (total == 0 && config.cohesion == 0) return;
+  if (ListsExpired()) BuildLists();
+  const int passes =
+      std::clamp(static_cast<int>(std::ceil(total / kViscosityPass)), 1, kMaxPasses);
+  const float viscosity = static_cast<float>(std::min(total / passes, kViscosityPass));
+  const float cohesion = static_cast<float>(config.cohesion * timestep / passes);
+  for (int pass = 0; pass < passes; ++pass) {
+    kernels_->Smooth(fluid_, p_, neighbours_, viscosity, cohesion);
+    for (int i = 0; i < 4 * count_; ++i) p_.velocity[i] += p_.correction[i];
+    if (viscosity > 0) DragAtWalls(viscosity, h, impulses);
+  }
+}
+
+// Water behind a wall moves with it and drags the water before it.
+void Solver::DragAtWalls(float viscosity, float h, Impulse* impulses) {
+  for (size_t w = 0; w < pairs_.size(); ++w) {
+    const WallPairs& pairs = pairs_[w];
+    double sums[6] = {};
+    kernels_->FindWallShare(fluid_, p_, pairs);
+    // Velocity of the wall in the last substep: v + omega x (position - wall position).
+    const float *a = pairs.start, *b = pairs.end;
+    float velocity[3], turn[9], omega[3];
+    for (int k = 0; k < 3; ++k) velocity[k] = (b[k] - a[k]) / h;
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        turn[3 * i + j] = 0;
+        for (int k = 0; k < 3; ++k) {
+          turn[3 * i + j] += (b[3 + 3 * i + k] - a[3 + 3 * i + k]) * b[3 + 3 * j + k];
+        }
+      }
+    }
+    omega[0] = (turn[7] - turn[5]) / (2 * h);
+    omega[1] = (turn[2] - turn[6]) / (2 * h);
+    omega[2] = (turn[3] - turn[1]) / (2 * h);
+    for (int n = 0; n < pairs.count; ++n) {
+      const int i = pairs.particle[n];
+      if (i == count_) continue;
+      const float share = std::min(viscosity * fluid_.rest_density * pairs.share[n], 1.0f);
+      if (share == 0) continue;
+      const float* x = p_.position + 4 * i;
+      const float r[3] = {x[0] - b[0], x[1] - b[1], x[2] - b[2]};
+      const float wall[3] = {velocity[0] + omega[1] * r[2] - omega[2] * r[1],
+                             velocity[1] + omega[2] * r[0] - omega[0] * r[2],
+                             velocity[2] + omega[0] * r[1] - omega[1] * r[0]};
+      double change[3];
+      for (int k = 0; k < 3; ++k) {
+        change[k] = share * (wall[k] - p_.velocity[4 * i + k]);
+        p_.velocity[4 * i + k] += static_cast<float>(change[k]);
+        sums[k] -= change[k];
+      }
+      sums[3] -= x[1] * change[2] - x[2] * change[1];
+      sums[4] -= x[2] * change[0] - x[0] * change[2];
+      sums[5] -= x[0] * change[1] - x[1] * change[0];
+    }
+    if (impulses) AddImpulse(sums, mass_, impulses + w);
+  }
+}
+
+void Solver::Step(const FluidConfig& config, double timestep, const double gravity[3],
+                  const std::vector<Wall>& walls, const std::vector<Pose>& start,
+                  const std::vector<Pose>& end, double* positions, double* velocities,
+                  Impulse* impulses) {
+  Prepare(config, positions);
+  Load(positions, velocities);
+  walls_ = &walls;
+  wall_start_.resize(12 * walls.size());
+  wall_end_.resize(12 * walls.size());
+  pairs_.resize(walls.size());
+  if (impulses) std::fill(impulses, impulses + walls.size(), Impulse());
+  const int substeps = config.Substeps(timestep);
+  const float h = static_cast<float>(timestep / substeps);
+  const float max_speed = static_cast<float>(MaxSpeed(config, timestep));
+  for (int s = 0; s < substeps; ++s) {
+    MoveWalls(start, end, static_cast<double>(s) / substeps,
+              static_cast<double>(s + 1) / substeps);
+    Substep(h, gravity, max_speed, impulses);
+  }
+  Smooth(config, timestep, h, impulses);
+  Store(positions, velocities);
+}
+
+double MaxSpeed(const FluidConfig& config, double timestep) {
+  const double h = timestep / config.Substeps(timestep);
+  return std::min(config.max_speed, 0.5 * kSupport * config.spacing / h);
+}
+
+void Solver::TouchingInertia(size_t first, size_t last, const double centre[3],
+                             double inertia[2]) {
+  touching_.assign(count_ + 1, 0);
+  for (size_t w = first; w < last; ++w) {
+    for (int k = 0; k < pairs_[w].count; ++k) {
+      const int i = pairs_[w].particle[k];
+      if (i == count_ || touching_[i]) continue;
+      touching_[i] = 1;
+      double squared = 0;
+      for (int a = 0; a < 3; ++a) {
+        const double r = origin_[a] + p_.position[4 * i + a] - centre[a];
+        squared += r * r;
+      }
+      inertia[0] += mass_;
+      inertia[1] += mass_ * squared;
+    }
+  }
+}
+
+const std::vector<int>& Solver::CountNeighbours(const FluidConfig& config,
+                                                const double* positions) {
+  static const std::vector<Wall> kNoWalls;
+  Prepare(config, positions);
+  Load(positions, nullptr);
+  walls_ = &kNoWalls;
+  wall_end_.clear();
+  pairs_.clear();
+  BuildLists();
+  neighbour_counts_.resize(count_);
+  for (int i = 0; i < count_; ++i) {
+    int n = 0;
+    for (int k = neighbours_.begin[i]; k < neighbours_.begin[i + 1]; ++k) {
+      n += neighbours_.index[k] != count_;
+    }
+    neighbour_counts_[order_.get()[i]] = n;
+  }
+  return neighbour_counts_;
+}
+
+const Kernels& ChooseKernels() {
+#ifdef SOFTGYM_MJ_AVX2
+  static const bool able = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  const char* choice = std::getenv("SOFTGYM_MJ_SIMD");
+  if (able && !(choice && !std::strcmp(choice, "scalar"))) return kAvx2Kernels;
+#endif
+  return kScalarKernels;
+}
+
+}  // namespace softgym_mj

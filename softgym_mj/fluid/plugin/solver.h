@@ -1,0 +1,107 @@
+// Advances the particles by one step.
+
+#ifndef SOFTGYM_MJ_FLUID_SOLVER_H_
+#define SOFTGYM_MJ_FLUID_SOLVER_H_
+
+#include <cstdlib>
+#include <memory>
+#include <vector>
+
+#include "boundary.h"
+#include "config.h"
+#include "kernels.h"
+
+namespace softgym_mj {
+
+// Sum of the impulses [N s] on a wall in a step and of their moments about the world origin
+// [N m s].
+struct Impulse {
+  double linear[3];
+  double angular[3];
+};
+
+// Speed [m/s] that particles are held to and above which a wall counts as teleported: neither moves
+// further in a substep than half the reach of the walls.
+double MaxSpeed(const FluidConfig& config, double timestep);
+
+// A growing array of floats or ints for vector loads; its content does not survive growing.
+template <class T>
+class Buffer {
+ public:
+  T* Reserve(size_t size) {
+    if (size > size_) {
+      size_ = size + size / 4;
+      data_.reset(static_cast<T*>(std::aligned_alloc(64, (size_ * sizeof(T) + 63) / 64 * 64)));
+      if (!data_) mju_error("softgym_mj.fluid: out of memory");
+    }
+    return data_.get();
+  }
+  T* get() const { return data_.get(); }
+  size_t size() const { return size_; }
+
+ private:
+  struct Free {
+    void operator()(T* p) const { std::free(p); }
+  };
+  std::unique_ptr<T, Free> data_;
+  size_t size_ = 0;
+};
+
+// Scratch memory of one thread. A step is a pure function of its arguments: nothing is kept from
+// one call to the next but memory.
+class Solver {
+ public:
+  // Moves `count` particles (positions [m] and velocities [m/s], x y z each) by `timestep` seconds
+  // while the walls move from `start` to `end`. Fills `impulses`, one per wall, unless it is null.
+  void Step(const FluidConfig& config, double timestep, const double gravity[3],
+            const std::vector<Wall>& walls, const std::vector<Pose>& start,
+            const std::vector<Pose>& end, double* positions, double* velocities,
+            Impulse* impulses);
+
+  // Mass [kg] and moment about `centre` [kg m^2] of the particles that were near one of the walls
+  // first..last-1 in the last step.
+  void TouchingInertia(size_t first, size_t last, const double centre[3], double inertia[2]);
+
+  // Number of neighbours of every particle at its stored position, for drawing.
+  const std::vector<int>& CountNeighbours(const FluidConfig& config, const double* positions);
+
+ private:
+  void Prepare(const FluidConfig& config, const double* positions);
+  void Load(const double* positions, const double* velocities);
+  void Store(double* positions, double* velocities) const;
+  void Sort(float cell);
+  void FindPairs();
+  void BuildLists();
+  bool ListsExpired() const;
+  void MoveWalls(const std::vector<Pose>& start, const std::vector<Pose>& end, double from,
+                 double to);
+  void Substep(float h, const double gravity[3], float max_speed, Impulse* impulses);
+  void Smooth(const FluidConfig& config, double timestep, float h, Impulse* impulses);
+  void DragAtWalls(float viscosity, float h, Impulse* impulses);
+  void AddImpulse(const double (&sums)[6], double mass_rate, Impulse* impulse) const;
+
+  const Kernels* kernels_ = nullptr;
+  FluidConstants fluid_;
+  Particles p_;
+  Grid grid_;
+  Neighbours neighbours_;
+  int count_ = 0;
+  bool lists_valid_ = false;
+  double mass_;       // Of a particle [kg].
+  double origin_[3];  // Single precision positions are relative to it.
+
+  const std::vector<Wall>* walls_ = nullptr;
+  std::vector<float> wall_start_, wall_end_, wall_built_;  // 12 numbers a wall: see WallPairs.
+  std::vector<WallPairs> pairs_;
+
+  Buffer<float> position_, old_position_, velocity_, spare_, correction_, gradient_,
+      wall_gradient_, wall_density_, free_share_, pressure_, x_, y_, z_, built_position_, e_,
+      distance_, pair_numbers_;
+  Buffer<int> cell_, start_, order_, spare_order_, begin_, index_, pair_particle_;
+  std::vector<int> neighbour_counts_;
+  std::vector<char> touching_;
+};
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_SOLVER_H_
