@@ -32,7 +32,7 @@ class Snapshot:
     """
 
     task_name: str
-    layout: tuple
+    layout: dict[str, object]
     physics: np.ndarray
     task: dict
     step_count: int
@@ -217,8 +217,7 @@ class Environment(composer.Environment):
         if snapshot.layout != self._state_layout:
             raise SnapshotError(
                 f"the snapshot is of {snapshot.layout}, this environment is "
-                f"{self._state_layout} (actor, grippers, vertices, action repeat, "
-                "self-contact): actor or fidelity differ"
+                f"{self._state_layout}: actor or fidelity differ"
             )
         if snapshot.task["variation"] != self._task.variation:
             self._start(snapshot.task["variation"])

@@ -25,7 +25,7 @@ def _space(spec: specs.Array) -> gymnasium.spaces.Box:
 class SoftGymEnv(gymnasium.Env, EzPickle):
     """One task of softgym_mj as a Gymnasium environment.
 
-    Action space: Box(-1, 1, (4 n,), float32), n grippers. Observation space: a float32 or uint8
+    Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
     Box for one observation, a Dict of them for several. An episode is truncated after `horizon`
     env steps and never terminates. `info` is `Environment.info`.
     """
@@ -115,7 +115,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         return self._convert(timestep.observation), self._env.info()
 
     def step(self, action: np.ndarray):
-        """Applies an action (4 n,) in [-1, 1].
+        """Applies an action (n,) in [-1, 1].
 
         Returns:
             Observation, reward, terminated (always False), truncated, info.

@@ -11,7 +11,7 @@ import pytest
 import softgym_mj
 from softgym_mj.entities.flex import Flex
 from softgym_mj.environment import Environment
-from softgym_mj.robots.base import Workspace
+from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import Picker
 
 SIM_STEP = 0.01  # [s]

@@ -10,7 +10,8 @@ from dm_control import mjcf
 from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.robots.base import SIM_STEP, Workspace
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import MAX_DISPLACEMENT, Picker
 
 _WORKSPACE = Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5))

@@ -3,11 +3,11 @@
 import dataclasses
 
 import numpy as np
-from dm_control import mjcf
+from dm_control import composer, mjcf
 
 from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex, slide_views
 from softgym_mj.exceptions import check_count
-from softgym_mj.robots.base import Actor, Workspace
+from softgym_mj.robots.gripper import Gripper, Workspace
 
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 # [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
@@ -41,7 +41,7 @@ CLOTH_GEOMETRY = Geometry(0.05, 0.06125, friction=0.75)
 ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0, solref=(0.01, 1.0), solimp=(0.95, 0.99, 0.001))
 
 
-class Picker(Actor):
+class Picker(composer.Entity, Gripper):
     """Any number of pickers with the semantics of SoftGym (facts 2.4).
 
     In a sim step, every picker whose grip is off first releases what it holds. Then, in order,
@@ -123,6 +123,9 @@ class Picker(Actor):
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest picker centre (3,) [m]: the workspace less the radius."""
         return self._low, self._high
+
+    def join(self, arena: composer.Arena) -> None:
+        arena.attach(self)
 
     def manipulate(self, target: Flex) -> None:
         self._target = target

@@ -1,4 +1,4 @@
-"""What all tasks share: one deformable object, one actor, variations, one evaluation a step."""
+"""`DeformableTask`: variations, one evaluation a step, observations and snapshots."""
 
 import abc
 import collections
@@ -12,11 +12,10 @@ from dm_env import specs
 
 from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
-from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import check_count, check_image_size
 from softgym_mj.observations import CameraObservable, enabled_names
 from softgym_mj.rendering import LARGEST_IMAGE
-from softgym_mj.robots.base import SIM_STEP, Actor, Workspace
+from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.variations import VariationStore, check_variation
 
 
@@ -39,35 +38,22 @@ class Evaluation:
         return sum(self.reward_terms.values())
 
 
-@dataclasses.dataclass(frozen=True)
-class Layout:
-    """The fixed numbers of a task.
-
-    Attributes:
-        camera: name of its camera in `arena.CAMERAS`.
-        workspace: of the grippers, as written in SoftGym; re-centred on the object at reset.
-        reset_height: height of the grippers at reset, above the centre of the object [m].
-        success: normalised performance from which the goal counts as reached.
-        max_vertices: most vertices of any variation; the full state is zero-padded to it.
-    """
-
-    camera: str
-    workspace: Workspace
-    reset_height: float
-    success: float
-    max_vertices: int
-
-
 class DeformableTask(composer.Task, abc.ABC):
-    """A task on one flex. Subclasses say what is measured and where things start."""
+    """A task on one deformable object, be it a flex or water, with one actor.
+
+    `FlexTask` and `WaterTask` say what a state is; their subclasses what is measured and where
+    things start.
+    """
 
     def __init__(
         self,
-        layout: Layout,
-        target: Flex,
+        arena: Arena,
         actor: Actor,
         store: VariationStore,
         *,
+        timestep: float,
+        success: float,
+        max_points: int,
         observation: str | Sequence[str],
         image_size: tuple[int, int],
         action_repeat: int,
@@ -75,10 +61,12 @@ class DeformableTask(composer.Task, abc.ABC):
         """Wires the parts together.
 
         Args:
-            layout: the fixed numbers.
-            target: the object, not yet attached.
-            actor: what acts, not yet attached.
+            arena: the scene, with everything in it.
+            actor: what acts.
             store: the initial states.
+            timestep: physics step [s] that the object needs; it divides the sim step.
+            success: normalised performance from which the goal counts as reached.
+            max_points: most points of any variation; the full state is zero-padded to it.
             observation: "full", "reduced", "rgb" or a sequence of these.
             image_size: (height, width) of image observations [pixels].
             action_repeat: sim steps of 0.01 s per env step.
@@ -86,15 +74,10 @@ class DeformableTask(composer.Task, abc.ABC):
         check_count("action_repeat", action_repeat, 1)
         image_size = check_image_size("image_size", image_size, LARGEST_IMAGE)
         names = enabled_names(observation)
-        self._layout, self._target, self._actor, self._store = layout, target, actor, store
-        self._arena = Arena(camera=layout.camera)
-        self._arena.attach(target)
-        actor.join(self._arena)
-        actor.manipulate(target)
+        self._arena, self._actor, self._store = arena, actor, store
+        self._success, self._max_points = success, max_points
         self._action_repeat = action_repeat
-        self.set_timesteps(
-            control_timestep=action_repeat * SIM_STEP, physics_timestep=target.timestep
-        )
+        self.set_timesteps(control_timestep=action_repeat * SIM_STEP, physics_timestep=timestep)
         self._observables = collections.OrderedDict(
             full=observable.Generic(lambda physics: self.full_state()),
             reduced=observable.Generic(lambda physics: self.reduced_state()),
@@ -111,11 +94,6 @@ class DeformableTask(composer.Task, abc.ABC):
     @property
     def root_entity(self) -> Arena:
         return self._arena
-
-    @property
-    def target(self) -> Flex:
-        """The deformable object."""
-        return self._target
 
     @property
     def actor(self) -> Actor:
@@ -146,8 +124,24 @@ class DeformableTask(composer.Task, abc.ABC):
         """(lower, upper) performance that normalise to 0 and 1 in this episode."""
 
     @abc.abstractmethod
-    def key_points(self) -> np.ndarray:
-        """Points (n, 3) [m] of the object that the reduced state lists."""
+    def start(self, state: np.ndarray) -> None:
+        """Puts everything where the episode starts; `state` (n, 3) [m] is as stored."""
+
+    @abc.abstractmethod
+    def points(self) -> np.ndarray:
+        """All points (n, 3) [m] of the object."""
+
+    @abc.abstractmethod
+    def tool_state(self) -> np.ndarray:
+        """What the full state tells of grippers or cups, behind the points."""
+
+    @abc.abstractmethod
+    def reduced_state(self) -> np.ndarray:
+        """The few numbers that describe the state."""
+
+    def diagnostics(self) -> dict[str, float | int]:
+        """Further scalars for info."""
+        return {}
 
     def resize(self, variation: int) -> bool:
         """Fits the model to a variation; True when it changed and must be recompiled."""
@@ -166,16 +160,9 @@ class DeformableTask(composer.Task, abc.ABC):
         return self.resize(self._variation)
 
     def initialize_episode(self, physics, random_state):
-        self._target.set_vertices(self._store.load(self._variation))
-        self._place_actor()
+        self.start(self._store.load(self._variation))
         self._evaluation = self.evaluate()
         self._initial_performance = self._evaluation.performance
-
-    def _place_actor(self):
-        vertices = self._target.vertices()
-        x, y = (vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2
-        positions = self._actor.default_positions(np.array([x, y, self._layout.reset_height]))
-        self._actor.place(positions, self._layout.workspace.centred_at(x, y))
 
     def before_step(self, physics, action, random_state):
         pass  # The environment drives the actor; the base class would write `ctrl`.
@@ -208,41 +195,33 @@ class DeformableTask(composer.Task, abc.ABC):
         return {
             "performance": evaluation.performance,
             "normalized_performance": normalized,
-            "success": bool(normalized >= self._layout.success),
+            "success": bool(normalized >= self._success),
             **{f"reward_{name}": value for name, value in evaluation.reward_terms.items()},
             **evaluation.measures,
-            "max_edge_strain": float(np.max(self._target.edge_strain())),
-            "picks_held": int(np.count_nonzero(self._actor.held >= 0)),
+            **self.diagnostics(),
+            **self._actor.diagnostics(),
             "variation": self._variation,
         }
 
-    # ------------------------------------------------------------------ observations
-
     def full_state(self) -> np.ndarray:
-        """All vertices (x, y, z each), zeros up to `max_vertices`, then gripper centres [m]."""
-        vertices = self._target.vertices().ravel()
-        grippers = self._actor.positions().ravel()
-        state = np.zeros(3 * self._layout.max_vertices + grippers.size)
-        state[: vertices.size] = vertices
-        state[3 * self._layout.max_vertices :] = grippers
+        """All points (x, y, z each), zeros up to `max_points`, then `tool_state`."""
+        points, tool = self.points().ravel(), self.tool_state().ravel()
+        state = np.zeros(3 * self._max_points + tool.size)
+        state[: points.size] = points
+        state[3 * self._max_points :] = tool
         return state
-
-    def reduced_state(self) -> np.ndarray:
-        """The key points (x, y, z each), then the gripper centres [m]."""
-        return np.concatenate([self.key_points().ravel(), self._actor.positions().ravel()])
 
     # ------------------------------------------------------------------ snapshots
 
     @property
-    def state_layout(self) -> tuple:
+    def state_layout(self) -> dict[str, object]:
         """What must agree for a state of one instance to fit into another."""
-        return (
-            type(self._actor).__name__,
-            self._actor.num_grippers,
-            self._layout.max_vertices,
-            self._action_repeat,
-            self._target.physical_parameters["contact"]["selfcollide"],
-        )
+        return {
+            "actor": type(self._actor).__name__,
+            "action size": self._actor.action_size,
+            "most points (fidelity)": self._max_points,
+            "action repeat": self._action_repeat,
+        }
 
     def get_state(self) -> dict[str, object]:
         """What the task and its actor remember and mjData does not hold."""

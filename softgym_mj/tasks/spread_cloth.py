@@ -18,9 +18,10 @@ import numpy as np
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth, grid_shape
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.robots.base import Actor, Workspace
-from softgym_mj.robots.factory import make_actor
-from softgym_mj.tasks.base import DeformableTask, Evaluation, Layout
+from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import SIZE_RANGE, CrumpledCloth
 from softgym_mj.variations import VariationStore
 
@@ -30,11 +31,11 @@ RESET_HEIGHT = 0.2  # [m]
 SUCCESS = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
 
 
-class SpreadCloth(DeformableTask):
+class SpreadCloth(FlexTask):
     """See the module docstring."""
 
-    def __init__(self, cloth: Cloth, actor: Actor, initializer: CrumpledCloth, **settings):
-        """Wires the task; `settings` as in `DeformableTask`."""
+    def __init__(self, cloth: Cloth, actor: Gripper, initializer: CrumpledCloth, **settings):
+        """Wires the task; `settings` as in `FlexTask`."""
         self._initializer = initializer
         self._cloth = cloth
         largest = SIZE_RANGE[1] - 1
@@ -85,7 +86,7 @@ def spread_cloth(
     cloth = Cloth(fidelity=fidelity, self_contact=self_contact)
     return SpreadCloth(
         cloth,
-        make_actor(actor, "cloth", num_pickers),
+        make_gripper(actor, "cloth", num_pickers),
         CrumpledCloth(fidelity),
         observation=observation,
         image_size=image_size,

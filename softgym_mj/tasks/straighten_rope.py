@@ -19,9 +19,10 @@ from softgym_mj import metrics
 from softgym_mj.entities import rope as rope_module
 from softgym_mj.entities.rope import Rope
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.robots.base import Actor, Workspace
-from softgym_mj.robots.factory import make_actor
-from softgym_mj.tasks.base import DeformableTask, Evaluation, Layout
+from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
 from softgym_mj.variations import VariationStore
 
@@ -31,11 +32,11 @@ RESET_HEIGHT = 0.1  # [m]
 SUCCESS = 0.95  # Ours: ends within 2.5 cm of the natural length.
 
 
-class StraightenRope(DeformableTask):
+class StraightenRope(FlexTask):
     """See the module docstring."""
 
-    def __init__(self, rope: Rope, actor: Actor, initializer: TwistedRope, **settings):
-        """Wires the task; `settings` as in `DeformableTask`."""
+    def __init__(self, rope: Rope, actor: Gripper, initializer: TwistedRope, **settings):
+        """Wires the task; `settings` as in `FlexTask`."""
         self._rope = rope
         layout = Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS, max_vertices=rope.num_vertices)
         super().__init__(layout, rope, actor, VariationStore(initializer), **settings)
@@ -84,7 +85,7 @@ def straighten_rope(
     """
     return StraightenRope(
         Rope(),
-        make_actor(actor, "rope", num_pickers),
+        make_gripper(actor, "rope", num_pickers),
         TwistedRope(),
         observation=observation,
         image_size=image_size,

@@ -1,0 +1,66 @@
+"""`Gripper`: the actors that hold vertices of a flex."""
+
+import abc
+import dataclasses
+
+import numpy as np
+
+from softgym_mj.entities.flex import Flex
+from softgym_mj.robots.base import Actor
+
+
+@dataclasses.dataclass(frozen=True)
+class Workspace:
+    """Axis-aligned box [m] that the bodies (not the centres) of the grippers stay in."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def centred_at(self, x: float, y: float) -> "Workspace":
+        """The same extents with its horizontal centre at (x, y); heights are kept."""
+        half = [(high - low) / 2 for low, high in zip(self.low, self.high, strict=True)]
+        return Workspace(
+            (x - half[0], y - half[1], self.low[2]), (x + half[0], y + half[1], self.high[2])
+        )
+
+
+class Gripper(Actor):
+    """One or more grippers that hold vertices of a deformable object.
+
+    Actors that move grippers by displacement use four entries of the action a gripper: (dx, dy, dz)
+    as a fraction of the largest displacement in a sim step along the world axes, and grip (> 0
+    closes, <= 0 opens).
+    """
+
+    @property
+    @abc.abstractmethod
+    def num_grippers(self) -> int:
+        """Number of grippers."""
+
+    @property
+    def action_layout(self) -> str:
+        return f"{self.num_grippers} gripper(s) x {self.action_size // self.num_grippers}"
+
+    @abc.abstractmethod
+    def manipulate(self, target: Flex) -> None:
+        """Chooses the object whose vertices the grippers hold."""
+
+    @abc.abstractmethod
+    def place(self, positions: np.ndarray, workspace: Workspace) -> None:
+        """Starts an episode: grippers open at `positions` (num_grippers, 3) [m] in `workspace`."""
+
+    @abc.abstractmethod
+    def default_positions(self, point: np.ndarray) -> np.ndarray:
+        """Start positions (num_grippers, 3) [m] around a reset point (3,) [m]."""
+
+    @abc.abstractmethod
+    def positions(self) -> np.ndarray:
+        """Gripper centres (num_grippers, 3) [m]."""
+
+    @property
+    @abc.abstractmethod
+    def held(self) -> np.ndarray:
+        """Vertex index that each gripper holds, -1 where none: (num_grippers,) int."""
+
+    def diagnostics(self) -> dict[str, float | int]:
+        return {"picks_held": int(np.count_nonzero(self.held >= 0))}

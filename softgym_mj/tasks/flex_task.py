@@ -1,0 +1,106 @@
+"""`FlexTask`: what the tasks on a cloth or a rope share."""
+
+import abc
+import dataclasses
+
+import numpy as np
+
+from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.flex import Flex
+from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.tasks.base import DeformableTask
+from softgym_mj.variations import VariationStore
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """The fixed numbers of a task.
+
+    Attributes:
+        camera: name of its camera in `arena.CAMERAS`.
+        workspace: of the grippers, as written in SoftGym; re-centred on the object at reset.
+        reset_height: height of the grippers at reset, above the centre of the object [m].
+        success: normalised performance from which the goal counts as reached.
+        max_vertices: most vertices of any variation; the full state is zero-padded to it.
+    """
+
+    camera: str
+    workspace: Workspace
+    reset_height: float
+    success: float
+    max_vertices: int
+
+
+class FlexTask(DeformableTask):
+    """A task on one flex that grippers handle.
+
+    Full state: all vertices, zero-padded, then the gripper centres. Reduced state: the key points,
+    then the gripper centres. All in metres, x, y, z each.
+    """
+
+    _actor: Gripper
+
+    def __init__(
+        self, layout: Layout, target: Flex, actor: Gripper, store: VariationStore, **settings
+    ):
+        """Wires the parts together.
+
+        Args:
+            layout: the fixed numbers.
+            target: the object, not yet attached.
+            actor: what acts, not yet attached.
+            store: the initial states.
+            **settings: observation, image_size and action_repeat as in `DeformableTask`.
+        """
+        self._layout, self._target = layout, target
+        arena = Arena(camera=layout.camera)
+        arena.attach(target)
+        actor.join(arena)
+        actor.manipulate(target)
+        super().__init__(
+            arena,
+            actor,
+            store,
+            timestep=target.timestep,
+            success=layout.success,
+            max_points=layout.max_vertices,
+            **settings,
+        )
+
+    @property
+    def target(self) -> Flex:
+        """The deformable object."""
+        return self._target
+
+    @property
+    def actor(self) -> Gripper:
+        return self._actor
+
+    @abc.abstractmethod
+    def key_points(self) -> np.ndarray:
+        """Points (n, 3) [m] of the object that the reduced state lists."""
+
+    def start(self, state: np.ndarray) -> None:
+        self._target.set_vertices(state)
+        vertices = self._target.vertices()
+        x, y = (vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2
+        positions = self._actor.default_positions(np.array([x, y, self._layout.reset_height]))
+        self._actor.place(positions, self._layout.workspace.centred_at(x, y))
+
+    def points(self) -> np.ndarray:
+        return self._target.vertices()
+
+    def tool_state(self) -> np.ndarray:
+        return self._actor.positions()
+
+    def reduced_state(self) -> np.ndarray:
+        """The key points (x, y, z each), then the gripper centres [m]."""
+        return np.concatenate([self.key_points().ravel(), self._actor.positions().ravel()])
+
+    def diagnostics(self) -> dict[str, float | int]:
+        return {"max_edge_strain": float(np.max(self._target.edge_strain()))}
+
+    @property
+    def state_layout(self) -> dict[str, object]:
+        selfcollide = self._target.physical_parameters["contact"]["selfcollide"]
+        return {**super().state_layout, "self-contact": selfcollide}
