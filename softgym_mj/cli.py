@@ -162,7 +162,7 @@ def generate(
     start: Annotated[int, typer.Option(help="First variation.")] = 0,
     num: Annotated[int, typer.Option(help="Number of variations.")] = 1000,
     jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
-    fidelity: Annotated[str, typer.Option(help="Resolution of cloth tasks.")] = "default",
+    fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
     pack: Annotated[
         pathlib.Path | None, typer.Option(help="Also write all 1000 into this file.")
     ] = None,
@@ -170,7 +170,7 @@ def generate(
     """Generates settled initial states into the cache; may be killed and run again."""
     check_name("task", task, softgym_mj.TASKS)
     record = softgym_mj.TASKS[task]
-    settings = {"fidelity": fidelity} if "cloth" in record.tags else {}
+    settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
     store = record.build(**settings).store
     with _progress() as progress:
         bar = progress.add_task(f"{task} variations", total=num)

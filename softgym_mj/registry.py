@@ -45,14 +45,17 @@ class TaskRecord:
         module, function = self.constructor.split(":")
         return getattr(importlib.import_module(module), function)
 
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of the constructor's keyword arguments."""
+        return tuple(inspect.signature(self.resolve()).parameters)
+
     def build(self, **task_kwargs) -> "DeformableTask":
         """Builds the task; an unknown keyword argument is an `UnknownNameError`."""
-        constructor = self.resolve()
-        valid = inspect.signature(constructor).parameters
         for key in task_kwargs:
-            if key not in valid:
-                raise UnknownNameError("keyword argument", key, valid)
-        return constructor(**task_kwargs)
+            if key not in self.arguments:
+                raise UnknownNameError("keyword argument", key, self.arguments)
+        return self.resolve()(**task_kwargs)
 
 
 TASKS = {
