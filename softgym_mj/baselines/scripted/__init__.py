@@ -1,7 +1,7 @@
 """Scripted experts: hand-written policies that see the whole state.
 
 They read positions straight from the task: not baselines to learn against, but evidence that the
-pickers can solve the tasks. Each writes an episode as a generator of actions; all are
+actors can solve the tasks. Each writes an episode as a generator of actions; all are
 deterministic.
 """
 
@@ -23,7 +23,7 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     """The expert for the task of an environment.
 
     Args:
-        env: environment with two pickers.
+        env: environment with the task's default actor.
 
     Raises:
         UnknownNameError: if the task has no expert.

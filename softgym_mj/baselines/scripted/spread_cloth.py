@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from softgym_mj.baselines.scripted.expert import ARRIVED, OPEN, PASSED, SLOW, Expert
+from softgym_mj.baselines.scripted.picker_expert import ARRIVED, OPEN, PASSED, SLOW, PickerExpert
 
 LIFT = 0.8  # Fraction of full speed at which cloth is carried.
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
@@ -21,7 +21,7 @@ PUT_STEPS = 13  # The same for putting vertices in their places.
 REDO = 0.35  # Normalised performance below which the cloth is taken up again if time allows.
 
 
-class SpreadCloth(Expert):
+class SpreadCloth(PickerExpert):
     """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
 
     def _episode(self):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from softgym_mj.baselines.scripted.expert import CLOSED, OPEN, PASSED, SLOW, Expert
+from softgym_mj.baselines.scripted.picker_expert import CLOSED, OPEN, PASSED, SLOW, PickerExpert
 from softgym_mj.entities.rope import LENGTH
 
 # Heights [m] of the picker centres above a rope: passing over, pulling, at the end.
@@ -11,7 +11,7 @@ ROPE_TOLERANCE = 0.001  # [m] Error of the end distance at which pulling stops.
 ROPE_SPEED = 0.3  # Fraction of full speed at which the rope is pulled.
 
 
-class StraightenRope(Expert):
+class StraightenRope(PickerExpert):
     """Takes both ends from above, pulls them apart and lays the rope down."""
 
     def _episode(self):
