@@ -69,7 +69,8 @@ StateLayout Layout(const FluidConfig& config, int walls) {
   layout.velocities = layout.positions + 3 * config.count;
   layout.poses = layout.velocities + 3 * config.count;
   layout.forces = layout.poses + 7 * walls;
-  layout.size = layout.forces + (config.two_way ? 6 * walls : 0);
+  layout.pending = layout.forces + (config.two_way ? 6 * walls : 0);
+  layout.size = layout.pending + (config.two_way ? 6 * walls : 0);
   return layout;
 }
 
@@ -126,11 +127,10 @@ double Motion(const mjModel* m, const Wall& wall, const Pose& a, const Pose& b) 
   return mju_dist3(a.position, b.position) + turn * radius;
 }
 
-// The force of a body's walls follows the water with a lag of one step. Where the water outweighs
-// the body that feedback would grow; approaching the new value by this share of the way is stable
-// and loses no momentum.
-void FilterForces(const mjModel* m, mjData* d, Workspace* w,
-                  mjtNum* forces) {
+// Turns the impulses of this step into the forces of the next one. They follow the water with a lag
+// of one step; where the water outweighs the body that feedback would grow, so only a share of what
+// is pending is handed over in a step: stable, and no momentum is lost.
+void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum* pending) {
   const double dt = m->opt.timestep;
   const size_t walls = w->walls.size();
   for (size_t first = 0, last; first < walls; first = last) {
@@ -138,7 +138,6 @@ void FilterForces(const mjModel* m, mjData* d, Workspace* w,
     for (last = first; last < walls && w->walls[last].body == body; ++last) {
     }
     if (!IsDynamic(m, body)) {
-      mju_zero(forces + 6 * first, static_cast<int>(6 * (last - first)));
       continue;
     }
     const Pose pose = BodyPose(m, d, body);
@@ -160,13 +159,14 @@ void FilterForces(const mjModel* m, mjData* d, Workspace* w,
     w->solver.TouchingInertia(first, last, centre, inertia);
     const double share[2] = {1 / (1 + inertia[0] * mobility[0]), 1 / (1 + inertia[1] * mobility[1])};
     for (size_t i = first; i < last; ++i) {
-      mjtNum* force = forces + 6 * i;
       const Impulse& impulse = w->impulses[i];
       double offset[3];
       mju_cross(offset, centre, impulse.linear);
-      for (int k = 0; k < 3; ++k) {
-        force[k] += share[0] * (impulse.linear[k] / dt - force[k]);
-        force[3 + k] += share[1] * ((impulse.angular[k] - offset[k]) / dt - force[3 + k]);
+      for (int k = 0; k < 6; ++k) {
+        mjtNum &rest = pending[6 * i + k], &force = forces[6 * i + k];
+        rest += k < 3 ? impulse.linear[k] : impulse.angular[k - 3] - offset[k - 3];
+        force = share[k / 3] * rest / dt;
+        rest -= force * dt;
       }
     }
   }
@@ -204,7 +204,7 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   w.solver.Step(w.config, m->opt.timestep, m->opt.gravity, w.walls, w.start, w.end,
                 state + layout.positions, state + layout.velocities,
                 w.config.two_way ? w.impulses.data() : nullptr);
-  if (w.config.two_way) FilterForces(m, d, &w, state + layout.forces);
+  if (w.config.two_way) HandOver(m, d, &w, state + layout.forces, state + layout.pending);
 }
 
 // Adds the forces of the last step to the passive forces.
