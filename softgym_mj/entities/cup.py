@@ -1,0 +1,182 @@
+"""`Cup`: an open box of five walls that is moved by its pose (facts 3.0)."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+
+from softgym_mj.exceptions import OutOfRangeError
+
+# SoftGym's light grey; so translucent that the water level shows through the walls.
+COLOR = (0.9, 0.9, 0.9, 0.35)
+_WALLS = ("floor", "left", "right", "back", "front")
+
+
+@dataclasses.dataclass(frozen=True)
+class CupSize:
+    """Measures of a cup [m].
+
+    Attributes:
+        length: of the inner floor along X.
+        width: of the inner floor along Y.
+        height: of the walls above the middle of the floor slab, which is one wall thick.
+        wall: thickness of walls and floor.
+    """
+
+    length: float
+    width: float
+    height: float
+    wall: float
+
+    def __post_init__(self):
+        values = dataclasses.astuple(self)
+        if not (np.all(np.isfinite(values)) and min(values) > 0.0 and self.height > self.wall / 2):
+            raise OutOfRangeError("cup size", values, "positive lengths, height > wall / 2")
+
+    @property
+    def depth(self) -> float:
+        """Height [m] of the rim above the upper side of the floor."""
+        return self.height - self.wall / 2
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (3,) [m] of the box that counts as the cup, in its own frame (facts 3.0).
+
+        The walls are included, and half a wall above the rim.
+        """
+        half = np.array([self.length, self.width]) / 2 + self.wall
+        return np.array([*-half, -self.wall / 2]), np.array([*half, self.height + self.wall / 2])
+
+
+class Cup(composer.Entity):
+    """A cup; its frame is at the middle of the floor slab, so that it rests half sunk at z = 0.
+
+    The pose is (x, z, theta): of that point [m] and the angle about +Y [rad]; positive theta tips
+    the rim towards +X. It is what mjData says (`mocap_pos`, `mocap_quat`), so it is always current
+    and theta is known within +-2 pi. Nothing collides with a cup except water.
+    """
+
+    def _build(self, size: CupSize, name: str = "cup"):
+        """Builds the cup upright at the origin.
+
+        Args:
+            size: its measures.
+            name: model name.
+        """
+        self._mjcf_root = mjcf.RootElement(model=name)
+        self._body = self._mjcf_root.worldbody.add("body", name="cup")
+        for wall in _WALLS:
+            self._body.add(
+                "geom", name=wall, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,
+                rgba=COLOR,
+            )  # fmt: skip
+        self._set_size(size)
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    @property
+    def body(self) -> mjcf.Element:
+        """The body that has the walls."""
+        return self._body
+
+    def join(self, arena: composer.Arena) -> None:
+        """Adds the cup to the scene. A mocap body moves by its pose alone and feels no force."""
+        arena.attach(self).mocap = "true"
+
+    @property
+    def size(self) -> CupSize:
+        return self._size
+
+    def resize(self, size: CupSize) -> bool:
+        """Gives the cup other measures; True when the model changed and must be recompiled."""
+        if size == self._size:
+            return False
+        self._set_size(size)
+        return True
+
+    def _set_size(self, size: CupSize):
+        self._size = size
+        length, width, height, wall = dataclasses.astuple(size)
+        side, end = (length + wall) / 2, (width + wall) / 2
+        long = [wall / 2, width / 2 + wall, height / 2]
+        short = [length / 2, wall / 2, height / 2]
+        # SoftGym's back wall is at its smaller z, which is our larger Y.
+        measures = {
+            "floor": ([0.0, 0.0, 0.0], [length / 2 + wall, width / 2 + wall, wall / 2]),
+            "left": ([-side, 0.0, height / 2], long),
+            "right": ([side, 0.0, height / 2], long),
+            "back": ([0.0, end, height / 2], short),
+            "front": ([0.0, -end, height / 2], short),
+        }
+        for geom in self._body.geom:
+            geom.pos, geom.size = measures[geom.name]
+
+    # ------------------------------------------------------------------ simulation
+
+    def after_compile(self, physics, random_state):
+        model, data = physics.model.ptr, physics.data.ptr
+        mocap = model.body(f"{self._mjcf_root.model}/").mocapid[0]
+        self._position, self._quaternion = data.mocap_pos[mocap], data.mocap_quat[mocap]
+
+    @property
+    def pose(self) -> np.ndarray:
+        """(x [m], z [m], theta [rad]), a fresh array (3,)."""
+        angle = 2.0 * np.arctan2(self._quaternion[2], self._quaternion[0])
+        return np.array([self._position[0], self._position[2], angle])
+
+    @pose.setter
+    def pose(self, pose: np.ndarray) -> None:
+        x, z, theta = pose
+        self._position[:] = x, 0.0, z
+        self._quaternion[:] = np.cos(theta / 2), 0.0, np.sin(theta / 2), 0.0
+
+    def state(self) -> np.ndarray:
+        """Pose and inner measures (6,): x, z [m], theta [rad], length, width, height [m]."""
+        size = self._size
+        return np.array([*self.pose, size.length, size.width, size.height])
+
+    def inside(self, points: np.ndarray) -> np.ndarray:
+        """Which points (n, 3) [m] of the world are in the cup's box, turned with it: (n,) bool."""
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, self._quaternion)
+        local = (points - self._position) @ rotation.reshape(3, 3)
+        low, high = self._size.box
+        return np.all((low <= local) & (local <= high), axis=1)
+
+    # ------------------------------------------------------------------ side view
+
+    def outline(self, pose: np.ndarray) -> np.ndarray:
+        """Corners (4, 2) [m] of the outer walls in the x-z plane at a pose, counter-clockwise."""
+        half = self._size.length / 2 + self._size.wall
+        height = self._size.height
+        return _placed([[-half, 0.0], [half, 0.0], [half, height], [-half, height]], pose)
+
+    def corners(self, pose: np.ndarray) -> np.ndarray:
+        """Corners (4, 2) [m] in the x-z plane that SoftGym keeps above ground at a pose.
+
+        Half the inner length to both sides; half a wall below the floor's middle and above the rim.
+        """
+        half, sill = self._size.length / 2, self._size.wall / 2
+        top = self._size.height + sill
+        return _placed([[-half, -sill], [half, -sill], [half, top], [-half, top]], pose)
+
+
+def _placed(points, pose: np.ndarray) -> np.ndarray:
+    """Points (n, 2) of the cup's x-z plane in the world's."""
+    x, z, theta = pose
+    cosine, sine = np.cos(theta), np.sin(theta)
+    return np.asarray(points) @ np.array([[cosine, -sine], [sine, cosine]]) + [x, z]
+
+
+def overlap(first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether two convex polygons (n, 2) and (m, 2) have a point in common."""
+    for polygon in (first, second):
+        edges = np.roll(polygon, -1, axis=0) - polygon
+        normals = np.column_stack([-edges[:, 1], edges[:, 0]])
+        a, b = first @ normals.T, second @ normals.T
+        if np.any((a.max(axis=0) < b.min(axis=0)) | (b.max(axis=0) < a.min(axis=0))):
+            return False
+    return True

@@ -1,0 +1,157 @@
+"""The cup against slow oracles: walls, in-cup test, outlines, lift that a tilt needs."""
+
+import itertools
+import math
+
+import mujoco
+import numpy as np
+import pytest
+import shapely
+from dm_control import composer, mjcf
+
+from softgym_mj.entities.cup import Cup, CupSize, overlap
+from softgym_mj.exceptions import OutOfRangeError
+
+SIZE = CupSize(length=0.24, width=0.18, height=0.3, wall=0.045)
+QUARTERS = (0.0, 45.0, 90.0, 180.0, -30.0, 359.0)  # [deg]
+
+
+def placed(pose, size=SIZE):
+    """A compiled cup at a pose and its physics."""
+    cup, arena = Cup(size), composer.Arena()
+    cup.join(arena)
+    physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+    cup.after_compile(physics, None)
+    cup.pose = np.array(pose)
+    mujoco.mj_kinematics(physics.model.ptr, physics.data.ptr)
+    return cup, physics
+
+
+def in_box(point, pose, size=SIZE):
+    """The in-cup test for one point, written out: undo shift and turn, compare with facts 3.0."""
+    x, z, theta = pose
+    dx, dz = point[0] - x, point[2] - z
+    # The cup's axes in the world: e1 = (cos, -sin), e3 = (sin, cos) in (x, z).
+    along = dx * math.cos(theta) - dz * math.sin(theta)
+    up = dx * math.sin(theta) + dz * math.cos(theta)
+    return (
+        abs(along) <= size.length / 2 + size.wall
+        and abs(point[1]) <= size.width / 2 + size.wall
+        and -size.wall / 2 <= up <= size.height + size.wall / 2
+    )
+
+
+@pytest.mark.parametrize("degrees", QUARTERS)
+def test_inside_agrees_with_the_slow_test(degrees):
+    pose = (0.3, 0.2, math.radians(degrees))
+    cup, _ = placed(pose)
+    centre = [0.3 + 0.15 * math.sin(pose[2]), 0.0, 0.2 + 0.15 * math.cos(pose[2])]
+    points = centre + np.random.default_rng(0).uniform(-0.25, 0.25, (5000, 3))
+    expected = [in_box(point, pose) for point in points]
+    assert 1000 < sum(expected) < 1400
+    np.testing.assert_array_equal(cup.inside(points), expected)
+
+
+def test_inside_of_hand_placed_points():
+    cup, _ = placed((0.0, 0.0, math.pi / 2))  # Lying: the rim looks along +X.
+    # Inner length up and down, height along X: 0.12 + 0.045 and 0.3 + 0.0225.
+    points = [[0.322, 0, 0], [0.323, 0, 0], [-0.022, 0, 0], [-0.023, 0, 0], [0.1, 0, 0.164],
+              [0.1, 0, 0.166], [0.1, 0.134, 0], [0.1, 0.136, 0]]  # fmt: skip
+    assert cup.inside(np.array(points)).tolist() == [True, False] * 4
+
+
+@pytest.mark.parametrize("degrees", QUARTERS)
+def test_walls_and_outline_are_those_of_the_compiled_geoms(degrees):
+    pose = (0.4, 0.1, math.radians(degrees))
+    cup, physics = placed(pose)
+    model, data = physics.model.ptr, physics.data.ptr
+    assert model.ngeom == 5 and not model.geom_contype.any() and not model.geom_conaffinity.any()
+    corners = []
+    for geom in range(5):
+        for signs in itertools.product((-1, 1), repeat=3):
+            local = model.geom_size[geom] * signs
+            corners.append(data.geom_xpos[geom] + data.geom_xmat[geom].reshape(3, 3) @ local)
+    # The outline has no floor slab below the middle; with it, the hulls agree.
+    hull = shapely.MultiPoint(np.array(corners)[:, [0, 2]]).convex_hull
+    outline = shapely.Polygon(cup.outline(cup.pose))
+    half = SIZE.length / 2 + SIZE.wall
+    sunk = half * 2 * SIZE.wall / 2
+    assert outline.area == pytest.approx(2 * half * SIZE.height)
+    assert hull.area == pytest.approx(outline.area + sunk)
+    assert outline.difference(hull).area == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_inner_room_is_free_and_closed():
+    _, physics = placed((0.0, 0.0, 0.0))
+    model, data = physics.model.ptr, physics.data.ptr
+
+    def in_a_wall(point):
+        return any(
+            np.all(np.abs(point - data.geom_xpos[geom]) <= model.geom_size[geom] + 1e-12)
+            for geom in range(5)
+        )
+
+    random = np.random.default_rng(1)
+    low, high = [-0.12, -0.09, 0.0225], [0.12, 0.09, 0.3]
+    assert not any(in_a_wall(point) for point in random.uniform(low, high, (300, 3)))
+    for axis, side in itertools.product(range(3), (0, 1)):
+        if (axis, side) == (2, 1):
+            continue  # Open at the top.
+        points = random.uniform(low, high, (50, 3))
+        points[:, axis] = (low, high)[side][axis] + (2 * side - 1) * 0.02
+        assert all(in_a_wall(point) for point in points)
+
+
+def test_pose_is_read_from_the_data():
+    cup, physics = placed((0.3, 0.2, -1.0))
+    np.testing.assert_allclose(cup.pose, [0.3, 0.2, -1.0], atol=1e-15)
+    # Positive theta tips the rim towards +X.
+    cup.pose = np.array([0.0, 0.0, 0.5])
+    mujoco.mj_kinematics(physics.model.ptr, physics.data.ptr)
+    rim = physics.data.ptr.geom_xpos[:5].mean(axis=0)
+    assert rim[0] > 0.05 and rim[1] == 0.0
+    for theta in (0.0, 1.5, 3.5, 6.2, -6.2):
+        cup.pose = np.array([0.0, 0.0, theta])
+        assert cup.pose[2] == pytest.approx(theta, abs=1e-14)
+    cup.pose = np.zeros(3)
+    assert cup.pose.tolist() == [0.0, 0.0, 0.0]
+    np.testing.assert_array_equal(cup.state(), [0, 0, 0, 0.24, 0.18, 0.3])
+
+
+@pytest.mark.parametrize(("degrees", "lift"), [(15, 0.031), (45, 0.080), (90, 0.100)])
+def test_lift_that_a_tilt_needs(degrees, lift):
+    """Facts 3.2: (L/2) sin + (b/2) cos - b/2; for L = 0.245, 3.1, 8.0 and 10.0 cm."""
+    length, wall, theta = 0.245, 0.045, math.radians(degrees)
+    cup = Cup(CupSize(length, 0.2, 0.3, wall))
+    formula = length / 2 * math.sin(theta) + wall / 2 * (math.cos(theta) - 1)
+    assert formula == pytest.approx(lift, abs=5e-4)
+    # The lowest corner then stands where it does when the cup is upright.
+    lowest = cup.corners(np.array([0.7, formula, theta]))[:, 1].min()
+    assert lowest == pytest.approx(-wall / 2, abs=1e-12)
+
+
+def test_overlap_agrees_with_shapely():
+    random = np.random.default_rng(2)
+    cup, other = Cup(SIZE), Cup(CupSize(0.15, 0.2, 0.4, 0.03))
+    hits = 0
+    for _ in range(500):
+        first = cup.outline(random.uniform([0, 0, -7], [1, 0.5, 7]))
+        second = other.outline(random.uniform([0, 0, -7], [1, 0.5, 7]))
+        expected = shapely.Polygon(first).intersects(shapely.Polygon(second))
+        assert overlap(first, second) == overlap(second, first) == expected
+        hits += expected
+    assert 100 < hits < 400
+
+
+def test_resize_tells_whether_the_model_changed():
+    cup = Cup(SIZE)
+    assert not cup.resize(CupSize(0.24, 0.18, 0.3, 0.045))
+    assert cup.resize(CupSize(0.24, 0.18, 0.31, 0.045))
+    assert cup.size.depth == pytest.approx(0.31 - 0.0225)
+
+
+@pytest.mark.parametrize("bad", [(0.0, 1, 1, 0.1), (1, 1, -1, 0.1), (1, 1, 0.04, 0.1),
+                                 (1, math.nan, 1, 0.1)])  # fmt: skip
+def test_impossible_sizes_are_refused(bad):
+    with pytest.raises(OutOfRangeError, match="cup size"):
+        CupSize(*bad)
