@@ -1,0 +1,120 @@
+"""`CupMover`: moves a cup by its pose, as SoftGym does (facts 3.1 and 3.2)."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from dm_control import composer
+
+from softgym_mj.entities.cup import Cup, overlap
+from softgym_mj.robots.base import Actor
+
+# [m] The bottom of an upright cup lies exactly on the limit of the ground test; rounding must not
+# reject its moves.
+GROUND_TOLERANCE = 1e-6
+
+NAMES = ("dx", "dz", "dtheta")
+
+# The pose (x, z, theta) that a wanted pose becomes; None if the move is rejected as a whole.
+Rule = Callable[[np.ndarray], np.ndarray | None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Track:
+    """Rule: x is clipped to [low, high] [m]."""
+
+    low: float
+    high: float
+
+    def __call__(self, pose: np.ndarray) -> np.ndarray:
+        return np.array([np.clip(pose[0], self.low, self.high), *pose[1:]])
+
+
+@dataclasses.dataclass(frozen=True)
+class KeepClear:
+    """Rule: a move is rejected that would put the cup into the ground or into another cup."""
+
+    cup: Cup
+    other: Cup
+
+    def __call__(self, pose: np.ndarray) -> np.ndarray | None:
+        # A cup stands half a wall deep in the ground.
+        lowest = -self.cup.size.wall / 2 - GROUND_TOLERANCE
+        if self.cup.corners(pose)[:, 1].min() < lowest:
+            return None
+        if overlap(self.cup.outline(pose), self.other.outline(self.other.pose)):
+            return None
+        return pose
+
+
+class CupMover(Actor):
+    """Moves a cup by up to `max_step` in every sim step, as far as a rule lets it.
+
+    The action has one entry for each coordinate of the pose that moves, a fraction of its largest
+    step. The cup follows exactly: water cannot push it.
+    """
+
+    def __init__(self, cup: Cup, max_step: Sequence[float], rule: Rule):
+        """Binds the mover.
+
+        Args:
+            cup: what it moves, not yet attached.
+            max_step: largest change of x [m], z [m] and theta [rad] in a sim step; 0 where fixed.
+            rule: what becomes of a wanted pose.
+        """
+        self._cup, self._rule = cup, rule
+        self._max_step = np.array(max_step, float)
+        self._moving = np.flatnonzero(self._max_step)
+        self._start = self._goal = self._step = np.zeros(3)
+        self._rejected = 0
+
+    @property
+    def cup(self) -> Cup:
+        """What it moves."""
+        return self._cup
+
+    @property
+    def max_step(self) -> np.ndarray:
+        """Largest change (3,) of x [m], z [m] and theta [rad] in a sim step."""
+        return self._max_step.copy()
+
+    @property
+    def action_size(self) -> int:
+        return len(self._moving)
+
+    @property
+    def action_layout(self) -> str:
+        return ", ".join(NAMES[i] for i in self._moving)
+
+    def join(self, arena: composer.Arena) -> None:
+        self._cup.join(arena)
+
+    def place(self, pose: np.ndarray) -> None:
+        """Starts an episode with the cup at a pose (x, z, theta)."""
+        self._cup.pose = pose
+        self._rejected = 0
+
+    def command(self, action: np.ndarray) -> None:
+        self._step = np.zeros(3)
+        self._step[self._moving] = self._max_step[self._moving] * action
+        self._rejected = 0
+
+    def plan(self) -> None:
+        self._start = self._cup.pose
+        goal = self._rule(self._start + self._step)
+        if goal is None:
+            self._rejected += 1
+            goal = self._start
+        self._goal = goal
+
+    def move(self, fraction: float, timestep: float) -> None:
+        self._cup.pose = self._goal - (1.0 - fraction) * (self._goal - self._start)
+
+    def diagnostics(self) -> dict[str, float | int]:
+        return {"rejected_moves": self._rejected}
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return {"rejected": np.array(self._rejected)}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self._rejected = int(state["rejected"])

@@ -1,0 +1,168 @@
+"""What varies in the water tasks: how much water, and the cups that fit it (facts 3.0 to 3.2).
+
+SoftGym seeds dx * dz columns of dy particles and derives the cups from these counts. Its fluid is
+compressible; ours takes the volume of that seed, N r^3 / 2, whatever the number of particles.
+"""
+
+import abc
+import dataclasses
+
+import numpy as np
+
+from softgym_mj.entities.cup import CupSize
+from softgym_mj.exceptions import check_name
+from softgym_mj.variations import generator
+
+# Particles of a sample as a fraction of SoftGym's.
+FIDELITIES = {"fast": 0.5, "default": 1.0, "accurate": 2.0}
+
+_MIN_SIDE, _MAX_SIDE = 4, 13  # Columns along a side.
+LARGEST_COUNT = _MAX_SIDE * _MAX_SIDE * 4 * _MAX_SIDE  # 8788 particles.
+
+_WALL = 0.045  # [m] of the cup that is moved; also the term of its height.
+_TARGET_WALL = 0.03  # [m]
+MIN_GAP = 0.02  # [m] Cups that stand closer could be stuck from the start: such draws are repeated.
+
+
+@dataclasses.dataclass(frozen=True)
+class Sample:
+    """SoftGym's sample of water: dx * dz columns of dy particles."""
+
+    dx: int
+    dy: int
+    dz: int
+
+    @classmethod
+    def draw(cls, random: np.random.Generator) -> "Sample":
+        """dx, dz uniform in 4..13; half of the samples are "medium", half "large"."""
+        dx, dz = random.integers(_MIN_SIDE, _MAX_SIDE + 1, size=2).tolist()
+        smaller = min(dx, dz)
+        return cls(dx, 4 * smaller if random.random() < 0.5 else int(3.5 * smaller), dz)
+
+    @property
+    def smaller(self) -> int:
+        """The smaller number of columns, q in the facts."""
+        return min(self.dx, self.dz)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether the cup is made flatter for its water."""
+        return self.dy == 4 * self.smaller
+
+    @property
+    def count(self) -> int:
+        """Number of particles in SoftGym."""
+        return self.dx * self.dy * self.dz
+
+    def column(self, rest_distance: float) -> float:
+        """h of the facts [m]: height of the particles stacked `rest_distance` [m] apart."""
+        return self.count * rest_distance / ((self.dx + 1) * (self.dz + 1))
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A variation.
+
+    Attributes:
+        sample: how much water there is.
+        rest_distance: SoftGym's r [m].
+        cup: the cup that holds the water, upright at x = z = 0.
+        target: the cup to pour into, None if there is none.
+        distance: of the two cups' middles along X [m].
+    """
+
+    sample: Sample
+    rest_distance: float
+    cup: CupSize
+    target: CupSize | None = None
+    distance: float = 0.0
+
+    @property
+    def volume(self) -> float:
+        """Volume of the water [m^3]."""
+        return self.sample.count * self.rest_distance**3 / 2
+
+    @property
+    def gap(self) -> float:
+        """Free way between the outer walls of the two cups [m]; infinite if there is one cup."""
+        if self.target is None:
+            return np.inf
+        halves = (size.length / 2 + size.wall for size in (self.cup, self.target))
+        return self.distance - sum(halves)
+
+    def particles(self, fidelity: str) -> int:
+        """Number of particles of the simulation."""
+        check_name("fidelity", fidelity, FIDELITIES)
+        return round(FIDELITIES[fidelity] * self.sample.count)
+
+    def spacing(self, fidelity: str) -> float:
+        """Rest distance [m] at which that many particles have the volume."""
+        return float(np.cbrt(self.volume / self.particles(fidelity)))
+
+
+class Scenes(abc.ABC):
+    """A family of variations; picklable."""
+
+    name: str
+
+    def scene(self, index: int) -> Scene:
+        """Variation `index`; a pure function of the family's name and the index."""
+        random = generator(self.name, index)
+        scene = self._draw(random)
+        while scene.gap < MIN_GAP:
+            scene = self._draw(random)
+        return scene
+
+    @abc.abstractmethod
+    def _draw(self, random: np.random.Generator) -> Scene:
+        """A random scene."""
+
+
+@dataclasses.dataclass(frozen=True)
+class TransportScenes(Scenes):
+    """One cup (facts 3.1)."""
+
+    name: str = "transport_water"
+
+    def _draw(self, random):
+        return transport_scene(Sample.draw(random))
+
+
+@dataclasses.dataclass(frozen=True)
+class PourScenes(Scenes):
+    """A cup to pour from and one to pour into (facts 3.2)."""
+
+    name: str = "pour_water"
+
+    def _draw(self, random):
+        return pour_scene(Sample.draw(random), *random.random(3).tolist())
+
+
+def transport_scene(sample: Sample) -> Scene:
+    """The cup of a sample (facts 3.1)."""
+    r = 0.015  # [m]
+    column = sample.column(r)
+    inner = column / 3 + 0.0015 * sample.smaller if sample.is_large else column / 2
+    cup = CupSize((sample.dx + 4) * r, (sample.dz + 4) * r, inner + _WALL, _WALL)
+    return Scene(sample, r, cup)
+
+
+def pour_scene(sample: Sample, height: float, extra: float, way: float) -> Scene:
+    """The cups of a sample (facts 3.2).
+
+    Args:
+        sample: the water.
+        height, extra, way: uniform random numbers in [0, 1) for the cup's height, how much higher
+            the target is and how far away.
+    """
+    r = 0.033 * 0.55  # [m]
+    column, q = sample.column(r), sample.smaller
+    if sample.is_large:
+        inner = column / 3 + 0.001 * (q + height)
+    else:
+        inner = column / 2 + 0.001 * (height - 0.5)
+    length, width = sample.dx * r, sample.dz * r
+    cup = CupSize(length + 0.1, width + 0.1, inner + _WALL, _WALL)
+    target = CupSize(length + 0.07, width + 0.07, cup.height + 0.1 * extra, _TARGET_WALL)
+    distance = q * (0.05 + 0.04 * way) + (sample.dx + 4) * r / 2
+    return Scene(sample, r, cup, target, distance)
