@@ -74,14 +74,14 @@ class Reader {
   void Choice(const char* name, Draw* out) {
     const char* text = Text(name);
     if (!text) return;
-    constexpr const char* kNames[] = {"surface", "mesh", "particles", "none"};
+    constexpr const char* kNames[] = {"surface", "fine", "particles", "none"};
     for (int i = 0; i < 4; ++i) {
       if (!std::strcmp(text, kNames[i])) {
         *out = static_cast<Draw>(i);
         return;
       }
     }
-    Fail(name, text, "surface, mesh, particles or none");
+    Fail(name, text, "surface, fine, particles or none");
   }
 
   void Fail(const char* name, const std::string& value, const std::string& valid) {

@@ -9,7 +9,7 @@
 
 namespace softgym_mj {
 
-enum class Draw { kSurface, kMesh, kParticles, kNone };
+enum class Draw { kSurface, kFine, kParticles, kNone };
 
 // Attributes as in README.md; SI units.
 struct FluidConfig {
@@ -17,7 +17,7 @@ struct FluidConfig {
   double spacing = 0.018;
   int columns[2] = {0, 0};  // 0: near a cube.
   double corner[3] = {0, 0, 0.009};
-  double viscosity = 1e-4;
+  double viscosity = 2e-4;
   double cohesion = 0;
   double friction = 0.01;
   double density = 1000;

@@ -1,30 +1,71 @@
 #include "draw.h"
 
-#include <vector>
+#include <algorithm>
 
 namespace softgym_mj {
 namespace {
 
-// Room left in the scene: every geom of the model with its decorations, and some more.
-int Reserved(const mjModel* m) { return 2 * m->ngeom + m->nsite + m->njnt + m->nlight + 200; }
+// Side of a grid cell of the surface, in spacings. A software renderer spends 4 us on a triangle.
+constexpr double kCoarse = 1.0, kFine = 0.5;
+constexpr double kCoarser = 1.4;  // Growth of the cells until the surface fits into the scene.
+constexpr int kMaxTries = 8;
 
-}  // namespace
+constexpr double kParticle = 0.5;  // Radius of a particle drawn as a sphere, in spacings.
 
-void DrawFluid(const mjModel* m, const FluidConfig& config, const mjtNum* positions,
-               Solver* solver, mjvScene* scene) {
-  if (config.draw == Draw::kNone) return;
-  const int room = scene->maxgeom - Reserved(m) - scene->ngeom;
-  int drawn = 0;
-  const mjtNum radius = 0.6 * config.spacing, size[3] = {radius, radius, radius};
-  for (int i = 0; i < config.count; ++i) {
-    if (drawn++ >= room) {
-      scene->status = 1;
-      break;
-    }
+// Geoms kept free for the model: one each with its decorations (frames, contacts, labels).
+int Reserved(const mjModel* m) { return 2 * m->ngeom + m->nsite + m->njnt + m->nlight + 100; }
+
+void DrawParticles(const FluidConfig& config, const mjtNum* positions, int room, mjvScene* scene) {
+  const mjtNum radius = kParticle * config.spacing, size[3] = {radius, radius, radius};
+  if (config.count > room) scene->status = 1;
+  for (int i = 0; i < std::min(config.count, room); ++i) {
     mjvGeom* geom = scene->geoms + scene->ngeom++;
     mjv_initGeom(geom, mjGEOM_SPHERE, size, positions + 3 * i, nullptr, config.rgba);
     geom->category = mjCAT_DECOR;
   }
+}
+
+void DrawTriangle(const float* corners, const float* rgba, mjvScene* scene) {
+  const mjtNum size[3] = {1, 1, 0};
+  mjtNum position[3], sides[6], normal[3], matrix[9];
+  for (int k = 0; k < 3; ++k) {
+    position[k] = corners[k];
+    sides[k] = corners[3 + k] - corners[k];
+    sides[3 + k] = corners[6 + k] - corners[k];
+  }
+  mju_cross(normal, sides, sides + 3);
+  if (mju_normalize3(normal) < mjMINVAL) return;
+  for (int k = 0; k < 3; ++k) {
+    matrix[3 * k] = sides[k];
+    matrix[3 * k + 1] = sides[3 + k];
+    matrix[3 * k + 2] = normal[k];
+  }
+  mjvGeom* geom = scene->geoms + scene->ngeom++;
+  mjv_initGeom(geom, mjGEOM_TRIANGLE, size, position, matrix, rgba);
+  geom->category = mjCAT_DECOR;
+}
+
+}  // namespace
+
+void DrawFluid(const mjModel* m, const FluidConfig& config, const mjtNum* positions,
+               SurfaceExtractor* extractor, mjvScene* scene) {
+  const int room = scene->maxgeom - Reserved(m) - scene->ngeom;
+  if (config.draw == Draw::kNone || room <= 0) return;
+  if (config.draw == Draw::kParticles) {
+    DrawParticles(config, positions, room, scene);
+    return;
+  }
+  double voxel = config.spacing * (config.draw == Draw::kFine ? kFine : kCoarse);
+  for (int i = 0; i < kMaxTries; ++i, voxel *= kCoarser) {
+    const Triangles& triangles =
+        extractor->Extract(positions, config.count, config.spacing, voxel);
+    if (static_cast<int>(triangles.size()) > 9 * room) continue;
+    for (size_t k = 0; k < triangles.size(); k += 9) {
+      DrawTriangle(triangles.data() + k, config.rgba, scene);
+    }
+    return;
+  }
+  scene->status = 1;
 }
 
 }  // namespace softgym_mj

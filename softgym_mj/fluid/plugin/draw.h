@@ -6,13 +6,13 @@
 #include <mujoco/mujoco.h>
 
 #include "config.h"
-#include "solver.h"
+#include "surface.h"
 
 namespace softgym_mj {
 
 // Adds geoms to a scene, leaving room for those of the model.
 void DrawFluid(const mjModel* m, const FluidConfig& config, const mjtNum* positions,
-               Solver* solver, mjvScene* scene);
+               SurfaceExtractor* extractor, mjvScene* scene);
 
 }  // namespace softgym_mj
 

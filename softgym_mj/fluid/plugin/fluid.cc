@@ -27,6 +27,7 @@ struct Workspace {
   std::vector<Impulse> impulses;
   std::vector<mjtNum> jacobian, solution;
   Solver solver;
+  SurfaceExtractor surface;
 };
 
 Workspace& ThreadWorkspace() {
@@ -229,7 +230,7 @@ void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, i
   if (!Bind(m, instance, &w, reason, sizeof(reason))) return;
   const StateLayout layout = Layout(w.config, static_cast<int>(w.walls.size()));
   const mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
-  DrawFluid(m, w.config, state + layout.positions, &w.solver, scene);
+  DrawFluid(m, w.config, state + layout.positions, &w.surface, scene);
 }
 
 }  // namespace

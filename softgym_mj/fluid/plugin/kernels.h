@@ -16,7 +16,6 @@ struct FluidConstants {
   float radius;          // Support H of the kernel [m].
   float rest_density;    // Sum of (1 - r/H)^3 over the neighbours in water at rest.
   float wall_density;    // Scale of what a wall adds to that sum.
-  float wall_pressure;   // Factor of a wall's push relative to the particle's own.
   float relaxation;      // Of the one Jacobi iteration in a substep.
   float correction;      // Largest correction in a substep [m].
   float contact;         // Distance at which walls are hard [m].

@@ -224,7 +224,6 @@ template <class V>
 void FindCorrection(const FluidConstants& fluid, const Particles& p,
                     const Neighbours& neighbours) {
   const float scale = fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f;
-  const float own_wall = fluid.wall_pressure - 1.0f;
   const float *ex = neighbours.e, *ey = ex + neighbours.stride, *ez = ey + neighbours.stride;
   for (int i = 0; i < p.count; ++i) {
     V x(0.0f), y(0.0f), z(0.0f);
@@ -235,10 +234,10 @@ void FindCorrection(const FluidConstants& fluid, const Particles& p,
       z = MultiplyAdd(pressure, V::Load(ez + k), z);
     }
     const float own = p.pressure[i];
-    const float *gradient = p.gradient + 4 * i, *wall = p.wall_gradient + 4 * i;
-    const float dx = scale * (Sum(x) + own * (gradient[0] + own_wall * wall[0]));
-    const float dy = scale * (Sum(y) + own * (gradient[1] + own_wall * wall[1]));
-    const float dz = scale * (Sum(z) + own * (gradient[2] + own_wall * wall[2]));
+    const float *gradient = p.gradient + 4 * i;
+    const float dx = scale * (Sum(x) + own * gradient[0]);
+    const float dy = scale * (Sum(y) + own * gradient[1]);
+    const float dz = scale * (Sum(z) + own * gradient[2]);
     const float squared = dx * dx + dy * dy + dz * dz;
     const float limit = fluid.correction;
     const float clamp = squared > limit * limit ? limit / __builtin_sqrtf(squared) : 1.0f;
@@ -338,8 +337,7 @@ void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& p
              double* impulse) {
   const V zero(0.0f), contact(fluid.contact), tiny(kTiny), friction(fluid.friction);
   const V dig_out(kDigOut * fluid.spacing);
-  const V wall_push(fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f *
-                    fluid.wall_pressure);
+  const V wall_push(fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f);
   for (int k = 0; k < pairs.count; k += V::kWidth) {
     const int* particle = pairs.particle + k;
     const Vector3<V> old_x = Gather<V>(p.old_position, particle);

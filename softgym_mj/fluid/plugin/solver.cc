@@ -9,13 +9,11 @@ namespace {
 
 constexpr float kSupport = 1.83f;  // Kernel radius in spacings, as in FleX.
 
-// Calibrated on columns at rest: kernel sum in water at rest, what a wall adds, and how hard it
-// pushes back.
+// Calibrated on columns at rest: kernel sum in water at rest, and what a wall adds.
 constexpr float kRestDensity = 0.632f;
 constexpr float kWallDensity = 24.3f;
-constexpr float kWallPressure = 1.0f;
 
-constexpr float kRelaxation = 0.5f;  // Above 0.6 the fluid boils.
+constexpr float kRelaxation = 0.45f;  // Above 0.6 the fluid boils.
 constexpr float kCorrection = 0.4f;  // Largest correction in a substep, in spacings.
 constexpr float kContact = 0.3f;     // Distance at which walls are hard, in spacings.
 
@@ -76,7 +74,6 @@ void Solver::Prepare(const FluidConfig& config, const double* positions) {
             kSupport * spacing,
             kRestDensity,
             kWallDensity,
-            kWallPressure,
             kRelaxation,
             kCorrection * spacing,
             kContact * spacing,
@@ -118,7 +115,7 @@ void Solver::Load(const double* positions, const double* velocities) {
   for (int i = 0; i < count_; ++i) {
     for (int k = 0; k < 3; ++k) {
       p_.position[4 * i + k] = static_cast<float>(positions[3 * i + k] - origin_[k]);
-      p_.velocity[4 * i + k] = velocities ? static_cast<float>(velocities[3 * i + k]) : 0.0f;
+      p_.velocity[4 * i + k] = static_cast<float>(velocities[3 * i + k]);
     }
     p_.position[4 * i + 3] = p_.velocity[4 * i + 3] = 0;
     order_.get()[i] = i;
@@ -464,26 +461,6 @@ void Solver::TouchingInertia(size_t first, size_t last, const double centre[3],
       inertia[1] += mass_ * squared;
     }
   }
-}
-
-const std::vector<int>& Solver::CountNeighbours(const FluidConfig& config,
-                                                const double* positions) {
-  static const std::vector<Wall> kNoWalls;
-  Prepare(config, positions);
-  Load(positions, nullptr);
-  walls_ = &kNoWalls;
-  wall_end_.clear();
-  pairs_.clear();
-  BuildLists();
-  neighbour_counts_.resize(count_);
-  for (int i = 0; i < count_; ++i) {
-    int n = 0;
-    for (int k = neighbours_.begin[i]; k < neighbours_.begin[i + 1]; ++k) {
-      n += neighbours_.index[k] != count_;
-    }
-    neighbour_counts_[order_.get()[i]] = n;
-  }
-  return neighbour_counts_;
 }
 
 const Kernels& ChooseKernels() {

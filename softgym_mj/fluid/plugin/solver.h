@@ -62,9 +62,6 @@ class Solver {
   // first..last-1 in the last step.
   void TouchingInertia(size_t first, size_t last, const double centre[3], double inertia[2]);
 
-  // Number of neighbours of every particle at its stored position, for drawing.
-  const std::vector<int>& CountNeighbours(const FluidConfig& config, const double* positions);
-
  private:
   void Prepare(const FluidConfig& config, const double* positions);
   void Load(const double* positions, const double* velocities);
@@ -98,7 +95,6 @@ class Solver {
       wall_gradient_, wall_density_, free_share_, pressure_, x_, y_, z_, built_position_, e_,
       distance_, pair_numbers_;
   Buffer<int> cell_, start_, order_, spare_order_, begin_, index_, pair_particle_;
-  std::vector<int> neighbour_counts_;
   std::vector<char> touching_;
 };
 
