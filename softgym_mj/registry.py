@@ -77,6 +77,22 @@ TASKS = {
             action_repeat=8,
             summary="Spread a crumpled cloth on the floor.",
         ),
+        TaskRecord(
+            "transport_water",
+            "softgym_mj.tasks.transport_water:transport_water",
+            ("medium", "water"),
+            horizon=75,
+            action_repeat=8,
+            summary="Move a cup of water to a place without spilling.",
+        ),
+        TaskRecord(
+            "pour_water",
+            "softgym_mj.tasks.pour_water:pour_water",
+            ("medium", "water"),
+            horizon=100,
+            action_repeat=8,
+            summary="Pour the water of one cup into another.",
+        ),
     )
 }
 

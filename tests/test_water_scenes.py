@@ -59,16 +59,23 @@ def test_length_follows_dx_and_width_dz():
 def test_the_volume_does_not_depend_on_the_fidelity(fidelity, factor):
     scene = transport_scene(MEDIUM)
     assert scene.volume == pytest.approx(1792 * 0.015**3 / 2)
-    assert scene.particles(fidelity) == 1792 * factor
-    volume = scene.particles(fidelity) * scene.spacing(fidelity) ** 3
-    assert volume == pytest.approx(scene.volume, rel=1e-12)
-    # Half of SoftGym's particles at its own rest distance have the volume of its seed.
-    assert transport_scene(MEDIUM).spacing("fast") == pytest.approx(0.015)
+    resolution = scene.resolution(fidelity)
+    assert resolution.count == 1792 * factor
+    assert resolution.count * resolution.spacing**3 == pytest.approx(scene.volume, rel=1e-12)
+
+
+def test_resolution_by_hand():
+    # Half of SoftGym's particles at its own rest distance have the volume of its seed; the floor of
+    # 0.18 m then takes 12 columns. Twice as many particles are closer by 2^(1/3).
+    resolution = transport_scene(MEDIUM).resolution("fast")
+    assert resolution.spacing == pytest.approx(0.015) and resolution.columns == (12, 12)
+    finer = transport_scene(MEDIUM).resolution("default")
+    assert finer.spacing == pytest.approx(0.015 / 2 ** (1 / 3)) and finer.columns == (15, 15)
 
 
 def test_unknown_fidelity():
     with pytest.raises(UnknownNameError, match="fast"):
-        transport_scene(MEDIUM).particles("ultra")
+        transport_scene(MEDIUM).resolution("ultra")
 
 
 @FAMILIES

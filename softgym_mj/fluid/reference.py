@@ -233,9 +233,7 @@ def _smooth(fluid, timestep, h, walls, fraction, x, v, impulses):
         v = v + drag + _total(count, i, (pull / length)[:, None] * offset)
         for k, wall in enumerate(walls):
             start, end = wall.at(fraction), wall.at(1.0)
-            share = np.minimum(
-                viscosity * REST_DENSITY * _wall_share(fluid, wall, end, x)[0], 1.0
-            )
+            share = np.minimum(viscosity * REST_DENSITY * _wall_share(fluid, wall, end, x)[0], 1.0)
             turn = (end.matrix - start.matrix) @ end.matrix.T / h
             omega = np.array(
                 [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
@@ -277,5 +275,7 @@ def step(
         fractions = (s / fluid.substeps, (s + 1) / fluid.substeps)
         x, v = _substep(fluid, h, np.asarray(gravity), walls, fractions, x, v, impulses)
     if fluid.viscosity or fluid.cohesion:
-        v = _smooth(fluid, timestep, h, walls, (fluid.substeps - 1) / fluid.substeps, x, v, impulses)
+        v = _smooth(
+            fluid, timestep, h, walls, (fluid.substeps - 1) / fluid.substeps, x, v, impulses
+        )
     return x, v, impulses

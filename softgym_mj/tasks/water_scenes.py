@@ -11,6 +11,7 @@ import numpy as np
 
 from softgym_mj.entities.cup import CupSize
 from softgym_mj.exceptions import check_name
+from softgym_mj.fluid import Resolution
 from softgym_mj.variations import generator
 
 # Particles of a sample as a fraction of SoftGym's.
@@ -22,6 +23,12 @@ LARGEST_COUNT = _MAX_SIDE * _MAX_SIDE * 4 * _MAX_SIDE  # 8788 particles.
 _WALL = 0.045  # [m] of the cup that is moved; also the term of its height.
 _TARGET_WALL = 0.03  # [m]
 MIN_GAP = 0.02  # [m] Cups that stand closer could be stuck from the start: such draws are repeated.
+
+
+def num_particles(count: int, fidelity: str) -> int:
+    """Number of particles that stand for `count` of SoftGym's."""
+    check_name("fidelity", fidelity, FIDELITIES)
+    return round(FIDELITIES[fidelity] * count)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,21 +90,28 @@ class Scene:
         return self.sample.count * self.rest_distance**3 / 2
 
     @property
+    def cups(self) -> tuple[CupSize, ...]:
+        """All cups, the one that holds the water first."""
+        return (self.cup,) if self.target is None else (self.cup, self.target)
+
+    @property
+    def places(self) -> tuple[float, ...]:
+        """X [m] of the cups' middles at the start."""
+        return (0.0, self.distance)[: len(self.cups)]
+
+    @property
     def gap(self) -> float:
         """Free way between the outer walls of the two cups [m]; infinite if there is one cup."""
         if self.target is None:
             return np.inf
-        halves = (size.length / 2 + size.wall for size in (self.cup, self.target))
-        return self.distance - sum(halves)
+        return self.distance - sum(size.length / 2 + size.wall for size in self.cups)
 
-    def particles(self, fidelity: str) -> int:
-        """Number of particles of the simulation."""
-        check_name("fidelity", fidelity, FIDELITIES)
-        return round(FIDELITIES[fidelity] * self.sample.count)
-
-    def spacing(self, fidelity: str) -> float:
-        """Rest distance [m] at which that many particles have the volume."""
-        return float(np.cbrt(self.volume / self.particles(fidelity)))
+    def resolution(self, fidelity: str) -> Resolution:
+        """Particles that have this volume, in as many columns as the cup's floor has room for."""
+        count = num_particles(self.sample.count, fidelity)
+        spacing = float(np.cbrt(self.volume / count))
+        columns = round(self.cup.length / spacing), round(self.cup.width / spacing)
+        return Resolution(count, spacing, columns)
 
 
 class Scenes(abc.ABC):

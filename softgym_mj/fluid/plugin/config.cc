@@ -49,10 +49,14 @@ class Reader {
     }
     while (good && *cursor) good = std::isspace(static_cast<unsigned char>(*cursor++));
     if (!good) {
-      char valid[160];
-      std::snprintf(valid, sizeof(valid), "%s%s in %g..%g", n > 1 ? "that many numbers, each " : "",
-                    whole ? "a whole number" : "a number", low, high);
-      Fail(name, text, n > 1 ? std::to_string(n) + " numbers: " + valid : std::string(valid));
+      char valid[120];
+      const char* kind = whole ? "whole number" : "number";
+      if (n == 1) {
+        std::snprintf(valid, sizeof(valid), "a %s in %g..%g", kind, low, high);
+      } else {
+        std::snprintf(valid, sizeof(valid), "%d %ss, each in %g..%g", n, kind, low, high);
+      }
+      Fail(name, text, valid);
       return false;
     }
     for (int i = 0; i < n; ++i) out[i] = static_cast<T>(values[i]);

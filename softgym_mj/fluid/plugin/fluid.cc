@@ -95,6 +95,13 @@ int NumState(const mjModel* m, int instance) {
   char reason[512];
   Workspace& w = ThreadWorkspace();
   if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  const double most = MaxViscosity(w.config, m->opt.timestep);
+  if (w.config.viscosity > most) {
+    std::snprintf(reason, sizeof(reason),
+                  "attribute viscosity=\"%g\" is not valid: with this spacing and time step "
+                  "expected at most %g.", w.config.viscosity, most);
+    Fail(m, instance, reason);
+  }
   return Layout(w.config, static_cast<int>(w.walls.size())).size;
 }
 

@@ -439,6 +439,11 @@ void Solver::Step(const FluidConfig& config, double timestep, const double gravi
   Store(positions, velocities);
 }
 
+double MaxViscosity(const FluidConfig& config, double timestep) {
+  const double radius = kSupport * config.spacing;
+  return kMaxPasses * kViscosityPass * kLaplacian * radius * radius / timestep;
+}
+
 double MaxSpeed(const FluidConfig& config, double timestep) {
   const double h = timestep / config.Substeps(timestep);
   return std::min(config.max_speed, 0.5 * kSupport * config.spacing / h);

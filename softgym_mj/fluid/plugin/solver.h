@@ -24,6 +24,9 @@ struct Impulse {
 // further in a substep than half the reach of the walls.
 double MaxSpeed(const FluidConfig& config, double timestep);
 
+// Largest viscosity [m^2/s] that a step of `timestep` seconds can follow.
+double MaxViscosity(const FluidConfig& config, double timestep);
+
 // A growing array of floats or ints for vector loads; its content does not survive growing.
 template <class T>
 class Buffer {
