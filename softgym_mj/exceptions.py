@@ -47,6 +47,10 @@ class RenderingUnavailableError(SoftGymError, RuntimeError):
     """No working OpenGL backend for off-screen rendering or no display for the viewer."""
 
 
+class PluginUnavailableError(SoftGymError, RuntimeError):
+    """The library with the MuJoCo plugins is missing, broken or built for another MuJoCo."""
+
+
 def check_name(argument: str, value: object, valid: Iterable[object]) -> None:
     """Raises `UnknownNameError` unless `value` is one of `valid`."""
     valid = tuple(valid)

@@ -1,0 +1,57 @@
+"""Loads the library with the engine plugins into MuJoCo."""
+
+import pathlib
+import sys
+import threading
+
+import mujoco
+
+from softgym_mj.exceptions import PluginUnavailableError
+
+PLUGIN_NAME = "softgym_mj.fluid"
+
+_FOLDER = pathlib.Path(__file__).parent
+_STEM = "softgym_mj_plugins-mujoco-"  # Followed by the MuJoCo version that the library was built for.
+_SUFFIX = {"win32": ".dll"}.get(sys.platform, ".so")
+
+_lock = threading.Lock()
+_loaded: pathlib.Path | None = None
+
+
+def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
+    """The library for a MuJoCo version."""
+    file = folder / f"{_STEM}{version}{_SUFFIX}"
+    if file.exists():
+        return file
+    others = [f.name.removeprefix(_STEM).removesuffix(_SUFFIX) for f in folder.glob(f"{_STEM}*")]
+    if others:
+        raise PluginUnavailableError(
+            f"the fluid plugin was built for MuJoCo {', '.join(sorted(others))}, but {version} is "
+            f"installed. Run `pip install mujoco=={others[0]}`, or install softgym_mj again."
+        )
+    raise PluginUnavailableError(
+        f"the fluid plugin is not built: {file} does not exist. Install softgym_mj from a wheel, or "
+        "install a compiler (`apt-get install -y g++ cmake make`) and run `pip install .` again."
+    )
+
+
+def load_plugin() -> pathlib.Path:
+    """Makes the plugin known to MuJoCo, once per process; returns the library's file.
+
+    To be called before a model that uses it is compiled.
+
+    Raises:
+        PluginUnavailableError: if the library is missing, of another MuJoCo version or broken.
+    """
+    global _loaded  # noqa: PLW0603  (MuJoCo's table of plugins is global, too)
+    with _lock:
+        if _loaded is None:
+            file = _find(_FOLDER, mujoco.__version__)
+            try:
+                mujoco.mj_loadPluginLibrary(str(file))
+            except mujoco.FatalError as error:
+                raise PluginUnavailableError(
+                    f"MuJoCo could not load the fluid plugin from {file}: {error}"
+                ) from error
+            _loaded = file
+        return _loaded
