@@ -1,0 +1,173 @@
+"""`Water`: particles of a liquid, simulated by the engine plugin of this package."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+
+from softgym_mj.exceptions import OutOfRangeError, check_count
+from softgym_mj.fluid.library import PLUGIN_NAME, load_plugin
+
+TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
+_INSTANCE = "water"
+
+
+@dataclasses.dataclass(frozen=True)
+class Liquid:
+    """What is poured.
+
+    Attributes:
+        viscosity: kinematic [m^2/s].
+        cohesion: attraction of particles [m/s^2].
+        friction: against walls.
+        density: [kg/m^3].
+    """
+
+    viscosity: float
+    cohesion: float = 0.0
+    friction: float = 0.01  # SoftGym's.
+    density: float = 1000.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Resolution:
+    """How many particles there are.
+
+    Attributes:
+        count: number of particles.
+        spacing: rest distance: a particle stands for a volume of spacing^3 [m].
+        columns: particles beside each other along X and Y where the water rests; with `count`
+            they tell the plugin how deep the water is, hence how many substeps it needs.
+    """
+
+    count: int
+    spacing: float
+    columns: tuple[int, int]
+
+    def __post_init__(self):
+        check_count("count", self.count, 1)
+        for number in self.columns:
+            check_count("columns", number, 1)
+        if not 0.0 < self.spacing < np.inf:
+            raise OutOfRangeError("spacing", self.spacing, "a length above 0 [m]")
+
+
+class Water(composer.Entity):
+    """Water in the world frame; bodies hold it back once `confine` has named them.
+
+    Positions and velocities are plugin state, so they are part of mjSTATE_INTEGRATION. `mj_step`
+    advances them at its end, from the walls' poses of the last step to the current ones.
+    """
+
+    def _build(
+        self, liquid: Liquid, resolution: Resolution, draw: str = "surface", name: str = "water"
+    ):
+        """Builds the water; loads the plugin.
+
+        Args:
+            liquid: its properties.
+            resolution: number of particles.
+            draw: "surface", "mesh" (smooth, slow), "particles" or "none".
+            name: model name.
+        """
+        load_plugin()
+        self._liquid, self._resolution = liquid, resolution
+        self._mjcf_root = mjcf.RootElement(model=name)
+        self._mjcf_root.option.timestep = TIMESTEP
+        plugin = self._mjcf_root.extension.add("plugin", plugin=PLUGIN_NAME)
+        self._instance = plugin.add("instance", name=_INSTANCE)
+        for key, value in {**dataclasses.asdict(liquid), "draw": draw}.items():
+            self._configure(key, value)
+        self._set_resolution(resolution)
+
+    def _configure(self, key: str, *values):
+        text = " ".join(str(value) for value in values)
+        for config in self._instance.config:
+            if config.key == key:
+                config.value = text
+                return
+        self._instance.add("config", key=key, value=text)
+
+    def _set_resolution(self, resolution: Resolution):
+        self._resolution = resolution
+        self._configure("count", resolution.count)
+        self._configure("spacing", resolution.spacing)
+        self._configure("columns", *resolution.columns)
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    @property
+    def timestep(self) -> float:
+        """Physics step [s]."""
+        return TIMESTEP
+
+    @property
+    def num_particles(self) -> int:
+        return self._resolution.count
+
+    @property
+    def spacing(self) -> float:
+        """Rest distance [m]: a particle stands for a volume of spacing^3."""
+        return self._resolution.spacing
+
+    @property
+    def physical_parameters(self) -> dict[str, float]:
+        """What determines the motion besides the resolution."""
+        return {**dataclasses.asdict(self._liquid), "timestep": TIMESTEP}
+
+    def resize(self, resolution: Resolution) -> bool:
+        """Gives the water other particles; True when the model changed and must be recompiled."""
+        if resolution == self._resolution:
+            return False
+        self._set_resolution(resolution)
+        return True
+
+    def confine(self, *bodies: mjcf.Element) -> None:
+        """Makes the geoms of bodies walls of the water, whatever else they collide with.
+
+        To be called when the water and the bodies are attached to the same scene. What can collide
+        and belongs to the world itself, such as the floor, is a wall anyway.
+        """
+        for body in bodies:
+            body.add("plugin", plugin=PLUGIN_NAME, instance=self._instance)
+
+    # ------------------------------------------------------------------ simulation
+
+    def after_compile(self, physics, random_state):
+        model, data = physics.model.ptr, physics.data.ptr
+        name = f"{self._mjcf_root.model}/{_INSTANCE}"
+        instance = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, name)
+        first, size = model.plugin_stateadr[instance], 3 * self.num_particles
+        state = data.plugin_state[first : first + 1 + 2 * size]
+        # 1 once the walls' poses of the last step are known, then positions, then velocities.
+        self._known = state[:1]
+        self._positions = state[1 : 1 + size].reshape(-1, 3)
+        self._velocities = state[1 + size :].reshape(-1, 3)
+
+    def positions(self) -> np.ndarray:
+        """Current positions (num_particles, 3) [m] in the world frame, a fresh array."""
+        return self._positions.copy()
+
+    def velocities(self) -> np.ndarray:
+        """Current velocities (num_particles, 3) [m/s], a fresh array."""
+        return self._velocities.copy()
+
+    def set_particles(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
+        """Places the particles: `positions` (num_particles, 3) [m], `velocities` alike [m/s].
+
+        The motion of the walls up to now is forgotten: they may be teleported with the water.
+
+        Raises:
+            OutOfRangeError: for a wrong shape or what is not finite.
+        """
+        positions, velocities = np.asarray(positions, float), np.asarray(velocities, float)
+        shape = (self.num_particles, 3)
+        if positions.shape != shape or not np.isfinite(positions).all():
+            raise OutOfRangeError("positions", positions.shape, f"finite array of shape {shape}")
+        if velocities.shape not in ((), shape) or not np.isfinite(velocities).all():
+            raise OutOfRangeError("velocities", velocities.shape, f"finite array of shape {shape}")
+        self._positions[:], self._velocities[:] = positions, velocities
+        self._known[:] = 0.0
