@@ -1,0 +1,93 @@
+"""`SettledWater`: the initial states of the water tasks, water at rest in its cup."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.cup import Cup, CupSize
+from softgym_mj.exceptions import SettlingError
+from softgym_mj.fluid import Liquid, Resolution, Water
+from softgym_mj.fluid.water import TIMESTEP
+from softgym_mj.tasks.water_scenes import Scenes
+
+LOOSENESS = 1.05  # The lattice is this much higher than water at rest, and settles by sinking.
+NOISE = 0.01  # Of the spacing: a perfect lattice would stand in unstable balance.
+SETTLED_RMS = 0.01  # [m/s] Root mean square speed below which water is at rest,
+_REST_STEPS = 50  # if it stays so for this many steps (0.5 s): a turning point is not rest.
+_MAX_STEPS = 2000
+
+
+def lattice(size: CupSize, resolution: Resolution, random: np.random.Generator) -> np.ndarray:
+    """Positions (count, 3) [m] that fill an upright cup at the origin from its floor up.
+
+    The columns share the floor evenly, so that none is nearer to a wall than half their distance.
+    """
+    count, (columns, rows) = resolution.count, resolution.columns
+    pitch = np.array([size.length / columns, size.width / rows, 0.0])
+    pitch[2] = LOOSENESS * resolution.spacing**3 / (pitch[0] * pitch[1])
+    site = np.arange(count)
+    layer, place = np.divmod(site, columns * rows)
+    sites = np.column_stack([place % columns, place // columns, layer])
+    noise = random.uniform(-NOISE, NOISE, (count, 3)) * resolution.spacing
+    corner = [-size.length / 2, -size.width / 2, size.wall / 2]
+    return corner + pitch * (sites + 0.5) + noise
+
+
+@dataclasses.dataclass(frozen=True)
+class SettledWater:
+    """Water that sinks from a loose lattice in the cup until it is at rest (facts 3.0).
+
+    SoftGym seeds its compressible fluid at twice its density, and puts back what jumps out.
+    """
+
+    scenes: Scenes
+    liquid: Liquid
+    fidelity: str = "default"
+
+    @property
+    def name(self) -> str:
+        return self.scenes.name
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        liquid = dataclasses.asdict(self.liquid)
+        return {"version": 1, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
+
+    def generate(self, index: int) -> np.ndarray:
+        """Positions (num_particles, 3) [m] relative to the middle of the cup's floor."""
+        scene = self.scenes.scene(index)
+        resolution = scene.resolution(self.fidelity)
+        cup, water = Cup(scene.cup), Water(self.liquid, resolution)
+        arena = Arena(camera="transport_water")
+        cup.join(arena)
+        arena.attach(water)
+        water.confine(cup.body)
+        arena.mjcf_model.option.timestep = TIMESTEP
+        physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+        for entity in (cup, water):
+            entity.after_compile(physics, None)
+        random = np.random.default_rng(index)
+        water.set_particles(lattice(scene.cup, resolution, random))
+        rest = 0
+        for _ in range(_MAX_STEPS):
+            mujoco.mj_step(physics.model.ptr, physics.data.ptr)
+            speed = np.sqrt(np.mean(np.sum(water.velocities() ** 2, axis=1)))
+            rest = rest + 1 if speed < SETTLED_RMS else 0
+            if rest == _REST_STEPS:
+                break
+        else:
+            raise SettlingError(
+                f"variation {index} of {self.name} still moves at {speed:.3f} m/s after "
+                f"{_MAX_STEPS} sim steps"
+            )
+        positions = water.positions()
+        outside = np.count_nonzero(~cup.inside(positions))
+        if outside:
+            raise SettlingError(
+                f"variation {index} of {self.name} has {outside} of {len(positions)} particles "
+                "outside the cup"
+            )
+        return positions

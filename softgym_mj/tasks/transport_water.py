@@ -1,0 +1,108 @@
+"""TransportWater (SoftGym: PassWater): move a cup of water to a place without spilling.
+
+Goal: the cup at x = 1.2 m, all water in it. The cup starts at 0 and slides along X, at most 0.011 m
+a sim step, within [-0.25, 1.4] m; 75 env steps of 8 sim steps. SoftGym lets the walls poke over
+these limits by a step; here the move is clipped first.
+
+Reward = performance: -|1.2 - x| - 10 * (fraction of particles outside the cup's box) [m].
+Bounds: lower = -1.2 (the start), upper = 0.
+Reduced state, 7 entries: cup x, its inner length, width and height, height of the highest particle
+[m], fraction in the cup, fraction outside. The goal is the same in every variation.
+Full state: see `WaterTask`.
+Start: 224 to 8788 of SoftGym's particles at rest in a cup made for them (facts 3.1), upright.
+End: horizon only.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softgym_mj.entities.cup import Cup
+from softgym_mj.fluid import Liquid, Water
+from softgym_mj.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.robots.cup_mover import CupMover, Track
+from softgym_mj.robots.factory import make_cup_actor
+from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.settled_water import SettledWater
+from softgym_mj.tasks.water_scenes import TransportScenes
+from softgym_mj.tasks.water_task import WaterTask
+
+ACTION_REPEAT = 8  # Facts 1.2.
+GOAL = 1.2  # [m]
+MAX_STEP = (0.011, 0.0, 0.0)  # [m, m, rad] in a sim step: 1.1 m/s.
+LIMITS = Track(-0.25, 1.4)  # [m]
+SPILL_PENALTY = 10.0  # [m] For all water spilled.
+SUCCESS = 0.95  # Ours: within 6 cm of the goal with nothing spilled, or at it with 0.6 %.
+
+# Thin, so that it sloshes, which is the difficulty (facts 5, row 46): 50 times as viscous as water,
+# about what the particles' own exchange of momentum amounts to.
+LIQUID = Liquid(viscosity=5e-5)
+
+
+class TransportWater(WaterTask):
+    """See the module docstring."""
+
+    def __init__(
+        self, initializer: SettledWater, water: Water, cup: Cup, actor: CupMover, **settings
+    ):
+        """Wires the task; `settings` as in `WaterTask`."""
+        super().__init__("transport_water", SUCCESS, initializer, water, [cup], actor, **settings)
+
+    def _fraction_inside(self) -> float:
+        return float(np.mean(self.cup.inside(self.water.positions())))
+
+    def evaluate(self) -> Evaluation:
+        distance = float(abs(GOAL - self.cup.pose[0]))
+        inside = self._fraction_inside()
+        terms = {"distance": -distance, "spill": SPILL_PENALTY * (inside - 1.0)}
+        return Evaluation(
+            performance=sum(terms.values()),
+            reward_terms=terms,
+            measures={"distance_to_target": distance, "spilled": 1.0 - inside},
+        )
+
+    def bounds(self) -> tuple[float, float]:
+        return -GOAL, 0.0
+
+    def reduced_state(self) -> np.ndarray:
+        size, inside = self.cup.size, self._fraction_inside()
+        return np.array(
+            [
+                self.cup.pose[0],
+                *(size.length, size.width, size.height),
+                self.highest(),
+                inside,
+                1.0 - inside,
+            ]
+        )
+
+
+def transport_water(
+    *,
+    actor: str = "cup",
+    observation: str | Sequence[str] = "reduced",
+    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    fidelity: str = "default",
+    action_repeat: int = ACTION_REPEAT,
+) -> TransportWater:
+    """Builds the task.
+
+    Args:
+        actor: "cup".
+        observation: "full", "reduced", "rgb" or a sequence of these.
+        image_size: (height, width) of images [pixels].
+        fidelity: number of particles: "fast", "default" or "accurate".
+        action_repeat: sim steps per env step.
+    """
+    scenes = TransportScenes()
+    scene = scenes.scene(0)
+    cup = Cup(scene.cup)
+    return TransportWater(
+        SettledWater(scenes, LIQUID, fidelity),
+        Water(LIQUID, scene.resolution(fidelity)),
+        cup,
+        make_cup_actor(actor, cup, MAX_STEP, LIMITS),
+        observation=observation,
+        image_size=image_size,
+        action_repeat=action_repeat,
+    )

@@ -1,0 +1,103 @@
+"""`WaterTask`: what the tasks on water in cups share."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.cup import Cup
+from softgym_mj.fluid import Water
+from softgym_mj.robots.cup_mover import CupMover
+from softgym_mj.tasks.base import DeformableTask
+from softgym_mj.tasks.settled_water import SettledWater
+from softgym_mj.tasks.water_scenes import LARGEST_COUNT, Scene, num_particles
+from softgym_mj.variations import VariationStore
+
+
+class WaterTask(DeformableTask):
+    """A task on water in a cup that the actor moves, and perhaps further cups that stand still.
+
+    Full state: all particles (x, y, z each [m]), zeros up to the largest sample of this fidelity
+    (8788 times 1/2, 1 or 2), then each cup's pose and inner measures: x, z [m], theta [rad],
+    length, width, height [m], the moved cup first.
+    """
+
+    _actor: CupMover
+
+    def __init__(
+        self,
+        camera: str,
+        success: float,
+        initializer: SettledWater,
+        water: Water,
+        cups: Sequence[Cup],
+        actor: CupMover,
+        **settings,
+    ):
+        """Wires the parts together.
+
+        Args:
+            camera: name of the task's camera in `arena.CAMERAS`.
+            success: normalised performance from which the goal counts as reached.
+            initializer: the initial states.
+            water: the water, not yet attached.
+            cups: the actor's cup, then those that stand still; not yet attached.
+            actor: what acts, not yet attached.
+            **settings: observation, image_size and action_repeat as in `DeformableTask`.
+        """
+        self._initializer, self._water, self._cups = initializer, water, tuple(cups)
+        self._scene = initializer.scenes.scene(0)
+        arena = Arena(camera=camera)
+        actor.join(arena)
+        for cup in self._cups[1:]:
+            cup.join(arena)
+        arena.attach(water)
+        water.confine(*(cup.body for cup in self._cups))
+        super().__init__(
+            arena,
+            actor,
+            VariationStore(initializer),
+            timestep=water.timestep,
+            success=success,
+            max_points=num_particles(LARGEST_COUNT, initializer.fidelity),
+            **settings,
+        )
+
+    @property
+    def actor(self) -> CupMover:
+        return self._actor
+
+    @property
+    def water(self) -> Water:
+        return self._water
+
+    @property
+    def cup(self) -> Cup:
+        """The cup that the actor moves."""
+        return self._cups[0]
+
+    @property
+    def scene(self) -> Scene:
+        """Sizes and places of the current variation."""
+        return self._scene
+
+    def resize(self, variation: int) -> bool:
+        self._scene = scene = self._initializer.scenes.scene(variation)
+        changed = [cup.resize(size) for cup, size in zip(self._cups, scene.cups, strict=True)]
+        return self._water.resize(scene.resolution(self._initializer.fidelity)) or any(changed)
+
+    def start(self, state: np.ndarray) -> None:
+        for cup, x in zip(self._cups[1:], self._scene.places[1:], strict=True):
+            cup.pose = np.array([x, 0.0, 0.0])
+        self._actor.place(np.zeros(3))
+        self._water.set_particles(state)
+
+    def points(self) -> np.ndarray:
+        return self._water.positions()
+
+    def tool_state(self) -> np.ndarray:
+        return np.concatenate([cup.state() for cup in self._cups])
+
+    def highest(self) -> float:
+        """Height [m] of the highest particle anywhere, splashes included."""
+        return float(self._water.positions()[:, 2].max())
