@@ -28,31 +28,35 @@ def cup_geoms(length, width, wall, height, base=0.0):
 
 
 class FluidCup:
-    """A cup with its floor at z = 0 (mocap unless `body` says otherwise), full of a lattice."""
+    """A cup with its floor at z = 0 (mocap unless `body` says otherwise), full of a lattice.
+
+    Further keywords, or `settings`, are attributes of the plugin.
+    """
 
     def __init__(
         self, columns, layers, *, wall=0.01, height=None, timestep=0.01, body=MOCAP,
-        joint="", inside="", option="", actuator="", world="", base=0.0, load=True, **config,
+        joint="", inside="", option="", actuator="", scenery="", base=0.0, settings=None, **config,
     ):  # fmt: skip
         load_plugin()
         nx, ny = columns
         self.count = nx * ny * layers
         self.length, self.width = nx * SPACING, ny * SPACING
         self.height = height or 1.6 * layers * SPACING + 0.05
-        settings = {
+        attributes = {
             "count": self.count,
             "spacing": SPACING,
             "columns": f"{nx} {ny}",
             "corner": f"{-(nx - 1) * SPACING / 2} {-(ny - 1) * SPACING / 2} {SPACING / 2}",
             **config,
+            **(settings or {}),
         }
-        keys = "".join(f'<config key="{k}" value="{v}"/>' for k, v in settings.items())
+        keys = "".join(f'<config key="{k}" value="{v}"/>' for k, v in attributes.items())
         geoms = cup_geoms(self.length, self.width, wall, self.height, base)
         self.xml = f"""
         <mujoco><option timestep="{timestep}" {option}/>
         <extension><plugin plugin="softgym_mj.fluid"><instance name="water">{keys}</instance>
         </plugin></extension>
-        <worldbody>{world}<body name="cup" pos="0 0 {-base}" {body}>{joint}{geoms}{inside}
+        <worldbody>{scenery}<body name="cup" pos="0 0 {-base}" {body}>{joint}{geoms}{inside}
         <plugin instance="water"/></body></worldbody>{actuator}</mujoco>"""
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.data = mujoco.MjData(self.model)

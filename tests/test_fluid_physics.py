@@ -40,7 +40,7 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
     monkeypatch.setenv("SOFTGYM_MJ_SIMD", simd)
     settings = {"viscosity": 3e-4, "cohesion": 1.5, "friction": 0.2}
     plane = '<geom type="plane" size="1 1 1" pos="0 0 -.02"/>'
-    cup = FluidCup((6, 6), 5, inside=OBSTACLES, world=plane, substeps=4, **settings)
+    cup = FluidCup((6, 6), 5, inside=OBSTACLES, scenery=plane, substeps=4, **settings)
     fluid = reference.Fluid(spacing=SPACING, substeps=4, **settings)
     cup.step()
     turn = np.array([0.5, 1.0, 0.3])

@@ -147,11 +147,6 @@ std::string ParseConfig(const mjModel* m, int instance, FluidConfig* config) {
   read.Numbers("max_speed", &parsed.max_speed, 1, 0.01, 1e3);
   read.Choice("draw", &parsed.draw);
   read.Numbers("rgba", parsed.rgba, 4, 0, 1);
-  if (read.error().empty() && parsed.two_way && (m->opt.disableflags & mjDSBL_SPRING) &&
-      (m->opt.disableflags & mjDSBL_DAMPER)) {
-    return "two_way=\"true\" needs MuJoCo's passive forces, which the flags spring and damper "
-           "disable: enable one of them.";
-  }
   if (read.error().empty()) *config = parsed;
   return read.error();
 }

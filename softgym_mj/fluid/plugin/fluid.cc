@@ -95,6 +95,11 @@ int NumState(const mjModel* m, int instance) {
   char reason[512];
   Workspace& w = ThreadWorkspace();
   if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  if (w.config.two_way && (m->opt.disableflags & mjDSBL_SPRING) &&
+      (m->opt.disableflags & mjDSBL_DAMPER)) {
+    Fail(m, instance, "two_way=\"true\" needs MuJoCo's passive forces, which the flags spring and "
+                      "damper disable: enable one of them.");
+  }
   const double most = MaxViscosity(w.config, m->opt.timestep);
   if (w.config.viscosity > most) {
     std::snprintf(reason, sizeof(reason),
