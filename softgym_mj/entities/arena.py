@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numpy as np
 from dm_control import composer
 
 from softgym_mj import assets
@@ -25,17 +26,27 @@ CAMERAS = {
     "cloth_drop": CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
 }
 FIELD_OF_VIEW = 45.0  # Vertical [deg].
-# From the front right, looking at the origin.
+# From the front right, looking at the middle.
 OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.7948, 0.4920, 0.1870, 0.3022))
 
 
 class Arena(composer.Arena):
     """Floor, key light, the task's camera (named "task") and an "overview" camera."""
 
-    def _build(self, camera: str, name: str = "arena"):
+    def _build(self, camera: str, middle: float = 0.0, name: str = "arena"):
+        """Builds the scene.
+
+        Args:
+            camera: name of the task's camera, one of `CAMERAS`.
+            middle: X [m] of the middle of what happens; shadows reach 1.5 m around it.
+            name: model name.
+        """
         check_name("camera", camera, CAMERAS)
         super()._build(name=name, xml_path=assets.path("arena.xml"))
-        for camera_name, pose in (("task", CAMERAS[camera]), ("overview", OVERVIEW)):
+        shift = np.array([middle, 0.0, 0.0])
+        self._mjcf_root.find("light", "key").pos += shift
+        overview = dataclasses.replace(OVERVIEW, position=tuple(OVERVIEW.position + shift))
+        for camera_name, pose in (("task", CAMERAS[camera]), ("overview", overview)):
             self._mjcf_root.worldbody.add(
                 "camera",
                 name=camera_name,

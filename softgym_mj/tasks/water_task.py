@@ -13,6 +13,8 @@ from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import LARGEST_COUNT, Scene, num_particles
 from softgym_mj.variations import VariationStore
 
+MIDDLE = 0.6  # [m] Cups move and stand between x = -0.25 and 1.4.
+
 
 class WaterTask(DeformableTask):
     """A task on water in a cup that the actor moves, and perhaps further cups that stand still.
@@ -47,7 +49,7 @@ class WaterTask(DeformableTask):
         """
         self._initializer, self._water, self._cups = initializer, water, tuple(cups)
         self._scene = initializer.scenes.scene(0)
-        arena = Arena(camera=camera)
+        arena = Arena(camera=camera, middle=MIDDLE)
         actor.join(arena)
         for cup in self._cups[1:]:
             cup.join(arena)

@@ -11,12 +11,19 @@ import dm_env
 import numpy as np
 
 from softgym_mj.baselines.scripted.expert import Expert
+from softgym_mj.baselines.scripted.pour_water import PourWater
 from softgym_mj.baselines.scripted.spread_cloth import SpreadCloth
 from softgym_mj.baselines.scripted.straighten_rope import StraightenRope
+from softgym_mj.baselines.scripted.transport_water import TransportWater
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import check_name
 
-EXPERTS: dict[str, type[Expert]] = {"straighten_rope": StraightenRope, "spread_cloth": SpreadCloth}
+EXPERTS: dict[str, type[Expert]] = {
+    "straighten_rope": StraightenRope,
+    "spread_cloth": SpreadCloth,
+    "transport_water": TransportWater,
+    "pour_water": PourWater,
+}
 
 
 def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
