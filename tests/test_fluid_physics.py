@@ -4,7 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from softgym_mj import assets
 from softgym_mj.fluid import reference
+from softgym_mj.fluid.library import load_plugin
 from tests.fluid_cup import SPACING, FluidCup, compression
 
 SIMD = pytest.mark.parametrize("simd", ["scalar", "best"])
@@ -238,3 +240,44 @@ def test_cohesion_pulls_a_cloud_together():
         # Pairs pull equally: the centre stays.
         np.testing.assert_allclose(cup.velocities.mean(axis=0), 0, atol=1e-5)
     assert spread[5] < 0.9 * spread[0]
+
+
+def test_a_cork_floats_and_a_stone_sinks():
+    """The example model. A quarter of the cork is under water; the stone lies on the bottom."""
+    load_plugin()
+    model = mujoco.MjModel.from_xml_path(str(assets.path("water_tank.xml")))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 600)
+    particles = data.plugin_state[1 : 1 + 3 * 3000].reshape(-1, 3)
+    spacing, radius = 0.02, 0.05
+    level = np.percentile(particles[:, 2], 98) + spacing / 2
+    # A cap of height h has a quarter of the ball's volume where h^2 (3 r - h) = r^3.
+    depths = np.roots([-1, 3 * radius, 0, -(radius**3)])
+    depth = depths[(depths > 0) & (depths < 2 * radius)][0].real
+    assert data.body("cork").xpos[2] == pytest.approx(level - depth + radius, abs=0.6 * spacing)
+    assert data.body("stone").xpos[2] == pytest.approx(0.02 + 0.04, abs=0.003)
+    assert np.linalg.norm(data.qvel[:3]) < 0.02
+    weight = 9.81 * model.body("cork").mass[0]
+    assert data.qfrc_passive[2] == pytest.approx(weight, rel=0.02)
+
+
+def test_buoyancy_of_a_ball():
+    """Held under water, it is a tenth below Archimedes: see the limits in the plugin's README."""
+    body = (
+        '<body name="held" pos="0 0 0.13"><joint name="z" type="slide" axis="0 0 1"/>'
+        '<geom type="sphere" size="0.05" density="1000" contype="0" conaffinity="0"/>'
+        '<plugin instance="water"/></body>'
+    )
+    cup = FluidCup(
+        (16, 16), 14, height=0.6, two_way="true", scenery=body, option='integrator="implicitfast"',
+        actuator='<actuator><position joint="z" kp="100000" kv="3000"/></actuator>',
+    )  # fmt: skip
+    displaced = np.linalg.norm(cup.positions - [0, 0, 0.13], axis=1) < 0.06
+    cup.positions[displaced, 2] += 0.25
+    cup.step(250)
+    forces = []
+    for _ in range(100):
+        cup.step()
+        forces.append(cup.data.qfrc_passive[0])
+    archimedes = 9.81 * cup.model.body("held").mass[0]
+    assert 0.85 * archimedes < np.mean(forces) < 1.05 * archimedes

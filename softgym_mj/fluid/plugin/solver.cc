@@ -28,6 +28,8 @@ constexpr double kLaplacian = 4 * 3.14159265358979 * kSupport * kSupport * kSupp
 constexpr double kViscosityPass = 0.7;  // Largest stable factor in one pass.
 constexpr int kMaxPasses = 64;
 
+constexpr float kLayer = 0.8f;  // Particles nearer than this to a wall touch it, in spacings.
+
 constexpr float kFar = 1e6f;  // [m] Where the padding particle is.
 
 void ToPose(const double position[3], const double quaternion[4], const double origin[3],
@@ -453,9 +455,10 @@ void Solver::TouchingInertia(size_t first, size_t last, const double centre[3],
                              double inertia[2]) {
   touching_.assign(count_ + 1, 0);
   for (size_t w = first; w < last; ++w) {
+    kernels_->FindDistance(pairs_[w], p_.position, distance_.get());
     for (int k = 0; k < pairs_[w].count; ++k) {
       const int i = pairs_[w].particle[k];
-      if (i == count_ || touching_[i]) continue;
+      if (i == count_ || touching_[i] || distance_.get()[k] > kLayer * fluid_.spacing) continue;
       touching_[i] = 1;
       double squared = 0;
       for (int a = 0; a < 3; ++a) {

@@ -61,8 +61,8 @@ class Solver {
             const std::vector<Pose>& end, double* positions, double* velocities,
             Impulse* impulses);
 
-  // Mass [kg] and moment about `centre` [kg m^2] of the particles that were near one of the walls
-  // first..last-1 in the last step.
+  // Mass [kg] and moment about `centre` [kg m^2] of the particles that touch one of the walls
+  // first..last-1 after the last step.
   void TouchingInertia(size_t first, size_t last, const double centre[3], double inertia[2]);
 
  private:
