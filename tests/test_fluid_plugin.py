@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import re
 import subprocess
 import sys
 
@@ -239,9 +240,8 @@ BAD = [
 
 @pytest.mark.parametrize(("config", "message"), BAD)
 def test_bad_attributes_are_compile_errors(config, message):
-    with pytest.raises(ValueError, match=".*") as error:
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
         FluidCup((3, 3), 3, settings=config)
-    assert message in str(error.value)
     assert "water" in str(error.value)  # The instance.
 
 
@@ -255,7 +255,9 @@ def test_unsupported_walls_and_flags_are_compile_errors():
     visual = mesh.replace("/>", ' contype="0" conaffinity="0" mass="0"/>')
     mujoco.MjModel.from_xml_string(xml.replace(mesh, visual))  # One to look at is no wall.
     flags = '<flag spring="disable" damper="disable"/></option>'
-    xml = FluidCup((3, 3), 3, two_way="true").xml.replace('timestep="0.01" />', f'timestep="0.01">{flags}')
+    xml = FluidCup((3, 3), 3, two_way="true").xml.replace(
+        'timestep="0.01" />', f'timestep="0.01">{flags}'
+    )
     with pytest.raises(ValueError, match="two_way"):
         mujoco.MjModel.from_xml_string(xml)
 
@@ -274,11 +276,8 @@ def test_not_a_number_never_enters_the_state():
 def test_two_instances_do_not_touch():
     """Two waters in one model move as each does alone."""
     cup = FluidCup((4, 4), 4)
-    both = cup.xml.replace(
-        "</plugin></extension>".replace("</plugin>", "</plugin>", 1), "</plugin></extension>"
-    )
     second = cup.xml.split("<instance")[1].split("</instance>")[0].replace('"water"', '"more"')
-    both = both.replace("</instance>", f"</instance><instance{second}</instance>", 1)
+    both = cup.xml.replace("</instance>", f"</instance><instance{second}</instance>", 1)
     model = mujoco.MjModel.from_xml_string(both)
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 20)

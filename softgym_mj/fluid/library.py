@@ -11,7 +11,9 @@ from softgym_mj.exceptions import PluginUnavailableError
 PLUGIN_NAME = "softgym_mj.fluid"
 
 _FOLDER = pathlib.Path(__file__).parent
-_STEM = "softgym_mj_plugins-mujoco-"  # Followed by the MuJoCo version that the library was built for.
+_STEM = (
+    "softgym_mj_plugins-mujoco-"  # Followed by the MuJoCo version that the library was built for.
+)
 _SUFFIX = {"win32": ".dll"}.get(sys.platform, ".so")
 
 _lock = threading.Lock()
@@ -30,8 +32,8 @@ def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
             f"installed. Run `pip install mujoco=={others[0]}`, or install softgym_mj again."
         )
     raise PluginUnavailableError(
-        f"the fluid plugin is not built: {file} does not exist. Install softgym_mj from a wheel, or "
-        "install a compiler (`apt-get install -y g++ cmake make`) and run `pip install .` again."
+        f"the fluid plugin is not built: {file} does not exist. Install softgym_mj from a wheel, "
+        "or install a compiler (`apt-get install -y g++ cmake make`) and run `pip install .` again."
     )
 
 
