@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint bench clean
+.PHONY: demo test test-all lint bench native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
@@ -23,8 +23,14 @@ lint: $(VENV)/.installed
 
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/throughput.py --out benchmarks/throughput.json
+	$(BIN)/python benchmarks/fluid.py --out benchmarks/fluid.json
 
-$(VENV)/.installed: pyproject.toml
+NATIVE = softgym_mj/fluid/plugin
+# Rebuilds the plugins after a change to their sources, without installing again.
+native: $(VENV)/.installed
+	cmake --build $(NATIVE)
+
+$(VENV)/.installed: pyproject.toml $(wildcard $(NATIVE)/*.cc $(NATIVE)/*.h $(NATIVE)/CMakeLists.txt)
 	PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup.sh
 	touch $@
 

@@ -14,6 +14,7 @@ if command -v dpkg >/dev/null; then
         dpkg -s "$package" >/dev/null 2>&1 || packages="$packages $package"
     done
 fi
+command -v c++ >/dev/null || command -v g++ >/dev/null || packages="$packages g++"
 "$PYTHON" -c 'import ensurepip, venv' 2>/dev/null || packages="$packages python3-venv"
 if [ -n "$packages" ]; then
     command="apt-get update && apt-get install -y$packages"
