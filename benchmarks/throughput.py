@@ -23,7 +23,8 @@ from softgym_mj.rendering import CameraView
 
 SOFTGYM = 46.0  # Env steps/s, facts 6.
 VARIATIONS = (800, 801, 802, 803, 804)
-STEPS = {"straighten_rope": 75, "spread_cloth": 50}  # Env steps timed per variation.
+# Env steps timed per variation.
+STEPS = {"straighten_rope": 75, "spread_cloth": 50, "transport_water": 75, "pour_water": 75}
 IMAGES = 60
 
 
@@ -61,7 +62,7 @@ def measure(task: str) -> dict[str, float]:
     steps = min(STEPS[task], env.horizon - 1)
     for variation in VARIATIONS:
         env.reset(variation)
-        actions = random.uniform(-1, 1, (steps, 8))
+        actions = random.uniform(-1, 1, (steps, env.task.actor.action_size))
         snapshot = env.get_state()
         start = time.perf_counter()
         for action in actions:

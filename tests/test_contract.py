@@ -13,11 +13,19 @@ import softgym_mj
 from softgym_mj.observations import OBSERVATIONS
 
 STATE_OBSERVATIONS = ("full", "reduced")
-# Fast cloth keeps the contract tests short; the contract does not depend on the resolution.
-SETTINGS = {"spread_cloth": {"fidelity": "fast"}, "straighten_rope": {}}
+# Fast objects keep the contract tests short; the contract does not depend on the resolution.
+SETTINGS = {
+    "spread_cloth": {"fidelity": "fast"},
+    "straighten_rope": {},
+    "transport_water": {"fidelity": "fast"},
+    "pour_water": {"fidelity": "fast"},
+}
+# Two pickers x 4; dx; dx, dz, dtheta.
+ACTION_SIZES = {"spread_cloth": 8, "straighten_rope": 8, "transport_water": 1, "pour_water": 3}
 VARIATION = 800
 
 tasks = pytest.mark.parametrize("task", softgym_mj.TASKS)
+flex_tasks = pytest.mark.parametrize("task", ["spread_cloth", "straighten_rope"])
 
 
 def make(task, **kwargs):
@@ -43,7 +51,8 @@ def test_specs_match_what_is_returned(task):
     assert all(isinstance(step.reward, float) for step in steps[1:])
     assert all(step.discount == 1.0 for step in steps[1:])
     spec = env.action_spec()
-    assert (spec.minimum == -1).all() and (spec.maximum == 1).all() and spec.shape == (8,)
+    assert (spec.minimum == -1).all() and (spec.maximum == 1).all()
+    assert spec.shape == (ACTION_SIZES[task],)
 
 
 @tasks
@@ -57,7 +66,7 @@ def test_observations_share_no_memory(task):
         np.testing.assert_array_equal(value, kept[name])
 
 
-@tasks
+@flex_tasks
 def test_reduced_and_full_states_list_what_they_say(task):
     env = make(task, observation=["full", "reduced"])
     observation = env.reset(VARIATION).observation
@@ -211,6 +220,13 @@ def test_recompiles_only_when_the_size_changes():
     assert env.physics.model.ptr is model
     env.reset(801)  # Another size.
     assert env.physics.model.ptr is not model
+    water = make("pour_water")
+    water.reset(800)
+    model = water.physics.model.ptr
+    water.reset(800)
+    assert water.physics.model.ptr is model
+    water.reset(801)
+    assert water.physics.model.ptr is not model
     rope = make("straighten_rope")
     rope.reset(800)
     model = rope.physics.model.ptr

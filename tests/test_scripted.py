@@ -1,5 +1,6 @@
 """The scripted experts solve single variations; the whole sweeps are in test_slow.py."""
 
+import numpy as np
 import pytest
 
 import softgym_mj
@@ -30,6 +31,31 @@ def test_spread_cloth_is_spread():
     info = play("spread_cloth", 803)
     assert info["normalized_performance"] > 0.8
     assert info["max_edge_strain"] < 0.15
+
+
+def test_water_is_carried_to_the_goal_without_a_drop():
+    for variation in (800, 806, 817):
+        info = play("transport_water", variation, fidelity="fast")
+        assert info["spilled"] == 0.0 and info["distance_to_target"] < 1e-3
+        assert info["normalized_performance"] > 0.99 and info["success"]
+
+
+def test_a_reckless_driver_spills():
+    env = softgym_mj.load("transport_water", split="evaluate", fidelity="fast")
+    for variation in (800, 806, 817):
+        timestep = env.reset(variation)
+        while not timestep.last():
+            way = 1.2 - timestep.observation["reduced"][0]
+            timestep = env.step(np.clip([way / 0.088], -1, 1))
+        info = env.info()
+        assert info["distance_to_target"] < 1e-9 and info["spilled"] > 0.01
+        assert info["normalized_performance"] < 0.9
+
+
+def test_water_is_poured():
+    scores = [play("pour_water", v, fidelity="fast") for v in (801, 804, 813)]
+    assert all(info["fraction_in_cup"] < 0.01 for info in scores)
+    assert min(info["normalized_performance"] for info in scores) > 0.85
 
 
 def test_an_expert_needs_two_pickers():
