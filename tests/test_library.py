@@ -22,7 +22,7 @@ README = ROOT / "softgym_mj" / "fluid" / "plugin" / "README.md"
 @pytest.fixture
 def unloaded(monkeypatch):
     """As in a process that has not loaded the library."""
-    monkeypatch.setattr(library, "_loaded", None)
+    monkeypatch.setattr(library, "_is_registered", lambda: False)
 
 
 def test_loading_twice_is_loading_once():
@@ -49,6 +49,24 @@ def test_a_broken_library_is_named(unloaded, monkeypatch, tmp_path):
     monkeypatch.setattr(library, "_FOLDER", tmp_path)
     with pytest.raises(PluginUnavailableError, match=file.name):
         library.load_plugin()
+
+
+def test_a_copy_loaded_from_elsewhere_is_kept(tmp_path):
+    copy = str(shutil.copy(library.load_plugin(), tmp_path / "copy.so"))
+    script = textwrap.dedent(
+        f"""
+        import ctypes, threading
+        import mujoco
+        mujoco.mj_loadPluginLibrary({copy!r})
+        from softgym_mj.fluid import library
+        library.load_plugin()
+        # Loading two would leave the lock of the dynamic linker held by the main thread.
+        thread = threading.Thread(target=ctypes.CDLL, args=("libm.so.6",))
+        thread.start()
+        thread.join()
+        """
+    )
+    subprocess.run([sys.executable, "-W", "ignore", "-c", script], check=True, timeout=60)
 
 
 def readme_blocks(language):

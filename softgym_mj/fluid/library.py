@@ -16,8 +16,18 @@ _STEM = (
 )
 _SUFFIX = {"win32": ".dll"}.get(sys.platform, ".so")
 
+_USER = f'<mujoco><extension><plugin plugin="{PLUGIN_NAME}"/></extension></mujoco>'
+
 _lock = threading.Lock()
-_loaded: pathlib.Path | None = None
+
+
+def _is_registered() -> bool:
+    """Whether MuJoCo knows the plugin, from whatever file."""
+    try:
+        mujoco.MjSpec.from_string(_USER)
+    except ValueError:
+        return False
+    return True
 
 
 def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
@@ -40,20 +50,19 @@ def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
 def load_plugin() -> pathlib.Path:
     """Makes the plugin known to MuJoCo, once per process; returns the library's file.
 
-    To be called before a model that uses it is compiled.
+    To be called before a model that uses it is compiled. A copy that was loaded from elsewhere is
+    kept: a second one is an error inside `dlopen`, whose lock would stay held.
 
     Raises:
         PluginUnavailableError: if the library is missing, of another MuJoCo version or broken.
     """
-    global _loaded  # noqa: PLW0603  (MuJoCo's table of plugins is global, too)
     with _lock:
-        if _loaded is None:
-            file = _find(_FOLDER, mujoco.__version__)
+        file = _find(_FOLDER, mujoco.__version__)
+        if not _is_registered():
             try:
                 mujoco.mj_loadPluginLibrary(str(file))
             except mujoco.FatalError as error:
                 raise PluginUnavailableError(
                     f"MuJoCo could not load the fluid plugin from {file}: {error}"
                 ) from error
-            _loaded = file
-        return _loaded
+        return file
