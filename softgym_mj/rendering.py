@@ -13,6 +13,8 @@ INSTALL_COMMAND = "apt-get install -y libegl1 libgl1-mesa-dri"
 
 LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
 
+_MAX_GEOMS = 20000  # In a scene: the surface of water is drawn as some thousand triangles.
+
 # The flex is drawn by its skins (group 0); its own triangles and sites stay hidden.
 _FLEX_GROUP = 4
 
@@ -79,7 +81,9 @@ class CameraView:
         mujoco.mj_flex(model, data)
         try:
             if self._data is not data:
-                self._view = engine.Camera(physics, self._height, self._width, self._camera)
+                self._view = engine.Camera(
+                    physics, self._height, self._width, self._camera, max_geom=_MAX_GEOMS
+                )
                 self._option = wrapper.MjvOption()
                 self._option.flexgroup[_FLEX_GROUP] = 0
                 self._data = data

@@ -26,7 +26,7 @@ struct FluidConfig {
   bool world = true;
   double max_speed = 10;
   Draw draw = Draw::kSurface;
-  float rgba[4] = {0.16f, 0.5f, 0.78f, 0.85f};
+  float rgba[4] = {0.16f, 0.5f, 0.78f, 1.0f};
 
   int Layers() const;
   // Substeps of a step of `timestep` seconds.
