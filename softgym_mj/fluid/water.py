@@ -68,7 +68,7 @@ class Water(composer.Entity):
         Args:
             liquid: its properties.
             resolution: number of particles.
-            draw: "surface", "mesh" (smooth, slow), "particles" or "none".
+            draw: "surface", "fine" (smooth, slower), "particles" or "none".
             name: model name.
         """
         load_plugin()
