@@ -330,6 +330,17 @@ def test_the_drawn_surface_encloses_the_water():
     assert volumes["surface"] == pytest.approx(water, rel=0.25)
 
 
+@pytest.mark.parametrize("draw", ["surface", "fine"])
+def test_a_lone_drop_is_drawn_wherever_it_is(draw):
+    cup = FluidCup((1, 1), 1, draw=draw)
+    for position in np.random.default_rng(0).uniform(0.5, 0.6, (50, 3)):
+        cup.positions[:] = position
+        corners = triangles_of(scene_of(cup))
+        assert len(corners) >= 8
+        np.testing.assert_allclose(corners.mean(axis=(0, 1)), position, atol=0.5 * SPACING)
+        assert 0.3 * SPACING < np.ptp(corners.reshape(-1, 3), axis=0).max() < 2.2 * SPACING
+
+
 @pytest.mark.parametrize("draw", ["surface", "fine", "particles"])
 def test_the_water_never_crowds_out_the_model(draw):
     for max_geom in (150, 400, 1000):

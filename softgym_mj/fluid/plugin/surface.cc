@@ -8,9 +8,11 @@ namespace softgym_mj {
 namespace {
 
 // Particles weigh (1 - (r/R)^2)^3 up to R = kReach spacings. The surface is kRadius spacings from
-// their weighted mean.
+// their weighted mean, and grows to kDropRadius where they weigh 1.2 to 0.7 together, so that even a lone drop
+// contains a point of a grid as wide as the spacing.
 constexpr double kReach = 2.0;
 constexpr double kRadius = 0.6;
+constexpr double kDropRadius = 0.95;
 
 uint64_t Key(int x, int y, int z) {
   constexpr uint64_t kMask = (1u << 21) - 1;
@@ -69,7 +71,7 @@ void SurfaceExtractor::Splat(const double position[3], double radius, double vox
 }
 
 // Makes the faces across the grid edges that begin in a block.
-void SurfaceExtractor::Mesh(const Block& block, float radius, double voxel) {
+void SurfaceExtractor::Mesh(const Block& block, float radius, float drop_radius, double voxel) {
   // How deep the points of the block, and one around it, are in the water, in voxels.
   constexpr int kSide = kBlock + 2;
   float values[kSide * kSide * kSide];
@@ -95,7 +97,10 @@ void SurfaceExtractor::Mesh(const Block& block, float radius, double voxel) {
               if (sums) {
                 const float* p = sums[(x & kMask) + kBlock * ((y & kMask) + kBlock * (z & kMask))];
                 const float offset = std::sqrt(p[1] * p[1] + p[2] * p[2] + p[3] * p[3]);
-                if (p[0] > 0) v = radius - offset / p[0];
+                if (p[0] > 0) {
+                  const float alone = std::min(1.0f, std::max(0.0f, 2.0f * (1.2f - p[0])));
+                  v = radius + alone * (drop_radius - radius) - offset / p[0];
+                }
               }
               values[(x + 1) + kSide * ((y + 1) + kSide * (z + 1))] = v;
               (v > 0 ? inside : outside) = true;
@@ -166,7 +171,8 @@ const Triangles& SurfaceExtractor::Extract(const double* positions, int count, d
   triangles_.clear();
   for (int i = 0; i < count; ++i) Splat(positions + 3 * i, kReach * spacing, voxel);
   const float radius = static_cast<float>(kRadius * spacing / voxel);
-  for (const Block& block : blocks_) Mesh(block, radius, voxel);
+  const float drop_radius = static_cast<float>(kDropRadius * spacing / voxel);
+  for (const Block& block : blocks_) Mesh(block, radius, drop_radius, voxel);
   return triangles_;
 }
 

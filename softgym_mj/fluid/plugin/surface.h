@@ -32,7 +32,7 @@ class SurfaceExtractor {
 
   Block& FindBlock(int x, int y, int z);
   void Splat(const double position[3], double radius, double voxel);
-  void Mesh(const Block& block, float radius, double voxel);
+  void Mesh(const Block& block, float radius, float drop_radius, double voxel);
 
   std::unordered_map<uint64_t, int> index_;
   std::vector<Block> blocks_;
