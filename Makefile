@@ -26,8 +26,9 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/fluid.py --out benchmarks/fluid.json
 
 NATIVE = softgym_mj/fluid/plugin
-# Rebuilds the plugins after a change to their sources, without installing again.
-native: $(VENV)/.installed
+# Rebuilds the installed plugins after a change to their sources. It has no prerequisite: that would
+# install everything again.
+native:
 	cmake --build $(NATIVE)
 
 $(VENV)/.installed: pyproject.toml $(wildcard $(NATIVE)/*.cc $(NATIVE)/*.h $(NATIVE)/CMakeLists.txt)
