@@ -40,13 +40,13 @@ class FluidCup:
         load_plugin()
         nx, ny = columns
         self.count = nx * ny * layers
-        self.length, self.width = nx * SPACING, ny * SPACING
-        self.height = height or 1.6 * layers * SPACING + 0.05
+        self.length, self.width = nx * spacing, ny * spacing
+        self.height = height or 1.6 * layers * spacing + 0.05
         attributes = {
             "count": self.count,
-            "spacing": SPACING,
+            "spacing": spacing,
             "columns": f"{nx} {ny}",
-            "corner": f"{-(nx - 1) * SPACING / 2} {-(ny - 1) * SPACING / 2} {SPACING / 2}",
+            "corner": f"{-(nx - 1) * spacing / 2} {-(ny - 1) * spacing / 2} {spacing / 2}",
             **config,
             **(settings or {}),
         }

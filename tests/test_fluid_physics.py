@@ -91,6 +91,15 @@ def test_a_column_comes_to_rest_at_its_height(columns, layers, most):
     assert energies[-1] < 0.05 * energies[0]
 
 
+@pytest.mark.parametrize("spacing", [0.005, 0.05])
+def test_fine_and_coarse_water_rest_alike(spacing):
+    """With the square root of the spacing change times, with its 3/2th power viscosity."""
+    cup = FluidCup((8, 8), 18, spacing=spacing, viscosity=2e-4 * (spacing / SPACING) ** 1.5)
+    cup.step(300)
+    assert 2 * cup.positions[:, 2].mean() == pytest.approx(18 * spacing, rel=0.05)
+    assert compression(cup.positions, spacing).max() < 1.05
+
+
 def test_mechanical_energy_decays():
     """Stirred at random, a column only loses kinetic and potential energy."""
     cup = FluidCup((6, 6), 6, wall=0.3, height=0.6)

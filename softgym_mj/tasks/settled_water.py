@@ -54,7 +54,7 @@ class SettledWater:
     @property
     def parameters(self) -> dict[str, object]:
         liquid = dataclasses.asdict(self.liquid)
-        return {"version": 1, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
+        return {"version": 2, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
 
     def generate(self, index: int) -> np.ndarray:
         """Positions (num_particles, 3) [m] relative to the middle of the cup's floor."""

@@ -21,9 +21,11 @@ constexpr int kMaxCount = 200000;  // A step of this many takes a tenth of a sec
 constexpr int kMaxSubsteps = 1000;
 
 // A column of L layers stays within a few per cent of its rest density when the substep is at most
-// kColumnSubstep / sqrt(L) seconds; no substep is longer than kMaxSubstep.
+// kColumnSubstep / sqrt(L) seconds; no substep is longer than kMaxSubstep. Both hold for this spacing
+// and, like the times in which things fall, change with its square root.
 constexpr double kColumnSubstep = 1.0 / (60.0 * 2.8);
 constexpr double kMaxSubstep = 0.0025;
+constexpr double kMeasuredSpacing = 0.018;
 
 // Reads the attributes of one instance; remembers the first thing that is wrong.
 class Reader {
@@ -121,6 +123,7 @@ int FluidConfig::Layers() const {
 int FluidConfig::Substeps(double timestep) const {
   if (substeps) return substeps;
   double longest = std::min(kColumnSubstep / std::sqrt(static_cast<double>(Layers())), kMaxSubstep);
+  longest *= std::sqrt(spacing / kMeasuredSpacing);
   return std::min(kMaxSubsteps, static_cast<int>(std::ceil(timestep / longest - 1e-9)));
 }
 
