@@ -34,7 +34,7 @@ class FluidCup:
     """
 
     def __init__(
-        self, columns, layers, *, wall=0.01, height=None, timestep=0.01, body=MOCAP,
+        self, columns, layers, *, spacing=SPACING, wall=0.01, height=None, timestep=0.01, body=MOCAP,
         joint="", inside="", option="", actuator="", scenery="", base=0.0, settings=None, **config,
     ):  # fmt: skip
         load_plugin()
