@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import inspect
 import json
 import pathlib
 from collections.abc import Callable, Iterator
@@ -36,6 +37,13 @@ def _policy(name: str, env, seed: int) -> Callable:
         return lambda timestep: np.zeros(size)
     random = np.random.default_rng(seed)
     return lambda timestep: random.uniform(-1.0, 1.0, size)
+
+
+def _load(task: str, split: str, filmed: bool):
+    """The environment of a task; water is drawn finely if a video is made of it."""
+    check_name("task", task, softgym_mj.TASKS)
+    drawn = filmed and "draw" in inspect.signature(softgym_mj.TASKS[task].resolve()).parameters
+    return softgym_mj.load(task, split=split, **({"draw": "fine"} if drawn else {}))
 
 
 def _progress() -> rich.progress.Progress:
@@ -77,7 +85,7 @@ def demo(
     with _progress() as progress:
         for name in softgym_mj.TASKS:
             video = _Video(out / f"{name}.mp4", size)
-            env = softgym_mj.load(name, split="all")
+            env = _load(name, "all", filmed=True)
             bar = progress.add_task(name, total=env.horizon)
             scores = []
             for score in _play(env, "scripted", variation, video=video):
@@ -101,7 +109,7 @@ def rollout(
     ] = None,
 ) -> None:
     """Runs a policy on the first variations of a split; prints one JSON line an episode."""
-    env = softgym_mj.load(task, split=split)
+    env = _load(task, split, filmed=video is not None)
     for index in list(env.variations)[:episodes]:
         file = None if video is None else _Video(video / f"{task}_{index:04d}.mp4")
         *_, score = _play(env, policy, index, seed, file)

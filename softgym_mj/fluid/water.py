@@ -6,11 +6,12 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.exceptions import OutOfRangeError, check_count
+from softgym_mj.exceptions import OutOfRangeError, check_count, check_name
 from softgym_mj.fluid.library import PLUGIN_NAME, load_plugin
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
 _INSTANCE = "water"
+DRAW_MODES = ("surface", "fine", "particles", "none")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +71,11 @@ class Water(composer.Entity):
             resolution: number of particles.
             draw: "surface", "fine" (smooth, slower), "particles" or "none".
             name: model name.
+
+        Raises:
+            UnknownNameError: if there is no such way to draw it.
         """
+        check_name("draw", draw, DRAW_MODES)
         load_plugin()
         self._liquid, self._resolution = liquid, resolution
         self._mjcf_root = mjcf.RootElement(model=name)

@@ -101,6 +101,7 @@ def pour_water(
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
+    draw: str = "surface",
     action_repeat: int = ACTION_REPEAT,
 ) -> PourWater:
     """Builds the task.
@@ -110,6 +111,7 @@ def pour_water(
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: number of particles: "fast", "default" or "accurate".
+        draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles" or "none".
         action_repeat: sim steps per env step.
     """
     scenes = PourScenes()
@@ -117,7 +119,7 @@ def pour_water(
     cup, target = Cup(scene.cups[0]), Cup(scene.cups[1], name="target")
     return PourWater(
         SettledWater(scenes, LIQUID, fidelity),
-        Water(LIQUID, scene.resolution(fidelity)),
+        Water(LIQUID, scene.resolution(fidelity), draw),
         cup,
         target,
         make_cup_actor(actor, cup, MAX_STEP, KeepClear(cup, target)),

@@ -83,6 +83,7 @@ def transport_water(
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
+    draw: str = "surface",
     action_repeat: int = ACTION_REPEAT,
 ) -> TransportWater:
     """Builds the task.
@@ -92,6 +93,7 @@ def transport_water(
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: number of particles: "fast", "default" or "accurate".
+        draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles" or "none".
         action_repeat: sim steps per env step.
     """
     scenes = TransportScenes()
@@ -99,7 +101,7 @@ def transport_water(
     cup = Cup(scene.cup)
     return TransportWater(
         SettledWater(scenes, LIQUID, fidelity),
-        Water(LIQUID, scene.resolution(fidelity)),
+        Water(LIQUID, scene.resolution(fidelity), draw),
         cup,
         make_cup_actor(actor, cup, MAX_STEP, LIMITS),
         observation=observation,
