@@ -10,6 +10,15 @@ from softgym_mj.baselines.scripted import make_policy
 
 pytestmark = pytest.mark.slow
 
+# [m] How far anything gets below the floor. A tipped cup may dip its outer wall 5.4 cm into the
+# ground (facts 3.2) and takes along the water that lies there, until it is lifted.
+LOWEST = {
+    "straighten_rope": -0.05,
+    "spread_cloth": -0.05,
+    "transport_water": 0.0,
+    "pour_water": -0.08,
+}
+
 
 @pytest.mark.parametrize("task", softgym_mj.TASKS)
 def test_a_hundred_random_episodes_raise_no_warning(task):
@@ -24,7 +33,7 @@ def test_a_hundred_random_episodes_raise_no_warning(task):
             lowest = min(lowest, env.task.points()[:, 2].min())
         assert timestep.last()
         assert env.info()["physics_warnings"] == 0
-    assert lowest > -0.05
+    assert lowest > LOWEST[task]
 
 
 @pytest.mark.parametrize("task", softgym_mj.TASKS)
