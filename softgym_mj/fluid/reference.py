@@ -188,6 +188,9 @@ def _substep(fluid, h, gravity, walls, fractions, x, v, impulses):
     norm = np.linalg.norm(change, axis=1)
     largest = CORRECTION * fluid.spacing
     change *= np.minimum(1.0, largest / np.maximum(norm, 1e-30))[:, None]
+    q = length / radius
+    pull = -6.75 * fluid.cohesion * h**2 * q**2 * (1 - q)
+    change += _total(count, i, (pull / length)[:, None] * offset)
 
     for k, wall in enumerate(walls):
         push = factor * pressure * slopes[k]
@@ -219,18 +222,15 @@ def _collide(fluid, wall, start, end, old, x, pressure_push):
 
 
 def _smooth(fluid, timestep, h, walls, fraction, x, v, impulses):
-    """Viscosity and cohesion, once a step."""
+    """Viscosity, once a step."""
     count, radius = len(x), fluid.radius
     total = fluid.viscosity * timestep / (LAPLACIAN * radius**2)
     passes = max(1, int(np.ceil(total / VISCOSITY_PASS)))
     viscosity = total / passes
     i, j, offset = _pairs(x, radius)
-    length = np.linalg.norm(offset, axis=1)
-    q = length / radius
-    pull = -6.75 * fluid.cohesion * timestep / passes * q**2 * (1 - q)
+    weight = (1 - np.linalg.norm(offset, axis=1) / radius) ** 3
     for _ in range(passes):
-        drag = _total(count, i, viscosity * (1 - q)[:, None] ** 3 * (v[j] - v[i]))
-        v = v + drag + _total(count, i, (pull / length)[:, None] * offset)
+        v = v + _total(count, i, viscosity * weight[:, None] * (v[j] - v[i]))
         for k, wall in enumerate(walls):
             start, end = wall.at(fraction), wall.at(1.0)
             share = np.minimum(viscosity * REST_DENSITY * _wall_share(fluid, wall, end, x)[0], 1.0)
@@ -274,7 +274,7 @@ def step(
     for s in range(fluid.substeps):
         fractions = (s / fluid.substeps, (s + 1) / fluid.substeps)
         x, v = _substep(fluid, h, np.asarray(gravity), walls, fractions, x, v, impulses)
-    if fluid.viscosity or fluid.cohesion:
+    if fluid.viscosity:
         v = _smooth(
             fluid, timestep, h, walls, (fluid.substeps - 1) / fluid.substeps, x, v, impulses
         )

@@ -19,6 +19,7 @@ struct FluidConstants {
   float relaxation;      // Of the one Jacobi iteration in a substep.
   float correction;      // Largest correction in a substep [m].
   float contact;         // Distance at which walls are hard [m].
+  float cohesion;        // Largest displacement of a pair by cohesion in a substep [m].
   float friction;        // Coulomb coefficient at walls.
 };
 
@@ -74,12 +75,13 @@ struct Kernels {
   int width;
   // Fills the lists with all neighbours within `distance`; false if they exceed the capacity.
   bool (*FindNeighbours)(const Particles&, const Grid&, float distance, const Neighbours&);
-  void (*FindDensity)(const FluidConstants&, const Particles&, const Neighbours&);
-  void (*FindCorrection)(const FluidConstants&, const Particles&, const Neighbours&);
-  // Change of the velocity by viscosity (share 0..1 of the way to the neighbours' mean) and
-  // cohesion [m/s], into `correction`.
-  void (*Smooth)(const FluidConstants&, const Particles&, const Neighbours&, float viscosity,
-                 float cohesion);
+  // Pressures, and what cohesion moves the particles by into `correction`.
+  void (*FindPressure)(const FluidConstants&, const Particles&, const Neighbours&);
+  // Adds what the pressures move the particles by to `correction`.
+  void (*AddCorrection)(const FluidConstants&, const Particles&, const Neighbours&);
+  // Change of the velocity by viscosity (its factor of the weighted differences to the neighbours),
+  // into `correction`.
+  void (*Smooth)(const FluidConstants&, const Particles&, const Neighbours&, float viscosity);
   // Distance [m] of particles to a wall at its end pose.
   void (*FindDistance)(const WallPairs&, const float* position, float* distance);
   void (*FindWallShare)(const FluidConstants&, const Particles&, const WallPairs&);

@@ -182,20 +182,24 @@ bool FindNeighbours(const Particles& particles, const Grid& grid, float distance
   return true;
 }
 
-template <class V>
-void FindDensity(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours) {
+// Cohesion attracts by 27/4 q^2 (1 - q), at most 1, largest at q = r/H = 2/3.
+template <class V, bool kCohesive>
+void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours) {
+  const V attraction(-6.75f * fluid.cohesion);
   const V one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
   float *ex = neighbours.e, *ey = ex + neighbours.stride, *ez = ey + neighbours.stride;
   for (int i = 0; i < p.count; ++i) {
     const float* xi = p.position + 4 * i;
     const V x(xi[0]), y(xi[1]), z(xi[2]);
     V density(0.0f), squares(0.0f), sum_x(0.0f), sum_y(0.0f), sum_z(0.0f);
+    V pull_x(0.0f), pull_y(0.0f), pull_z(0.0f);
     for (int k = neighbours.begin[i]; k < neighbours.begin[i + 1]; k += V::kWidth) {
       const Vector3<V> xj = Gather<V>(p.position, neighbours.index + k);
       const V dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
       const V squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
       const V inverse = InverseSqrt(squared);
-      const V s = Max(one - squared * inverse * inverse_radius, zero);
+      const V q = squared * inverse * inverse_radius;
+      const V s = Max(one - q, zero);
       const V s2 = s * s;
       density = MultiplyAdd(s2, s, density);
       squares = MultiplyAdd(s2, s2, squares);
@@ -207,7 +211,17 @@ void FindDensity(const FluidConstants& fluid, const Particles& p, const Neighbou
       sum_x = sum_x + e_x;
       sum_y = sum_y + e_y;
       sum_z = sum_z + e_z;
+      if (kCohesive) {
+        const V pull = attraction * q * q * s * inverse;
+        pull_x = MultiplyAdd(pull, dx, pull_x);
+        pull_y = MultiplyAdd(pull, dy, pull_y);
+        pull_z = MultiplyAdd(pull, dz, pull_z);
+      }
     }
+    float* correction = p.correction + 4 * i;
+    correction[0] = kCohesive ? Sum(pull_x) : 0.0f;
+    correction[1] = kCohesive ? Sum(pull_y) : 0.0f;
+    correction[2] = kCohesive ? Sum(pull_z) : 0.0f;
     const float* wall = p.wall_gradient + 4 * i;
     const float gx = Sum(sum_x) + wall[0], gy = Sum(sum_y) + wall[1], gz = Sum(sum_z) + wall[2];
     const float excess = (Sum(density) + p.wall_density[i]) / fluid.rest_density - 1.0f;
@@ -221,8 +235,16 @@ void FindDensity(const FluidConstants& fluid, const Particles& p, const Neighbou
 }
 
 template <class V>
-void FindCorrection(const FluidConstants& fluid, const Particles& p,
-                    const Neighbours& neighbours) {
+void FindPressure(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours) {
+  if (fluid.cohesion > 0) {
+    FindPressureOf<V, true>(fluid, p, neighbours);
+  } else {
+    FindPressureOf<V, false>(fluid, p, neighbours);
+  }
+}
+
+template <class V>
+void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours) {
   const float scale = fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f;
   const float *ex = neighbours.e, *ey = ex + neighbours.stride, *ez = ey + neighbours.stride;
   for (int i = 0; i < p.count; ++i) {
@@ -242,43 +264,35 @@ void FindCorrection(const FluidConstants& fluid, const Particles& p,
     const float limit = fluid.correction;
     const float clamp = squared > limit * limit ? limit / __builtin_sqrtf(squared) : 1.0f;
     float* correction = p.correction + 4 * i;
-    correction[0] = clamp * dx;
-    correction[1] = clamp * dy;
-    correction[2] = clamp * dz;
+    correction[0] += clamp * dx;
+    correction[1] += clamp * dy;
+    correction[2] += clamp * dz;
   }
 }
 
 template <class V>
 void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours,
-            float viscosity, float cohesion) {
+            float viscosity) {
   const V one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
-  // Attraction 27/4 q^2 (1 - q), at most 1, largest at q = r/H = 2/3.
-  const V attraction(-6.75f * cohesion);
   for (int i = 0; i < p.count; ++i) {
     const float *xi = p.position + 4 * i, *vi = p.velocity + 4 * i;
     const V x(xi[0]), y(xi[1]), z(xi[2]), u(vi[0]), v(vi[1]), w(vi[2]);
-    V sum_u(0.0f), sum_v(0.0f), sum_w(0.0f), sum_x(0.0f), sum_y(0.0f), sum_z(0.0f);
+    V sum_u(0.0f), sum_v(0.0f), sum_w(0.0f);
     for (int k = neighbours.begin[i]; k < neighbours.begin[i + 1]; k += V::kWidth) {
       const Vector3<V> xj = Gather<V>(p.position, neighbours.index + k);
       const Vector3<V> vj = Gather<V>(p.velocity, neighbours.index + k);
       const V dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
       const V squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
-      const V inverse = InverseSqrt(squared);
-      const V q = squared * inverse * inverse_radius;
-      const V s = Max(one - q, zero);
+      const V s = Max(one - squared * InverseSqrt(squared) * inverse_radius, zero);
       const V weight = s * s * s;
       sum_u = MultiplyAdd(weight, vj.x - u, sum_u);
       sum_v = MultiplyAdd(weight, vj.y - v, sum_v);
       sum_w = MultiplyAdd(weight, vj.z - w, sum_w);
-      const V pull = attraction * q * q * s * inverse;
-      sum_x = MultiplyAdd(pull, dx, sum_x);
-      sum_y = MultiplyAdd(pull, dy, sum_y);
-      sum_z = MultiplyAdd(pull, dz, sum_z);
     }
     float* change = p.correction + 4 * i;
-    change[0] = viscosity * Sum(sum_u) + Sum(sum_x);
-    change[1] = viscosity * Sum(sum_v) + Sum(sum_y);
-    change[2] = viscosity * Sum(sum_w) + Sum(sum_z);
+    change[0] = viscosity * Sum(sum_u);
+    change[1] = viscosity * Sum(sum_v);
+    change[2] = viscosity * Sum(sum_w);
   }
 }
 
@@ -396,8 +410,8 @@ void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& p
 
 template <class V>
 constexpr Kernels MakeKernels(const char* name) {
-  return {name,          V::kWidth,        FindNeighbours<V>,  FindDensity<V>,
-          FindCorrection<V>, Smooth<V>,    FindDistance<V>,    FindWallShare<V>,
+  return {name,          V::kWidth,        FindNeighbours<V>,  FindPressure<V>,
+          AddCorrection<V>, Smooth<V>,    FindDistance<V>,    FindWallShare<V>,
           AddWallGradient<V>, Collide<V>};
 }
 

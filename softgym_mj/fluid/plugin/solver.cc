@@ -69,7 +69,7 @@ int RoundUp(int n, int step) { return (n + step - 1) / step * step; }
 
 }  // namespace
 
-void Solver::Prepare(const FluidConfig& config, const double* positions) {
+void Solver::Prepare(const FluidConfig& config, double h, const double* positions) {
   kernels_ = &ChooseKernels();
   const float spacing = static_cast<float>(config.spacing);
   fluid_ = {spacing,
@@ -79,6 +79,7 @@ void Solver::Prepare(const FluidConfig& config, const double* positions) {
             kRelaxation,
             kCorrection * spacing,
             kContact * spacing,
+            static_cast<float>(config.cohesion * h * h),
             static_cast<float>(config.friction)};
   mass_ = config.density * config.spacing * config.spacing * config.spacing;
   count_ = config.count;
@@ -341,8 +342,8 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
   for (int i = 0; i < count_; ++i) {
     p_.wall_density[i] = fluid_.rest_density * (1.0f - p_.free_share[i]);
   }
-  kernels_->FindDensity(fluid_, p_, neighbours_);
-  kernels_->FindCorrection(fluid_, p_, neighbours_);
+  kernels_->FindPressure(fluid_, p_, neighbours_);
+  kernels_->AddCorrection(fluid_, p_, neighbours_);
   for (size_t w = 0; w < pairs_.size(); ++w) {
     double sums[6] = {};
     kernels_->Collide(fluid_, p_, pairs_[w], impulses ? sums : nullptr);
@@ -356,20 +357,19 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
   }
 }
 
-// Viscosity and cohesion, once a step.
+// Viscosity, once a step.
 void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse* impulses) {
   const double total =
       config.viscosity * timestep / (kLaplacian * fluid_.radius * fluid_.radius);
-  if (total == 0 && config.cohesion == 0) return;
+  if (total == 0) return;
   if (ListsExpired()) BuildLists();
   const int passes =
       std::clamp(static_cast<int>(std::ceil(total / kViscosityPass)), 1, kMaxPasses);
   const float viscosity = static_cast<float>(std::min(total / passes, kViscosityPass));
-  const float cohesion = static_cast<float>(config.cohesion * timestep / passes);
   for (int pass = 0; pass < passes; ++pass) {
-    kernels_->Smooth(fluid_, p_, neighbours_, viscosity, cohesion);
+    kernels_->Smooth(fluid_, p_, neighbours_, viscosity);
     for (int i = 0; i < 4 * count_; ++i) p_.velocity[i] += p_.correction[i];
-    if (viscosity > 0) DragAtWalls(viscosity, h, impulses);
+    DragAtWalls(viscosity, h, impulses);
   }
 }
 
@@ -422,15 +422,15 @@ void Solver::Step(const FluidConfig& config, double timestep, const double gravi
                   const std::vector<Wall>& walls, const std::vector<Pose>& start,
                   const std::vector<Pose>& end, double* positions, double* velocities,
                   Impulse* impulses) {
-  Prepare(config, positions);
+  const int substeps = config.Substeps(timestep);
+  const float h = static_cast<float>(timestep / substeps);
+  Prepare(config, h, positions);
   Load(positions, velocities);
   walls_ = &walls;
   wall_start_.resize(12 * walls.size());
   wall_end_.resize(12 * walls.size());
   pairs_.resize(walls.size());
   if (impulses) std::fill(impulses, impulses + walls.size(), Impulse());
-  const int substeps = config.Substeps(timestep);
-  const float h = static_cast<float>(timestep / substeps);
   const float max_speed = static_cast<float>(MaxSpeed(config, timestep));
   for (int s = 0; s < substeps; ++s) {
     MoveWalls(start, end, static_cast<double>(s) / substeps,

@@ -66,7 +66,7 @@ class Solver {
   void TouchingInertia(size_t first, size_t last, const double centre[3], double inertia[2]);
 
  private:
-  void Prepare(const FluidConfig& config, const double* positions);
+  void Prepare(const FluidConfig& config, double h, const double* positions);
   void Load(const double* positions, const double* velocities);
   void Store(double* positions, double* velocities) const;
   void Sort(float cell);
