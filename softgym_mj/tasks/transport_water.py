@@ -36,7 +36,7 @@ SUCCESS = 0.95  # Ours: within 6 cm of the goal with nothing spilled, or at it w
 
 # Thin, so that it sloshes, which is the difficulty (facts 5, row 46): 50 times as viscous as water,
 # about what the particles' own exchange of momentum amounts to.
-LIQUID = Liquid(viscosity=5e-5)
+LIQUID = Liquid(viscosity=5e-5, cohesion=1.0)
 
 
 class TransportWater(WaterTask):
