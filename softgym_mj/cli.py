@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import inspect
 import json
 import pathlib
 from collections.abc import Callable, Iterator
@@ -42,8 +41,9 @@ def _policy(name: str, env, seed: int) -> Callable:
 def _load(task: str, split: str, filmed: bool):
     """The environment of a task; water is drawn finely if a video is made of it."""
     check_name("task", task, softgym_mj.TASKS)
-    drawn = filmed and "draw" in inspect.signature(softgym_mj.TASKS[task].resolve()).parameters
-    return softgym_mj.load(task, split=split, **({"draw": "fine"} if drawn else {}))
+    drawn = filmed and "draw" in softgym_mj.TASKS[task].arguments
+    settings: dict[str, Any] = {"draw": "fine"} if drawn else {}
+    return softgym_mj.load(task, split=split, **settings)
 
 
 def _progress() -> rich.progress.Progress:

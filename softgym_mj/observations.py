@@ -11,8 +11,8 @@ from softgym_mj.rendering import CameraView
 
 # name: what it is. Positions are in metres, in the world frame.
 OBSERVATIONS = {
-    "full": "every vertex of the object (zero-padded to the largest variation), then the grippers",
-    "reduced": "the key points of the object, then the grippers",
+    "full": "every point (zero-padded to the largest variation), then the grippers or cups",
+    "reduced": "the few numbers that describe the state, listed in the task's docstring",
     "rgb": "uint8 image (height, width, 3) from the task camera",
 }
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.

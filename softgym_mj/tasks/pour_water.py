@@ -33,11 +33,10 @@ from softgym_mj.tasks.water_task import WaterTask
 
 ACTION_REPEAT = 8  # Facts 1.2.
 MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] in a sim step: 1 m/s and 1.5 rad/s.
-# Ours: some water always runs past the sides of the target, which is 3 cm narrower than the cup.
-SUCCESS = 0.9
+SUCCESS = 0.95  # Ours: a twentieth of the water may be spilled or stay in the cup.
 
-# SoftGym's contrast of 20 in viscosity and 5 in cohesion to TransportWater (facts 1.3; 5, row 46), at
-# values with which the water leaves the lip as a jet and splashes little.
+# SoftGym's contrast of 20 in viscosity and 5 in cohesion to TransportWater (facts 1.3; 5, row 46),
+# at values with which the water leaves the lip as a jet and splashes little.
 LIQUID = Liquid(viscosity=1e-3, cohesion=5.0)
 
 

@@ -12,6 +12,7 @@ from softgym_mj.exceptions import SettlingError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.fluid.water import TIMESTEP
 from softgym_mj.tasks.water_scenes import Scenes
+from softgym_mj.variations import generator
 
 LOOSENESS = 1.05  # The lattice is this much higher than water at rest, and settles by sinking.
 NOISE = 0.01  # Of the spacing: a perfect lattice would stand in unstable balance.
@@ -54,7 +55,7 @@ class SettledWater:
     @property
     def parameters(self) -> dict[str, object]:
         liquid = dataclasses.asdict(self.liquid)
-        return {"version": 2, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
+        return {"version": 3, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
 
     def generate(self, index: int) -> np.ndarray:
         """Positions (num_particles, 3) [m] relative to the middle of the cup's floor."""
@@ -69,7 +70,7 @@ class SettledWater:
         physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
         for entity in (cup, water):
             entity.after_compile(physics, None)
-        random = np.random.default_rng(index)
+        random = generator(f"{self.name}/lattice", index)
         water.set_particles(lattice(scene.cup, resolution, random))
         rest = 0
         for _ in range(_MAX_STEPS):
