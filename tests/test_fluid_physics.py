@@ -9,7 +9,7 @@ from softgym_mj.fluid import reference
 from softgym_mj.fluid.library import load_plugin
 from tests.fluid_cup import SPACING, FluidCup, compression
 
-SIMD = pytest.mark.parametrize("simd", ["scalar", "best"])
+SIMD = pytest.mark.parametrize("simd", ["scalar", "avx2", "best"])
 SHAPES = {
     mujoco.mjtGeom.mjGEOM_PLANE: "plane",
     mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",

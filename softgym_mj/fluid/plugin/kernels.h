@@ -92,12 +92,13 @@ struct Kernels {
 };
 
 extern const Kernels kScalarKernels;
-#ifdef SOFTGYM_MJ_AVX2
+#ifdef SOFTGYM_MJ_X86
 extern const Kernels kAvx2Kernels;
+extern const Kernels kAvx512Kernels;
 #endif
 
-// The fastest kernels this processor can run; SOFTGYM_MJ_SIMD=scalar in the environment forbids
-// vectors.
+// The fastest kernels this processor can run, or slower ones that the environment asks for with
+// SOFTGYM_MJ_SIMD=avx2 or =scalar.
 const Kernels& ChooseKernels();
 
 }  // namespace softgym_mj

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <string>
 
 namespace softgym_mj {
 namespace {
@@ -19,7 +20,7 @@ constexpr float kContact = 0.3f;     // Distance at which walls are hard, in spa
 
 // Lists hold pairs this much further apart than they act, and are rebuilt when something may have
 // come closer than that; in spacings.
-constexpr float kSkin = 0.33f;
+constexpr float kSkin = 0.45f;
 constexpr float kWallSkin = 1.0f;
 
 // Sum over the neighbours of (1 - r/H)^3 r^2 / 6 in units of H^2: what turns a sum of velocity
@@ -140,14 +141,38 @@ void Solver::Store(double* positions, double* velocities) const {
   }
 }
 
+// How far apart the pairs in the lists are at most when they are made.
+float Solver::ListDistance() const { return fluid_.radius + kSkin * fluid_.spacing; }
+
+// Chooses the numbers of cells along the axes: about as many cells as particles, in the proportions
+// of the fluid. Four mean deviations are the length of a column and hardly heed a stray drop.
+void Solver::ShapeGrid() {
+  const float cell = ListDistance();
+  float extent[3];
+  for (int k = 0; k < 3; ++k) {
+    double sum = 0, deviation = 0;
+    for (int i = 0; i < count_; ++i) sum += p_.position[4 * i + k];
+    const double mean = sum / count_;
+    for (int i = 0; i < count_; ++i) deviation += std::fabs(p_.position[4 * i + k] - mean);
+    extent[k] = static_cast<float>(4 * deviation / count_ / cell) + 2;
+  }
+  int size[3] = {4, 4, 4};
+  while (size[0] * size[1] * size[2] < count_) {
+    int longest = 0;
+    for (int k = 1; k < 3; ++k) {
+      if (extent[k] / size[k] > extent[longest] / size[longest]) longest = k;
+    }
+    if (extent[longest] <= size[longest]) break;
+    size[longest] *= 2;
+  }
+  grid_.nx = size[0];
+  grid_.ny = size[1];
+  grid_.nz = size[2];
+}
+
 // Brings the particles into the order of their cells.
 void Solver::Sort(float cell) {
-  int bits = 6;
-  while ((1 << bits) < count_ / 2) ++bits;
-  grid_.nx = 1 << (bits + 2) / 3;
-  grid_.ny = 1 << (bits + 1) / 3;
-  grid_.nz = 1 << bits / 3;
-  const int cells = 1 << bits;
+  const int cells = grid_.nx * grid_.ny * grid_.nz;
   int* start = start_.Reserve(cells + 2);
   grid_.start = start;
   std::fill(start, start + cells + 2, 0);
@@ -187,7 +212,7 @@ void Solver::Sort(float cell) {
 }
 
 void Solver::BuildLists() {
-  const float distance = fluid_.radius + kSkin * fluid_.spacing;
+  const float distance = ListDistance();
   Sort(distance);
   long capacity = std::max<long>(static_cast<long>(index_.size()), 48L * count_ + 4096);
   for (;; capacity *= 2) {
@@ -362,7 +387,7 @@ void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse
   const double total =
       config.viscosity * timestep / (kLaplacian * fluid_.radius * fluid_.radius);
   if (total == 0) return;
-  if (ListsExpired()) BuildLists();
+  // The lists are those of the last substep: a pair that has come into reach since weighs nothing.
   const int passes =
       std::clamp(static_cast<int>(std::ceil(total / kViscosityPass)), 1, kMaxPasses);
   const float viscosity = static_cast<float>(std::min(total / passes, kViscosityPass));
@@ -426,6 +451,7 @@ void Solver::Step(const FluidConfig& config, double timestep, const double gravi
   const float h = static_cast<float>(timestep / substeps);
   Prepare(config, h, positions);
   Load(positions, velocities);
+  ShapeGrid();
   walls_ = &walls;
   wall_start_.resize(12 * walls.size());
   wall_end_.resize(12 * walls.size());
@@ -472,10 +498,15 @@ void Solver::TouchingInertia(size_t first, size_t last, const double centre[3],
 }
 
 const Kernels& ChooseKernels() {
-#ifdef SOFTGYM_MJ_AVX2
-  static const bool able = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  const char* choice = std::getenv("SOFTGYM_MJ_SIMD");
-  if (able && !(choice && !std::strcmp(choice, "scalar"))) return kAvx2Kernels;
+  const char* variable = std::getenv("SOFTGYM_MJ_SIMD");
+  const std::string choice = variable ? variable : "";
+  if (choice == "scalar") return kScalarKernels;
+#ifdef SOFTGYM_MJ_X86
+  static const bool fma = __builtin_cpu_supports("fma");
+  static const bool avx2 = fma && __builtin_cpu_supports("avx2");
+  static const bool avx512 = fma && __builtin_cpu_supports("avx512f");
+  if (avx512 && choice != "avx2") return kAvx512Kernels;
+  if (avx2) return kAvx2Kernels;
 #endif
   return kScalarKernels;
 }

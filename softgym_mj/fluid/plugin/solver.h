@@ -69,6 +69,8 @@ class Solver {
   void Prepare(const FluidConfig& config, double h, const double* positions);
   void Load(const double* positions, const double* velocities);
   void Store(double* positions, double* velocities) const;
+  float ListDistance() const;
+  void ShapeGrid();
   void Sort(float cell);
   void FindPairs();
   void BuildLists();
