@@ -34,8 +34,9 @@ class FluidCup:
     """
 
     def __init__(
-        self, columns, layers, *, spacing=SPACING, wall=0.01, height=None, timestep=0.01, body=MOCAP,
-        joint="", inside="", option="", actuator="", scenery="", base=0.0, settings=None, **config,
+        self, columns, layers, *, spacing=SPACING, wall=0.01, height=None, timestep=0.01,
+        body=MOCAP, joint="", inside="", option="", actuator="", scenery="", base=0.0,
+        settings=None, **config,
     ):  # fmt: skip
         load_plugin()
         nx, ny = columns
