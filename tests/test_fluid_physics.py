@@ -69,14 +69,14 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("columns", "layers", "most"),
+    ("columns", "layers", "most", "speed"),
     [
-        ((8, 8), 18, 1.05),
-        pytest.param((13, 13), 24, 1.06, marks=pytest.mark.slow),
-        pytest.param((13, 13), 52, 1.08, marks=pytest.mark.slow),
+        ((8, 8), 18, 1.05, 0.005),
+        pytest.param((13, 13), 24, 1.06, 0.01, marks=pytest.mark.slow),
+        pytest.param((13, 13), 52, 1.08, 0.01, marks=pytest.mark.slow),
     ],
 )
-def test_a_column_comes_to_rest_at_its_height(columns, layers, most):
+def test_a_column_comes_to_rest_at_its_height(columns, layers, most, speed):
     cup = FluidCup(columns, layers)
     energies = []
     for _ in range(6):
@@ -87,7 +87,7 @@ def test_a_column_comes_to_rest_at_its_height(columns, layers, most):
     assert 2 * z.mean() == pytest.approx(layers * SPACING, rel=0.05)
     assert z.max() + SPACING / 2 == pytest.approx(layers * SPACING, rel=0.05)
     assert compression(cup.positions).max() < most
-    assert cup.speed() < 0.005
+    assert cup.speed() < speed
     assert energies[-1] < 0.05 * energies[0]
 
 
