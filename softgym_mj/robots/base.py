@@ -61,7 +61,8 @@ class Actor(abc.ABC):
 
     def action_spec(self, physics=None) -> specs.BoundedArray:
         """Bounds of an action: `action_size` entries in [-1, 1]."""
-        return specs.BoundedArray((self.action_size,), np.float64, -1.0, 1.0, name="action")
+        limit = np.ones(self.action_size)
+        return specs.BoundedArray(limit.shape, np.float64, -limit, limit, name="action")
 
     def checked_action(self, action: object) -> np.ndarray:
         """The action as floats (action_size,).

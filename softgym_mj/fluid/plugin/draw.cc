@@ -7,7 +7,8 @@ namespace {
 
 // Side of a grid cell of the surface, in spacings. A software renderer spends 4 us on a triangle.
 constexpr double kCoarse = 1.0, kFine = 0.5;
-constexpr double kCoarser = 1.4;  // Growth of the cells until the surface fits into the scene.
+constexpr int kMostCoarse = 3000;  // Triangles of a coarse surface: a picture takes some 15 ms.
+constexpr double kCoarser = 1.4;   // Growth of the cells until the surface fits.
 constexpr int kMaxTries = 8;
 
 constexpr double kParticle = 0.5;  // Radius of a particle drawn as a sphere, in spacings.
@@ -55,11 +56,13 @@ void DrawFluid(const mjModel* m, const FluidConfig& config, const mjtNum* positi
     DrawParticles(config, positions, room, scene);
     return;
   }
-  double voxel = config.spacing * (config.draw == Draw::kFine ? kFine : kCoarse);
+  const bool fine = config.draw == Draw::kFine;
+  const int most = fine ? room : std::min(room, kMostCoarse);
+  double voxel = config.spacing * (fine ? kFine : kCoarse);
   for (int i = 0; i < kMaxTries; ++i, voxel *= kCoarser) {
     const Triangles& triangles =
         extractor->Extract(positions, config.count, config.spacing, voxel);
-    if (static_cast<int>(triangles.size()) > 9 * room) continue;
+    if (static_cast<int>(triangles.size()) > 9 * most) continue;
     for (size_t k = 0; k < triangles.size(); k += 9) {
       DrawTriangle(triangles.data() + k, config.rgba, scene);
     }

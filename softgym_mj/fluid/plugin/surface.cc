@@ -9,7 +9,7 @@ namespace {
 
 // Particles weigh (1 - (r/R)^2)^3 up to R = kReach spacings. The surface is kRadius spacings from
 // their weighted mean, and grows to kDropRadius where they weigh 1.2 to 0.7 together, so that even a lone drop
-// contains a point of a grid as wide as the spacing.
+// contains a point of the grid; on a grid wider than the spacing it is in voxels.
 constexpr double kReach = 2.0;
 constexpr double kRadius = 0.6;
 constexpr double kDropRadius = 0.95;
@@ -171,7 +171,7 @@ const Triangles& SurfaceExtractor::Extract(const double* positions, int count, d
   triangles_.clear();
   for (int i = 0; i < count; ++i) Splat(positions + 3 * i, kReach * spacing, voxel);
   const float radius = static_cast<float>(kRadius * spacing / voxel);
-  const float drop_radius = static_cast<float>(kDropRadius * spacing / voxel);
+  const float drop_radius = static_cast<float>(kDropRadius * std::max(spacing / voxel, 1.0));
   for (const Block& block : blocks_) Mesh(block, radius, drop_radius, voxel);
   return triangles_;
 }
