@@ -8,8 +8,8 @@ namespace softgym_mj {
 namespace {
 
 // Particles weigh (1 - (r/R)^2)^3 up to R = kReach spacings. The surface is kRadius spacings from
-// their weighted mean, and grows to kDropRadius where they weigh 1.2 to 0.7 together, so that even a lone drop
-// contains a point of the grid; on a grid wider than the spacing it is in voxels.
+// their weighted mean. Where they weigh 1.2 to 0.7 together this grows to kDropRadius (in voxels on a
+// grid wider than the spacing), so that even a lone drop contains a point of the grid.
 constexpr double kReach = 2.0;
 constexpr double kRadius = 0.6;
 constexpr double kDropRadius = 0.95;
