@@ -5,20 +5,20 @@
 namespace softgym_mj {
 namespace {
 
-// For each of the 256 sets of lanes, which lanes they are, in order.
+// For each of the 256 sets of lanes, which lanes they are, in order. Made by the compiler: code of this
+// file must not run when the library is loaded.
 struct CompressTable {
   alignas(32) int lanes[256][8];
-  CompressTable() {
+  constexpr CompressTable() : lanes() {
     for (int bits = 0; bits < 256; ++bits) {
       int n = 0;
       for (int lane = 0; lane < 8; ++lane) {
         if (bits >> lane & 1) lanes[bits][n++] = lane;
       }
-      while (n < 8) lanes[bits][n++] = 0;
     }
   }
 };
-const CompressTable kCompress;
+constexpr CompressTable kCompress;
 
 struct Eight {
   static constexpr int kWidth = 8;
