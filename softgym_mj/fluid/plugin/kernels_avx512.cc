@@ -78,19 +78,6 @@ inline Vector3<V> Gather(const float* p, const int* index) {
   return {V(_mm512_shuffle_ps(ab, cd, 0x44)), V(_mm512_shuffle_ps(ab, cd, 0xee)),
           V(_mm512_shuffle_ps(_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d), 0x44))};
 }
-template <class V>
-inline void Add(float* p, const int* index, const Vector3<V>& a) {
-  float x[16], y[16], z[16];
-  a.x.Store(x);
-  a.y.Store(y);
-  a.z.Store(z);
-  for (int lane = 0; lane < 16; ++lane) {
-    float* q = p + 4 * index[lane];
-    q[0] += x[lane];
-    q[1] += y[lane];
-    q[2] += z[lane];
-  }
-}
 
 }  // namespace
 }  // namespace softgym_mj

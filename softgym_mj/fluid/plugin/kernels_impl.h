@@ -47,6 +47,21 @@ inline V Square(V a) {
   return a * a;
 }
 
+// Adds to the vectors of four floats at `index`, one after the other: some may be the same.
+template <class V>
+inline void Add(float* p, const int* index, const Vector3<V>& a) {
+  float x[V::kWidth], y[V::kWidth], z[V::kWidth];
+  a.x.Store(x);
+  a.y.Store(y);
+  a.z.Store(z);
+  for (int lane = 0; lane < V::kWidth; ++lane) {
+    float* q = p + 4 * index[lane];
+    q[0] += x[lane];
+    q[1] += y[lane];
+    q[2] += z[lane];
+  }
+}
+
 // Into the frame of a pose (position, row-major rotation matrix).
 template <class V>
 inline Vector3<V> ToLocal(const float* pose, const Vector3<V>& point) {

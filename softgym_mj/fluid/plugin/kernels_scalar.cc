@@ -43,13 +43,6 @@ inline Vector3<V> Gather(const float* p, const int* index) {
   p += 4 * *index;
   return {V(p[0]), V(p[1]), V(p[2])};
 }
-template <class V>
-inline void Add(float* p, const int* index, const Vector3<V>& a) {
-  p += 4 * *index;
-  p[0] += a.x.v;
-  p[1] += a.y.v;
-  p[2] += a.z.v;
-}
 
 }  // namespace
 }  // namespace softgym_mj
