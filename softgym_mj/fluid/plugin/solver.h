@@ -20,6 +20,8 @@ struct Impulse {
   double angular[3];
 };
 
+constexpr float kFar = 1e6f;  // [m] Where the particle is that pads lists.
+
 // Speed [m/s] that particles are held to and above which a wall counts as teleported: neither moves
 // further in a substep than half the reach of the walls.
 double MaxSpeed(const FluidConfig& config, double timestep);

@@ -1,0 +1,217 @@
+// The lists of particles near each other and near walls, which a `Solver` keeps for some substeps.
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "solver.h"
+
+namespace softgym_mj {
+namespace {
+
+// Lists hold pairs this much further apart than they act, and are rebuilt when something may have
+// come closer than that; in spacings.
+constexpr float kSkin = 0.45f;
+constexpr float kWallSkin = 1.0f;
+
+// Half extents of a shape in its own frame; a plane has none.
+void HalfExtents(const Wall& wall, float out[3]) {
+  const float* s = wall.size;
+  switch (wall.shape) {
+    case Shape::kSphere: out[0] = out[1] = out[2] = s[0]; break;
+    case Shape::kCapsule: out[0] = out[1] = s[0]; out[2] = s[0] + s[1]; break;
+    case Shape::kCylinder: out[0] = out[1] = s[0]; out[2] = s[1]; break;
+    default: out[0] = s[0]; out[1] = s[1]; out[2] = s[2];
+  }
+}
+
+int RoundUp(int n, int step) { return (n + step - 1) / step * step; }
+
+}  // namespace
+
+// How far apart the pairs in the lists are at most when they are made.
+float Solver::ListDistance() const { return fluid_.radius + kSkin * fluid_.spacing; }
+
+// Chooses the numbers of cells along the axes: about as many cells as particles, in the proportions
+// of the fluid. Four mean deviations are the length of a column and hardly heed a stray drop.
+void Solver::ShapeGrid() {
+  const float cell = ListDistance();
+  float extent[3];
+  for (int k = 0; k < 3; ++k) {
+    double sum = 0, deviation = 0;
+    for (int i = 0; i < count_; ++i) sum += p_.position[4 * i + k];
+    const double mean = sum / count_;
+    for (int i = 0; i < count_; ++i) deviation += std::fabs(p_.position[4 * i + k] - mean);
+    extent[k] = static_cast<float>(4 * deviation / count_ / cell) + 2;
+  }
+  int size[3] = {4, 4, 4};
+  while (size[0] * size[1] * size[2] < count_) {
+    int longest = 0;
+    for (int k = 1; k < 3; ++k) {
+      if (extent[k] / size[k] > extent[longest] / size[longest]) longest = k;
+    }
+    if (extent[longest] <= size[longest]) break;
+    size[longest] *= 2;
+  }
+  grid_.nx = size[0];
+  grid_.ny = size[1];
+  grid_.nz = size[2];
+}
+
+// Brings the particles into the order of their cells.
+void Solver::Sort(float cell) {
+  const int cells = grid_.nx * grid_.ny * grid_.nz;
+  int* start = start_.Reserve(cells + 2);
+  grid_.start = start;
+  std::fill(start, start + cells + 2, 0);
+  const float inverse = 1.0f / cell;
+  const auto wrap = [inverse](float x, int size) {
+    return static_cast<int>(std::floor(x * inverse)) & (size - 1);
+  };
+  int* index = cell_.get();
+  for (int i = 0; i < count_; ++i) {
+    const float* x = p_.position + 4 * i;
+    index[i] = wrap(x[0], grid_.nx) +
+               grid_.nx * (wrap(x[1], grid_.ny) + grid_.ny * wrap(x[2], grid_.nz));
+    ++start[index[i] + 2];
+  }
+  for (int c = 2; c < cells + 2; ++c) start[c] += start[c - 1];
+  // start[c + 1] is where cell c is filled; afterwards it is where cell c ends.
+  int* to = spare_order_.get();
+  for (int i = 0; i < count_; ++i) to[i] = start[index[i] + 1]++;
+  for (Buffer<float>* array : {&position_, &old_position_, &velocity_}) {
+    const float* from = array->get();
+    float* sorted = spare_.get();
+    for (int i = 0; i < count_; ++i) std::memcpy(sorted + 4 * to[i], from + 4 * i, 16);
+    std::memcpy(sorted + 4 * count_, from + 4 * count_, 16);
+    std::swap(*array, spare_);
+  }
+  p_.position = position_.get();
+  p_.old_position = old_position_.get();
+  p_.velocity = velocity_.get();
+  for (int i = 0; i < count_; ++i) index[to[i]] = order_.get()[i];
+  std::swap(order_, cell_);
+  float *x = x_.get(), *y = y_.get(), *z = z_.get();
+  for (int i = 0; i < count_; ++i) {
+    x[i] = p_.position[4 * i];
+    y[i] = p_.position[4 * i + 1];
+    z[i] = p_.position[4 * i + 2];
+  }
+}
+
+void Solver::BuildLists() {
+  const float distance = ListDistance();
+  Sort(distance);
+  long capacity = std::max<long>(static_cast<long>(index_.size()), 48L * count_ + 4096);
+  for (;; capacity *= 2) {
+    neighbours_.index = index_.Reserve(capacity);
+    neighbours_.capacity = capacity;
+    if (kernels_->FindNeighbours(p_, grid_, distance, neighbours_)) break;
+  }
+  neighbours_.stride = RoundUp(neighbours_.begin[count_] + kMaxWidth, kMaxWidth);
+  neighbours_.e = e_.Reserve(3 * neighbours_.stride);
+  std::memcpy(built_position_.get(), p_.position, 4 * sizeof(float) * count_);
+  FindPairs();
+  lists_valid_ = true;
+}
+
+// Lists the particles near each wall.
+void Solver::FindPairs() {
+  const float range = fluid_.radius + kWallSkin * fluid_.spacing;
+  const int width = kernels_->width, most = count_ + kMaxWidth;
+  const int num_walls = static_cast<int>(walls_->size());
+  wall_built_ = wall_end_;
+  int* particle = pair_particle_.Reserve(static_cast<size_t>(most) * num_walls);
+  long total = 0;
+  for (int w = 0; w < num_walls; ++w) {
+    const Wall& wall = (*walls_)[w];
+    const float* pose = &wall_end_[12 * w];
+    WallPairs& pairs = pairs_[w];
+    pairs.shape = static_cast<int>(wall.shape);
+    pairs.size = wall.size;
+    pairs.start = &wall_start_[12 * w];
+    pairs.end = pose;
+    int* list = particle + total;
+    int n = 0;
+    if (wall.shape == Shape::kPlane) {
+      for (; n < count_; ++n) list[n] = n;
+    } else {
+      float half[3], low[3], high[3];
+      HalfExtents(wall, half);
+      for (int k = 0; k < 3; ++k) {
+        const float* r = pose + 3 + 3 * k;
+        const float reach = std::fabs(r[0]) * half[0] + std::fabs(r[1]) * half[1] +
+                            std::fabs(r[2]) * half[2] + range;
+        low[k] = pose[k] - reach;
+        high[k] = pose[k] + reach;
+      }
+      const float *x = p_.x, *y = p_.y, *z = p_.z;
+      for (int i = 0; i < count_; ++i) {
+        list[n] = i;
+        n += (x[i] > low[0]) & (x[i] < high[0]) & (y[i] > low[1]) & (y[i] < high[1]) &
+             (z[i] > low[2]) & (z[i] < high[2]);
+      }
+    }
+    for (int k = n; k < RoundUp(n, width); ++k) list[k] = count_;
+    pairs.particle = list;
+    pairs.count = RoundUp(n, width);
+    kernels_->FindDistance(pairs, p_.position, distance_.get());
+    int near = 0;
+    for (int k = 0; k < n; ++k) {
+      list[near] = list[k];
+      near += distance_.get()[k] < range;
+    }
+    pairs.count = RoundUp(near, width);
+    for (int k = near; k < pairs.count; ++k) list[k] = count_;
+    total += pairs.count;
+  }
+  const long stride = RoundUp(static_cast<int>(total) + kMaxWidth, kMaxWidth);
+  float* numbers = pair_numbers_.Reserve(5 * stride);
+  long first = 0;
+  for (WallPairs& pairs : pairs_) {
+    pairs.stride = stride;
+    pairs.normal = numbers + first;
+    pairs.share = numbers + 3 * stride + first;
+    pairs.slope = numbers + 4 * stride + first;
+    first += pairs.count;
+  }
+}
+
+// Whether a pair that is in no list could have come into reach: it moved by at most the diagonal of
+// the box around all displacements. Motion of everything together does not count.
+bool Solver::ListsExpired() const {
+  if (!lists_valid_) return true;
+  float low[4] = {kFar, kFar, kFar, kFar}, high[4] = {-kFar, -kFar, -kFar, -kFar};
+  const float *now = p_.position, *built = built_position_.get();
+  for (int i = 0; i < 4 * count_; i += 4) {
+    for (int k = 0; k < 4; ++k) {
+      const float d = now[i + k] - built[i + k];
+      low[k] = std::min(low[k], d);
+      high[k] = std::max(high[k], d);
+    }
+  }
+  const auto squared_diagonal = [&] {
+    float sum = 0;
+    for (int k = 0; k < 3; ++k) sum += (high[k] - low[k]) * (high[k] - low[k]);
+    return sum;
+  };
+  const float skin = kSkin * fluid_.spacing, wall_skin = kWallSkin * fluid_.spacing;
+  if (squared_diagonal() > skin * skin) return true;
+  for (size_t w = 0; w < walls_->size(); ++w) {
+    const float *pose = &wall_end_[12 * w], *old = &wall_built_[12 * w];
+    float half[3], radius = kFar, turn = 0;
+    if ((*walls_)[w].shape != Shape::kPlane) {
+      HalfExtents((*walls_)[w], half);
+      radius = std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
+    }
+    for (int k = 3; k < 12; ++k) turn += (pose[k] - old[k]) * (pose[k] - old[k]);
+    const float rotation = radius * std::sqrt(turn);
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], pose[k] - old[k] - rotation);
+      high[k] = std::max(high[k], pose[k] - old[k] + rotation);
+    }
+  }
+  return squared_diagonal() > wall_skin * wall_skin;
+}
+
+}  // namespace softgym_mj
