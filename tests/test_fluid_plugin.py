@@ -204,6 +204,17 @@ def test_clearing_the_first_entry_makes_any_move_a_teleport():
     np.testing.assert_allclose(cup.positions[:, 0], before[:, 0] + 0.05, atol=0.002)
 
 
+def test_the_first_move_after_a_reset_is_swept():
+    """As far as mj_forward has seen where the walls start from."""
+    for forward in (True, False):
+        cup = FluidCup((5, 5), 5)
+        if forward:
+            mujoco.mj_forward(cup.model, cup.data)
+        cup.data.mocap_pos[0, 0] += 0.03
+        cup.step()
+        assert cup.escaped().any() == (not forward)
+
+
 def test_reset_restores_the_lattice():
     cup = make_cup()
     mujoco.mj_resetData(cup.model, cup.data)

@@ -163,7 +163,8 @@ class Water(composer.Entity):
     def set_particles(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
         """Places the particles: `positions` (num_particles, 3) [m], `velocities` alike [m/s].
 
-        The motion of the walls up to now is forgotten: they may be teleported with the water.
+        The motion of the walls up to now is forgotten: they may be teleported with the water, until
+        the next `mj_forward` or the start of the next step notes where they are.
 
         Raises:
             OutOfRangeError: for a wrong shape or what is not finite.

@@ -124,7 +124,7 @@ class DeformableTask(composer.Task, abc.ABC):
         """(lower, upper) performance that normalise to 0 and 1 in this episode."""
 
     @abc.abstractmethod
-    def start(self, physics, state: np.ndarray) -> None:
+    def start(self, state: np.ndarray) -> None:
         """Puts everything where the episode starts; `state` (n, 3) [m] is as stored."""
 
     @abc.abstractmethod
@@ -160,7 +160,7 @@ class DeformableTask(composer.Task, abc.ABC):
         return self.resize(self._variation)
 
     def initialize_episode(self, physics, random_state):
-        self.start(physics, self._store.load(self._variation))
+        self.start(self._store.load(self._variation))
         self._evaluation = self.evaluate()
         self._initial_performance = self._evaluation.performance
 

@@ -80,7 +80,7 @@ class FlexTask(DeformableTask):
     def key_points(self) -> np.ndarray:
         """Points (n, 3) [m] of the object that the reduced state lists."""
 
-    def start(self, physics, state: np.ndarray) -> None:
+    def start(self, state: np.ndarray) -> None:
         self._target.set_vertices(state)
         vertices = self._target.vertices()
         x, y = (vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
 from softgym_mj.entities.arena import Arena
@@ -89,15 +88,11 @@ class WaterTask(DeformableTask):
         changed = [cup.resize(size) for cup, size in zip(self._cups, scene.cups, strict=True)]
         return self._water.resize(scene.resolution(self._initializer.fidelity)) or any(changed)
 
-    def start(self, physics, state: np.ndarray) -> None:
+    def start(self, state: np.ndarray) -> None:
         for cup, x in zip(self._cups[1:], self._scene.places[1:], strict=True):
             cup.pose = np.array([x, 0.0, 0.0])
         self._actor.place(np.zeros(3))
         self._water.set_particles(state)
-        # The water has to know where the walls were before they move: without this step, the first
-        # move of an episode would be a jump of 1 cm. SoftGym takes five sim steps here.
-        mujoco.mj_step(physics.model.ptr, physics.data.ptr)
-        physics.data.ptr.time = 0.0
 
     def points(self) -> np.ndarray:
         return self._water.positions()

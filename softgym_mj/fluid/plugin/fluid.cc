@@ -133,6 +133,14 @@ void FindPoses(const mjModel* m, const mjData* d, const std::vector<Wall>& walls
   }
 }
 
+void StorePoses(const std::vector<Pose>& poses, mjtNum* stored) {
+  for (const Pose& pose : poses) {
+    mju_copy3(stored, pose.position);
+    mju_copy4(stored + 3, pose.quaternion);
+    stored += 7;
+  }
+}
+
 // How far any point of a wall moves between two poses, at most.
 double Motion(const mjModel* m, const Wall& wall, const Pose& a, const Pose& b) {
   const double turn = 2 * std::acos(std::min(1.0, std::fabs(mju_dot(a.quaternion, b.quaternion, 4))));
@@ -202,16 +210,14 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   const double reach = MaxSpeed(w.config, m->opt.timestep) * m->opt.timestep;
   for (int i = 0; i < walls; ++i) {
     if (!IsFinite(w.end[i])) return;  // MuJoCo finds the bad qpos and resets in the next step.
-    mjtNum* stored = state + layout.poses + 7 * i;
-    if (state[layout.known]) {
-      Pose old;
-      mju_copy3(old.position, stored);
-      mju_copy4(old.quaternion, stored + 3);
-      if (Motion(m, w.walls[i], old, w.end[i]) <= reach) w.start[i] = old;
-    }
-    mju_copy3(stored, w.end[i].position);
-    mju_copy4(stored + 3, w.end[i].quaternion);
+    if (!state[layout.known]) continue;
+    const mjtNum* stored = state + layout.poses + 7 * i;
+    Pose old;
+    mju_copy3(old.position, stored);
+    mju_copy4(old.quaternion, stored + 3);
+    if (Motion(m, w.walls[i], old, w.end[i]) <= reach) w.start[i] = old;
   }
+  StorePoses(w.end, state + layout.poses);
   state[layout.known] = 1;
   w.impulses.resize(walls);
   w.solver.Step(w.config, m->opt.timestep, m->opt.gravity, w.walls, w.start, w.end,
@@ -220,14 +226,23 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   if (w.config.two_way) HandOver(m, d, &w, state + layout.forces, state + layout.pending);
 }
 
-// Adds the forces of the last step to the passive forces.
+// Adds the forces of the last step to the passive forces. Before the first step, notes where the walls
+// are, so that their first move is swept like any other.
 void Compute(const mjModel* m, mjData* d, int instance, int) {
   char reason[512];
   Workspace& w = ThreadWorkspace();
   if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
-  if (!w.config.two_way) return;
   const StateLayout layout = Layout(w.config, static_cast<int>(w.walls.size()));
-  const mjtNum* force = d->plugin_state + m->plugin_stateadr[instance] + layout.forces;
+  mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
+  if (!state[layout.known]) {
+    FindPoses(m, d, w.walls, &w.end);
+    if (std::all_of(w.end.begin(), w.end.end(), IsFinite)) {
+      StorePoses(w.end, state + layout.poses);
+      state[layout.known] = 1;
+    }
+  }
+  if (!w.config.two_way) return;
+  const mjtNum* force = state + layout.forces;
   for (size_t i = 0; i < w.walls.size(); ++i, force += 6) {
     const int body = w.walls[i].body;
     if (IsDynamic(m, body)) {
