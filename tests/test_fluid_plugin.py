@@ -273,6 +273,26 @@ def test_unsupported_walls_and_flags_are_compile_errors():
         mujoco.MjModel.from_xml_string(xml)
 
 
+def test_walls_that_appear_after_compilation_are_an_error():
+    floor = (
+        '<geom name="floor" type="plane" size="1 1 1" pos="0 0 -1" contype="0" conaffinity="0"/>'
+    )
+    cup = FluidCup((3, 3), 3, scenery=floor)
+    cup.step()
+    cup.model.geom("floor").contype[0] = 1
+    with pytest.raises(mujoco.FatalError, match="walls were added or removed"):
+        cup.step()
+
+
+def test_the_flag_gravity_is_obeyed():
+    cup = FluidCup((3, 3), 3)
+    cup.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    cup.positions[:, 2] += 5
+    before = cup.positions.mean(axis=0)
+    cup.step(20)
+    np.testing.assert_allclose(cup.positions.mean(axis=0), before, atol=1e-5)
+
+
 def test_not_a_number_never_enters_the_state():
     cup = FluidCup((3, 3), 3)
     cup.data.mocap_pos[0, 0] = np.nan

@@ -63,7 +63,8 @@ bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t siz
   return error.empty();
 }
 
-StateLayout Layout(const FluidConfig& config, int walls) {
+StateLayout Layout(const FluidConfig& config, size_t num_walls) {
+  const int walls = static_cast<int>(num_walls);
   StateLayout layout;
   layout.known = 0;
   layout.positions = 1;
@@ -75,8 +76,21 @@ StateLayout Layout(const FluidConfig& config, int walls) {
   return layout;
 }
 
-// A lattice of the rest spacing, filled from below, on both sides of whose sites a thousandth of the
-// spacing is left to chance so that it does not stand in unstable balance.
+// The workspace for an instance, and where its state is.
+Workspace& Open(const mjModel* m, int instance, StateLayout* layout) {
+  char reason[512];
+  Workspace& w = ThreadWorkspace();
+  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  *layout = Layout(w.config, w.walls.size());
+  if (layout->size != m->plugin_statenum[instance]) {
+    Fail(m, instance, "walls were added or removed, by contype, conaffinity or geom_type, after the "
+                      "model was compiled.");
+  }
+  return w;
+}
+
+// A lattice of the rest spacing, filled from below. Up to a thousandth of the spacing is left to
+// chance, so that it does not stand in unstable balance.
 void PlaceLattice(const FluidConfig& config, mjtNum* positions) {
   unsigned random = 12345;
   for (int i = 0; i < config.count; ++i) {
@@ -107,7 +121,7 @@ int NumState(const mjModel* m, int instance) {
                   "expected at most %g.", w.config.viscosity, most);
     Fail(m, instance, reason);
   }
-  return Layout(w.config, static_cast<int>(w.walls.size())).size;
+  return Layout(w.config, w.walls.size()).size;
 }
 
 int Init(const mjModel*, mjData* d, int instance) {
@@ -116,11 +130,10 @@ int Init(const mjModel*, mjData* d, int instance) {
 }
 
 void Reset(const mjModel* m, mjtNum* state, void*, int instance) {
-  char reason[512];
-  Workspace& w = ThreadWorkspace();
-  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
-  mju_zero(state, m->plugin_statenum[instance]);
-  PlaceLattice(w.config, state + Layout(w.config, static_cast<int>(w.walls.size())).positions);
+  StateLayout layout;
+  Workspace& w = Open(m, instance, &layout);
+  mju_zero(state, layout.size);
+  PlaceLattice(w.config, state + layout.positions);
 }
 
 void FindPoses(const mjModel* m, const mjData* d, const std::vector<Wall>& walls,
@@ -158,9 +171,7 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
     const int body = w->walls[first].body;
     for (last = first; last < walls && w->walls[last].body == body; ++last) {
     }
-    if (!IsDynamic(m, body)) {
-      continue;
-    }
+    if (!IsDynamic(m, body)) continue;
     const Pose pose = BodyPose(m, d, body);
     mjtNum centre[3];
     mju_rotVecQuat(centre, m->body_ipos + 3 * body, pose.quaternion);
@@ -194,11 +205,9 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
 }
 
 void Advance(const mjModel* m, mjData* d, int instance) {
-  char reason[512];
-  Workspace& w = ThreadWorkspace();
-  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  StateLayout layout;
+  Workspace& w = Open(m, instance, &layout);
   const int walls = static_cast<int>(w.walls.size());
-  const StateLayout layout = Layout(w.config, walls);
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   double sum = 0;
   for (int i = layout.positions; i < layout.poses; ++i) sum += state[i];
@@ -220,7 +229,9 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   StorePoses(w.end, state + layout.poses);
   state[layout.known] = 1;
   w.impulses.resize(walls);
-  w.solver.Step(w.config, m->opt.timestep, m->opt.gravity, w.walls, w.start, w.end,
+  const mjtNum none[3] = {0, 0, 0};
+  const mjtNum* gravity = m->opt.disableflags & mjDSBL_GRAVITY ? none : m->opt.gravity;
+  w.solver.Step(w.config, m->opt.timestep, gravity, w.walls, w.start, w.end,
                 state + layout.positions, state + layout.velocities,
                 w.config.two_way ? w.impulses.data() : nullptr);
   if (w.config.two_way) HandOver(m, d, &w, state + layout.forces, state + layout.pending);
@@ -229,10 +240,8 @@ void Advance(const mjModel* m, mjData* d, int instance) {
 // Adds the forces of the last step to the passive forces. Before the first step, notes where the walls
 // are, so that their first move is swept like any other.
 void Compute(const mjModel* m, mjData* d, int instance, int) {
-  char reason[512];
-  Workspace& w = ThreadWorkspace();
-  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
-  const StateLayout layout = Layout(w.config, static_cast<int>(w.walls.size()));
+  StateLayout layout;
+  Workspace& w = Open(m, instance, &layout);
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   if (!state[layout.known]) {
     FindPoses(m, d, w.walls, &w.end);
@@ -252,10 +261,8 @@ void Compute(const mjModel* m, mjData* d, int instance, int) {
 }
 
 void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, int instance) {
-  char reason[512];
-  Workspace& w = ThreadWorkspace();
-  if (!Bind(m, instance, &w, reason, sizeof(reason))) return;
-  const StateLayout layout = Layout(w.config, static_cast<int>(w.walls.size()));
+  StateLayout layout;
+  Workspace& w = Open(m, instance, &layout);
   const mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   DrawFluid(m, w.config, state + layout.positions, &w.surface, scene);
 }
