@@ -177,26 +177,29 @@ void Solver::FindPairs() {
   }
 }
 
-// Whether a pair that is in no list could have come into reach: it moved by at most the diagonal of
-// the box around all displacements. Motion of everything together does not count.
+// Whether a pair that is in no list could have come into reach. Two particles have moved relative to
+// each other by at most the two largest deviations from the mean displacement; motion of everything
+// together does not count.
 bool Solver::ListsExpired() const {
   if (!lists_valid_) return true;
-  float low[4] = {kFar, kFar, kFar, kFar}, high[4] = {-kFar, -kFar, -kFar, -kFar};
   const float *now = p_.position, *built = built_position_.get();
+  float mean[4] = {0, 0, 0, 0};
   for (int i = 0; i < 4 * count_; i += 4) {
-    for (int k = 0; k < 4; ++k) {
-      const float d = now[i + k] - built[i + k];
-      low[k] = std::min(low[k], d);
-      high[k] = std::max(high[k], d);
-    }
+    for (int k = 0; k < 4; ++k) mean[k] += now[i + k] - built[i + k];
   }
-  const auto squared_diagonal = [&] {
-    float sum = 0;
-    for (int k = 0; k < 3; ++k) sum += (high[k] - low[k]) * (high[k] - low[k]);
-    return sum;
+  for (float& x : mean) x /= static_cast<float>(count_);
+  const auto squared_deviation = [&mean](const float* a, const float* b) {
+    const float x = a[0] - b[0] - mean[0], y = a[1] - b[1] - mean[1], z = a[2] - b[2] - mean[2];
+    return x * x + y * y + z * z;
   };
-  const float skin = kSkin * fluid_.spacing, wall_skin = kWallSkin * fluid_.spacing;
-  if (squared_diagonal() > skin * skin) return true;
+  float first = 0, second = 0;  // The two largest, squared.
+  for (int i = 0; i < 4 * count_; i += 4) {
+    const float squared = squared_deviation(now + i, built + i);
+    second = std::max(second, std::min(first, squared));
+    first = std::max(first, squared);
+  }
+  first = std::sqrt(first);
+  if (first + std::sqrt(second) > kSkin * fluid_.spacing) return true;
   for (size_t w = 0; w < walls_->size(); ++w) {
     const float *pose = &wall_end_[12 * w], *old = &wall_built_[12 * w];
     float half[3], radius = kFar, turn = 0;
@@ -205,13 +208,10 @@ bool Solver::ListsExpired() const {
       radius = std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
     }
     for (int k = 3; k < 12; ++k) turn += (pose[k] - old[k]) * (pose[k] - old[k]);
-    const float rotation = radius * std::sqrt(turn);
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], pose[k] - old[k] - rotation);
-      high[k] = std::max(high[k], pose[k] - old[k] + rotation);
-    }
+    const float moved = std::sqrt(squared_deviation(pose, old)) + radius * std::sqrt(turn);
+    if (first + moved > kWallSkin * fluid_.spacing) return true;
   }
-  return squared_diagonal() > wall_skin * wall_skin;
+  return false;
 }
 
 }  // namespace softgym_mj
