@@ -8,9 +8,9 @@
 
 #include <mujoco/mujoco.h>
 
-namespace softgym_mj {
+#include "kernels.h"
 
-enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
+namespace softgym_mj {
 
 // A geom that holds particles back.
 struct Wall {

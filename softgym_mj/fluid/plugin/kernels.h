@@ -10,6 +10,8 @@ namespace softgym_mj {
 
 constexpr int kMaxWidth = 16;  // Most lanes of any instruction set: arrays are padded by this.
 
+enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
+
 // Constants of a fluid.
 struct FluidConstants {
   float spacing;         // Rest distance d [m].
@@ -59,7 +61,7 @@ struct Neighbours {
 // Particles near one wall, padded, and what the kernels pass on about each.
 struct WallPairs {
   int count;             // Whole vectors.
-  int shape;             // A Shape.
+  Shape shape;
   const float* size;     // (3,)
   const float* start;    // Pose at the start of the substep: position (3,), rotation matrix (9,).
   const float* end;      // The same at its end.
@@ -71,7 +73,6 @@ struct WallPairs {
 };
 
 struct Kernels {
-  const char* name;
   int width;
   // Fills the lists with all neighbours within `distance`; false if they exceed the capacity.
   bool (*FindNeighbours)(const Particles&, const Grid&, float distance, const Neighbours&);
@@ -85,7 +86,7 @@ struct Kernels {
   // Distance [m] of particles to a wall at its end pose.
   void (*FindDistance)(const WallPairs&, const float* position, float* distance);
   void (*FindWallShare)(const FluidConstants&, const Particles&, const WallPairs&);
-  void (*AddWallGradient)(const FluidConstants&, const Particles&, const WallPairs&);
+  void (*AddWallGradient)(const Particles&, const WallPairs&);
   // Keeps particles out of a wall. With `impulse` (6 numbers: sum of displacements and of their
   // moments about the world origin), adds what the wall took up.
   void (*Collide)(const FluidConstants&, const Particles&, const WallPairs&, double* impulse);

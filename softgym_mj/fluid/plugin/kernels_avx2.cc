@@ -96,5 +96,5 @@ inline Vector3<V> Gather(const float* p, const int* index) {
 #include "kernels_impl.h"
 
 namespace softgym_mj {
-const Kernels kAvx2Kernels = MakeKernels<Eight>("avx2");
+const Kernels kAvx2Kernels = MakeKernels<Eight>();
 }  // namespace softgym_mj

@@ -85,5 +85,5 @@ inline Vector3<V> Gather(const float* p, const int* index) {
 #include "kernels_impl.h"
 
 namespace softgym_mj {
-const Kernels kAvx512Kernels = MakeKernels<Sixteen>("avx512");
+const Kernels kAvx512Kernels = MakeKernels<Sixteen>();
 }  // namespace softgym_mj

@@ -234,7 +234,7 @@ void FindWallShare(const FluidConstants& fluid, const Particles& p, const WallPa
 
 // Several walls together fill 1 - prod(1 - share), exact where they are orthogonal.
 template <class V>
-void AddWallGradient(const FluidConstants&, const Particles& p, const WallPairs& pairs) {
+void AddWallGradient(const Particles& p, const WallPairs& pairs) {
   const float *nx = pairs.normal, *ny = nx + pairs.stride, *nz = ny + pairs.stride;
   for (int k = 0; k < pairs.count; ++k) {
     const int i = pairs.particle[k];
@@ -309,10 +309,9 @@ void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& p
 }
 
 template <class V>
-constexpr Kernels MakeKernels(const char* name) {
-  return {name,          V::kWidth,        FindNeighbours<V>,  FindPressure<V>,
-          AddCorrection<V>, Smooth<V>,    FindDistance<V>,    FindWallShare<V>,
-          AddWallGradient<V>, Collide<V>};
+constexpr Kernels MakeKernels() {
+  return {V::kWidth,        FindNeighbours<V>, FindPressure<V>,    AddCorrection<V>, Smooth<V>,
+          FindDistance<V>,  FindWallShare<V>,  AddWallGradient<V>, Collide<V>};
 }
 
 }  // namespace

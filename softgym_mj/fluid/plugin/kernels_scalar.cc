@@ -50,5 +50,5 @@ inline Vector3<V> Gather(const float* p, const int* index) {
 #include "kernels_impl.h"
 
 namespace softgym_mj {
-const Kernels kScalarKernels = MakeKernels<One>("scalar");
+const Kernels kScalarKernels = MakeKernels<One>();
 }  // namespace softgym_mj

@@ -127,7 +127,7 @@ void Solver::FindPairs() {
     const Wall& wall = (*walls_)[w];
     const float* pose = &wall_end_[12 * w];
     WallPairs& pairs = pairs_[w];
-    pairs.shape = static_cast<int>(wall.shape);
+    pairs.shape = wall.shape;
     pairs.size = wall.size;
     pairs.start = &wall_start_[12 * w];
     pairs.end = pose;

@@ -4,11 +4,10 @@
 #ifndef SOFTGYM_MJ_FLUID_SHAPES_H_
 #define SOFTGYM_MJ_FLUID_SHAPES_H_
 
+#include "kernels.h"
+
 namespace softgym_mj {
 namespace {
-
-// Shapes as numbered in boundary.h.
-enum { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
 
 constexpr float kTiny = 1e-12f;  // [m^2] Squared distances below it count as zero.
 
@@ -87,21 +86,21 @@ inline V BoxDistance(const Vector3<V>& p, const Vector3<V>& half, Vector3<V>* no
 
 // Signed distance to a shape and its outward normal, in the frame of the shape.
 template <class V>
-inline V Distance(int shape, const float* size, const Vector3<V>& p, Vector3<V>* normal) {
+inline V Distance(Shape shape, const float* size, const Vector3<V>& p, Vector3<V>* normal) {
   V zero(0.0f);
   switch (shape) {
-    case kPlane:
+    case Shape::kPlane:
       *normal = {zero, zero, V(1.0f)};
       return p.z;
-    case kSphere:
-    case kCapsule: {
+    case Shape::kSphere:
+    case Shape::kCapsule: {
       Vector3<V> d = p;
-      if (shape == kCapsule) d.z = p.z - Clamp(p.z, -size[1], size[1]);
+      if (shape == Shape::kCapsule) d.z = p.z - Clamp(p.z, -size[1], size[1]);
       V squared = Max(Dot(d, d), V(kTiny)), inverse = InverseSqrt(squared);
       *normal = {d.x * inverse, d.y * inverse, d.z * inverse};
       return squared * inverse - V(size[0]);
     }
-    case kEllipsoid: {
+    case Shape::kEllipsoid: {
       // First-order estimate (k0 (k0 - 1) / k1): exact on the surface.
       Vector3<V> a = {p.x * V(1 / size[0]), p.y * V(1 / size[1]), p.z * V(1 / size[2])};
       Vector3<V> b = {a.x * V(1 / size[0]), a.y * V(1 / size[1]), a.z * V(1 / size[2])};
@@ -111,7 +110,7 @@ inline V Distance(int shape, const float* size, const Vector3<V>& p, Vector3<V>*
       *normal = {b.x * inverse, b.y * inverse, b.z * inverse};
       return k0 * (k0 - V(1.0f)) * inverse;
     }
-    case kCylinder: {
+    case Shape::kCylinder: {
       V squared = Max(MultiplyAdd(p.x, p.x, p.y * p.y), V(kTiny)), inverse = InverseSqrt(squared);
       Vector3<V> flat, q = {squared * inverse, zero, p.z};
       V distance = BoxDistance<V>(q, {V(size[0]), V(1e6f), V(size[1])}, &flat);

@@ -26,14 +26,7 @@ constexpr int kMaxPasses = 64;
 
 constexpr float kLayer = 0.8f;  // Particles nearer than this to a wall touch it, in spacings.
 
-void ToPose(const double position[3], const double quaternion[4], const double origin[3],
-            float out[12]) {
-  mjtNum matrix[9];
-  mju_quat2Mat(matrix, quaternion);
-  for (int k = 0; k < 3; ++k) out[k] = static_cast<float>(position[k] - origin[k]);
-  for (int k = 0; k < 9; ++k) out[3 + k] = static_cast<float>(matrix[k]);
-}
-
+// Position relative to `origin` and rotation matrix at a fraction of the way between two poses.
 void Interpolate(const Pose& a, const Pose& b, double fraction, const double origin[3],
                  float out[12]) {
   double position[3], quaternion[4];
@@ -45,7 +38,10 @@ void Interpolate(const Pose& a, const Pose& b, double fraction, const double ori
     quaternion[k] = a.quaternion[k] + fraction * (sign * b.quaternion[k] - a.quaternion[k]);
   }
   mju_normalize4(quaternion);
-  ToPose(position, quaternion, origin, out);
+  mjtNum matrix[9];
+  mju_quat2Mat(matrix, quaternion);
+  for (int k = 0; k < 3; ++k) out[k] = static_cast<float>(position[k] - origin[k]);
+  for (int k = 0; k < 9; ++k) out[3 + k] = static_cast<float>(matrix[k]);
 }
 
 }  // namespace
@@ -121,11 +117,10 @@ void Solver::Store(double* positions, double* velocities) const {
   }
 }
 
-void Solver::MoveWalls(const std::vector<Pose>& start, const std::vector<Pose>& end, double from,
-                       double to) {
+void Solver::PlaceWalls(const std::vector<Pose>& start, const std::vector<Pose>& end,
+                        double fraction) {
   for (size_t w = 0; w < walls_->size(); ++w) {
-    Interpolate(start[w], end[w], from, origin_, &wall_start_[12 * w]);
-    Interpolate(start[w], end[w], to, origin_, &wall_end_[12 * w]);
+    Interpolate(start[w], end[w], fraction, origin_, &wall_end_[12 * w]);
   }
 }
 
@@ -158,7 +153,7 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
   std::fill(p_.wall_gradient, p_.wall_gradient + 4 * (count_ + 1), 0.0f);
   std::fill(p_.free_share, p_.free_share + count_ + 1, 1.0f);
   for (const WallPairs& pairs : pairs_) kernels_->FindWallShare(fluid_, p_, pairs);
-  for (const WallPairs& pairs : pairs_) kernels_->AddWallGradient(fluid_, p_, pairs);
+  for (const WallPairs& pairs : pairs_) kernels_->AddWallGradient(p_, pairs);
   for (int i = 0; i < count_; ++i) {
     p_.wall_density[i] = fluid_.rest_density * (1.0f - p_.free_share[i]);
   }
@@ -248,14 +243,14 @@ void Solver::Step(const FluidConfig& config, double timestep, const double gravi
   Load(positions, velocities);
   ShapeGrid();
   walls_ = &walls;
-  wall_start_.resize(12 * walls.size());
   wall_end_.resize(12 * walls.size());
   pairs_.resize(walls.size());
   if (impulses) std::fill(impulses, impulses + walls.size(), Impulse());
   const float max_speed = static_cast<float>(MaxSpeed(config, timestep));
+  PlaceWalls(start, end, 0);
   for (int s = 0; s < substeps; ++s) {
-    MoveWalls(start, end, static_cast<double>(s) / substeps,
-              static_cast<double>(s + 1) / substeps);
+    wall_start_ = wall_end_;
+    PlaceWalls(start, end, static_cast<double>(s + 1) / substeps);
     Substep(h, gravity, max_speed, impulses);
   }
   Smooth(config, timestep, h, impulses);

@@ -77,8 +77,7 @@ class Solver {
   void FindPairs();
   void BuildLists();
   bool ListsExpired() const;
-  void MoveWalls(const std::vector<Pose>& start, const std::vector<Pose>& end, double from,
-                 double to);
+  void PlaceWalls(const std::vector<Pose>& start, const std::vector<Pose>& end, double fraction);
   void Substep(float h, const double gravity[3], float max_speed, Impulse* impulses);
   void Smooth(const FluidConfig& config, double timestep, float h, Impulse* impulses);
   void DragAtWalls(float viscosity, float h, Impulse* impulses);
