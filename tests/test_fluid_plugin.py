@@ -153,23 +153,27 @@ def test_dm_control_snapshots_restore_the_water():
     assert not np.array_equal(expected[0], expected[-1])
 
 
+def take_a_step(cup, stepping):
+    """One step, by mj_step or in the order that dm_control calls legacy."""
+    if stepping == "legacy":
+        mujoco.mj_step2(cup.model, cup.data)
+        mujoco.mj_step1(cup.model, cup.data)
+    else:
+        cup.step()
+
+
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
 @pytest.mark.parametrize("stepping", ["mj_step", "legacy"])
 def test_walls_are_where_the_joints_say(stepping, integrator):
     """A wall at 0.66 m/s is 6.6 mm further at the end of a step: particles touch it there."""
     joint, option = '<joint type="slide" axis="1 0 0"/>', f'integrator="{integrator}"'
     cup = FluidCup((5, 5), 5, body="", joint=joint, option=option)
-    data, model = cup.data, cup.model
+    data = cup.data
     if stepping == "legacy":
-        mujoco.mj_step2(model, data)
-        mujoco.mj_step1(model, data)
+        take_a_step(cup, stepping)
     for _ in range(100):
         data.qvel[0] = 0.66
-        if stepping == "legacy":
-            mujoco.mj_step2(model, data)
-            mujoco.mj_step1(model, data)
-        else:
-            mujoco.mj_step(model, data)
+        take_a_step(cup, stepping)
     x = cup.positions[:, 0] - data.qpos[0]
     # Hard contact at 0.3 spacings, from both sides of the half length.
     assert x.min() >= -cup.length / 2 + 0.29 * SPACING
@@ -182,11 +186,7 @@ def test_walls_are_where_the_mocap_body_is(stepping):
     cup = FluidCup((5, 5), 5)
     for step in range(100):
         cup.data.mocap_pos[0, 0] = 0.0066 * step
-        if stepping == "legacy":
-            mujoco.mj_step2(cup.model, cup.data)
-            mujoco.mj_step1(cup.model, cup.data)
-        else:
-            cup.step()
+        take_a_step(cup, stepping)
         x = cup.in_cup_frame()[:, 0]
         assert np.abs(x).max() <= cup.length / 2 - 0.29 * SPACING
 

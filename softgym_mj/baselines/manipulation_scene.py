@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 
 from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
@@ -64,10 +63,7 @@ class ManipulationScene:
         arena.attach(cloth)
         self.picker.join(arena)
         self.picker.manipulate(cloth)
-        arena.mjcf_model.option.timestep = cloth.timestep
-        self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
-        cloth.after_compile(self.physics, None)
-        self.picker.after_compile(self.physics, None)
+        self.physics = arena.compile(cloth.timestep, cloth, self.picker)
         cloth.set_vertices(cloth.flat())
         self.picker.place(self.picker.default_positions(np.array([0.0, 0.0, _PARKED])), _WORKSPACE)
         self._on_step = on_step

@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from dm_control import composer
+from dm_control import composer, mjcf
 
 from softgym_mj import assets
 from softgym_mj.exceptions import check_name
@@ -54,3 +54,16 @@ class Arena(composer.Arena):
                 quat=pose.quaternion,
                 fovy=FIELD_OF_VIEW,
             )
+
+    def compile(self, timestep: float, *entities: composer.Entity) -> mjcf.Physics:
+        """Physics of the scene outside of an environment, with `entities` bound to it.
+
+        Args:
+            timestep: physics step [s].
+            *entities: what is in the scene and reads or writes its state.
+        """
+        self._mjcf_root.option.timestep = timestep
+        physics = mjcf.Physics.from_mjcf_model(self._mjcf_root)
+        for entity in entities:
+            entity.after_compile(physics, None)
+        return physics

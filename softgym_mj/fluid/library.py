@@ -11,9 +11,8 @@ from softgym_mj.exceptions import PluginUnavailableError
 PLUGIN_NAME = "softgym_mj.fluid"
 
 _FOLDER = pathlib.Path(__file__).parent
-_STEM = (
-    "softgym_mj_plugins-mujoco-"  # Followed by the MuJoCo version that the library was built for.
-)
+# Followed by the MuJoCo version that the library was built for.
+_STEM = "softgym_mj_plugins-mujoco-"
 _SUFFIX = {"win32": ".dll"}.get(sys.platform, ".so")
 
 _USER = f'<mujoco><extension><plugin plugin="{PLUGIN_NAME}"/></extension></mujoco>'

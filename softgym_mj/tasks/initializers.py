@@ -8,7 +8,6 @@ import dataclasses
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
@@ -46,11 +45,9 @@ class _Scene:
     def __init__(self, flex: Flex):
         arena = Arena(camera="cloth")
         arena.attach(flex)
-        arena.mjcf_model.option.timestep = flex.timestep
-        self._physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+        self._physics = arena.compile(flex.timestep, flex)
         self._flex = flex
         self._steps = round(SIM_STEP / flex.timestep)
-        flex.after_compile(self._physics, None)
 
     def step(self) -> None:
         """One sim step; divergence is an error."""

@@ -4,7 +4,6 @@ import dataclasses
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
 
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup, CupSize
@@ -66,10 +65,7 @@ class SettledWater:
         cup.join(arena)
         arena.attach(water)
         water.confine(cup.body)
-        arena.mjcf_model.option.timestep = TIMESTEP
-        physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
-        for entity in (cup, water):
-            entity.after_compile(physics, None)
+        physics = arena.compile(TIMESTEP, cup, water)
         random = generator(f"{self.name}/lattice", index)
         water.set_particles(lattice(scene.cup, resolution, random))
         rest = 0
