@@ -6,6 +6,7 @@ import numpy as np
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.fluid.library import CLOTH_CONTACT, load_plugin
 
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
 PARTICLE_SPACING = 0.00625
@@ -43,7 +44,7 @@ FIDELITIES = {
     "default": Fidelity(spacing=0.03, iterations=200),
     "accurate": Fidelity(spacing=0.02, iterations=300),
 }
-SELF_CONTACTS = ("mujoco", "none")
+SELF_CONTACTS = ("plugin", "mujoco", "none")
 
 
 def grid_shape(dims: tuple[int, int], fidelity: str) -> tuple[int, int]:
@@ -95,12 +96,20 @@ class Cloth(Flex):
         option.timestep = TIMESTEP
         option.iterations = FIDELITIES[fidelity].iterations
         # 1e-4 stops short of balance: piles tremble at 0.1 m/s and stretch by 13 %.
-        option.tolerance = 1e-5
+        option.tolerance = float(__import__("os").environ.get("TOL","1e-5"))
         self._mjcf_root.size.memory = "64M"  # A crumpled 32 x 31 cloth uses 7 MB.
         for side, color in (("front", FRONT_COLOR), ("back", BACK_COLOR)):
             self._mjcf_root.asset.add(
                 "material", name=side, rgba=color, specular=0.1, shininess=0.1
             )
+        if self_contact == "plugin":
+            load_plugin()
+            plugin = self._mjcf_root.extension.add("plugin", plugin=CLOTH_CONTACT)
+            self._contact = plugin.add("instance", name="contact")
+            import os
+            for pair in os.environ.get("CC", "").split():
+                k, v = pair.split("=")
+                self._contact.add("config", key=k, value=v)
         self._dims = (0, 0)
         self.resize(dims)
 
@@ -193,8 +202,12 @@ class Cloth(Flex):
         flexcomp.contact.selfcollide = "auto" if self._self_contact == "mujoco" else "none"
         flexcomp.contact.condim = 3
         flexcomp.contact.friction = [FRICTION]
+        if self._self_contact == "plugin":
+            flexcomp.contact.gap = float(__import__("os").environ.get("GAP","0.003"))
         flexcomp.contact.solref = [0.01, 1]  # Twice as stiff as default: 5 mm layers stay apart.
         flexcomp.group = 4
+        if self._self_contact == "plugin":
+            flexcomp.add("plugin", plugin=CLOTH_CONTACT, instance=self._contact)
         self._add_skins(points)
         return True
 

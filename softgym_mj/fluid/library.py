@@ -9,6 +9,7 @@ import mujoco
 from softgym_mj.exceptions import PluginUnavailableError
 
 PLUGIN_NAME = "softgym_mj.fluid"
+CLOTH_CONTACT = "softgym_mj.cloth_contact"
 
 _FOLDER = pathlib.Path(__file__).parent
 # Followed by the MuJoCo version that the library was built for.

@@ -1,7 +1,5 @@
 #include "boundary.h"
 
-#include <cmath>
-
 namespace softgym_mj {
 
 std::string CollectWalls(const mjModel* m, int instance, bool world, std::vector<Wall>* walls) {
@@ -31,69 +29,6 @@ std::string CollectWalls(const mjModel* m, int instance, bool world, std::vector
     walls->push_back(wall);
   }
   return "";
-}
-
-bool IsDynamic(const mjModel* m, int body) {
-  return m->body_jntnum[m->body_weldid[body]] > 0;
-}
-
-Pose BodyPose(const mjModel* m, const mjData* d, int body) {
-  Pose pose = {{0, 0, 0}, {1, 0, 0, 0}};
-  if (body == 0) return pose;
-  int joint = m->body_jntadr[body], count = m->body_jntnum[body];
-  if (count == 1 && m->jnt_type[joint] == mjJNT_FREE) {
-    const mjtNum* q = d->qpos + m->jnt_qposadr[joint];
-    mju_copy3(pose.position, q);
-    mju_copy4(pose.quaternion, q + 3);
-    mju_normalize4(pose.quaternion);
-    return pose;
-  }
-  int mocap = m->body_mocapid[body];
-  const mjtNum* position = mocap >= 0 ? d->mocap_pos + 3 * mocap : m->body_pos + 3 * body;
-  mjtNum quaternion[4];
-  mju_copy4(quaternion, mocap >= 0 ? d->mocap_quat + 4 * mocap : m->body_quat + 4 * body);
-  mju_normalize4(quaternion);
-  Pose parent = BodyPose(m, d, m->body_parentid[body]);
-  mju_mulPose(pose.position, pose.quaternion, parent.position, parent.quaternion, position,
-              quaternion);
-  for (int j = joint; j < joint + count; ++j) {
-    const mjtNum* q = d->qpos + m->jnt_qposadr[j];
-    mjtNum q0 = m->qpos0[m->jnt_qposadr[j]];
-    mjtNum axis[3], anchor[3], offset[3], turn[4];
-    mju_rotVecQuat(axis, m->jnt_axis + 3 * j, pose.quaternion);
-    mju_rotVecQuat(anchor, m->jnt_pos + 3 * j, pose.quaternion);
-    mju_addTo3(anchor, pose.position);
-    if (m->jnt_type[j] == mjJNT_SLIDE) {
-      mju_addToScl3(pose.position, axis, q[0] - q0);
-      continue;
-    }
-    if (m->jnt_type[j] == mjJNT_BALL) {
-      mju_copy4(turn, q);
-      mju_normalize4(turn);
-    } else {
-      mju_axisAngle2Quat(turn, m->jnt_axis + 3 * j, q[0] - q0);
-    }
-    mju_mulQuat(pose.quaternion, pose.quaternion, turn);
-    mju_rotVecQuat(offset, m->jnt_pos + 3 * j, pose.quaternion);
-    mju_sub3(pose.position, anchor, offset);
-  }
-  mju_normalize4(pose.quaternion);
-  return pose;
-}
-
-Pose GeomPose(const mjModel* m, int geom, const Pose& body) {
-  Pose pose;
-  mju_mulPose(pose.position, pose.quaternion, body.position, body.quaternion,
-              m->geom_pos + 3 * geom, m->geom_quat + 4 * geom);
-  mju_normalize4(pose.quaternion);
-  return pose;
-}
-
-bool IsFinite(const Pose& pose) {
-  double sum = 0;
-  for (double x : pose.position) sum += x;
-  for (double x : pose.quaternion) sum += x;
-  return std::isfinite(sum);
 }
 
 }  // namespace softgym_mj

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <string>
 #include <vector>
 
 #include <mujoco/mjplugin.h>
 
+#include "attributes.h"
 #include "boundary.h"
 #include "config.h"
 #include "draw.h"
@@ -44,18 +44,10 @@ void Fail(const mjModel* m, int instance, const char* reason) {
 
 // Parses the attributes and finds the walls. False, with the reason, if something is wrong.
 bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t size) {
-  const char* first = m->plugin_attr + m->plugin_attradr[instance];
-  const bool last = instance + 1 == m->nplugin;
-  const char* end = m->plugin_attr + (last ? m->npluginattr : m->plugin_attradr[instance + 1]);
-  std::string error;
-  if (w->attributes.size() != static_cast<size_t>(end - first) ||
-      std::memcmp(w->attributes.data(), first, end - first)) {
+  std::string error, attributes = RawAttributes(m, instance);
+  if (attributes != w->attributes) {
     error = ParseConfig(m, instance, &w->config);
-    if (error.empty()) {
-      w->attributes.assign(first, end);
-    } else {
-      w->attributes.clear();
-    }
+    w->attributes = error.empty() ? attributes : "";
   }
   if (error.empty()) error = CollectWalls(m, instance, w->config.world, &w->walls);
   if (error.empty() && w->walls.size() > kMaxWalls) error = "there are too many walls.";

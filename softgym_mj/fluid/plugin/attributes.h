@@ -1,0 +1,44 @@
+// Reads and checks the attributes of a plugin instance.
+
+#ifndef SOFTGYM_MJ_FLUID_ATTRIBUTES_H_
+#define SOFTGYM_MJ_FLUID_ATTRIBUTES_H_
+
+#include <string>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+namespace softgym_mj {
+
+// Every method keeps the default if the attribute is absent or blank, and remembers the first thing
+// that is wrong.
+class AttributeReader {
+ public:
+  AttributeReader(const mjModel* m, int instance) : m_(m), instance_(instance) {}
+
+  // "" or a sentence.
+  const std::string& error() const { return error_; }
+
+  // Reads `n` numbers, 4 at most, each in [low, high]. True if they are given and good.
+  bool Numbers(const char* name, double* out, int n, double low, double high, bool whole = false);
+  bool Numbers(const char* name, float* out, int n, double low, double high);
+  bool Numbers(const char* name, int* out, int n, double low, double high);
+  void Flag(const char* name, bool* out);
+  // The index of the value among `names`.
+  void Choice(const char* name, const std::vector<std::string>& names, int* out);
+
+ private:
+  const char* Text(const char* name) const;  // nullptr if it is absent or blank.
+  void Fail(const char* name, const std::string& value, const std::string& valid);
+
+  const mjModel* m_;
+  int instance_;
+  std::string error_;
+};
+
+// All attributes of an instance as MuJoCo stores them, to tell whether they have changed.
+std::string RawAttributes(const mjModel* m, int instance);
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_ATTRIBUTES_H_

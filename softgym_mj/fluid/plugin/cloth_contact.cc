@@ -1,0 +1,371 @@
+#include "cloth_contact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include <mujoco/mjplugin.h>
+
+#include "attributes.h"
+#include "contact_solver.h"
+#include "impact.h"
+#include "pose.h"
+
+namespace softgym_mj {
+namespace {
+
+constexpr const char* kAttributes[] = {"iterations", "stretch", "compression"};
+
+// Where a vertex is in the model.
+struct Vertex {
+  int body;
+  int dof, qpos;  // Of its three slides; -1 if something else moves it.
+};
+
+// What a thread needs for a step. Only memory, the parsed attributes, the mesh and the candidate pairs
+// outlive a call; each is checked against the model and the positions, so nothing depends on which thread
+// or mjData came before.
+struct Workspace {
+  std::string attributes, signature, other;
+  ContactConfig config;
+  Mesh mesh;
+  std::vector<Vertex> vertices;
+  std::vector<mjtNum> axes;  // World directions of the slides of each vertex (n, 3, 3), if not the axes.
+  Proximity proximity;
+  std::vector<Pair> pairs;
+  std::vector<RigidContact> rigid;
+  std::vector<int> body_ids;
+  std::vector<Body> bodies, position_bodies;
+  std::vector<mjtNum> jacobian, response, change;
+  Motion motion;
+  std::vector<float> before, other_move;
+  ContactSolver solver;
+};
+
+Workspace& ThreadWorkspace() {
+  thread_local Workspace workspace;
+  return workspace;
+}
+
+// Stops with an error that names the instance. Must be called with no object that has a destructor
+// alive: MuJoCo's compiler leaves by longjmp.
+void Fail(const mjModel* m, int instance, const char* reason) {
+  const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
+  mju_error("softgym_mj.cloth_contact, instance \"%s\": %s", name ? name : "", reason);
+}
+
+std::string FlexName(const mjModel* m, int flex) {
+  const char* name = mj_id2name(m, mjOBJ_FLEX, flex);
+  return "flex " + (name && *name ? "\"" + std::string(name) + "\"" : std::to_string(flex));
+}
+
+// The flexes whose vertices carry the instance. "" or what is wrong.
+std::string CollectFlexes(const mjModel* m, int instance, std::vector<int>* flexes) {
+  flexes->clear();
+  for (int f = 0; f < m->nflex; ++f) {
+    const int* body = m->flex_vertbodyid + m->flex_vertadr[f];
+    const bool carries = std::any_of(body, body + m->flex_vertnum[f],
+                                     [&](int b) { return m->body_plugin[b] == instance; });
+    if (!carries) continue;
+    if (m->flex_dim[f] > 2 || m->flex_interp[f] || m->flex_rigid[f]) {
+      return FlexName(m, f) + " cannot be handled: expected a deformable one of dimension 1 or 2 "
+                              "with vertices, dof=\"full\".";
+    }
+    if (m->flex_selfcollide[f] != mjFLEXSELF_NONE) {
+      return FlexName(m, f) + " would collide with itself twice: expected selfcollide=\"none\".";
+    }
+    flexes->push_back(f);
+  }
+  if (flexes->empty()) {
+    return "no flex carries it: expected <plugin instance=\"...\"/> inside a flexcomp.";
+  }
+  for (int f : *flexes) {
+    for (int g : *flexes) {
+      if (f < g && ((m->flex_contype[f] & m->flex_conaffinity[g]) ||
+                    (m->flex_contype[g] & m->flex_conaffinity[f]))) {
+        return FlexName(m, f) + " and " + FlexName(m, g) +
+               " would collide twice: expected contype and conaffinity with no bit in common.";
+      }
+    }
+  }
+  return "";
+}
+
+std::string ParseConfig(const mjModel* m, int instance, ContactConfig* config) {
+  ContactConfig parsed;
+  AttributeReader read(m, instance);
+  read.Numbers("iterations", &parsed.iterations, 1, 1, 1000);
+  read.Numbers("stretch", &parsed.stretch, 1, 0.01, 10);
+  read.Numbers("compression", &parsed.compression, 1, 0.01, 1);
+  if (read.error().empty()) *config = parsed;
+  return read.error();
+}
+
+// Everything of the model that the mesh depends on, as bytes.
+void Signature(const mjModel* m, const std::vector<int>& flexes, std::string* out) {
+  out->clear();
+  const auto append = [out](const void* data, size_t size) {
+    out->append(static_cast<const char*>(data), size);
+  };
+  for (int f : flexes) {
+    const int vert = m->flex_vertadr[f], verts = m->flex_vertnum[f];
+    const int edge = m->flex_edgeadr[f], edges = m->flex_edgenum[f];
+    const int dim = m->flex_dim[f];
+    const int sizes[6] = {f, dim, verts, edges, m->flex_elemnum[f], m->flex_condim[f]};
+    append(sizes, sizeof(sizes));
+    append(m->flex_vertbodyid + vert, verts * sizeof(int));
+    append(m->flex_edge + 2 * edge, 2 * edges * sizeof(int));
+    append(m->flex_elem + m->flex_elemdataadr[f], (dim + 1) * m->flex_elemnum[f] * sizeof(int));
+    append(m->flexedge_length0 + edge, edges * sizeof(mjtNum));
+    append(m->flex_radius + f, sizeof(mjtNum));
+    append(m->flex_friction + 3 * f, sizeof(mjtNum));
+  }
+}
+
+Vertex FindVertex(const mjModel* m, int body) {
+  const int joint = m->body_jntadr[body];
+  bool slides = m->body_jntnum[body] == 3;
+  for (int j = joint; slides && j < joint + 3; ++j) slides = m->jnt_type[j] == mjJNT_SLIDE;
+  if (!slides) return {body, -1, -1};
+  return {body, m->body_dofadr[body], m->jnt_qposadr[joint]};
+}
+
+// Parses the attributes and finds the flexes. False, with the reason, if something is wrong.
+bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t size) {
+  std::string error, attributes = RawAttributes(m, instance);
+  if (attributes != w->attributes || w->attributes.empty()) {
+    error = ParseConfig(m, instance, &w->config);
+    w->attributes = error.empty() ? attributes : "";
+  }
+  std::vector<int> flexes;
+  if (error.empty()) error = CollectFlexes(m, instance, &flexes);
+  if (error.empty() && m->opt.integrator == mjINT_RK4) {
+    error = "integrator RK4 is not supported: expected Euler, implicit, implicitfast or discrete.";
+  }
+  if (error.empty() && (m->opt.enableflags & mjENBL_SLEEP)) {
+    error = "the flag sleep is not supported.";
+  }
+  if (error.empty()) {
+    Signature(m, flexes, &w->other);
+    if (w->other != w->signature) {
+      w->signature = w->other;
+      w->mesh = MakeMesh(m, flexes);
+      w->proximity.Reset(w->mesh);
+      w->vertices.clear();
+      for (int f : flexes) {
+        const int* body = m->flex_vertbodyid + m->flex_vertadr[f];
+        for (int i = 0; i < m->flex_vertnum[f]; ++i) {
+          w->vertices.push_back(FindVertex(m, body[i]));
+        }
+      }
+    }
+  }
+  std::snprintf(reason, size, "%s", error.c_str());
+  return error.empty();
+}
+
+Workspace& Open(const mjModel* m, int instance) {
+  char reason[512];
+  Workspace& w = ThreadWorkspace();
+  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  return w;
+}
+
+Vector FromArray(const mjtNum* a) { return {a[0], a[1], a[2]}; }
+
+// Fills the motion; false if something is not finite.
+bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
+  const int count = w->mesh.NumVertices();
+  Motion& motion = w->motion;
+  motion.start.resize(count);
+  motion.move.assign(4 * (count + 1), 0);  // One more, which does not move, fills rows.
+  w->axes.resize(9 * count);
+  int last_parent = -1;
+  Pose parent = {};
+  double sum = 0;
+  for (int v = 0; v < count; ++v) {
+    const int part = w->mesh.part[v], flex = w->mesh.flexes[part];
+    const int address = m->flex_vertadr[flex] + v - w->mesh.first[part];
+    const Vertex& vertex = w->vertices[v];
+    const mjtNum* start = d->flexvert_xpos + 3 * address;
+    mjtNum end[3], local[3] = {0, 0, 0};
+    if (vertex.dof < 0) {
+      const Pose pose = BodyPose(m, d, vertex.body);
+      mju_rotVecQuat(end, m->flex_vert + 3 * address, pose.quaternion);
+      mju_addTo3(end, pose.position);
+      motion.move[4 * v + 3] = 0;
+    } else {
+      const int body = vertex.body, joint = m->body_jntadr[body];
+      if (m->body_parentid[body] != last_parent) {
+        last_parent = m->body_parentid[body];
+        parent = BodyPose(m, d, last_parent);
+      }
+      mjtNum quaternion[4], offset[3];
+      mju_mulQuat(quaternion, parent.quaternion, m->body_quat + 4 * body);
+      mju_rotVecQuat(end, m->body_pos + 3 * body, parent.quaternion);
+      mju_addTo3(end, parent.position);
+      for (int k = 0; k < 3; ++k) {
+        mjtNum* axis = &w->axes[9 * v + 3 * k];
+        mju_rotVecQuat(axis, m->jnt_axis + 3 * (joint + k), quaternion);
+        const int q = vertex.qpos + k;
+        mju_addToScl3(end, axis, d->qpos[q] - m->qpos0[q]);
+      }
+      if (!m->flex_centered[flex]) {
+        mju_copy3(local, m->flex_vert + 3 * address);
+        mju_rotVecQuat(offset, local, quaternion);
+        mju_addTo3(end, offset);
+      }
+      motion.move[4 * v + 3] = static_cast<float>(1 / m->dof_M0[vertex.dof]);
+    }
+    motion.start[v] = FromArray(start);
+    for (int k = 0; k < 3; ++k) {
+      motion.move[4 * v + k] = static_cast<float>(end[k] - start[k]);
+      sum += end[k] + start[k];
+    }
+  }
+  return std::isfinite(sum);
+}
+
+// The body of a geom, entered into the list with its inverse inertia.
+int FindBody(const mjModel* m, const mjData* d, int id, Workspace* w) {
+  for (size_t i = 0; i < w->body_ids.size(); ++i) {
+    if (w->body_ids[i] == id) return static_cast<int>(i);
+  }
+  const int index = static_cast<int>(w->body_ids.size()), nv = m->nv;
+  w->body_ids.push_back(id);
+  w->jacobian.resize(6 * nv);
+  w->response.resize(6 * nv * (index + 1));
+  mjtNum *jacobian = w->jacobian.data(), *response = w->response.data() + 6 * nv * index;
+  mj_jac(m, d, jacobian, jacobian + 3 * nv, d->xipos + 3 * id, id);
+  mj_solveM(m, const_cast<mjData*>(d), response, jacobian, 6);
+  Body body = {};
+  mjtNum twist[6];
+  mju_mulMatVec(twist, jacobian, d->qvel, 6, nv);
+  mju_scl(twist, twist, m->opt.timestep, 6);
+  body.move = FromArray(twist);
+  body.turn = FromArray(twist + 3);
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) {
+      body.compliance[i][j] = mju_dot(jacobian + i * nv, response + j * nv, nv);
+    }
+  }
+  w->bodies.push_back(body);
+  return index;
+}
+
+void FindRigidContacts(const mjModel* m, const mjData* d, Workspace* w) {
+  w->rigid.clear();
+  w->body_ids.clear();
+  w->bodies.clear();
+  for (int c = 0; c < d->ncon; ++c) {
+    const mjContact& contact = d->contact[c];
+    const int side = contact.flex[1] >= 0 ? 1 : 0;
+    if (contact.flex[side] < 0 || contact.geom[1 - side] < 0) continue;
+    const auto found =
+        std::find(w->mesh.flexes.begin(), w->mesh.flexes.end(), contact.flex[side]);
+    if (found == w->mesh.flexes.end()) continue;
+    const int flex = *found, first = w->mesh.first[found - w->mesh.flexes.begin()];
+    RigidContact rigid = {};
+    const Vector normal = FromArray(contact.frame), position = FromArray(contact.pos);
+    rigid.normal = (side ? 1.0 : -1.0) * normal;
+    rigid.friction = contact.dim > 1 ? contact.friction[0] : 0;
+    rigid.gap = std::max(0.0, contact.dist);
+    rigid.solved = contact.efc_address >= 0;
+    rigid.body = -1;
+    if (contact.vert[side] >= 0) {
+      for (int& v : rigid.vertex) v = first + contact.vert[side];
+      rigid.weight[0] = 1;
+    } else {
+      // As the engine weighs the corners of an element.
+      const int dim = m->flex_dim[flex];
+      const int* corner =
+          m->flex_elem + m->flex_elemdataadr[flex] + contact.elem[side] * (dim + 1);
+      double sum = 0;
+      for (int k = 0; k < 3; ++k) {
+        const int v = first + corner[std::min(k, dim)];
+        rigid.vertex[k] = v;
+        if (k > dim) continue;
+        rigid.weight[k] = 1 / std::max(1e-9, Norm(position - w->motion.start[v]));
+        sum += rigid.weight[k];
+      }
+      for (double& weight : rigid.weight) weight /= sum;
+    }
+    const int body = m->geom_bodyid[contact.geom[1 - side]];
+    if (IsDynamic(m, body)) {
+      rigid.body = FindBody(m, d, body, w);
+      rigid.position = position - FromArray(d->xipos + 3 * body);
+    }
+    w->rigid.push_back(rigid);
+  }
+}
+
+// Writes what has changed to qvel and qpos.
+void Apply(const mjModel* m, mjData* d, Workspace* w, const std::vector<float>& velocity,
+           const std::vector<float>& position) {
+  const double dt = m->opt.timestep;
+  const int count = w->mesh.NumVertices();
+  for (int v = 0; v < count; ++v) {
+    if (w->vertices[v].dof < 0) continue;
+    Vector dv, dx;
+    const float *a = &velocity[4 * v], *b = &position[4 * v], *c = &w->before[4 * v];
+    dv = {(a[0] - c[0]) / dt, (a[1] - c[1]) / dt, (a[2] - c[2]) / dt};
+    dx = {b[0] - c[0], b[1] - c[1], b[2] - c[2]};
+    for (int k = 0; k < 3; ++k) {
+      const Vector axis = FromArray(&w->axes[9 * v + 3 * k]);
+      d->qvel[w->vertices[v].dof + k] += Dot(axis, dv);
+      d->qpos[w->vertices[v].qpos + k] += Dot(axis, dx);
+    }
+  }
+  if (w->bodies.empty()) return;
+  const int nv = m->nv;
+  w->change.assign(nv, 0);
+  for (size_t i = 0; i < w->bodies.size(); ++i) {
+    const mjtNum* response = w->response.data() + 6 * nv * i;
+    for (int k = 0; k < 6; ++k) {
+      mju_addToScl(d->qvel, response + k * nv, w->bodies[i].wrench[k] / dt, nv);
+      mju_addToScl(w->change.data(), response + k * nv, w->position_bodies[i].wrench[k], nv);
+    }
+  }
+  mj_integratePos(m, d->qpos, w->change.data(), 1);
+}
+
+void Advance(const mjModel* m, mjData* d, int instance) {
+  Workspace& w = Open(m, instance);
+  if (!Gather(m, d, &w)) return;  // MuJoCo finds what is not finite and resets in the next step.
+  w.proximity.Find(w.mesh, w.motion, &w.pairs);
+  FindRigidContacts(m, d, &w);
+  w.before = w.motion.move;
+  w.solver.Solve(w.config, m->opt.timestep, w.mesh, w.pairs, w.rigid, &w.motion, &w.bodies,
+                 &w.other_move, &w.position_bodies);
+  std::swap(w.motion.move, w.other_move);  // From here on the motion is that of the positions.
+  std::vector<float>& velocity = w.other_move;
+  PreventImpacts(w.pairs, &w.motion, &velocity);
+  // TODO pairs beyond.
+  Apply(m, d, &w, velocity, w.motion.move);
+}
+
+}  // namespace
+
+void RegisterClothContact() {
+  mjpPlugin plugin;
+  mjp_defaultPlugin(&plugin);
+  plugin.name = "softgym_mj.cloth_contact";
+  plugin.nattribute = sizeof(kAttributes) / sizeof(kAttributes[0]);
+  plugin.attributes = kAttributes;
+  plugin.capabilityflags = mjPLUGIN_PASSIVE;
+  plugin.nstate = [](const mjModel*, int) { return 0; };
+  // The compiler makes an mjData of every model, so what is wrong is found there.
+  plugin.init = [](const mjModel* m, mjData* d, int instance) {
+    Open(m, instance);
+    d->plugin_data[instance] = 0;
+    return 0;
+  };
+  plugin.compute = [](const mjModel*, mjData*, int, int) {};
+  plugin.advance = Advance;
+  mjp_registerPlugin(&plugin);
+}
+
+}  // namespace softgym_mj

@@ -1,0 +1,85 @@
+// The inner loops of the cloth contact, compiled once per instruction set. As in kernels.h: no standard
+// containers or algorithms in the files that are.
+
+#ifndef SOFTGYM_MJ_FLUID_CONTACT_KERNELS_H_
+#define SOFTGYM_MJ_FLUID_CONTACT_KERNELS_H_
+
+namespace softgym_mj {
+
+// Boxes sorted by their low x. Arrays are padded by 8.
+struct BoxView {
+  const float* low[3];
+  const float* high[3];
+  const int* id;
+};
+
+// Keeps n . r >= least, where r is the sum of weight * displacement of up to four vertices, with Coulomb
+// friction against what remains of r. Impulses are in kg m: mass times displacement in the step.
+struct alignas(16) Row {
+  int vertex[4];
+  float weight[4];
+  float scaled[4];   // Weight times inverse mass.
+  float normal[4];   // The fourth is the inverse of the sum of weight^2 * inverse mass.
+  float impulse[4];  // Tangential so far; the fourth is along the normal.
+  float before[4];   // Impulse before the last sweep.
+  float search[4];   // Direction of the conjugate gradient.
+  float least;       // [m]
+  float friction;
+  float gap;         // How far the pair is beyond its thickness; negative when it overlaps [m].
+};
+
+// An edge as a spring: pulls n . (difference of the ends' displacements) to what elasticity has made it.
+struct alignas(16) Spring {
+  float normal[4];   // The fourth is the inverse of the sum of inverse masses and compliance.
+  int vertex[2];
+  float scaled[2];   // Inverse masses.
+  float compliance;  // Inverse of stiffness times the square of the time step [1/kg].
+  float target;      // [m]
+  float impulse, before, search;
+};
+
+// Edges or triangles as arrays, for a quick look at many.
+struct EdgeView {
+  const float* start[3];   // One end [m].
+  const float* along[3];   // From it to the other [m].
+  const float* move[3];    // Mean displacement [m].
+  const float* spread;     // How far an end's displacement is from the mean [m].
+};
+struct TriangleView {
+  const float* centre[3];  // [m]
+  const float* normal[3];  // Unit.
+  const float* move[3];
+  const float* spread;
+  const float* radius;     // Of a sphere about the centre that holds the triangle [m].
+};
+
+struct ContactKernels {
+  // Writes the ids of the boxes in [first, last) that overlap `box` (low x y z, high x y z) to `out`,
+  // which has room for 8 more; returns their number.
+  int (*Scan)(const BoxView&, int first, int last, const float* box, int* out);
+  // Copies those of the `count` edges in `near` to `out` that may come within `reach` of edge e, and more;
+  // returns their number. `near` is padded by 8 valid indices, `out` has room for 8 more.
+  int (*NearEdges)(const EdgeView&, int e, const int* near, int count, float reach, int* out);
+  // The same for triangles and a point that moves.
+  int (*NearTriangles)(const TriangleView&, const float* point, const float* move, const int* near,
+                       int count, float reach, int* out);
+  // One Gauss-Seidel sweep: solves one after the other. `move` holds four floats per vertex: displacement,
+  // inverse mass. Returns the sum of the squared changes of impulse.
+  float (*SweepRows)(Row* rows, int count, float* move);
+  float (*SweepSprings)(Spring* springs, int count, float* move);
+  // After a sweep: goes on along the search directions, times `beta`, which then take in the sweep.
+  void (*ExtendRows)(Row* rows, int count, float beta, float* move);
+  void (*ExtendSprings)(Spring* springs, int count, float beta, float* move);
+};
+
+extern const ContactKernels kScalarContactKernels;
+#ifdef SOFTGYM_MJ_X86
+extern const ContactKernels kAvx2ContactKernels;
+#endif
+
+// As ChooseKernels in kernels.h.
+const ContactKernels& ChooseContactKernels();
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_CONTACT_KERNELS_H_

@@ -1,0 +1,262 @@
+#include "contact_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+
+namespace softgym_mj {
+namespace {
+
+constexpr double kNear = 0.8;  // Edges get a row from this share of their limit on.
+// Elasticity as the solver sees it, of the true one. It spreads what contact does over the neighbours, as
+// MuJoCo's implicit step does: without it heaps are squeezed and stretched. All of it converges slowly.
+constexpr double kElasticity = 0.25;
+// Overlap is undone by this share in a step, at this speed [m/s] at most, by fewer iterations.
+constexpr double kRecovery = 0.05, kRecoverySpeed = 0.15;
+constexpr int kRecoveryShare = 4;
+// The last part of a gap [m] is closed by half in a step, so that nothing at rest starts to hop.
+constexpr double kCushion = 3e-4;
+// MuJoCo's contacts push when they overlap: one that it has not solved yet may sink in by so much [m].
+constexpr double kSink = 1e-4;
+
+// What a body's point at `position` moves by.
+Vector PointMove(const Body& body, Vector position) {
+  return body.move + Cross(body.turn, position);
+}
+
+void Push(Body* body, Vector position, Vector impulse) {
+  const Vector moment = Cross(position, impulse);
+  const double wrench[6] = {impulse.x, impulse.y, impulse.z, moment.x, moment.y, moment.z};
+  double change[6];
+  for (int i = 0; i < 6; ++i) {
+    body->wrench[i] += wrench[i];
+    change[i] = 0;
+    for (int j = 0; j < 6; ++j) change[i] += body->compliance[i][j] * wrench[j];
+  }
+  body->move = body->move + Vector{change[0], change[1], change[2]};
+  body->turn = body->turn + Vector{change[3], change[4], change[5]};
+}
+
+// What the body's point moves by for an impulse of one along `direction`.
+Vector Response(const Body& body, Vector position, Vector direction) {
+  Body pushed = body;
+  pushed.move = pushed.turn = {0, 0, 0};
+  Push(&pushed, position, direction);
+  return PointMove(pushed, position);
+}
+
+// By how much the two of a contact may approach each other, whose relative displacement is `relative`.
+double Gap(const RigidContact& contact, Vector relative) {
+  if (!contact.solved) return contact.gap + kSink;
+  return std::max(contact.gap, -Dot(contact.normal, relative));
+}
+
+}  // namespace
+
+void ContactSolver::AddRow(const int vertex[4], const double weight[4], Vector normal, double gap,
+                           double friction, const Motion& motion) {
+  double compliance = 0;
+  Row row = {};
+  for (int k = 0; k < 4; ++k) {
+    const double inverse_mass = motion.move[4 * vertex[k] + 3];
+    row.vertex[k] = vertex[k];
+    row.weight[k] = static_cast<float>(weight[k]);
+    row.scaled[k] = static_cast<float>(weight[k] * inverse_mass);
+    compliance += weight[k] * weight[k] * inverse_mass;
+  }
+  if (compliance <= 0) return;
+  row.normal[0] = static_cast<float>(normal.x);
+  row.normal[1] = static_cast<float>(normal.y);
+  row.normal[2] = static_cast<float>(normal.z);
+  row.normal[3] = static_cast<float>(1 / compliance);
+  row.gap = static_cast<float>(gap);
+  row.least = gap > 0 ? -static_cast<float>(std::max(0.5 * gap, gap - kCushion)) : 0.0f;
+  row.friction = static_cast<float>(friction);
+  rows_.push_back(row);
+}
+
+void ContactSolver::AddEdgeRows(const ContactConfig& config, const Mesh& mesh,
+                                const Motion& motion) {
+  const int none = mesh.NumVertices();
+  for (const Mesh::Edge& edge : mesh.edges) {
+    const int a = edge.vertex[0], b = edge.vertex[1];
+    const Vector start = motion.start[a] - motion.start[b];
+    const Vector end = start + motion.Move(a) - motion.Move(b);
+    const double square = Dot(end, end), longest = (1 + config.stretch) * edge.length;
+    const double shortest = (1 - config.compression) * edge.length;
+    const double near_long = (1 + kNear * config.stretch) * edge.length;
+    const double near_short = (1 - kNear * config.compression) * edge.length;
+    const int vertex[4] = {a, b, none, none};
+    if (square > near_long * near_long) {
+      const double length = Norm(start), weight[4] = {-1, 1, 0, 0};
+      AddRow(vertex, weight, (1 / length) * start, longest - length, 0, motion);
+    } else if (square < near_short * near_short) {
+      const double length = Norm(start), weight[4] = {1, -1, 0, 0};
+      AddRow(vertex, weight, (1 / length) * start, length - shortest, 0, motion);
+    }
+  }
+}
+
+void ContactSolver::AddRigidRows(const std::vector<RigidContact>& rigid, const Motion& motion,
+                                 const std::vector<Body>& bodies) {
+  for (const RigidContact& contact : rigid) {
+    Vector relative = {0, 0, 0};
+    double compliance = 0;
+    BodyRow row = {contact, {}, 0, 0, 0, 0, {0, 0, 0}};
+    for (int k = 0; k < 3; ++k) {
+      const double inverse_mass = motion.move[4 * contact.vertex[k] + 3];
+      relative = relative + contact.weight[k] * motion.Move(contact.vertex[k]);
+      row.scaled[k] = contact.weight[k] * inverse_mass;
+      compliance += contact.weight[k] * row.scaled[k];
+    }
+    if (contact.body < 0) {
+      relative = relative - contact.carried;
+      if (compliance <= 0) continue;
+      const double gap = Gap(contact, relative);
+      if (Dot(contact.carried, contact.carried) == 0) {
+        const int none = static_cast<int>(motion.start.size());
+        int vertex[4] = {none, none, none, none};
+        double weight[4] = {0, 0, 0, 0};
+        for (int k = 0; k < 3; ++k) {
+          if (contact.weight[k] == 0) continue;
+          vertex[k] = contact.vertex[k];
+          weight[k] = contact.weight[k];
+        }
+        AddRow(vertex, weight, contact.normal, gap, contact.friction, motion);
+        continue;
+      }
+      row.mass = row.tangential_mass = 1 / compliance;
+      row.least = -gap;
+    } else {
+      const Body& body = bodies[contact.body];
+      relative = relative - PointMove(body, contact.position);
+      const Vector response = Response(body, contact.position, contact.normal);
+      double trace = Response(body, contact.position, {1, 0, 0}).x;
+      trace += Response(body, contact.position, {0, 1, 0}).y;
+      trace += Response(body, contact.position, {0, 0, 1}).z;
+      row.mass = 1 / (compliance + Dot(response, contact.normal));
+      row.tangential_mass = 1 / (compliance + trace);
+      row.least = -Gap(contact, relative);
+    }
+    body_rows_.push_back(row);
+  }
+}
+
+void ContactSolver::Sweep(BodyRow* row, float* move, std::vector<Body>* bodies) const {
+  const RigidContact& contact = row->contact;
+  Body* body = contact.body < 0 ? nullptr : &(*bodies)[contact.body];
+  Vector r = body ? -1.0 * PointMove(*body, contact.position) : -1.0 * contact.carried;
+  for (int k = 0; k < 3; ++k) {
+    const float* u = move + 4 * contact.vertex[k];
+    r = r + contact.weight[k] * Vector{u[0], u[1], u[2]};
+  }
+  const double along = Dot(contact.normal, r);
+  const double total = std::max(0.0, row->impulse + row->mass * (row->least - along));
+  Vector impulse = (total - row->impulse) * contact.normal;
+  Vector held = row->held - row->tangential_mass * (r - along * contact.normal);
+  const double size = Norm(held), most = contact.friction * total;
+  if (size > most) held = (most / size) * held;
+  impulse = impulse + held - row->held;
+  row->held = held;
+  row->impulse = total;
+  for (int k = 0; k < 3; ++k) {
+    float* u = move + 4 * contact.vertex[k];
+    u[0] += static_cast<float>(row->scaled[k] * impulse.x);
+    u[1] += static_cast<float>(row->scaled[k] * impulse.y);
+    u[2] += static_cast<float>(row->scaled[k] * impulse.z);
+  }
+  if (body) Push(body, contact.position, -1.0 * impulse);
+}
+
+void ContactSolver::AddSprings(const Mesh& mesh, const Motion& motion, double timestep) {
+  springs_.clear();
+  for (const Mesh::Edge& edge : mesh.edges) {
+    const int a = edge.vertex[0], b = edge.vertex[1];
+    const float wa = motion.move[4 * a + 3], wb = motion.move[4 * b + 3];
+    const double stiffness = kElasticity * (edge.stiffness * timestep + edge.damping) * timestep;
+    const Vector start = motion.start[a] - motion.start[b];
+    const double length = Norm(start), compliance = 1 / stiffness;
+    if (!(stiffness > 0 && length > 0 && wa + wb > 0)) continue;
+    const float x = static_cast<float>(start.x / length), y = static_cast<float>(start.y / length);
+    const float z = static_cast<float>(start.z / length);
+    const float target = static_cast<float>(Dot(motion.Move(a) - motion.Move(b), start) / length);
+    springs_.push_back({{x, y, z, static_cast<float>(1 / (wa + wb + compliance))},
+                        {a, b},
+                        {wa, wb},
+                        static_cast<float>(compliance),
+                        target, 0, 0, 0});
+  }
+}
+
+// Gauss-Seidel, sped up by nonsmooth nonlinear conjugate gradients (Silcowitz, Niebe and Erleben, 2010).
+void ContactSolver::Iterate(int iterations, float* move, std::vector<Body>* bodies) {
+  const int rows = static_cast<int>(rows_.size()), springs = static_cast<int>(springs_.size());
+  float last = 0;
+  for (int i = 0; i < iterations; ++i) {
+    float change = kernels_->SweepSprings(springs_.data(), springs, move);
+    for (BodyRow& row : body_rows_) Sweep(&row, move, bodies);
+    change += kernels_->SweepRows(rows_.data(), rows, move);
+    if (!(change > 0)) return;
+    if (i + 1 == iterations) return;
+    // Further from the solution than before: a new start.
+    const float beta = change < last ? change / last : 0;
+    last = change;
+    kernels_->ExtendRows(rows_.data(), rows, beta, move);
+    kernels_->ExtendSprings(springs_.data(), springs, beta, move);
+  }
+}
+
+void ContactSolver::Solve(const ContactConfig& config, double timestep, const Mesh& mesh,
+                          const std::vector<Pair>& pairs, const std::vector<RigidContact>& rigid,
+                          Motion* motion, std::vector<Body>* bodies, std::vector<float>* position,
+                          std::vector<Body>* position_bodies) {
+  kernels_ = &ChooseContactKernels();
+  rows_.clear();
+  body_rows_.clear();
+  AddSprings(mesh, *motion, timestep);
+  AddEdgeRows(config, mesh, *motion);
+  AddRigidRows(rigid, *motion, *bodies);
+  for (const Pair& pair : pairs) {
+    if (!pair.counts) continue;
+    const int contact = mesh.Pair(pair.vertex[0], pair.vertex[2]);
+    AddRow(pair.vertex, pair.weight, pair.normal, pair.distance - mesh.thickness[contact],
+           mesh.friction[contact], *motion);
+  }
+  Iterate(config.iterations, motion->move.data(), bodies);
+  // Overlap is undone by displacement alone: as a velocity it would stay. What friction allows to slide
+  // has slid already.
+  *position = motion->move;
+  *position_bodies = *bodies;
+  const float most = static_cast<float>(kRecoverySpeed * timestep);
+  for (Row& row : rows_) {
+    std::fill_n(row.impulse, 4, 0.0f);
+    std::fill_n(row.search, 4, 0.0f);
+    row.friction = 0;
+    if (row.gap < 0) row.least = std::min(static_cast<float>(-kRecovery * row.gap), most);
+  }
+  for (Spring& spring : springs_) {
+    const Vector move = motion->Move(spring.vertex[0]) - motion->Move(spring.vertex[1]);
+    const float* n = spring.normal;
+    spring.target = static_cast<float>(Dot({n[0], n[1], n[2]}, move));
+    spring.impulse = spring.search = 0;
+  }
+  for (BodyRow& row : body_rows_) {
+    row.impulse = 0;
+    row.held = {0, 0, 0};
+    row.contact.friction = 0;
+  }
+  Iterate(config.iterations / kRecoveryShare + 1, position->data(), position_bodies);
+}
+
+const ContactKernels& ChooseContactKernels() {
+  const char* variable = std::getenv("SOFTGYM_MJ_SIMD");
+#ifdef SOFTGYM_MJ_X86
+  static const bool avx2 = __builtin_cpu_supports("fma") && __builtin_cpu_supports("avx2");
+  if (avx2 && !(variable && std::string(variable) == "scalar")) return kAvx2ContactKernels;
+#endif
+  (void)variable;
+  return kScalarContactKernels;
+}
+
+}  // namespace softgym_mj

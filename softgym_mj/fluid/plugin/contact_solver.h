@@ -1,0 +1,73 @@
+// Makes the displacements of a step obey the contacts: no layer comes through another, nothing is pushed
+// into what MuJoCo's solver has kept it out of, edges stay near their length.
+
+#ifndef SOFTGYM_MJ_FLUID_CONTACT_SOLVER_H_
+#define SOFTGYM_MJ_FLUID_CONTACT_SOLVER_H_
+
+#include <vector>
+
+#include "proximity.h"
+
+namespace softgym_mj {
+
+struct ContactConfig {
+  int iterations = 30;
+  double stretch = 0.1;      // Longest that contact makes an edge, as a share of its length.
+  double compression = 0.4;  // The same for what it takes off.
+};
+
+// A rigid body that a flex touches and that can give way. Impulses in kg m, as in contact_kernels.h.
+struct Body {
+  Vector move, turn;         // Displacement of its reference point and rotation in the step.
+  double compliance[6][6];   // Inverse inertia: change of move and turn for an impulse and its moment.
+  double wrench[6];          // Sum of the impulses and their moments.
+};
+
+// A contact that MuJoCo found between a flex and a geom.
+struct RigidContact {
+  int vertex[3];
+  double weight[3];
+  Vector normal;    // From the geom to the flex.
+  Vector position;  // Relative to the body's reference point.
+  Vector carried;   // Displacement of the geom there, if its body cannot give way.
+  double gap;       // How far apart they are [m].
+  bool solved;      // MuJoCo's solver has held them apart as it wanted.
+  double friction;
+  int body;         // In the list of bodies, or -1.
+};
+
+class ContactSolver {
+ public:
+  // Changes motion->move, for velocities, and `position`, alike, for positions. The bodies' move and turn
+  // become the velocities', `position_bodies` the positions'.
+  void Solve(const ContactConfig& config, double timestep, const Mesh& mesh,
+             const std::vector<Pair>& pairs, const std::vector<RigidContact>& rigid, Motion* motion,
+             std::vector<Body>* bodies, std::vector<float>* position,
+             std::vector<Body>* position_bodies);
+
+ private:
+  struct BodyRow {
+    RigidContact contact;
+    double scaled[3];
+    double mass, tangential_mass, least, impulse;
+    Vector held;
+  };
+
+  void AddEdgeRows(const ContactConfig& config, const Mesh& mesh, const Motion& motion);
+  void AddRow(const int vertex[4], const double weight[4], Vector normal, double gap, double friction,
+              const Motion& motion);
+  void AddRigidRows(const std::vector<RigidContact>& rigid, const Motion& motion,
+                    const std::vector<Body>& bodies);
+  void Sweep(BodyRow* row, float* move, std::vector<Body>* bodies) const;
+  void Iterate(int iterations, float* move, std::vector<Body>* bodies);
+
+  const ContactKernels* kernels_ = nullptr;
+  void AddSprings(const Mesh& mesh, const Motion& motion, double timestep);
+  std::vector<Spring> springs_;
+  std::vector<Row> rows_;
+  std::vector<BodyRow> body_rows_;
+};
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_CONTACT_SOLVER_H_

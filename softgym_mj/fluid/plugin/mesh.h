@@ -1,0 +1,48 @@
+// The surfaces and cords of one or more flexes as one list of vertices, edges and triangles.
+
+#ifndef SOFTGYM_MJ_FLUID_MESH_H_
+#define SOFTGYM_MJ_FLUID_MESH_H_
+
+#include <cstdint>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+namespace softgym_mj {
+
+// A point that moves with a triangle's corners or an edge's ends sits on one of its features: a set of
+// corners, as bits.
+constexpr int kInside = 7;
+
+struct Mesh {
+  struct Edge {
+    int vertex[2];
+    bool on_surface;     // It belongs to a triangle.
+    double length;       // At rest [m].
+    double stiffness;    // [N/m]; infinite if an equality keeps the length.
+    double damping;      // [N s/m]
+  };
+  struct Triangle {
+    int vertex[3];
+    // Bit f is set if feature f (a set of corners) is counted with this triangle and not with another
+    // one that shares it.
+    std::uint8_t owned;
+  };
+
+  std::vector<int> flexes;  // Ids in the model.
+  std::vector<int> first;   // First vertex of each of them.
+  std::vector<int> part;    // Which of them each vertex belongs to.
+  std::vector<Edge> edges;
+  std::vector<Triangle> triangles;
+  // For each pair of flexes, `flexes.size()` squared: distance at which they touch [m], friction.
+  std::vector<float> thickness, friction;
+
+  int NumVertices() const { return static_cast<int>(part.size()); }
+  int Pair(int v, int w) const { return part[v] * static_cast<int>(flexes.size()) + part[w]; }
+};
+
+Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes);
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_MESH_H_
