@@ -22,7 +22,7 @@ struct alignas(16) Row {
   float normal[4];   // The fourth is the inverse of the sum of weight^2 * inverse mass.
   float impulse[4];  // Tangential so far; the fourth is along the normal.
   float before[4];   // Impulse before the last sweep.
-  float search[4];   // Direction of the conjugate gradient.
+  float search[4];   // What momentum carries on.
   float least;       // [m]
   float friction;
   float gap;         // How far the pair is beyond its thickness; negative when it overlaps [m].
@@ -67,9 +67,9 @@ struct ContactKernels {
   // inverse mass. Returns the sum of the squared changes of impulse.
   float (*SweepRows)(Row* rows, int count, float* move);
   float (*SweepSprings)(Spring* springs, int count, float* move);
-  // After a sweep: goes on along the search directions, times `beta`, which then take in the sweep.
-  void (*ExtendRows)(Row* rows, int count, float beta, float* move);
-  void (*ExtendSprings)(Spring* springs, int count, float beta, float* move);
+  // After a sweep: goes on along the search directions, times `share`, which then take in the sweep.
+  void (*ExtendRows)(Row* rows, int count, float share, float* move);
+  void (*ExtendSprings)(Spring* springs, int count, float share, float* move);
 };
 
 extern const ContactKernels kScalarContactKernels;

@@ -57,11 +57,11 @@ float SweepRows(Row* rows, int count, float* move) {
 }
 
 template <class V>
-void ExtendRows(Row* rows, int count, float beta, float* move) {
+void ExtendRows(Row* rows, int count, float share, float* move) {
   for (int k = 0; k < count; ++k) {
     Row& row = rows[k];
     const V impulse = V::Load(row.impulse);
-    const V sweep = impulse - V::Load(row.before), ahead = V::Load(row.search) * V(beta);
+    const V sweep = impulse - V::Load(row.before), ahead = V::Load(row.search) * V(share);
     (ahead + sweep).Store(row.search);
     if (Dot4(ahead, ahead) == 0) continue;
     (impulse + ahead).Store(row.impulse);
@@ -93,10 +93,10 @@ float SweepSprings(Spring* springs, int count, float* move) {
 }
 
 template <class V>
-void ExtendSprings(Spring* springs, int count, float beta, float* move) {
+void ExtendSprings(Spring* springs, int count, float share, float* move) {
   for (int k = 0; k < count; ++k) {
     Spring& spring = springs[k];
-    const float ahead = beta * spring.search;
+    const float ahead = share * spring.search;
     spring.search = ahead + spring.impulse - spring.before;
     if (ahead == 0) continue;
     spring.impulse += ahead;

@@ -8,6 +8,7 @@
 namespace softgym_mj {
 namespace {
 
+constexpr float kMomentum = 0.5f;
 constexpr double kNear = 0.8;  // Edges get a row from this share of their limit on.
 // Elasticity as the solver sees it, of the true one. It spreads what contact does over the neighbours, as
 // MuJoCo's implicit step does: without it heaps are squeezed and stretched. All of it converges slowly.
@@ -17,6 +18,9 @@ constexpr double kRecovery = 0.05, kRecoverySpeed = 0.15;
 constexpr int kRecoveryShare = 4;
 // The last part of a gap [m] is closed by half in a step, so that nothing at rest starts to hop.
 constexpr double kCushion = 3e-4;
+// Sweeps end when they change less than what moves one vertex by this [m].
+constexpr double kDone = 1e-6;
+constexpr float kHair = 1e-9f;  // [m] Rounding must not make a contact push that MuJoCo has solved.
 // MuJoCo's contacts push when they overlap: one that it has not solved yet may sink in by so much [m].
 constexpr double kSink = 1e-4;
 
@@ -124,6 +128,7 @@ void ContactSolver::AddRigidRows(const std::vector<RigidContact>& rigid, const M
           weight[k] = contact.weight[k];
         }
         AddRow(vertex, weight, contact.normal, gap, contact.friction, motion);
+        if (contact.solved) rows_.back().least = -static_cast<float>(gap) - kHair;
         continue;
       }
       row.mass = row.tangential_mass = 1 / compliance;
@@ -189,21 +194,19 @@ void ContactSolver::AddSprings(const Mesh& mesh, const Motion& motion, double ti
   }
 }
 
-// Gauss-Seidel, sped up by nonsmooth nonlinear conjugate gradients (Silcowitz, Niebe and Erleben, 2010).
+// Gauss-Seidel with momentum: what a sweep has changed is carried on by half in the next ones.
 void ContactSolver::Iterate(int iterations, float* move, std::vector<Body>* bodies) {
   const int rows = static_cast<int>(rows_.size()), springs = static_cast<int>(springs_.size());
-  float last = 0;
+  float last = 0, done = typical_impulse_ * typical_impulse_;
   for (int i = 0; i < iterations; ++i) {
     float change = kernels_->SweepSprings(springs_.data(), springs, move);
     for (BodyRow& row : body_rows_) Sweep(&row, move, bodies);
     change += kernels_->SweepRows(rows_.data(), rows, move);
-    if (!(change > 0)) return;
-    if (i + 1 == iterations) return;
-    // Further from the solution than before: a new start.
-    const float beta = change < last ? change / last : 0;
+    if (!(change > done) || i + 1 == iterations) return;
+    const float ahead = change < last ? kMomentum : 0;  // Worse than before: a new start.
     last = change;
-    kernels_->ExtendRows(rows_.data(), rows, beta, move);
-    kernels_->ExtendSprings(springs_.data(), springs, beta, move);
+    kernels_->ExtendRows(rows_.data(), rows, ahead, move);
+    kernels_->ExtendSprings(springs_.data(), springs, ahead, move);
   }
 }
 
@@ -215,6 +218,9 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
   rows_.clear();
   body_rows_.clear();
   AddSprings(mesh, *motion, timestep);
+  double inverse_mass = 0;
+  for (int v = 0; v < mesh.NumVertices(); ++v) inverse_mass += motion->move[4 * v + 3];
+  typical_impulse_ = static_cast<float>(kDone * mesh.NumVertices() / std::max(inverse_mass, 1e-30));
   AddEdgeRows(config, mesh, *motion);
   AddRigidRows(rigid, *motion, *bodies);
   for (const Pair& pair : pairs) {

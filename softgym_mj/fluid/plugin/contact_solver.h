@@ -12,8 +12,8 @@ namespace softgym_mj {
 
 struct ContactConfig {
   int iterations = 30;
-  double stretch = 0.1;      // Longest that contact makes an edge, as a share of its length.
-  double compression = 0.4;  // The same for what it takes off.
+  double stretch = 0.25;      // Longest that contact makes an edge, as a share of its length.
+  double compression = 0.45;  // The same for what it takes off.
 };
 
 // A rigid body that a flex touches and that can give way. Impulses in kg m, as in contact_kernels.h.
@@ -64,6 +64,7 @@ class ContactSolver {
   const ContactKernels* kernels_ = nullptr;
   void AddSprings(const Mesh& mesh, const Motion& motion, double timestep);
   std::vector<Spring> springs_;
+  float typical_impulse_ = 0;
   std::vector<Row> rows_;
   std::vector<BodyRow> body_rows_;
 };

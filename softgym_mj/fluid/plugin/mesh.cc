@@ -71,19 +71,22 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes) {
     mesh.first.push_back(first);
     mesh.part.insert(mesh.part.end(), m->flex_vertnum[f], p);
     vertex_owner.resize(mesh.part.size(), -1);
-    const bool surface = m->flex_dim[f] == 2;
     for (int e = m->flex_edgeadr[f]; e < m->flex_edgeadr[f] + m->flex_edgenum[f]; ++e) {
       mesh.edges.push_back({{first + m->flex_edge[2 * e], first + m->flex_edge[2 * e + 1]},
-                            surface, m->flexedge_length0[e], 0, 0});
+                            {-1, -1}, m->flexedge_length0[e], 0, 0});
     }
     SetElasticity(m, f, mesh.edges.data() + mesh.edges.size() - m->flex_edgenum[f]);
-    if (!surface) continue;
+    if (m->flex_dim[f] != 2) continue;
+    Mesh::Edge* edges = mesh.edges.data() + mesh.edges.size() - m->flex_edgenum[f];
     const int* element = m->flex_elem + m->flex_elemdataadr[f];
-    for (int t = 0; t < m->flex_elemnum[f]; ++t, element += 3) {
+    const int* side = m->flex_elemedge + m->flex_elemedgeadr[f];
+    for (int t = 0; t < m->flex_elemnum[f]; ++t, element += 3, side += 3) {
       Mesh::Triangle triangle = {{first + element[0], first + element[1], first + element[2]},
                                  1 << kInside};
       const int index = static_cast<int>(mesh.triangles.size());
       for (int k = 0; k < 3; ++k) {
+        int* of_edge = edges[side[k]].triangle;
+        of_edge[of_edge[0] >= 0] = index;
         const int v = triangle.vertex[k], w = triangle.vertex[(k + 1) % 3];
         if (vertex_owner[v] < 0) {
           vertex_owner[v] = index;

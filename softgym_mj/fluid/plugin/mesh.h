@@ -17,10 +17,12 @@ constexpr int kInside = 7;
 struct Mesh {
   struct Edge {
     int vertex[2];
-    bool on_surface;     // It belongs to a triangle.
+    int triangle[2];     // Those it belongs to, or -1.
     double length;       // At rest [m].
     double stiffness;    // [N/m]; infinite if an equality keeps the length.
     double damping;      // [N s/m]
+
+    bool OnSurface() const { return triangle[0] >= 0; }
   };
   struct Triangle {
     int vertex[3];

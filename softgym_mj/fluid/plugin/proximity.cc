@@ -11,6 +11,9 @@ constexpr float kInterest = 1.3f;
 // The boxes of vertices are larger than their motion in a step by so many such motions and by so many
 // thicknesses: the candidates then last for several steps, at rest for many.
 constexpr float kSpareSteps = 3.0f, kSpare = 0.1f, kMostSpare = 0.5f;
+// Where two surfaces lie flat on each other, to this cosine, their vertices keep them apart well enough:
+// edges count only if they overlap by this share of the thickness.
+constexpr double kFlat = 0.97, kFlatOverlap = 0.1;
 constexpr double kTouching = 1e-9;  // [m] Nearer than this there is no normal.
 
 void Grow(float* box, const float* other) {
@@ -194,6 +197,16 @@ void Proximity::Describe(const Mesh& mesh, const Motion& motion) {
   }
 }
 
+// Whether the triangles at an edge lie nearly across `normal`.
+bool Proximity::IsFlat(const Mesh::Edge& edge, Vector normal) const {
+  for (int t : edge.triangle) {
+    if (t < 0) continue;
+    const Vector n = {triangle_[3][t], triangle_[4][t], triangle_[5][t]};
+    if (std::fabs(Dot(n, normal)) < kFlat) return false;
+  }
+  return true;
+}
+
 void Proximity::Find(const Mesh& mesh, const Motion& motion, std::vector<Pair>* pairs) {
   if (!built_ || !Covers(motion)) Build(mesh, motion);
   Describe(mesh, motion);
@@ -267,9 +280,15 @@ void Proximity::Find(const Mesh& mesh, const Motion& motion, std::vector<Pair>* 
                                 std::max(relative(b, c), relative(b, d)));
       if (square >= most || square < kTouching * kTouching) continue;
       // The end of an edge that meets a surface counts as a vertex against a triangle.
-      const bool counts = inside || !(mesh.edges[e].on_surface && other.on_surface);
-      add({{a, b, c, d}, {1 - s, s, t - 1, -t}, {}, 0, true, counts}, apart,
-          square);
+      const bool surfaces = mesh.edges[e].OnSurface() && other.OnSurface();
+      const bool counts = inside || !surfaces;
+      add({{a, b, c, d}, {1 - s, s, t - 1, -t}, {}, 0, true, counts}, apart, square);
+      if (inside && surfaces) {
+        Pair& pair = pairs->back();
+        const float thickness = mesh.thickness[mesh.Pair(a, c)];
+        pair.counts = pair.distance < (1 - kFlatOverlap) * thickness ||
+                      !(IsFlat(mesh.edges[e], pair.normal) && IsFlat(other, pair.normal));
+      }
     }
   }
 }

@@ -56,6 +56,7 @@ class Proximity {
   void Build(const Mesh& mesh, const Motion& motion);
   // Fills the arrays for the quick look.
   void Describe(const Mesh& mesh, const Motion& motion);
+  bool IsFlat(const Mesh::Edge& edge, Vector normal) const;
   // Leaves the ids of the boxes in [first, last) that overlap `box` in found_.
   void Overlapping(const Boxes& boxes, int first, int last, const float* box);
 
