@@ -28,6 +28,8 @@ struct Vertex {
 // What a thread needs for a step. Only memory, the parsed attributes, the mesh and the candidate pairs
 // outlive a call; each is checked against the model and the positions, so nothing depends on which thread
 // or mjData came before.
+constexpr int kMaxSearches = 4;  // For pairs that may pass through each other after all.
+
 struct Workspace {
   std::string attributes, signature, other;
   ContactConfig config;
@@ -257,6 +259,7 @@ int FindBody(const mjModel* m, const mjData* d, int id, Workspace* w) {
 }
 
 void FindRigidContacts(const mjModel* m, const mjData* d, Workspace* w) {
+  const mjtNum dt = m->opt.timestep;
   w->rigid.clear();
   w->body_ids.clear();
   w->bodies.clear();
@@ -274,6 +277,13 @@ void FindRigidContacts(const mjModel* m, const mjData* d, Workspace* w) {
     rigid.friction = contact.dim > 1 ? contact.friction[0] : 0;
     rigid.gap = std::max(0.0, contact.dist);
     rigid.solved = contact.efc_address >= 0;
+    if (rigid.solved && (contact.dim == 1 || m->opt.cone == mjCONE_ELLIPTIC)) {
+      // The engine's soft contact: acceleration >= reference - softness * force, now with more force.
+      const int row = contact.efc_address;
+      const mjtNum acceleration = d->efc_aref[row] - d->efc_R[row] * d->efc_force[row];
+      rigid.softness = d->efc_R[row];
+      rigid.gap = -dt * (d->efc_vel[row] + dt * acceleration);
+    }
     rigid.body = -1;
     if (contact.vert[side] >= 0) {
       for (int& v : rigid.vertex) v = first + contact.vert[side];
@@ -343,7 +353,11 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   std::swap(w.motion.move, w.other_move);  // From here on the motion is that of the positions.
   std::vector<float>& velocity = w.other_move;
   PreventImpacts(w.pairs, &w.motion, &velocity);
-  // TODO pairs beyond.
+  // Pairs that were not of interest may be by now.
+  for (int i = 0; i < kMaxSearches && !w.proximity.Vouches(w.mesh, w.motion, w.before); ++i) {
+    w.proximity.Find(w.mesh, w.motion, &w.pairs);
+    if (!PreventImpacts(w.pairs, &w.motion, &velocity)) break;
+  }
   Apply(m, d, &w, velocity, w.motion.move);
 }
 

@@ -19,13 +19,14 @@ struct alignas(16) Row {
   int vertex[4];
   float weight[4];
   float scaled[4];   // Weight times inverse mass.
-  float normal[4];   // The fourth is the inverse of the sum of weight^2 * inverse mass.
+  float normal[4];   // The fourth is the inverse of the sum of weight^2 * inverse mass, and compliance.
   float impulse[4];  // Tangential so far; the fourth is along the normal.
   float before[4];   // Impulse before the last sweep.
   float search[4];   // What momentum carries on.
   float least;       // [m]
   float friction;
   float gap;         // How far the pair is beyond its thickness; negative when it overlaps [m].
+  float compliance;  // What the row gives way for an impulse [1/kg].
 };
 
 // An edge as a spring: pulls n . (difference of the ends' displacements) to what elasticity has made it.

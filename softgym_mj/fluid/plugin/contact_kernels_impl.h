@@ -10,7 +10,7 @@
 namespace softgym_mj {
 namespace {
 
-constexpr float kNoError = 1e-9f;  // [m] Springs that nothing has reached yet.
+constexpr float kNoError = 1e-7f;  // [m] Springs that nothing to speak of has reached yet.
 
 template <class V>
 inline void Push(float* move, V a, float scaled) {
@@ -30,7 +30,7 @@ float SweepRows(Row* rows, int count, float* move) {
     const V normal = V::Load(row.normal).Vector(), before = V::Load(row.impulse);
     const float mass = row.normal[3], along = Dot(normal, r), old = row.impulse[3];
     before.Store(row.before);
-    float total = old + mass * (row.least - along);
+    float total = old + mass * (row.least - along - row.compliance * old);
     if (total <= 0) {
       if (old == 0) continue;
       total = 0;

@@ -19,7 +19,7 @@ constexpr int kRecoveryShare = 4;
 // The last part of a gap [m] is closed by half in a step, so that nothing at rest starts to hop.
 constexpr double kCushion = 3e-4;
 // Sweeps end when they change less than what moves one vertex by this [m].
-constexpr double kDone = 1e-6;
+constexpr double kDone = 1e-5;
 constexpr float kHair = 1e-9f;  // [m] Rounding must not make a contact push that MuJoCo has solved.
 // MuJoCo's contacts push when they overlap: one that it has not solved yet may sink in by so much [m].
 constexpr double kSink = 1e-4;
@@ -53,14 +53,15 @@ Vector Response(const Body& body, Vector position, Vector direction) {
 // By how much the two of a contact may approach each other, whose relative displacement is `relative`.
 double Gap(const RigidContact& contact, Vector relative) {
   if (!contact.solved) return contact.gap + kSink;
-  return std::max(contact.gap, -Dot(contact.normal, relative));
+  if (contact.softness > 0) return contact.gap;
+  return std::max(0.0, -Dot(contact.normal, relative));
 }
 
 }  // namespace
 
 void ContactSolver::AddRow(const int vertex[4], const double weight[4], Vector normal, double gap,
-                           double friction, const Motion& motion) {
-  double compliance = 0;
+                           double friction, const Motion& motion, double softness) {
+  double compliance = softness;
   Row row = {};
   for (int k = 0; k < 4; ++k) {
     const double inverse_mass = motion.move[4 * vertex[k] + 3];
@@ -69,7 +70,7 @@ void ContactSolver::AddRow(const int vertex[4], const double weight[4], Vector n
     row.scaled[k] = static_cast<float>(weight[k] * inverse_mass);
     compliance += weight[k] * weight[k] * inverse_mass;
   }
-  if (compliance <= 0) return;
+  if (compliance <= softness) return;
   row.normal[0] = static_cast<float>(normal.x);
   row.normal[1] = static_cast<float>(normal.y);
   row.normal[2] = static_cast<float>(normal.z);
@@ -77,6 +78,7 @@ void ContactSolver::AddRow(const int vertex[4], const double weight[4], Vector n
   row.gap = static_cast<float>(gap);
   row.least = gap > 0 ? -static_cast<float>(std::max(0.5 * gap, gap - kCushion)) : 0.0f;
   row.friction = static_cast<float>(friction);
+  row.compliance = static_cast<float>(softness);
   rows_.push_back(row);
 }
 
@@ -107,7 +109,8 @@ void ContactSolver::AddRigidRows(const std::vector<RigidContact>& rigid, const M
   for (const RigidContact& contact : rigid) {
     Vector relative = {0, 0, 0};
     double compliance = 0;
-    BodyRow row = {contact, {}, 0, 0, 0, 0, {0, 0, 0}};
+    BodyRow row = {};
+    row.contact = contact;
     for (int k = 0; k < 3; ++k) {
       const double inverse_mass = motion.move[4 * contact.vertex[k] + 3];
       relative = relative + contact.weight[k] * motion.Move(contact.vertex[k]);
@@ -127,11 +130,12 @@ void ContactSolver::AddRigidRows(const std::vector<RigidContact>& rigid, const M
           vertex[k] = contact.vertex[k];
           weight[k] = contact.weight[k];
         }
-        AddRow(vertex, weight, contact.normal, gap, contact.friction, motion);
+        AddRow(vertex, weight, contact.normal, gap, contact.friction, motion, contact.softness);
         if (contact.solved) rows_.back().least = -static_cast<float>(gap) - kHair;
         continue;
       }
-      row.mass = row.tangential_mass = 1 / compliance;
+      row.tangential_mass = 1 / compliance;
+      row.mass = 1 / (compliance + contact.softness);
       row.least = -gap;
     } else {
       const Body& body = bodies[contact.body];
@@ -140,38 +144,59 @@ void ContactSolver::AddRigidRows(const std::vector<RigidContact>& rigid, const M
       double trace = Response(body, contact.position, {1, 0, 0}).x;
       trace += Response(body, contact.position, {0, 1, 0}).y;
       trace += Response(body, contact.position, {0, 0, 1}).z;
-      row.mass = 1 / (compliance + Dot(response, contact.normal));
-      row.tangential_mass = 1 / (compliance + trace);
+      row.mass = 1 / (compliance + Dot(response, contact.normal) + contact.softness);
+      row.tangential_mass = 1 / (compliance + trace - Dot(response, contact.normal));
       row.least = -Gap(contact, relative);
     }
     body_rows_.push_back(row);
   }
 }
 
-void ContactSolver::Sweep(BodyRow* row, float* move, std::vector<Body>* bodies) const {
+void ContactSolver::Apply(const BodyRow& row, Vector impulse, float* move,
+                          std::vector<Body>* bodies) const {
+  for (int k = 0; k < 3; ++k) {
+    float* u = move + 4 * row.contact.vertex[k];
+    u[0] += static_cast<float>(row.scaled[k] * impulse.x);
+    u[1] += static_cast<float>(row.scaled[k] * impulse.y);
+    u[2] += static_cast<float>(row.scaled[k] * impulse.z);
+  }
+  if (row.contact.body >= 0) {
+    Push(&(*bodies)[row.contact.body], row.contact.position, -1.0 * impulse);
+  }
+}
+
+// As SweepRows and ExtendRows in contact_kernels.h, for one row.
+double ContactSolver::Sweep(BodyRow* row, float* move, std::vector<Body>* bodies) const {
   const RigidContact& contact = row->contact;
-  Body* body = contact.body < 0 ? nullptr : &(*bodies)[contact.body];
-  Vector r = body ? -1.0 * PointMove(*body, contact.position) : -1.0 * contact.carried;
+  Vector r = contact.body < 0 ? -1.0 * contact.carried
+                              : -1.0 * PointMove((*bodies)[contact.body], contact.position);
   for (int k = 0; k < 3; ++k) {
     const float* u = move + 4 * contact.vertex[k];
     r = r + contact.weight[k] * Vector{u[0], u[1], u[2]};
   }
+  row->before = row->impulse;
+  row->held_before = row->held;
   const double along = Dot(contact.normal, r);
-  const double total = std::max(0.0, row->impulse + row->mass * (row->least - along));
-  Vector impulse = (total - row->impulse) * contact.normal;
-  Vector held = row->held - row->tangential_mass * (r - along * contact.normal);
-  const double size = Norm(held), most = contact.friction * total;
-  if (size > most) held = (most / size) * held;
-  impulse = impulse + held - row->held;
-  row->held = held;
-  row->impulse = total;
-  for (int k = 0; k < 3; ++k) {
-    float* u = move + 4 * contact.vertex[k];
-    u[0] += static_cast<float>(row->scaled[k] * impulse.x);
-    u[1] += static_cast<float>(row->scaled[k] * impulse.y);
-    u[2] += static_cast<float>(row->scaled[k] * impulse.z);
-  }
-  if (body) Push(body, contact.position, -1.0 * impulse);
+  const double wanted = row->least - along - contact.softness * row->impulse;
+  row->impulse = std::max(0.0, row->impulse + row->mass * wanted);
+  row->held = row->held - row->tangential_mass * (r - along * contact.normal);
+  const double size = Norm(row->held), most = contact.friction * row->impulse;
+  if (size > most) row->held = (most / size) * row->held;
+  const Vector change =
+      (row->impulse - row->before) * contact.normal + row->held - row->held_before;
+  Apply(*row, change, move, bodies);
+  return Dot(change, change);
+}
+
+void ContactSolver::Extend(BodyRow* row, double share, float* move,
+                           std::vector<Body>* bodies) const {
+  const double ahead = share * row->search;
+  const Vector held_ahead = share * row->held_search;
+  row->search = ahead + row->impulse - row->before;
+  row->held_search = held_ahead + row->held - row->held_before;
+  row->impulse += ahead;
+  row->held = row->held + held_ahead;
+  Apply(*row, ahead * row->contact.normal + held_ahead, move, bodies);
 }
 
 void ContactSolver::AddSprings(const Mesh& mesh, const Motion& motion, double timestep) {
@@ -200,13 +225,14 @@ void ContactSolver::Iterate(int iterations, float* move, std::vector<Body>* bodi
   float last = 0, done = typical_impulse_ * typical_impulse_;
   for (int i = 0; i < iterations; ++i) {
     float change = kernels_->SweepSprings(springs_.data(), springs, move);
-    for (BodyRow& row : body_rows_) Sweep(&row, move, bodies);
+    for (BodyRow& row : body_rows_) change += static_cast<float>(Sweep(&row, move, bodies));
     change += kernels_->SweepRows(rows_.data(), rows, move);
     if (!(change > done) || i + 1 == iterations) return;
     const float ahead = change < last ? kMomentum : 0;  // Worse than before: a new start.
     last = change;
     kernels_->ExtendRows(rows_.data(), rows, ahead, move);
     kernels_->ExtendSprings(springs_.data(), springs, ahead, move);
+    for (BodyRow& row : body_rows_) Extend(&row, ahead, move, bodies);
   }
 }
 
@@ -230,16 +256,15 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
            mesh.friction[contact], *motion);
   }
   Iterate(config.iterations, motion->move.data(), bodies);
-  // Overlap is undone by displacement alone: as a velocity it would stay. What friction allows to slide
-  // has slid already.
+  // Overlap is undone by displacement alone: as a velocity it would stay.
   *position = motion->move;
   *position_bodies = *bodies;
   const float most = static_cast<float>(kRecoverySpeed * timestep);
   for (Row& row : rows_) {
+    row.least -= row.compliance * row.impulse[3];
     std::fill_n(row.impulse, 4, 0.0f);
     std::fill_n(row.search, 4, 0.0f);
-    row.friction = 0;
-    if (row.gap < 0) row.least = std::min(static_cast<float>(-kRecovery * row.gap), most);
+    if (row.gap < 0 && row.compliance == 0) row.least = std::min(static_cast<float>(-kRecovery * row.gap), most);
   }
   for (Spring& spring : springs_) {
     const Vector move = motion->Move(spring.vertex[0]) - motion->Move(spring.vertex[1]);
@@ -248,9 +273,10 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
     spring.impulse = spring.search = 0;
   }
   for (BodyRow& row : body_rows_) {
+    row.least -= row.contact.softness * row.impulse;
     row.impulse = 0;
-    row.held = {0, 0, 0};
-    row.contact.friction = 0;
+    row.search = 0;
+    row.held = row.held_search = {0, 0, 0};
   }
   Iterate(config.iterations / kRecoveryShare + 1, position->data(), position_bodies);
 }

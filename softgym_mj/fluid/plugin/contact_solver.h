@@ -30,8 +30,9 @@ struct RigidContact {
   Vector normal;    // From the geom to the flex.
   Vector position;  // Relative to the body's reference point.
   Vector carried;   // Displacement of the geom there, if its body cannot give way.
-  double gap;       // How far apart they are [m].
   bool solved;      // MuJoCo's solver has held them apart as it wanted.
+  double softness;  // What they give way for an impulse beyond that [1/kg].
+  double gap;       // By how much they may approach: what there is or, if soft, the solver's measure [m].
   double friction;
   int body;         // In the list of bodies, or -1.
 };
@@ -49,16 +50,20 @@ class ContactSolver {
   struct BodyRow {
     RigidContact contact;
     double scaled[3];
-    double mass, tangential_mass, least, impulse;
-    Vector held;
+    double mass, tangential_mass, least;
+    // As in Row: along the normal, and tangential.
+    double impulse, before, search;
+    Vector held, held_before, held_search;
   };
 
   void AddEdgeRows(const ContactConfig& config, const Mesh& mesh, const Motion& motion);
   void AddRow(const int vertex[4], const double weight[4], Vector normal, double gap, double friction,
-              const Motion& motion);
+              const Motion& motion, double softness = 0);
   void AddRigidRows(const std::vector<RigidContact>& rigid, const Motion& motion,
                     const std::vector<Body>& bodies);
-  void Sweep(BodyRow* row, float* move, std::vector<Body>* bodies) const;
+  double Sweep(BodyRow* row, float* move, std::vector<Body>* bodies) const;
+  void Extend(BodyRow* row, double share, float* move, std::vector<Body>* bodies) const;
+  void Apply(const BodyRow& row, Vector impulse, float* move, std::vector<Body>* bodies) const;
   void Iterate(int iterations, float* move, std::vector<Body>* bodies);
 
   const ContactKernels* kernels_ = nullptr;

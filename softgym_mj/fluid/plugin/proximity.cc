@@ -72,6 +72,24 @@ bool Proximity::Covers(const Motion& motion) const {
   return true;
 }
 
+bool Proximity::Vouches(const Mesh& mesh, const Motion& motion,
+                        const std::vector<float>& before) const {
+  // Find leaves out pairs that would stay apart by more than the reach: both sides must have changed
+  // course by half of that before they can meet.
+  const float least = *std::min_element(mesh.thickness.begin(), mesh.thickness.end());
+  const float most = kInterest * least / 2;
+  float change = 0;
+  for (int v = 0; v < mesh.NumVertices(); ++v) {
+    float square = 0;
+    for (int k = 0; k < 3; ++k) {
+      const float difference = motion.move[4 * v + k] - before[4 * v + k];
+      square += difference * difference;
+    }
+    change = std::max(change, square);
+  }
+  return change < most * most && Covers(motion);
+}
+
 void Proximity::Overlapping(const Boxes& boxes, int first, int last, const float* box) {
   const int a = boxes.axis, b = (a + 1) % 3, c = (a + 2) % 3;
   const float turned[6] = {box[a], box[b], box[c], box[a + 3], box[b + 3], box[c + 3]};

@@ -39,8 +39,9 @@ class Proximity {
   void Reset(const Mesh& mesh);
   // The pairs that may come as near as their thickness in this step, in a fixed order.
   void Find(const Mesh& mesh, const Motion& motion, std::vector<Pair>* pairs);
-  // Whether no pair beyond those candidates can touch with a `motion` that has changed since.
-  bool Covers(const Motion& motion) const;
+  // Whether no pair but those that Find gave for the displacements `before` can pass through each other,
+  // now that they have become those of `motion`.
+  bool Vouches(const Mesh& mesh, const Motion& motion, const std::vector<float>& before) const;
 
  private:
   // Boxes sorted by their low end along one axis.
@@ -53,6 +54,8 @@ class Proximity {
     BoxView View() const;
   };
 
+  // Whether every vertex stays in its box.
+  bool Covers(const Motion& motion) const;
   void Build(const Mesh& mesh, const Motion& motion);
   // Fills the arrays for the quick look.
   void Describe(const Mesh& mesh, const Motion& motion);
@@ -62,7 +65,7 @@ class Proximity {
 
   const ContactKernels* kernels_ = nullptr;
   bool built_ = false;
-  float reach_ = 0;                // Half the largest thickness at which pairs are of interest [m].
+  float reach_ = 0;                // Half the largest distance at which pairs are of interest [m].
   std::vector<float> box_;         // Of every vertex: low x y z, high x y z.
   std::vector<float> scratch_;
   Boxes triangles_, edges_;
