@@ -69,7 +69,7 @@ def spread_cloth(
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
-    self_contact: str = "mujoco",
+    self_contact: str = "plugin",
     action_repeat: int = ACTION_REPEAT,
 ) -> SpreadCloth:
     """Builds the task.

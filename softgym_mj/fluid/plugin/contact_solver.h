@@ -11,7 +11,7 @@
 namespace softgym_mj {
 
 struct ContactConfig {
-  int iterations = 30;
+  int iterations = 40;
   double stretch = 0.25;      // Longest that contact makes an edge, as a share of its length.
   double compression = 0.45;  // The same for what it takes off.
 };
@@ -30,9 +30,10 @@ struct RigidContact {
   Vector normal;    // From the geom to the flex.
   Vector position;  // Relative to the body's reference point.
   Vector carried;   // Displacement of the geom there, if its body cannot give way.
-  bool solved;      // MuJoCo's solver has held them apart as it wanted.
-  double softness;  // What they give way for an impulse beyond that [1/kg].
-  double gap;       // By how much they may approach: what there is or, if soft, the solver's measure [m].
+  bool solved;      // MuJoCo's solver has held them apart as it wanted,
+  bool pushes;      // with a force.
+  double softness;  // If so, what they give way for a further impulse [1/kg].
+  double gap;       // If not, by how much they may approach [m].
   double friction;
   int body;         // In the list of bodies, or -1.
 };
