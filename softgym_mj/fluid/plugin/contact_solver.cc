@@ -206,7 +206,7 @@ void ContactSolver::AddSprings(const Mesh& mesh, const Motion& motion, double ti
   for (const Mesh::Edge& edge : mesh.edges) {
     const int a = edge.vertex[0], b = edge.vertex[1];
     const float wa = motion.move[4 * a + 3], wb = motion.move[4 * b + 3];
-    static const double stiffness = kElasticity * (edge.stiffness * timestep + edge.damping) * timestep;
+    const double stiffness = kElasticity * (edge.stiffness * timestep + edge.damping) * timestep;
     const Vector start = motion.start[a] - motion.start[b];
     const double length = Norm(start), compliance = 1 / stiffness;
     if (!(stiffness > 0 && length > 0 && wa + wb > 0)) continue;
