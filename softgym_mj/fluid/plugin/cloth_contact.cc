@@ -278,12 +278,11 @@ void FindRigidContacts(const mjModel* m, const mjData* d, Workspace* w) {
     rigid.gap = std::max(0.0, contact.dist);
     rigid.solved = contact.efc_address >= 0;
     if (rigid.solved && (contact.dim == 1 || m->opt.cone == mjCONE_ELLIPTIC)) {
-      // The engine's soft contact: acceleration >= reference - softness * force. With more force it goes on
-      // from what the solver has left; without any so far, from the reference.
+      // The engine's soft contact: acceleration >= reference - softness * force. It goes on with more force.
       const int row = contact.efc_address;
+      const mjtNum acceleration = d->efc_aref[row] - d->efc_R[row] * d->efc_force[row];
       rigid.softness = d->efc_R[row];
-      rigid.pushes = d->efc_force[row] > 0;
-      rigid.gap = -dt * (d->efc_vel[row] + dt * d->efc_aref[row]);
+      rigid.gap = -dt * (d->efc_vel[row] + dt * acceleration);
     }
     rigid.body = -1;
     if (contact.vert[side] >= 0) {

@@ -10,9 +10,6 @@ namespace {
 
 constexpr float kMomentum = 0.5f;
 constexpr double kNear = 0.8;  // Edges get a row from this share of their limit on.
-// Elasticity as the solver sees it, of the true one. It spreads what contact does over the neighbours, as
-// MuJoCo's implicit step does: without it heaps are squeezed and stretched. All of it converges slowly.
-constexpr double kElasticity = 0.5;
 // Overlap is undone by this share in a step, at this speed [m/s] at most, by fewer iterations.
 constexpr double kRecovery = 0.05, kRecoverySpeed = 0.15;
 constexpr int kRecoveryShare = 4;
@@ -54,9 +51,7 @@ Vector Response(const Body& body, Vector position, Vector direction) {
 // displacement.
 double Gap(const RigidContact& contact, Vector relative) {
   if (!contact.solved) return contact.gap + kSink;
-  const double left = -Dot(contact.normal, relative);
-  if (contact.pushes) return left;
-  return contact.softness > 0 ? contact.gap : std::max(0.0, left);
+  return contact.softness > 0 ? contact.gap : std::max(0.0, -Dot(contact.normal, relative));
 }
 
 }  // namespace
@@ -206,7 +201,7 @@ void ContactSolver::AddSprings(const Mesh& mesh, const Motion& motion, double ti
   for (const Mesh::Edge& edge : mesh.edges) {
     const int a = edge.vertex[0], b = edge.vertex[1];
     const float wa = motion.move[4 * a + 3], wb = motion.move[4 * b + 3];
-    const double stiffness = kElasticity * (edge.stiffness * timestep + edge.damping) * timestep;
+    const double stiffness = (edge.stiffness * timestep + edge.damping) * timestep;
     const Vector start = motion.start[a] - motion.start[b];
     const double length = Norm(start), compliance = 1 / stiffness;
     if (!(stiffness > 0 && length > 0 && wa + wb > 0)) continue;

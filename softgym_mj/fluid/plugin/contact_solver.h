@@ -30,10 +30,9 @@ struct RigidContact {
   Vector normal;    // From the geom to the flex.
   Vector position;  // Relative to the body's reference point.
   Vector carried;   // Displacement of the geom there, if its body cannot give way.
-  bool solved;      // MuJoCo's solver has held them apart as it wanted,
-  bool pushes;      // with a force.
+  bool solved;      // By MuJoCo's solver.
   double softness;  // If so, what they give way for a further impulse [1/kg].
-  double gap;       // If not, by how much they may approach [m].
+  double gap;       // By how much they may approach, until they touch or as the solver has it [m].
   double friction;
   int body;         // In the list of bodies, or -1.
 };
