@@ -6,7 +6,6 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.robots.base import SIM_STEP
@@ -92,7 +91,7 @@ class ManipulationScene:
         for _ in range(round(duration / SIM_STEP)):
             rise = min(MAX_DISPLACEMENT, _PARKED - self.picker.positions()[0, 2])
             self.step(np.tile([0.0, 0.0, max(rise, 0.0)], (2, 1)), grip=False)
-        self.record.end_intersections = self.intersections()
+        self.record.end_intersections = self.cloth.intersections()
 
     def step(self, displacement: np.ndarray, grip: bool) -> None:
         """One sim step; `displacement` (2, 3) [m], each at most 1 cm per axis."""
@@ -104,11 +103,6 @@ class ManipulationScene:
         self._measure()
         if self._on_step is not None:
             self._on_step(self)
-
-    def intersections(self) -> int:
-        """Edge-triangle intersections of the cloth with itself now."""
-        cloth = self.cloth
-        return metrics.count_intersections(cloth.vertices(), cloth.edges, cloth.triangles)
 
     def _measure(self):
         record, vertices = self.record, self.cloth.vertices()
@@ -124,7 +118,7 @@ class ManipulationScene:
             record.max_speeds.append(float(speeds.max()))
         self._count += 1
         if self._count % _INTERSECTION_INTERVAL == 0:
-            record.most_intersections = max(record.most_intersections, self.intersections())
+            record.most_intersections = max(record.most_intersections, self.cloth.intersections())
         record.warnings = int(self.physics.data.ptr.warning.number.sum())
 
 

@@ -42,6 +42,8 @@ class Flex(composer.Entity):
     bound to the physics it was last compiled into.
     """
 
+    _self_contact = "mujoco"
+
     def _start_model(self, name: str) -> None:
         """To be called first in a subclass's `_build`."""
         self._mjcf_root = mjcf.RootElement(model=name)
@@ -61,6 +63,11 @@ class Flex(composer.Entity):
     def radius(self) -> float:
         """Contact radius [m]: the height of the vertices of an object that lies on the floor."""
         return self._radius
+
+    @property
+    def self_contact(self) -> str:
+        """What keeps the object from passing through itself: "plugin", "mujoco" or "none"."""
+        return self._self_contact
 
     @property
     @abc.abstractmethod

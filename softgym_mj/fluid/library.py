@@ -8,7 +8,7 @@ import mujoco
 
 from softgym_mj.exceptions import PluginUnavailableError
 
-PLUGIN_NAME = "softgym_mj.fluid"
+FLUID = "softgym_mj.fluid"
 CLOTH_CONTACT = "softgym_mj.cloth_contact"
 
 _FOLDER = pathlib.Path(__file__).parent
@@ -16,13 +16,13 @@ _FOLDER = pathlib.Path(__file__).parent
 _STEM = "softgym_mj_plugins-mujoco-"
 _SUFFIX = {"win32": ".dll"}.get(sys.platform, ".so")
 
-_USER = f'<mujoco><extension><plugin plugin="{PLUGIN_NAME}"/></extension></mujoco>'
+_USER = f'<mujoco><extension><plugin plugin="{CLOTH_CONTACT}"/></extension></mujoco>'
 
 _lock = threading.Lock()
 
 
 def _is_registered() -> bool:
-    """Whether MuJoCo knows the plugin, from whatever file."""
+    """Whether MuJoCo knows the plugins, from whatever file."""
     try:
         mujoco.MjSpec.from_string(_USER)
     except ValueError:
@@ -38,19 +38,19 @@ def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
     others = [f.name.removeprefix(_STEM).removesuffix(_SUFFIX) for f in folder.glob(f"{_STEM}*")]
     if others:
         raise PluginUnavailableError(
-            f"the fluid plugin was built for MuJoCo {', '.join(sorted(others))}, but {version} is "
+            f"the engine plugins were built for MuJoCo {', '.join(sorted(others))}, but {version} is "
             f"installed. Run `pip install mujoco=={others[0]}`, or install softgym_mj again."
         )
     raise PluginUnavailableError(
-        f"the fluid plugin is not built: {file} does not exist. Install softgym_mj from a wheel, "
+        f"the engine plugins are not built: {file} does not exist. Install softgym_mj from a wheel, "
         "or install a compiler (`apt-get install -y g++ cmake make`) and run `pip install .` again."
     )
 
 
 def load_plugin() -> pathlib.Path:
-    """Makes the plugin known to MuJoCo, once per process; returns the library's file.
+    """Makes the plugins known to MuJoCo, once per process; returns the library's file.
 
-    To be called before a model that uses it is compiled. A copy that was loaded from elsewhere is
+    To be called before a model that uses one is compiled. A copy that was loaded from elsewhere is
     kept: a second one is an error inside `dlopen`, whose lock would stay held.
 
     Raises:
@@ -63,6 +63,6 @@ def load_plugin() -> pathlib.Path:
                 mujoco.mj_loadPluginLibrary(str(file))
             except mujoco.FatalError as error:
                 raise PluginUnavailableError(
-                    f"MuJoCo could not load the fluid plugin from {file}: {error}"
+                    f"MuJoCo could not load the engine plugins from {file}: {error}"
                 ) from error
         return file

@@ -7,7 +7,7 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj.exceptions import OutOfRangeError, check_count, check_name
-from softgym_mj.fluid.library import PLUGIN_NAME, load_plugin
+from softgym_mj.fluid.library import FLUID, load_plugin
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
 _INSTANCE = "water"
@@ -80,7 +80,7 @@ class Water(composer.Entity):
         self._liquid, self._resolution = liquid, resolution
         self._mjcf_root = mjcf.RootElement(model=name)
         self._mjcf_root.option.timestep = TIMESTEP
-        plugin = self._mjcf_root.extension.add("plugin", plugin=PLUGIN_NAME)
+        plugin = self._mjcf_root.extension.add("plugin", plugin=FLUID)
         self._instance = plugin.add("instance", name=_INSTANCE)
         for key, value in {**dataclasses.asdict(liquid), "draw": draw}.items():
             self._configure(key, value)
@@ -137,7 +137,7 @@ class Water(composer.Entity):
         and belongs to the world itself, such as the floor, is a wall anyway.
         """
         for body in bodies:
-            body.add("plugin", plugin=PLUGIN_NAME, instance=self._instance)
+            body.add("plugin", plugin=FLUID, instance=self._instance)
 
     # ------------------------------------------------------------------ simulation
 

@@ -102,5 +102,4 @@ class FlexTask(DeformableTask):
 
     @property
     def state_layout(self) -> dict[str, object]:
-        selfcollide = self._target.physical_parameters["contact"]["selfcollide"]
-        return {**super().state_layout, "self-contact": selfcollide}
+        return {**super().state_layout, "self-contact": self._target.self_contact}

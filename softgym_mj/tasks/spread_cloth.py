@@ -34,10 +34,18 @@ SUCCESS = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tuck
 class SpreadCloth(FlexTask):
     """See the module docstring."""
 
-    def __init__(self, cloth: Cloth, actor: Gripper, initializer: CrumpledCloth, **settings):
+    def __init__(
+        self,
+        cloth: Cloth,
+        actor: Gripper,
+        initializer: CrumpledCloth,
+        count_intersections: bool = False,
+        **settings,
+    ):
         """Wires the task; `settings` as in `FlexTask`."""
         self._initializer = initializer
         self._cloth = cloth
+        self._count_intersections = count_intersections
         largest = SIZE_RANGE[1] - 1
         rows, columns = grid_shape((largest, largest), initializer.fidelity)
         layout = Layout("cloth", WORKSPACE, RESET_HEIGHT, SUCCESS, max_vertices=rows * columns)
@@ -58,6 +66,12 @@ class SpreadCloth(FlexTask):
         width, depth = self._cloth.size
         return self.initial_performance, width * depth
 
+    def diagnostics(self) -> dict[str, float | int]:
+        diagnostics = super().diagnostics()
+        if self._count_intersections:
+            diagnostics["intersections"] = self._cloth.intersections()
+        return diagnostics
+
     def key_points(self) -> np.ndarray:
         return self._cloth.vertices()[self._cloth.corners]
 
@@ -70,6 +84,7 @@ def spread_cloth(
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
     self_contact: str = "plugin",
+    count_intersections: bool = False,
     action_repeat: int = ACTION_REPEAT,
 ) -> SpreadCloth:
     """Builds the task.
@@ -80,7 +95,8 @@ def spread_cloth(
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
-        self_contact: "mujoco" or "none".
+        self_contact: "plugin", "mujoco" or "none", as in `Cloth`.
+        count_intersections: adds "intersections" to info: where the cloth passes through itself.
         action_repeat: sim steps per env step.
     """
     cloth = Cloth(fidelity=fidelity, self_contact=self_contact)
@@ -88,6 +104,7 @@ def spread_cloth(
         cloth,
         make_gripper(actor, "cloth", num_pickers),
         CrumpledCloth(fidelity),
+        count_intersections,
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <string>
 #include <vector>
 
@@ -25,17 +24,17 @@ struct Vertex {
   int dof, qpos;  // Of its three slides; -1 if something else moves it.
 };
 
+constexpr int kMaxSearches = 4;  // For pairs that may pass through each other after all.
+
 // What a thread needs for a step. Only memory, the parsed attributes, the mesh and the candidate pairs
 // outlive a call; each is checked against the model and the positions, so nothing depends on which thread
 // or mjData came before.
-constexpr int kMaxSearches = 4;  // For pairs that may pass through each other after all.
-
 struct Workspace {
-  std::string attributes, signature, other;
+  std::string attributes, signature, scratch;
   ContactConfig config;
   Mesh mesh;
   std::vector<Vertex> vertices;
-  std::vector<mjtNum> axes;  // World directions of the slides of each vertex (n, 3, 3), if not the axes.
+  std::vector<mjtNum> axes;  // World directions of the slides of each vertex (n, 3, 3).
   Proximity proximity;
   std::vector<Pair> pairs;
   std::vector<RigidContact> rigid;
@@ -116,14 +115,21 @@ void Signature(const mjModel* m, const std::vector<int>& flexes, std::string* ou
     const int vert = m->flex_vertadr[f], verts = m->flex_vertnum[f];
     const int edge = m->flex_edgeadr[f], edges = m->flex_edgenum[f];
     const int dim = m->flex_dim[f];
-    const int sizes[6] = {f, dim, verts, edges, m->flex_elemnum[f], m->flex_condim[f]};
+    const int elements = m->flex_elemnum[f], stiffness = m->flex_stiffnessadr[f];
+    const int sizes[] = {f, dim, verts, edges, elements, m->flex_condim[f], m->flex_edgeequality[f]};
     append(sizes, sizeof(sizes));
     append(m->flex_vertbodyid + vert, verts * sizeof(int));
     append(m->flex_edge + 2 * edge, 2 * edges * sizeof(int));
-    append(m->flex_elem + m->flex_elemdataadr[f], (dim + 1) * m->flex_elemnum[f] * sizeof(int));
+    append(m->flex_elem + m->flex_elemdataadr[f], (dim + 1) * elements * sizeof(int));
     append(m->flexedge_length0 + edge, edges * sizeof(mjtNum));
     append(m->flex_radius + f, sizeof(mjtNum));
     append(m->flex_friction + 3 * f, sizeof(mjtNum));
+    append(m->flex_damping + f, sizeof(mjtNum));
+    append(m->flex_edgestiffness + f, sizeof(mjtNum));
+    append(m->flex_edgedamping + f, sizeof(mjtNum));
+    for (int t = 0; dim == 2 && stiffness >= 0 && t < elements; ++t) {
+      append(m->flex_stiffness + stiffness + kStiffnessSize * t, 6 * sizeof(mjtNum));
+    }
   }
 }
 
@@ -151,9 +157,9 @@ bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t siz
     error = "the flag sleep is not supported.";
   }
   if (error.empty()) {
-    Signature(m, flexes, &w->other);
-    if (w->other != w->signature) {
-      w->signature = w->other;
+    Signature(m, flexes, &w->scratch);
+    if (w->scratch != w->signature) {
+      w->signature = w->scratch;
       w->mesh = MakeMesh(m, flexes);
       w->proximity.Reset(w->mesh);
       w->vertices.clear();

@@ -8,7 +8,7 @@
 namespace softgym_mj {
 namespace {
 
-constexpr float kMomentum = 0.5f;
+constexpr float kMomentum = 0.5f;  // Share of a sweep's changes that the next goes on with.
 constexpr double kNear = 0.8;  // Edges get a row from this share of their limit on.
 // Overlap is undone by this share in a step, at this speed [m/s] at most, by fewer iterations.
 constexpr double kRecovery = 0.05, kRecoverySpeed = 0.15;
@@ -196,6 +196,8 @@ void ContactSolver::Extend(BodyRow* row, double share, float* move,
   Apply(*row, ahead * row->contact.normal + held_ahead, move, bodies);
 }
 
+// Elasticity takes part: what contact changes spreads to the neighbours, as in MuJoCo's implicit step.
+// Without it heaps are squeezed and stretched.
 void ContactSolver::AddSprings(const Mesh& mesh, const Motion& motion, double timestep) {
   springs_.clear();
   for (const Mesh::Edge& edge : mesh.edges) {
@@ -219,12 +221,12 @@ void ContactSolver::AddSprings(const Mesh& mesh, const Motion& motion, double ti
 // Gauss-Seidel with momentum: what a sweep has changed is carried on by half in the next ones.
 void ContactSolver::Iterate(int iterations, float* move, std::vector<Body>* bodies) {
   const int rows = static_cast<int>(rows_.size()), springs = static_cast<int>(springs_.size());
-  float last = 0, done = typical_impulse_ * typical_impulse_;
+  float last = 0;
   for (int i = 0; i < iterations; ++i) {
     float change = kernels_->SweepSprings(springs_.data(), springs, move);
     for (BodyRow& row : body_rows_) change += static_cast<float>(Sweep(&row, move, bodies));
     change += kernels_->SweepRows(rows_.data(), rows, move);
-    if (!(change > done) || i + 1 == iterations) return;
+    if (!(change > done_ * done_) || i + 1 == iterations) return;
     const float ahead = change < last ? kMomentum : 0;  // Worse than before: a new start.
     last = change;
     kernels_->ExtendRows(rows_.data(), rows, ahead, move);
@@ -240,10 +242,10 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
   kernels_ = &ChooseContactKernels();
   rows_.clear();
   body_rows_.clear();
-  AddSprings(mesh, *motion, timestep);
-  double inverse_mass = 0;
+  double inverse_mass = 1e-30;
   for (int v = 0; v < mesh.NumVertices(); ++v) inverse_mass += motion->move[4 * v + 3];
-  typical_impulse_ = static_cast<float>(kDone * mesh.NumVertices() / std::max(inverse_mass, 1e-30));
+  done_ = static_cast<float>(kDone * mesh.NumVertices() / inverse_mass);
+  AddSprings(mesh, *motion, timestep);
   AddEdgeRows(config, mesh, *motion);
   AddRigidRows(rigid, *motion, *bodies);
   for (const Pair& pair : pairs) {
@@ -261,7 +263,9 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
     row.least -= row.compliance * row.impulse[3];
     std::fill_n(row.impulse, 4, 0.0f);
     std::fill_n(row.search, 4, 0.0f);
-    if (row.gap < 0 && row.compliance == 0) row.least = std::min(static_cast<float>(-kRecovery * row.gap), most);
+    if (row.gap < 0 && row.compliance == 0) {
+      row.least = std::min(static_cast<float>(-kRecovery * row.gap), most);
+    }
   }
   for (Spring& spring : springs_) {
     const Vector move = motion->Move(spring.vertex[0]) - motion->Move(spring.vertex[1]);

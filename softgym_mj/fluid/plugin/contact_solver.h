@@ -39,8 +39,8 @@ struct RigidContact {
 
 class ContactSolver {
  public:
-  // Changes motion->move, for velocities, and `position`, alike, for positions. The bodies' move and turn
-  // become the velocities', `position_bodies` the positions'.
+  // Changes motion->move and `bodies` to what the velocities shall be; `position` and `position_bodies`
+  // become what the positions shall change by.
   void Solve(const ContactConfig& config, double timestep, const Mesh& mesh,
              const std::vector<Pair>& pairs, const std::vector<RigidContact>& rigid, Motion* motion,
              std::vector<Body>* bodies, std::vector<float>* position,
@@ -56,6 +56,7 @@ class ContactSolver {
     Vector held, held_before, held_search;
   };
 
+  void AddSprings(const Mesh& mesh, const Motion& motion, double timestep);
   void AddEdgeRows(const ContactConfig& config, const Mesh& mesh, const Motion& motion);
   void AddRow(const int vertex[4], const double weight[4], Vector normal, double gap, double friction,
               const Motion& motion, double softness = 0);
@@ -67,9 +68,8 @@ class ContactSolver {
   void Iterate(int iterations, float* move, std::vector<Body>* bodies);
 
   const ContactKernels* kernels_ = nullptr;
-  void AddSprings(const Mesh& mesh, const Motion& motion, double timestep);
+  float done_ = 0;  // Impulse [kg m] below which a sweep is the last.
   std::vector<Spring> springs_;
-  float typical_impulse_ = 0;
   std::vector<Row> rows_;
   std::vector<BodyRow> body_rows_;
 };

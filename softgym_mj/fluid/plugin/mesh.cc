@@ -46,10 +46,10 @@ void SetElasticity(const mjModel* m, int flex, Mesh::Edge* edges) {
     }
   }
   if (m->flex_dim[flex] != 2 || m->flex_stiffnessadr[flex] < 0) return;
-  constexpr int kDiagonal[3] = {0, 3, 5};  // In an element's upper triangle, which has room for 21.
+  constexpr int kDiagonal[3] = {0, 3, 5};
   const double* k = m->flex_stiffness + m->flex_stiffnessadr[flex];
   const int* edge = m->flex_elemedge + m->flex_elemedgeadr[flex];
-  for (int t = 0; t < m->flex_elemnum[flex]; ++t, k += 21, edge += 3) {
+  for (int t = 0; t < m->flex_elemnum[flex]; ++t, k += kStiffnessSize, edge += 3) {
     for (int i = 0; i < 3; ++i) {
       const double stiffness = 2 * length[edge[i]] * length[edge[i]] * k[kDiagonal[i]];
       edges[edge[i]].stiffness += stiffness;

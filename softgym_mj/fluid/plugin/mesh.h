@@ -10,8 +10,7 @@
 
 namespace softgym_mj {
 
-// A point that moves with a triangle's corners or an edge's ends sits on one of its features: a set of
-// corners, as bits.
+// Where on a triangle a point is: the set of corners it lies between, as bits.
 constexpr int kInside = 7;
 
 struct Mesh {
@@ -42,6 +41,9 @@ struct Mesh {
   int NumVertices() const { return static_cast<int>(part.size()); }
   int Pair(int v, int w) const { return part[v] * static_cast<int>(flexes.size()) + part[w]; }
 };
+
+// Numbers per triangle in mjModel.flex_stiffness; the first six are the upper triangle of a 3 x 3 matrix.
+constexpr int kStiffnessSize = 21;
 
 Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes);
 
