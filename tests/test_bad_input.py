@@ -46,7 +46,7 @@ UNKNOWN_NAMES = [
     (ROPE, {"number_of_pickers": 2}, "keyword argument", "'number_of_pickers'", ("'num_pickers'",)),
     (ROPE, {"fidelity": "fast"}, "keyword argument", "'fidelity'", ("'actor'", "'observation'")),
     (CLOTH, {"fidelity": "ultra"}, "fidelity", "'ultra'", ("'fast'", "'default'", "'accurate'")),
-    (CLOTH, {"self_contact": "sdf"}, "self_contact", "'sdf'", ("'mujoco'", "'none'")),
+    (CLOTH, {"self_contact": "sdf"}, "self_contact", "'sdf'", ("'plugin'", "'mujoco'", "'none'")),
     (CLOTH, {"actor": "Picker"}, "actor", "'Picker'", ("'picker'",)),
     (CLOTH, {"observation": "depth"}, "observation", "'depth'", ("'full'", "'reduced'", "'rgb'")),
 ]

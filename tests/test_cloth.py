@@ -119,7 +119,7 @@ def test_a_release_leaves_the_vertex_its_velocity():
 
 def test_self_contact_keeps_layers_apart_and_none_does_not():
     gaps = {}
-    for self_contact in ("mujoco", "none"):
+    for self_contact in ("plugin", "mujoco", "none"):
         scene = ManipulationScene(Cloth(dims=(60, 60), fidelity="fast", self_contact=self_contact))
         fold(scene, speed=0.6, rest=1.0)
         grid = scene.cloth.grid()
@@ -127,5 +127,6 @@ def test_self_contact_keeps_layers_apart_and_none_does_not():
         heights = grid[..., 2]
         # The folded half, less the crease and its neighbours, against the half below.
         gaps[self_contact] = float(np.median(heights[:, : columns // 2 - 1]) - RADIUS)
+    assert gaps["plugin"] == pytest.approx(2 * RADIUS, abs=0.001)
     assert gaps["mujoco"] == pytest.approx(2 * RADIUS, abs=0.002)
     assert gaps["none"] == pytest.approx(0.0, abs=0.002)

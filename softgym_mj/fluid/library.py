@@ -38,8 +38,8 @@ def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
     others = [f.name.removeprefix(_STEM).removesuffix(_SUFFIX) for f in folder.glob(f"{_STEM}*")]
     if others:
         raise PluginUnavailableError(
-            f"the engine plugins were built for MuJoCo {', '.join(sorted(others))}, but {version} is "
-            f"installed. Run `pip install mujoco=={others[0]}`, or install softgym_mj again."
+            f"the engine plugins were built for MuJoCo {', '.join(sorted(others))}, but {version} "
+            f"is installed. Run `pip install mujoco=={others[0]}`, or install softgym_mj again."
         )
     raise PluginUnavailableError(
         f"the engine plugins are not built: {file} does not exist. Install softgym_mj from a wheel, "
