@@ -24,6 +24,7 @@ lint: $(VENV)/.installed
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/throughput.py --out benchmarks/throughput.json
 	$(BIN)/python benchmarks/fluid.py --out benchmarks/fluid.json
+	$(BIN)/python benchmarks/cloth_contact.py --out benchmarks/cloth_contact.json
 
 NATIVE = softgym_mj/fluid/plugin
 # Rebuilds the installed plugins after a change to their sources. It has no prerequisite: that would
