@@ -2,7 +2,9 @@
 
 import copy
 import os
+import pathlib
 import pickle
+import re
 import subprocess
 import sys
 
@@ -13,9 +15,9 @@ from dm_control import mujoco as dm_mujoco
 from mujoco import rollout
 
 from softgym_mj import metrics
-from softgym_mj.fluid.library import load_plugin
+from softgym_mj.fluid import library
 
-load_plugin()
+library.load_plugin()
 
 STEPS = 40
 FULL = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -294,6 +296,20 @@ def test_instances_are_groups_that_do_not_touch():
     mujoco.mj_step(model, data, 100)
     heights = data.flexvert_xpos[:, 2].reshape(2, -1)
     np.testing.assert_allclose(heights, RADIUS, atol=1e-3)
+
+
+def test_the_example_of_the_readme_comes_to_rest_in_layers():
+    text = (pathlib.Path(library.__file__).parent / "plugin" / "README.md").read_text()
+    (xml,) = (block for block in re.findall(r"```xml\n(.*?)```", text, re.S) if "cloth" in block)
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 200)
+    assert count_crossings(model, data) == 0
+    # The upper sheet covers the middle of the lower one.
+    lower, upper = data.flexvert_xpos[:162, 2].reshape(2, 9, 9)[:, 3:6, 3:6]
+    np.testing.assert_allclose(lower, RADIUS, atol=1e-3)
+    np.testing.assert_allclose(upper, 3 * RADIUS, atol=1.5e-3)
+    assert np.linalg.norm(data.qvel.reshape(-1, 3), axis=1).max() < 0.05
 
 
 # ---------------------------------------------------------------------------- errors
