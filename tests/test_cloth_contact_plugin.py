@@ -56,14 +56,17 @@ def cord(name, pos="0 0 .1", euler="0 0 0"):
     return CORD.format(name=name, pos=pos, euler=euler)
 
 
-def model_of(*flexes, parent='name="parent"', config="", scenery="", option=OPTION, floor=True):
+def model_of(
+    *flexes, parent='name="parent"', config="", scenery="", option=OPTION, floor=True, ties=""
+):
     """A model of flexes in one body; `config` is the plugin's."""
     plane = '<geom type="plane" size="2 2 .1" friction=".8"/>' if floor else ""
     return mujoco.MjModel.from_xml_string(f"""
     <mujoco><option {option}/><size memory="64M"/>
     <extension><plugin plugin="softgym_mj.cloth_contact">
       <instance name="contact">{config}</instance></plugin></extension>
-    <worldbody>{plane}{scenery}<body {parent}>{"".join(flexes)}</body></worldbody></mujoco>""")
+    <worldbody>{plane}{scenery}<body {parent}>{"".join(flexes)}</body></worldbody>
+    <equality>{ties}</equality></mujoco>""")
 
 
 def stack():
@@ -274,14 +277,26 @@ def test_a_cord_does_not_fall_through_a_cord():
     assert middle[1] - middle[0] == pytest.approx(0.008, abs=1e-3)
 
 
-def test_pinned_vertices_hold_what_lies_on_them():
-    """A sheet pinned at two sides in the air is a hammock: what falls on it stays on it."""
-    border = '<pin gridrange="0 0 0 8"/><pin gridrange="8 0 8 8"/>'
-    model = model_of(sheet("a", "0 0 .2", inside=border), sheet("b", "0 0 .3"), floor=False)
+PINS = '<pin gridrange="0 0 0 8"/><pin gridrange="8 0 8 8"/>'
+TIES = "".join(
+    f'<connect body1="a_{9 * x + y}" anchor="0 0 0" solref=".01 1" solimp=".99 .999 .001"/>'
+    for x in (0, 8)
+    for y in range(9)
+)
+
+
+@pytest.mark.parametrize(("pins", "ties"), [(PINS, ""), ("", TIES)])
+def test_what_lies_on_a_hammock_stays_on_it(pins, ties):
+    """A sheet held at two sides in the air, by pins or equalities, holds one that falls on it."""
+    model = model_of(
+        sheet("a", "0 0 .2", inside=pins), sheet("b", "0 0 .3"), floor=False, ties=ties
+    )
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 150)
     assert count_crossings(model, data) == 0
-    lower, upper = data.flexvert_xpos[:, 2].reshape(2, 9, 9)[:, 2:7, 2:7]
+    vertices = data.flexvert_xpos.reshape(2, 9, 9, 3)
+    np.testing.assert_allclose(vertices[0, [0, 8], :, 2], 0.2, atol=1e-3)
+    lower, upper = vertices[:, 2:7, 2:7, 2]
     assert lower.min() > 0.1 and (upper - lower).min() > 1.5 * RADIUS
 
 

@@ -237,6 +237,21 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
   return std::isfinite(sum);
 }
 
+// Gives vertices that an equality ties to something else an infinite mass: it holds them, contact must not.
+void HoldVertices(const mjModel* m, const mjData* d, Workspace* w) {
+  for (int e = 0; e < m->neq; ++e) {
+    const bool ties = m->eq_type[e] == mjEQ_CONNECT || m->eq_type[e] == mjEQ_WELD;
+    if (!ties || !d->eq_active[e] || m->eq_objtype[e] != mjOBJ_BODY) continue;
+    int found[2] = {-1, -1};
+    for (size_t v = 0; v < w->vertices.size(); ++v) {
+      if (w->vertices[v].body == m->eq_obj1id[e]) found[0] = static_cast<int>(v);
+      if (w->vertices[v].body == m->eq_obj2id[e]) found[1] = static_cast<int>(v);
+    }
+    if ((found[0] < 0) == (found[1] < 0)) continue;  // Neither, or two that are sewn together.
+    w->motion.move[4 * std::max(found[0], found[1]) + 3] = 0;
+  }
+}
+
 // The body of a geom, entered into the list with its inverse inertia.
 int FindBody(const mjModel* m, const mjData* d, int id, Workspace* w) {
   for (size_t i = 0; i < w->body_ids.size(); ++i) {
@@ -351,6 +366,7 @@ void Apply(const mjModel* m, mjData* d, Workspace* w, const std::vector<float>& 
 void Advance(const mjModel* m, mjData* d, int instance) {
   Workspace& w = Open(m, instance);
   if (!Gather(m, d, &w)) return;  // MuJoCo finds what is not finite and resets in the next step.
+  HoldVertices(m, d, &w);
   w.proximity.Find(w.mesh, w.motion, &w.pairs);
   FindRigidContacts(m, d, &w);
   w.before = w.motion.move;
