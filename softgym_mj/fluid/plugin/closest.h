@@ -11,6 +11,8 @@ namespace softgym_mj {
 struct Vector {
   double x, y, z;
 };
+// Of an array x y z.
+inline Vector FromArray(const double* a) { return {a[0], a[1], a[2]}; }
 inline Vector operator+(Vector a, Vector b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 inline Vector operator-(Vector a, Vector b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
 inline Vector operator*(double s, Vector a) { return {s * a.x, s * a.y, s * a.z}; }

@@ -12,6 +12,7 @@
 #include "contact_solver.h"
 #include "impact.h"
 #include "pose.h"
+#include "rigid_contacts.h"
 
 namespace softgym_mj {
 namespace {
@@ -37,10 +38,8 @@ struct Workspace {
   std::vector<mjtNum> axes;  // World directions of the slides of each vertex (n, 3, 3).
   Proximity proximity;
   std::vector<Pair> pairs;
-  std::vector<RigidContact> rigid;
-  std::vector<int> body_ids;
-  std::vector<Body> bodies, position_bodies;
-  std::vector<mjtNum> jacobian, response, change;
+  RigidContacts rigid;
+  std::vector<Body> position_bodies;
   Motion motion;
   std::vector<float> before, other_move;
   ContactSolver solver;
@@ -182,8 +181,6 @@ Workspace& Open(const mjModel* m, int instance) {
   return w;
 }
 
-Vector FromArray(const mjtNum* a) { return {a[0], a[1], a[2]}; }
-
 // Fills the motion; false if something is not finite.
 bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
   const int count = w->mesh.NumVertices();
@@ -252,126 +249,33 @@ void HoldVertices(const mjModel* m, const mjData* d, Workspace* w) {
   }
 }
 
-// The body of a geom, entered into the list with its inverse inertia.
-int FindBody(const mjModel* m, const mjData* d, int id, Workspace* w) {
-  for (size_t i = 0; i < w->body_ids.size(); ++i) {
-    if (w->body_ids[i] == id) return static_cast<int>(i);
-  }
-  const int index = static_cast<int>(w->body_ids.size()), nv = m->nv;
-  w->body_ids.push_back(id);
-  w->jacobian.resize(6 * nv);
-  w->response.resize(6 * nv * (index + 1));
-  mjtNum *jacobian = w->jacobian.data(), *response = w->response.data() + 6 * nv * index;
-  mj_jac(m, d, jacobian, jacobian + 3 * nv, d->xipos + 3 * id, id);
-  mj_solveM(m, const_cast<mjData*>(d), response, jacobian, 6);
-  Body body = {};
-  mjtNum twist[6];
-  mju_mulMatVec(twist, jacobian, d->qvel, 6, nv);
-  mju_scl(twist, twist, m->opt.timestep, 6);
-  body.move = FromArray(twist);
-  body.turn = FromArray(twist + 3);
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < 6; ++j) {
-      body.compliance[i][j] = mju_dot(jacobian + i * nv, response + j * nv, nv);
-    }
-  }
-  w->bodies.push_back(body);
-  return index;
-}
-
-void FindRigidContacts(const mjModel* m, const mjData* d, Workspace* w) {
-  const mjtNum dt = m->opt.timestep;
-  w->rigid.clear();
-  w->body_ids.clear();
-  w->bodies.clear();
-  for (int c = 0; c < d->ncon; ++c) {
-    const mjContact& contact = d->contact[c];
-    const int side = contact.flex[1] >= 0 ? 1 : 0;
-    if (contact.flex[side] < 0 || contact.geom[1 - side] < 0) continue;
-    const auto found =
-        std::find(w->mesh.flexes.begin(), w->mesh.flexes.end(), contact.flex[side]);
-    if (found == w->mesh.flexes.end()) continue;
-    const int flex = *found, first = w->mesh.first[found - w->mesh.flexes.begin()];
-    RigidContact rigid = {};
-    const Vector normal = FromArray(contact.frame), position = FromArray(contact.pos);
-    rigid.normal = (side ? 1.0 : -1.0) * normal;
-    rigid.friction = contact.dim > 1 ? contact.friction[0] : 0;
-    rigid.gap = std::max(0.0, contact.dist);
-    rigid.solved = contact.efc_address >= 0;
-    if (rigid.solved && (contact.dim == 1 || m->opt.cone == mjCONE_ELLIPTIC)) {
-      // The engine's soft contact: acceleration >= reference - softness * force. It goes on with more force.
-      const int row = contact.efc_address;
-      const mjtNum acceleration = d->efc_aref[row] - d->efc_R[row] * d->efc_force[row];
-      rigid.softness = d->efc_R[row];
-      rigid.gap = -dt * (d->efc_vel[row] + dt * acceleration);
-    }
-    rigid.body = -1;
-    if (contact.vert[side] >= 0) {
-      for (int& v : rigid.vertex) v = first + contact.vert[side];
-      rigid.weight[0] = 1;
-    } else {
-      // As the engine weighs the corners of an element.
-      const int dim = m->flex_dim[flex];
-      const int* corner =
-          m->flex_elem + m->flex_elemdataadr[flex] + contact.elem[side] * (dim + 1);
-      double sum = 0;
-      for (int k = 0; k < 3; ++k) {
-        const int v = first + corner[std::min(k, dim)];
-        rigid.vertex[k] = v;
-        if (k > dim) continue;
-        rigid.weight[k] = 1 / std::max(1e-9, Norm(position - w->motion.start[v]));
-        sum += rigid.weight[k];
-      }
-      for (double& weight : rigid.weight) weight /= sum;
-    }
-    const int body = m->geom_bodyid[contact.geom[1 - side]];
-    if (IsDynamic(m, body)) {
-      rigid.body = FindBody(m, d, body, w);
-      rigid.position = position - FromArray(d->xipos + 3 * body);
-    }
-    w->rigid.push_back(rigid);
-  }
-}
-
-// Writes what has changed to qvel and qpos.
-void Apply(const mjModel* m, mjData* d, Workspace* w, const std::vector<float>& velocity,
-           const std::vector<float>& position) {
+// Writes what has changed of the vertices to qvel and qpos.
+void Apply(const mjModel* m, mjData* d, Workspace* w, const std::vector<float>& velocity) {
   const double dt = m->opt.timestep;
   const int count = w->mesh.NumVertices();
   for (int v = 0; v < count; ++v) {
     if (w->vertices[v].dof < 0) continue;
-    Vector dv, dx;
-    const float *a = &velocity[4 * v], *b = &position[4 * v], *c = &w->before[4 * v];
-    dv = {(a[0] - c[0]) / dt, (a[1] - c[1]) / dt, (a[2] - c[2]) / dt};
-    dx = {b[0] - c[0], b[1] - c[1], b[2] - c[2]};
+    const float *a = &velocity[4 * v], *b = &w->motion.move[4 * v], *c = &w->before[4 * v];
+    const Vector dv = {(a[0] - c[0]) / dt, (a[1] - c[1]) / dt, (a[2] - c[2]) / dt};
+    const Vector dx = {b[0] - c[0], b[1] - c[1], b[2] - c[2]};
     for (int k = 0; k < 3; ++k) {
       const Vector axis = FromArray(&w->axes[9 * v + 3 * k]);
       d->qvel[w->vertices[v].dof + k] += Dot(axis, dv);
       d->qpos[w->vertices[v].qpos + k] += Dot(axis, dx);
     }
   }
-  if (w->bodies.empty()) return;
-  const int nv = m->nv;
-  w->change.assign(nv, 0);
-  for (size_t i = 0; i < w->bodies.size(); ++i) {
-    const mjtNum* response = w->response.data() + 6 * nv * i;
-    for (int k = 0; k < 6; ++k) {
-      mju_addToScl(d->qvel, response + k * nv, w->bodies[i].wrench[k] / dt, nv);
-      mju_addToScl(w->change.data(), response + k * nv, w->position_bodies[i].wrench[k], nv);
-    }
-  }
-  mj_integratePos(m, d->qpos, w->change.data(), 1);
 }
 
 void Advance(const mjModel* m, mjData* d, int instance) {
+  if (m->opt.disableflags & mjDSBL_CONTACT) return;
   Workspace& w = Open(m, instance);
   if (!Gather(m, d, &w)) return;  // MuJoCo finds what is not finite and resets in the next step.
   HoldVertices(m, d, &w);
   w.proximity.Find(w.mesh, w.motion, &w.pairs);
-  FindRigidContacts(m, d, &w);
+  w.rigid.Find(m, d, w.mesh, w.motion.start);
   w.before = w.motion.move;
-  w.solver.Solve(w.config, m->opt.timestep, w.mesh, w.pairs, w.rigid, &w.motion, &w.bodies,
-                 &w.other_move, &w.position_bodies);
+  w.solver.Solve(w.config, m->opt.timestep, w.mesh, w.pairs, w.rigid.contacts, &w.motion,
+                 &w.rigid.bodies, &w.other_move, &w.position_bodies);
   std::swap(w.motion.move, w.other_move);  // From here on the motion is that of the positions.
   std::vector<float>& velocity = w.other_move;
   PreventImpacts(w.pairs, &w.motion, &velocity);
@@ -380,7 +284,8 @@ void Advance(const mjModel* m, mjData* d, int instance) {
     w.proximity.Find(w.mesh, w.motion, &w.pairs);
     if (!PreventImpacts(w.pairs, &w.motion, &velocity)) break;
   }
-  Apply(m, d, &w, velocity, w.motion.move);
+  Apply(m, d, &w, velocity);
+  w.rigid.Apply(m, d, w.position_bodies);
 }
 
 }  // namespace

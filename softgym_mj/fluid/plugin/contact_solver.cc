@@ -115,36 +115,29 @@ void ContactSolver::AddRigidRows(const std::vector<RigidContact>& rigid, const M
       compliance += contact.weight[k] * row.scaled[k];
     }
     if (contact.body < 0) {
-      relative = relative - contact.carried;
       if (compliance <= 0) continue;
       const double gap = Gap(contact, relative);
-      if (Dot(contact.carried, contact.carried) == 0) {
-        const int none = static_cast<int>(motion.start.size());
-        int vertex[4] = {none, none, none, none};
-        double weight[4] = {0, 0, 0, 0};
-        for (int k = 0; k < 3; ++k) {
-          if (contact.weight[k] == 0) continue;
-          vertex[k] = contact.vertex[k];
-          weight[k] = contact.weight[k];
-        }
-        AddRow(vertex, weight, contact.normal, gap, contact.friction, motion, contact.softness);
-        if (contact.solved) rows_.back().least = -static_cast<float>(gap) - kHair;
-        continue;
+      const int none = static_cast<int>(motion.start.size());
+      int vertex[4] = {none, none, none, none};
+      double weight[4] = {0, 0, 0, 0};
+      for (int k = 0; k < 3; ++k) {
+        if (contact.weight[k] == 0) continue;
+        vertex[k] = contact.vertex[k];
+        weight[k] = contact.weight[k];
       }
-      row.tangential_mass = 1 / compliance;
-      row.mass = 1 / (compliance + contact.softness);
-      row.least = -gap;
-    } else {
-      const Body& body = bodies[contact.body];
-      relative = relative - PointMove(body, contact.position);
-      const Vector response = Response(body, contact.position, contact.normal);
-      double trace = Response(body, contact.position, {1, 0, 0}).x;
-      trace += Response(body, contact.position, {0, 1, 0}).y;
-      trace += Response(body, contact.position, {0, 0, 1}).z;
-      row.mass = 1 / (compliance + Dot(response, contact.normal) + contact.softness);
-      row.tangential_mass = 1 / (compliance + trace - Dot(response, contact.normal));
-      row.least = -Gap(contact, relative);
+      AddRow(vertex, weight, contact.normal, gap, contact.friction, motion, contact.softness);
+      if (contact.solved) rows_.back().least = -static_cast<float>(gap) - kHair;
+      continue;
     }
+    const Body& body = bodies[contact.body];
+    relative = relative - PointMove(body, contact.position);
+    const Vector response = Response(body, contact.position, contact.normal);
+    double trace = Response(body, contact.position, {1, 0, 0}).x;
+    trace += Response(body, contact.position, {0, 1, 0}).y;
+    trace += Response(body, contact.position, {0, 0, 1}).z;
+    row.mass = 1 / (compliance + Dot(response, contact.normal) + contact.softness);
+    row.tangential_mass = 1 / (compliance + trace - Dot(response, contact.normal));
+    row.least = -Gap(contact, relative);
     body_rows_.push_back(row);
   }
 }
@@ -157,16 +150,13 @@ void ContactSolver::Apply(const BodyRow& row, Vector impulse, float* move,
     u[1] += static_cast<float>(row.scaled[k] * impulse.y);
     u[2] += static_cast<float>(row.scaled[k] * impulse.z);
   }
-  if (row.contact.body >= 0) {
-    Push(&(*bodies)[row.contact.body], row.contact.position, -1.0 * impulse);
-  }
+  Push(&(*bodies)[row.contact.body], row.contact.position, -1.0 * impulse);
 }
 
 // As SweepRows and ExtendRows in contact_kernels.h, for one row.
 double ContactSolver::Sweep(BodyRow* row, float* move, std::vector<Body>* bodies) const {
   const RigidContact& contact = row->contact;
-  Vector r = contact.body < 0 ? -1.0 * contact.carried
-                              : -1.0 * PointMove((*bodies)[contact.body], contact.position);
+  Vector r = -1.0 * PointMove((*bodies)[contact.body], contact.position);
   for (int k = 0; k < 3; ++k) {
     const float* u = move + 4 * contact.vertex[k];
     r = r + contact.weight[k] * Vector{u[0], u[1], u[2]};

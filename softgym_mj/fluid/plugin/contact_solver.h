@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "proximity.h"
+#include "rigid_contacts.h"
 
 namespace softgym_mj {
 
@@ -14,27 +15,6 @@ struct ContactConfig {
   int iterations = 40;
   double stretch = 0.25;      // Longest that contact makes an edge, as a share of its length.
   double compression = 0.45;  // The same for what it takes off.
-};
-
-// A rigid body that a flex touches and that can give way. Impulses in kg m, as in contact_kernels.h.
-struct Body {
-  Vector move, turn;         // Displacement of its reference point and rotation in the step.
-  double compliance[6][6];   // Inverse inertia: change of move and turn for an impulse and its moment.
-  double wrench[6];          // Sum of the impulses and their moments.
-};
-
-// A contact that MuJoCo found between a flex and a geom.
-struct RigidContact {
-  int vertex[3];
-  double weight[3];
-  Vector normal;    // From the geom to the flex.
-  Vector position;  // Relative to the body's reference point.
-  Vector carried;   // Displacement of the geom there, if its body cannot give way.
-  bool solved;      // By MuJoCo's solver.
-  double softness;  // If so, what they give way for a further impulse [1/kg].
-  double gap;       // By how much they may approach, until they touch or as the solver has it [m].
-  double friction;
-  int body;         // In the list of bodies, or -1.
 };
 
 class ContactSolver {
