@@ -13,8 +13,8 @@ namespace softgym_mj {
 
 struct ContactConfig {
   int iterations = 40;
-  double stretch = 0.25;      // Longest that contact makes an edge, as a share of its length.
-  double compression = 0.45;  // The same for what it takes off.
+  double stretch = 0.5;       // Longest that contact makes an edge, as a share of its length.
+  double compression = 0.5;   // The same for what it takes off.
 };
 
 class ContactSolver {
