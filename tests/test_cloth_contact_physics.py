@@ -145,7 +145,7 @@ def test_a_crumpled_cloth_is_neither_knotted_nor_squeezed(dims, fidelity, seed):
     sheet.crumple(int(np.random.default_rng(seed).integers(sheet.cloth.num_vertices)))
     assert sheet.crossings == sheet.cloth.intersections() == 0
     strain = sheet.cloth.edge_strain()
-    # Three of the twelve fast ones exceed 10 %: 10.7, 11.0 and 11.0 %.
+    # Three of the twelve fast ones exceed 10 %: up to 11.2 %.
     assert np.percentile(np.abs(strain), 99) <= (0.10 if fidelity == "default" else 0.13)
     assert strain.min() > -0.5
 
