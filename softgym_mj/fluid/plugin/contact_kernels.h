@@ -27,6 +27,7 @@ struct alignas(16) Row {
   float friction;
   float gap;         // How far the pair is beyond its thickness; negative when it overlaps [m].
   float compliance;  // What the row gives way for an impulse [1/kg].
+  float lowest;      // Impulse along the normal, 0 or less: what may be taken back of MuJoCo's.
 };
 
 // An edge as a spring: pulls n . (difference of the ends' displacements) to what elasticity has made it.

@@ -31,16 +31,16 @@ float SweepRows(Row* rows, int count, float* move) {
     const float mass = row.normal[3], along = Dot(normal, r), old = row.impulse[3];
     before.Store(row.before);
     float total = old + mass * (row.least - along - row.compliance * old);
-    if (total <= 0) {
-      if (old == 0) continue;
-      total = 0;
+    if (total <= row.lowest) {
+      if (old == row.lowest) continue;
+      total = row.lowest;
     }
     V impulse = normal * V(total - old);
     change += (total - old) * (total - old);
     if (row.friction > 0) {
       const V held = before.Vector();
       V wanted = held - (r - normal * V(along)).Vector() * V(mass);
-      const float square = Dot(wanted, wanted), limit = row.friction * total;
+      const float square = Dot(wanted, wanted), limit = total > 0 ? row.friction * total : 0;
       if (square > limit * limit) wanted = wanted * V(limit / sqrtf(square));
       const V more = wanted - held;
       change += Dot(more, more);

@@ -17,7 +17,6 @@ constexpr int kRecoveryShare = 4;
 constexpr double kCushion = 3e-4;
 // Sweeps end when they change less than what moves one vertex by this [m].
 constexpr double kDone = 1e-5;
-constexpr float kHair = 1e-9f;  // [m] Rounding must not make a contact push that MuJoCo has solved.
 // MuJoCo's contacts push when they overlap: one that it has not solved yet may sink in by so much [m].
 constexpr double kSink = 1e-4;
 
@@ -126,7 +125,8 @@ void ContactSolver::AddRigidRows(const std::vector<RigidContact>& rigid, const M
         weight[k] = contact.weight[k];
       }
       AddRow(vertex, weight, contact.normal, gap, contact.friction, motion, contact.softness);
-      if (contact.solved) rows_.back().least = -static_cast<float>(gap) - kHair;
+      if (contact.solved) rows_.back().least = -static_cast<float>(gap);
+      rows_.back().lowest = -static_cast<float>(contact.impulse);
       continue;
     }
     const Body& body = bodies[contact.body];
@@ -165,9 +165,9 @@ double ContactSolver::Sweep(BodyRow* row, float* move, std::vector<Body>* bodies
   row->held_before = row->held;
   const double along = Dot(contact.normal, r);
   const double wanted = row->least - along - contact.softness * row->impulse;
-  row->impulse = std::max(0.0, row->impulse + row->mass * wanted);
+  row->impulse = std::max(-contact.impulse, row->impulse + row->mass * wanted);
   row->held = row->held - row->tangential_mass * (r - along * contact.normal);
-  const double size = Norm(row->held), most = contact.friction * row->impulse;
+  const double size = Norm(row->held), most = contact.friction * std::max(0.0, row->impulse);
   if (size > most) row->held = (most / size) * row->held;
   const Vector change =
       (row->impulse - row->before) * contact.normal + row->held - row->held_before;
@@ -251,6 +251,7 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
   const float most = static_cast<float>(kRecoverySpeed * timestep);
   for (Row& row : rows_) {
     row.least -= row.compliance * row.impulse[3];
+    row.lowest -= row.impulse[3];
     std::fill_n(row.impulse, 4, 0.0f);
     std::fill_n(row.search, 4, 0.0f);
     if (row.gap < 0 && row.compliance == 0) {
@@ -265,6 +266,7 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
   }
   for (BodyRow& row : body_rows_) {
     row.least -= row.contact.softness * row.impulse;
+    row.contact.impulse += row.impulse;
     row.impulse = 0;
     row.search = 0;
     row.held = row.held_search = {0, 0, 0};

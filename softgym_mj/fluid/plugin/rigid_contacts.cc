@@ -54,10 +54,11 @@ void RigidContacts::Find(const mjModel* m, const mjData* d, const Mesh& mesh,
     rigid.gap = std::max(0.0, contact.dist);
     rigid.solved = contact.efc_address >= 0;
     if (rigid.solved && (contact.dim == 1 || m->opt.cone == mjCONE_ELLIPTIC)) {
-      // The engine's soft contact: acceleration >= reference - softness * force. It goes on with more force.
+      // The engine's soft contact: acceleration >= reference - softness * force, which may still change.
       const int row = contact.efc_address;
-      const mjtNum acceleration = d->efc_aref[row] - d->efc_R[row] * d->efc_force[row];
       rigid.softness = d->efc_R[row];
+      rigid.impulse = dt * dt * d->efc_force[row];
+      const mjtNum acceleration = d->efc_aref[row] - d->efc_R[row] * d->efc_force[row];
       rigid.gap = -dt * (d->efc_vel[row] + dt * acceleration);
     }
     rigid.body = -1;

@@ -26,8 +26,9 @@ struct RigidContact {
   Vector normal;    // From the geom to the flex.
   Vector position;  // Relative to the body's reference point.
   bool solved;      // By MuJoCo's solver.
-  double softness;  // If so, what they give way for a further impulse [1/kg].
-  double gap;       // By how much they may approach, until they touch or as the solver has it [m].
+  double impulse;   // If so, what pushes them apart already, and
+  double softness;  // what they give way for a further impulse [1/kg].
+  double gap;       // If nothing pushes, by how much they may approach [m].
   double friction;
   int body;         // In the list of bodies, or -1 if it cannot give way.
 };
