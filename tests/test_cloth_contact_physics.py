@@ -187,10 +187,7 @@ def test_random_pickers_do_not_tangle_a_cloth(fidelity, episodes, steps):
     assert farthest > 0.1
 
 
-HOPS = pytest.mark.xfail(reason="the ends of its crease hop on the floor at 4 cm/s for good")
-
-
-@pytest.mark.parametrize("dims", [LARGE, (96, 58), pytest.param(SMALL, marks=HOPS)])
+@pytest.mark.parametrize("dims", [LARGE, (96, 58), SMALL])
 def test_a_fold_comes_to_rest(dims):
     scene = ManipulationScene(Cloth(dims=dims))
     fold(scene, speed=0.6, rest=1.0)
