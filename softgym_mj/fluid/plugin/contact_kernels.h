@@ -6,7 +6,7 @@
 
 namespace softgym_mj {
 
-// Boxes sorted by their low x. Arrays are padded by 8.
+// Boxes sorted by their low end along the first axis, which may be any of the three. Padded by 8.
 struct BoxView {
   const float* low[3];
   const float* high[3];

@@ -28,7 +28,7 @@ struct Pair {
   Vector normal;
   double distance;  // [m]
   bool edges;       // Two edges.
-  bool counts;      // False if another pair has the same closest points.
+  bool counts;      // False if others do its work: of the same closest points, or flat surfaces.
 };
 
 // Candidates are pairs whose boxes overlap. They are kept from step to step while every vertex stays in
