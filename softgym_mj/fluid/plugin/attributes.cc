@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include <mujoco/mjplugin.h>
+
 namespace softgym_mj {
 
 bool AttributeReader::Numbers(const char* name, double* out, int n, double low, double high,
@@ -99,6 +101,12 @@ std::string RawAttributes(const mjModel* m, int instance) {
   const bool last = instance + 1 == m->nplugin;
   const char* end = m->plugin_attr + (last ? m->npluginattr : m->plugin_attradr[instance + 1]);
   return std::string(first, end);
+}
+
+void Fail(const mjModel* m, int instance, const char* reason) {
+  const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
+  mju_error("%s, instance \"%s\": %s", mjp_getPluginAtSlot(m->plugin[instance])->name,
+            name ? name : "", reason);
 }
 
 }  // namespace softgym_mj

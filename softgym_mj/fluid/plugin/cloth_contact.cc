@@ -50,13 +50,6 @@ Workspace& ThreadWorkspace() {
   return workspace;
 }
 
-// Stops with an error that names the instance. Must be called with no object that has a destructor
-// alive: MuJoCo's compiler leaves by longjmp.
-void Fail(const mjModel* m, int instance, const char* reason) {
-  const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
-  mju_error("softgym_mj.cloth_contact, instance \"%s\": %s", name ? name : "", reason);
-}
-
 std::string FlexName(const mjModel* m, int flex) {
   const char* name = mj_id2name(m, mjOBJ_FLEX, flex);
   return "flex " + (name && *name ? "\"" + std::string(name) + "\"" : std::to_string(flex));

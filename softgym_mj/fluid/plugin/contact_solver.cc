@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <string>
+
+#include "kernels.h"
 
 namespace softgym_mj {
 namespace {
@@ -275,12 +275,9 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
 }
 
 const ContactKernels& ChooseContactKernels() {
-  const char* variable = std::getenv("SOFTGYM_MJ_SIMD");
 #ifdef SOFTGYM_MJ_X86
-  static const bool avx2 = __builtin_cpu_supports("fma") && __builtin_cpu_supports("avx2");
-  if (avx2 && !(variable && std::string(variable) == "scalar")) return kAvx2ContactKernels;
+  if (&ChooseKernels() != &kScalarKernels) return kAvx2ContactKernels;  // AVX-512 has AVX2.
 #endif
-  (void)variable;
   return kScalarContactKernels;
 }
 

@@ -35,13 +35,6 @@ Workspace& ThreadWorkspace() {
   return workspace;
 }
 
-// Stops with an error that names the instance. Must be called with no object that has a destructor
-// alive: MuJoCo's compiler leaves by longjmp.
-void Fail(const mjModel* m, int instance, const char* reason) {
-  const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
-  mju_error("softgym_mj.fluid, instance \"%s\": %s", name ? name : "", reason);
-}
-
 // Parses the attributes and finds the walls. False, with the reason, if something is wrong.
 bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t size) {
   std::string error, attributes = RawAttributes(m, instance);

@@ -16,17 +16,10 @@ constexpr double kMaxThickness = 0.9;
 double SmallestHeight(const mjModel* m, int flex) {
   if (m->flex_dim[flex] != 2) return std::numeric_limits<double>::infinity();
   double smallest = std::numeric_limits<double>::infinity();
-  std::map<std::pair<int, int>, double> length;
-  const int* edge = m->flex_edge + 2 * m->flex_edgeadr[flex];
-  for (int e = 0; e < m->flex_edgenum[flex]; ++e) {
-    length[std::minmax(edge[2 * e], edge[2 * e + 1])] =
-        m->flexedge_length0[m->flex_edgeadr[flex] + e];
-  }
-  const int* element = m->flex_elem + m->flex_elemdataadr[flex];
-  for (int t = 0; t < m->flex_elemnum[flex]; ++t, element += 3) {
-    const double a = length[std::minmax(element[0], element[1])];
-    const double b = length[std::minmax(element[1], element[2])];
-    const double c = length[std::minmax(element[2], element[0])];
+  const double* length = m->flexedge_length0 + m->flex_edgeadr[flex];
+  const int* side = m->flex_elemedge + m->flex_elemedgeadr[flex];
+  for (int t = 0; t < m->flex_elemnum[flex]; ++t, side += 3) {
+    const double a = length[side[0]], b = length[side[1]], c = length[side[2]];
     const double s = (a + b + c) / 2;
     const double area = std::sqrt(std::max(0.0, s * (s - a) * (s - b) * (s - c)));
     smallest = std::min(smallest, 2 * area / std::max({a, b, c}));
