@@ -13,31 +13,26 @@ struct BoxView {
   const int* id;
 };
 
-// Keeps n . r >= least, where r is the sum of weight * displacement of up to four vertices, with Coulomb
-// friction against what remains of r. Impulses are in kg m: mass times displacement in the step.
-struct alignas(16) Row {
-  int vertex[4];
-  float weight[4];
-  float scaled[4];   // Weight times inverse mass.
-  float normal[4];   // The fourth is the inverse of the sum of weight^2 * inverse mass, and compliance.
-  float impulse[4];  // Tangential so far; the fourth is along the normal.
-  float before[4];   // Impulse before the last sweep.
-  float search[4];   // What momentum carries on.
-  float least;       // [m]
-  float friction;
-  float gap;         // How far the pair is beyond its thickness; negative when it overlaps [m].
-  float compliance;  // What the row gives way for an impulse [1/kg].
-  float lowest;      // Impulse along the normal, 0 or less: what may be taken back of MuJoCo's.
-};
+constexpr int kLanes = 8;
 
-// An edge as a spring: pulls n . (difference of the ends' displacements) to what elasticity has made it.
-struct alignas(16) Spring {
-  float normal[4];   // The fourth is the inverse of the sum of inverse masses and compliance.
-  int vertex[2];
-  float scaled[2];   // Inverse masses.
-  float compliance;  // Inverse of stiffness times the square of the time step [1/kg].
-  float target;      // [m]
-  float impulse, before, search;
+// Eight rows that have no vertex in common, so that they are solved as one. Each keeps n . r >= least, where
+// r is the sum of weight * displacement of up to C vertices; those of four corners with Coulomb friction
+// against what remains of r. Impulses are in kg m: mass times displacement in the step.
+template <int C>
+struct alignas(4 * kLanes) Rows {
+  static constexpr int kParts = C == 4 ? 4 : 1;  // Of an impulse: along the normal, then x y z across it.
+
+  int vertex[C][kLanes];
+  float weight[C][kLanes];
+  float normal[3][kLanes];
+  float mass[kLanes];        // Inverse of the sum of weight^2 * inverse mass, and compliance; 0: no row.
+  float compliance[kLanes];  // What the row gives way for an impulse [1/kg].
+  float least[kLanes];       // [m]
+  float lowest[kLanes];      // Impulse along the normal.
+  float friction[kLanes];
+  float impulse[kParts][kLanes];
+  float before[kParts][kLanes];  // Impulse before the last sweep.
+  float search[kParts][kLanes];  // What momentum carries on.
 };
 
 // Edges or triangles as arrays, for a quick look at many.
@@ -67,11 +62,11 @@ struct ContactKernels {
                        int count, float reach, int* out);
   // One Gauss-Seidel sweep: solves one after the other. `move` holds four floats per vertex: displacement,
   // inverse mass. Returns the sum of the squared changes of impulse.
-  float (*SweepRows)(Row* rows, int count, float* move);
-  float (*SweepSprings)(Spring* springs, int count, float* move);
+  float (*SweepRows)(Rows<4>* rows, int count, float* move);
+  float (*SweepSprings)(Rows<2>* rows, int count, float* move);
   // After a sweep: goes on along the search directions, times `share`, which then take in the sweep.
-  void (*ExtendRows)(Row* rows, int count, float share, float* move);
-  void (*ExtendSprings)(Spring* springs, int count, float share, float* move);
+  void (*ExtendRows)(Rows<4>* rows, int count, float share, float* move);
+  void (*ExtendSprings)(Rows<2>* rows, int count, float share, float* move);
 };
 
 extern const ContactKernels kScalarContactKernels;

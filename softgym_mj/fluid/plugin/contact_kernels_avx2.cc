@@ -7,21 +7,67 @@
 namespace softgym_mj {
 namespace {
 
-struct Four {
-  __m128 v;
+struct Eight {
+  __m256 v;
 
-  Four() = default;
-  explicit Four(float a) : v(_mm_set1_ps(a)) {}
-  Four(__m128 a) : v(a) {}
-  static Four Load(const float* p) { return _mm_load_ps(p); }
-  void Store(float* p) const { _mm_store_ps(p, v); }
-  Four Vector() const { return _mm_blend_ps(v, _mm_setzero_ps(), 8); }
+  Eight() = default;
+  explicit Eight(float a) : v(_mm256_set1_ps(a)) {}
+  Eight(__m256 a) : v(a) {}
+  static Eight Load(const float* p) { return _mm256_load_ps(p); }
+  void Store(float* p) const { _mm256_store_ps(p, v); }
+
+  // Four floats of each of eight vertices, as four vectors.
+  static void LoadVertices(const float* move, const int* i, Eight* x, Eight* y, Eight* z, Eight* w) {
+    const __m256 a = Two(move, i[0], i[4]), b = Two(move, i[1], i[5]);
+    const __m256 c = Two(move, i[2], i[6]), d = Two(move, i[3], i[7]);
+    Transpose(a, b, c, d, &x->v, &y->v, &z->v, &w->v);
+  }
+  static void StoreVertices(Eight x, Eight y, Eight z, Eight w, const int* i, float* move) {
+    __m256 a, b, c, d;
+    Transpose(x.v, y.v, z.v, w.v, &a, &b, &c, &d);
+    PutTwo(a, i[0], i[4], move);
+    PutTwo(b, i[1], i[5], move);
+    PutTwo(c, i[2], i[6], move);
+    PutTwo(d, i[3], i[7], move);
+  }
+
+ private:
+  static __m256 Two(const float* move, int i, int j) {
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(move + 4 * i)),
+                                _mm_load_ps(move + 4 * j), 1);
+  }
+  static void PutTwo(__m256 a, int i, int j, float* move) {
+    _mm_store_ps(move + 4 * i, _mm256_castps256_ps128(a));
+    _mm_store_ps(move + 4 * j, _mm256_extractf128_ps(a, 1));
+  }
+  // Of both halves, as 4 x 4 matrices.
+  static void Transpose(__m256 a, __m256 b, __m256 c, __m256 d, __m256* x, __m256* y, __m256* z,
+                        __m256* w) {
+    const __m256 ab = _mm256_unpacklo_ps(a, b), cd = _mm256_unpacklo_ps(c, d);
+    const __m256 ab_high = _mm256_unpackhi_ps(a, b), cd_high = _mm256_unpackhi_ps(c, d);
+    *x = _mm256_shuffle_ps(ab, cd, 0x44);
+    *y = _mm256_shuffle_ps(ab, cd, 0xee);
+    *z = _mm256_shuffle_ps(ab_high, cd_high, 0x44);
+    *w = _mm256_shuffle_ps(ab_high, cd_high, 0xee);
+  }
 };
-inline Four operator+(Four a, Four b) { return _mm_add_ps(a.v, b.v); }
-inline Four operator-(Four a, Four b) { return _mm_sub_ps(a.v, b.v); }
-inline Four operator*(Four a, Four b) { return _mm_mul_ps(a.v, b.v); }
-inline float Dot(Four a, Four b) { return _mm_cvtss_f32(_mm_dp_ps(a.v, b.v, 0x71)); }
-inline float Dot4(Four a, Four b) { return _mm_cvtss_f32(_mm_dp_ps(a.v, b.v, 0xf1)); }
+inline Eight operator+(Eight a, Eight b) { return _mm256_add_ps(a.v, b.v); }
+inline Eight operator-(Eight a, Eight b) { return _mm256_sub_ps(a.v, b.v); }
+inline Eight operator*(Eight a, Eight b) { return _mm256_mul_ps(a.v, b.v); }
+inline Eight operator/(Eight a, Eight b) { return _mm256_div_ps(a.v, b.v); }
+inline Eight operator|(Eight a, Eight b) { return _mm256_or_ps(a.v, b.v); }
+inline Eight operator<(Eight a, Eight b) { return _mm256_cmp_ps(a.v, b.v, _CMP_LT_OQ); }
+inline Eight Differ(Eight a, Eight b) { return _mm256_cmp_ps(a.v, b.v, _CMP_NEQ_UQ); }
+inline Eight Max(Eight a, Eight b) { return _mm256_max_ps(a.v, b.v); }
+inline Eight Abs(Eight a) { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a.v); }
+inline Eight Sqrt(Eight a) { return _mm256_sqrt_ps(a.v); }
+inline Eight Select(Eight which, Eight a, Eight b) { return _mm256_blendv_ps(b.v, a.v, which.v); }
+inline bool Any(Eight a) { return _mm256_movemask_ps(a.v) != 0; }
+inline float Sum(Eight a) {
+  alignas(32) float v[8];
+  a.Store(v);
+  return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
+}
 
 int Scan(const BoxView& boxes, int first, int last, const float* box, int* out) {
   const __m256 low_x = _mm256_set1_ps(box[0]), low_y = _mm256_set1_ps(box[1]);
@@ -130,7 +176,7 @@ int NearTriangles(const TriangleView& triangles, const float* point, const float
 }  // namespace
 
 const ContactKernels kAvx2ContactKernels = {
-    Scan,           NearEdges,           NearTriangles,
-    SweepRows<Four>, SweepSprings<Four>, ExtendRows<Four>, ExtendSprings<Four>};
+    Scan,           NearEdges,       NearTriangles,    Sweep<Eight, 4>,
+    Sweep<Eight, 2>, Extend<Eight, 4>, Extend<Eight, 2>};
 
 }  // namespace softgym_mj

@@ -1,33 +1,82 @@
 // The cloth contact's inner loops for any processor.
 
+#include <math.h>
+
 #include "contact_kernels_impl.h"
 
 namespace softgym_mj {
 namespace {
 
-struct Four {
-  float v[4];
+struct Eight {
+  float v[kLanes];
 
-  Four() = default;
-  explicit Four(float a) : v{a, a, a, a} {}
-  Four(float a, float b, float c, float d) : v{a, b, c, d} {}
-  static Four Load(const float* p) { return {p[0], p[1], p[2], p[3]}; }
-  void Store(float* p) const {
-    for (int k = 0; k < 4; ++k) p[k] = v[k];
+  Eight() = default;
+  explicit Eight(float a) {
+    for (float& f : v) f = a;
   }
-  Four Vector() const { return {v[0], v[1], v[2], 0.0f}; }
+  static Eight Load(const float* p) { return Make([p](int i) { return p[i]; }); }
+  void Store(float* p) const {
+    for (int i = 0; i < kLanes; ++i) p[i] = v[i];
+  }
+  static void LoadVertices(const float* move, const int* vertex, Eight* x, Eight* y, Eight* z,
+                           Eight* w) {
+    for (int i = 0; i < kLanes; ++i) {
+      const float* u = move + 4 * vertex[i];
+      x->v[i] = u[0], y->v[i] = u[1], z->v[i] = u[2], w->v[i] = u[3];
+    }
+  }
+  static void StoreVertices(const Eight& x, const Eight& y, const Eight& z, const Eight&,
+                            const int* vertex, float* move) {
+    for (int i = 0; i < kLanes; ++i) {
+      float* u = move + 4 * vertex[i];
+      u[0] = x.v[i], u[1] = y.v[i], u[2] = z.v[i];
+    }
+  }
+  template <class F>
+  static Eight Make(F f) {
+    Eight made;
+    for (int i = 0; i < kLanes; ++i) made.v[i] = f(i);
+    return made;
+  }
 };
-inline Four operator+(Four a, Four b) {
-  return {a.v[0] + b.v[0], a.v[1] + b.v[1], a.v[2] + b.v[2], a.v[3] + b.v[3]};
+inline Eight operator+(const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return a.v[i] + b.v[i]; });
 }
-inline Four operator-(Four a, Four b) {
-  return {a.v[0] - b.v[0], a.v[1] - b.v[1], a.v[2] - b.v[2], a.v[3] - b.v[3]};
+inline Eight operator-(const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return a.v[i] - b.v[i]; });
 }
-inline Four operator*(Four a, Four b) {
-  return {a.v[0] * b.v[0], a.v[1] * b.v[1], a.v[2] * b.v[2], a.v[3] * b.v[3]};
+inline Eight operator*(const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return a.v[i] * b.v[i]; });
 }
-inline float Dot(Four a, Four b) { return a.v[0] * b.v[0] + a.v[1] * b.v[1] + a.v[2] * b.v[2]; }
-inline float Dot4(Four a, Four b) { return Dot(a, b) + a.v[3] * b.v[3]; }
+inline Eight operator/(const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return a.v[i] / b.v[i]; });
+}
+// Of what is compared, 1 is true and 0 false.
+inline Eight operator|(const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return a.v[i] > b.v[i] ? a.v[i] : b.v[i]; });
+}
+inline Eight operator<(const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return a.v[i] < b.v[i] ? 1.0f : 0.0f; });
+}
+inline Eight Differ(const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return a.v[i] != b.v[i] ? 1.0f : 0.0f; });
+}
+inline Eight Max(const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return a.v[i] > b.v[i] ? a.v[i] : b.v[i]; });
+}
+inline Eight Abs(const Eight& a) {
+  return Eight::Make([&](int i) { return fabsf(a.v[i]); });
+}
+inline Eight Sqrt(const Eight& a) {
+  return Eight::Make([&](int i) { return sqrtf(a.v[i]); });
+}
+inline Eight Select(const Eight& which, const Eight& a, const Eight& b) {
+  return Eight::Make([&](int i) { return which.v[i] != 0 ? a.v[i] : b.v[i]; });
+}
+inline float Sum(const Eight& a) {
+  return ((a.v[0] + a.v[1]) + (a.v[2] + a.v[3])) + ((a.v[4] + a.v[5]) + (a.v[6] + a.v[7]));
+}
+inline bool Any(const Eight& a) { return Sum(a) != 0; }
 
 int Scan(const BoxView& boxes, int first, int last, const float* box, int* out) {
   int found = 0;
@@ -54,7 +103,7 @@ int NearTriangles(const TriangleView&, const float*, const float*, const int* ne
 }  // namespace
 
 const ContactKernels kScalarContactKernels = {
-    Scan,           NearEdges,           NearTriangles,
-    SweepRows<Four>, SweepSprings<Four>, ExtendRows<Four>, ExtendSprings<Four>};
+    Scan,           NearEdges,       NearTriangles,    Sweep<Eight, 4>,
+    Sweep<Eight, 2>, Extend<Eight, 4>, Extend<Eight, 2>};
 
 }  // namespace softgym_mj

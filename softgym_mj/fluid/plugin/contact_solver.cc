@@ -19,6 +19,7 @@ constexpr double kCushion = 3e-4;
 constexpr double kDone = 1e-5;
 // MuJoCo's contacts push when they overlap: one that it has not solved yet may sink in by so much [m].
 constexpr double kSink = 1e-4;
+constexpr double kUnbounded = 1e30;
 
 // What a body's point at `position` moves by.
 Vector PointMove(const Body& body, Vector position) {
@@ -53,29 +54,50 @@ double Gap(const RigidContact& contact, Vector relative) {
   return contact.softness > 0 ? contact.gap : std::max(0.0, -Dot(contact.normal, relative));
 }
 
+template <int C>
+Rows<C> NoRows(int no_vertex) {
+  Rows<C> rows = {};
+  for (int k = 0; k < C; ++k) std::fill_n(rows.vertex[k], kLanes, no_vertex);
+  return rows;
+}
+
+template <int C>
+void Forget(Rows<C>* rows) {
+  std::fill_n(rows->impulse[0], Rows<C>::kParts * kLanes, 0.0f);
+  std::fill_n(rows->search[0], Rows<C>::kParts * kLanes, 0.0f);
+}
+
+template <int C>
+void SetRow(const int* vertex, const double* weight, Vector normal, double compliance, double least,
+            double lowest, double friction, const Motion& motion, Rows<C>* rows, int lane) {
+  double give = 0;
+  for (int k = 0; k < C; ++k) {
+    rows->vertex[k][lane] = vertex[k];
+    rows->weight[k][lane] = static_cast<float>(weight[k]);
+    give += weight[k] * weight[k] * motion.move[4 * vertex[k] + 3];
+  }
+  const double along[3] = {normal.x, normal.y, normal.z};
+  for (int k = 0; k < 3; ++k) rows->normal[k][lane] = static_cast<float>(along[k]);
+  rows->mass[lane] = give > 0 ? static_cast<float>(1 / (give + compliance)) : 0.0f;
+  rows->compliance[lane] = static_cast<float>(compliance);
+  rows->least[lane] = static_cast<float>(least);
+  rows->lowest[lane] = static_cast<float>(lowest);
+  rows->friction[lane] = static_cast<float>(friction);
+}
+
 }  // namespace
 
-void ContactSolver::AddRow(const int vertex[4], const double weight[4], Vector normal, double gap,
-                           double friction, const Motion& motion, double softness) {
-  double compliance = softness;
+ContactSolver::Row* ContactSolver::AddRow(const int vertex[4], const double weight[4], Vector normal,
+                                          double gap, double friction) {
   Row row = {};
-  for (int k = 0; k < 4; ++k) {
-    const double inverse_mass = motion.move[4 * vertex[k] + 3];
-    row.vertex[k] = vertex[k];
-    row.weight[k] = static_cast<float>(weight[k]);
-    row.scaled[k] = static_cast<float>(weight[k] * inverse_mass);
-    compliance += weight[k] * weight[k] * inverse_mass;
-  }
-  if (compliance <= softness) return;
-  row.normal[0] = static_cast<float>(normal.x);
-  row.normal[1] = static_cast<float>(normal.y);
-  row.normal[2] = static_cast<float>(normal.z);
-  row.normal[3] = static_cast<float>(1 / compliance);
-  row.gap = static_cast<float>(gap);
-  row.least = gap > 0 ? -static_cast<float>(std::max(0.5 * gap, gap - kCushion)) : 0.0f;
-  row.friction = static_cast<float>(friction);
-  row.compliance = static_cast<float>(softness);
+  std::copy_n(vertex, 4, row.vertex);
+  std::copy_n(weight, 4, row.weight);
+  row.normal = normal;
+  row.least = gap > 0 ? -std::max(0.5 * gap, gap - kCushion) : 0;
+  row.friction = friction;
+  row.gap = gap;
   rows_.push_back(row);
+  return &rows_.back();
 }
 
 void ContactSolver::AddEdgeRows(const ContactConfig& config, const Mesh& mesh,
@@ -92,10 +114,10 @@ void ContactSolver::AddEdgeRows(const ContactConfig& config, const Mesh& mesh,
     const int vertex[4] = {a, b, none, none};
     if (square > near_long * near_long) {
       const double length = Norm(start), weight[4] = {-1, 1, 0, 0};
-      AddRow(vertex, weight, (1 / length) * start, longest - length, 0, motion);
+      AddRow(vertex, weight, (1 / length) * start, std::max(0.0, longest - length), 0);
     } else if (square < near_short * near_short) {
       const double length = Norm(start), weight[4] = {1, -1, 0, 0};
-      AddRow(vertex, weight, (1 / length) * start, length - shortest, 0, motion);
+      AddRow(vertex, weight, (1 / length) * start, std::max(0.0, length - shortest), 0);
     }
   }
 }
@@ -124,9 +146,10 @@ void ContactSolver::AddRigidRows(const std::vector<RigidContact>& rigid, const M
         vertex[k] = contact.vertex[k];
         weight[k] = contact.weight[k];
       }
-      AddRow(vertex, weight, contact.normal, gap, contact.friction, motion, contact.softness);
-      if (contact.solved) rows_.back().least = -static_cast<float>(gap);
-      rows_.back().lowest = -static_cast<float>(contact.impulse);
+      Row* added = AddRow(vertex, weight, contact.normal, gap, contact.friction);
+      if (contact.solved) added->least = -gap;
+      added->compliance = contact.softness;
+      added->lowest = -contact.impulse;
       continue;
     }
     const Body& body = bodies[contact.body];
@@ -188,38 +211,51 @@ void ContactSolver::Extend(BodyRow* row, double share, float* move,
 
 // Elasticity takes part: what contact changes spreads to the neighbours, as in MuJoCo's implicit step.
 // Without it heaps are squeezed and stretched.
-void ContactSolver::AddSprings(const Mesh& mesh, const Motion& motion, double timestep) {
-  springs_.clear();
-  for (const Mesh::Edge& edge : mesh.edges) {
+void ContactSolver::SetSprings(const Mesh& mesh, const Motion& motion, double timestep) {
+  springs_.assign(mesh.edge_groups.size() / kLanes, NoRows<2>(mesh.NumVertices()));
+  for (size_t i = 0; i < mesh.edge_groups.size(); ++i) {
+    if (mesh.edge_groups[i] < 0) continue;
+    const Mesh::Edge& edge = mesh.edges[mesh.edge_groups[i]];
     const int a = edge.vertex[0], b = edge.vertex[1];
-    const float wa = motion.move[4 * a + 3], wb = motion.move[4 * b + 3];
     const double stiffness = (edge.stiffness * timestep + edge.damping) * timestep;
     const Vector start = motion.start[a] - motion.start[b];
-    const double length = Norm(start), compliance = 1 / stiffness;
-    if (!(stiffness > 0 && length > 0 && wa + wb > 0)) continue;
-    const float x = static_cast<float>(start.x / length), y = static_cast<float>(start.y / length);
-    const float z = static_cast<float>(start.z / length);
-    const float target = static_cast<float>(Dot(motion.Move(a) - motion.Move(b), start) / length);
-    springs_.push_back({{x, y, z, static_cast<float>(1 / (wa + wb + compliance))},
-                        {a, b},
-                        {wa, wb},
-                        static_cast<float>(compliance),
-                        target, 0, 0, 0});
+    const double length = Norm(start);
+    if (!(stiffness > 0 && length > 0)) continue;
+    const double weight[2] = {1, -1};
+    const Vector normal = (1 / length) * start;
+    const double now = Dot(motion.Move(a) - motion.Move(b), normal);
+    SetRow(edge.vertex, weight, normal, 1 / stiffness, now, -kUnbounded, 0, motion,
+           &springs_[i / kLanes], i % kLanes);
+  }
+}
+
+// Fills the groups with the rows.
+void ContactSolver::Group(const Motion& motion) {
+  const int none = static_cast<int>(motion.start.size());
+  vertices_.clear();
+  for (const Row& row : rows_) vertices_.insert(vertices_.end(), row.vertex, row.vertex + 4);
+  disjoint_.Order(vertices_, 4, none, &order_);
+  groups_.assign(order_.size() / kLanes, NoRows<4>(none));
+  for (size_t i = 0; i < order_.size(); ++i) {
+    if (order_[i] < 0) continue;
+    const Row& row = rows_[order_[i]];
+    SetRow(row.vertex, row.weight, row.normal, row.compliance, row.least, row.lowest, row.friction,
+           motion, &groups_[i / kLanes], i % kLanes);
   }
 }
 
 // Gauss-Seidel with momentum: what a sweep has changed is carried on by half in the next ones.
 void ContactSolver::Iterate(int iterations, float* move, std::vector<Body>* bodies) {
-  const int rows = static_cast<int>(rows_.size()), springs = static_cast<int>(springs_.size());
+  const int rows = static_cast<int>(groups_.size()), springs = static_cast<int>(springs_.size());
   float last = 0;
   for (int i = 0; i < iterations; ++i) {
     float change = kernels_->SweepSprings(springs_.data(), springs, move);
     for (BodyRow& row : body_rows_) change += static_cast<float>(Sweep(&row, move, bodies));
-    change += kernels_->SweepRows(rows_.data(), rows, move);
+    change += kernels_->SweepRows(groups_.data(), rows, move);
     if (!(change > done_ * done_) || i + 1 == iterations) return;
     const float ahead = change < last ? kMomentum : 0;  // Worse than before: a new start.
     last = change;
-    kernels_->ExtendRows(rows_.data(), rows, ahead, move);
+    kernels_->ExtendRows(groups_.data(), rows, ahead, move);
     kernels_->ExtendSprings(springs_.data(), springs, ahead, move);
     for (BodyRow& row : body_rows_) Extend(&row, ahead, move, bodies);
   }
@@ -235,35 +271,34 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
   double inverse_mass = 1e-30;
   for (int v = 0; v < mesh.NumVertices(); ++v) inverse_mass += motion->move[4 * v + 3];
   done_ = static_cast<float>(kDone * mesh.NumVertices() / inverse_mass);
-  AddSprings(mesh, *motion, timestep);
+  SetSprings(mesh, *motion, timestep);
   AddEdgeRows(config, mesh, *motion);
   AddRigidRows(rigid, *motion, *bodies);
   for (const Pair& pair : pairs) {
     if (!pair.counts) continue;
     const int contact = mesh.Pair(pair.vertex[0], pair.vertex[2]);
     AddRow(pair.vertex, pair.weight, pair.normal, pair.distance - mesh.thickness[contact],
-           mesh.friction[contact], *motion);
+           mesh.friction[contact]);
   }
+  Group(*motion);
   Iterate(config.iterations, motion->move.data(), bodies);
   // Overlap is undone by displacement alone: as a velocity it would stay.
   *position = motion->move;
   *position_bodies = *bodies;
-  const float most = static_cast<float>(kRecoverySpeed * timestep);
-  for (Row& row : rows_) {
-    row.least -= row.compliance * row.impulse[3];
-    row.lowest -= row.impulse[3];
-    std::fill_n(row.impulse, 4, 0.0f);
-    std::fill_n(row.search, 4, 0.0f);
+  for (size_t i = 0; i < order_.size(); ++i) {
+    if (order_[i] < 0) continue;
+    const Row& row = rows_[order_[i]];
+    Rows<4>& group = groups_[i / kLanes];
+    const int lane = i % kLanes;
+    group.least[lane] -= group.compliance[lane] * group.impulse[0][lane];
+    group.lowest[lane] -= group.impulse[0][lane];
     if (row.gap < 0 && row.compliance == 0) {
-      row.least = std::min(static_cast<float>(-kRecovery * row.gap), most);
+      group.least[lane] =
+          static_cast<float>(std::min(-kRecovery * row.gap, kRecoverySpeed * timestep));
     }
   }
-  for (Spring& spring : springs_) {
-    const Vector move = motion->Move(spring.vertex[0]) - motion->Move(spring.vertex[1]);
-    const float* n = spring.normal;
-    spring.target = static_cast<float>(Dot({n[0], n[1], n[2]}, move));
-    spring.impulse = spring.search = 0;
-  }
+  for (Rows<4>& group : groups_) Forget(&group);
+  SetSprings(mesh, *motion, timestep);
   for (BodyRow& row : body_rows_) {
     row.least -= row.contact.softness * row.impulse;
     row.contact.impulse += row.impulse;

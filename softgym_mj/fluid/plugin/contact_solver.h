@@ -6,15 +6,17 @@
 
 #include <vector>
 
+#include "contact_kernels.h"
+#include "disjoint.h"
 #include "proximity.h"
 #include "rigid_contacts.h"
 
 namespace softgym_mj {
 
 struct ContactConfig {
-  int iterations = 40;
-  double stretch = 0.5;       // Longest that contact makes an edge, as a share of its length.
-  double compression = 0.5;   // The same for what it takes off.
+  int iterations = 60;
+  double stretch = 0.12;     // Edges get no longer than by this share of their length.
+  double compression = 0.2;  // Nor shorter than by this one.
 };
 
 class ContactSolver {
@@ -27,30 +29,41 @@ class ContactSolver {
              std::vector<Body>* position_bodies);
 
  private:
+  // As in Rows.
+  struct Row {
+    int vertex[4];
+    double weight[4];
+    Vector normal;
+    double compliance, least, lowest, friction;
+    double gap;  // How far the pair is beyond its thickness; negative when it overlaps [m].
+  };
   struct BodyRow {
     RigidContact contact;
     double scaled[3];
     double mass, tangential_mass, least;
-    // As in Row: along the normal, and tangential.
+    // As in Rows: along the normal, and tangential.
     double impulse, before, search;
     Vector held, held_before, held_search;
   };
 
-  void AddSprings(const Mesh& mesh, const Motion& motion, double timestep);
+  void SetSprings(const Mesh& mesh, const Motion& motion, double timestep);
   void AddEdgeRows(const ContactConfig& config, const Mesh& mesh, const Motion& motion);
-  void AddRow(const int vertex[4], const double weight[4], Vector normal, double gap, double friction,
-              const Motion& motion, double softness = 0);
+  Row* AddRow(const int vertex[4], const double weight[4], Vector normal, double gap, double friction);
   void AddRigidRows(const std::vector<RigidContact>& rigid, const Motion& motion,
                     const std::vector<Body>& bodies);
   double Sweep(BodyRow* row, float* move, std::vector<Body>* bodies) const;
   void Extend(BodyRow* row, double share, float* move, std::vector<Body>* bodies) const;
   void Apply(const BodyRow& row, Vector impulse, float* move, std::vector<Body>* bodies) const;
+  void Group(const Motion& motion);
   void Iterate(int iterations, float* move, std::vector<Body>* bodies);
 
   const ContactKernels* kernels_ = nullptr;
   float done_ = 0;  // Impulse [kg m] below which a sweep is the last.
-  std::vector<Spring> springs_;
+  Disjoint disjoint_;
   std::vector<Row> rows_;
+  std::vector<int> vertices_, order_;  // Those of the rows, and what places the rows have in groups_.
+  std::vector<Rows<4>> groups_;
+  std::vector<Rows<2>> springs_;
   std::vector<BodyRow> body_rows_;
 };
 

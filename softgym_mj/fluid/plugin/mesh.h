@@ -34,6 +34,7 @@ struct Mesh {
   std::vector<int> first;   // First vertex of each of them.
   std::vector<int> part;    // Which of them each vertex belongs to.
   std::vector<Edge> edges;
+  std::vector<int> edge_groups;  // Indices of edges, eight at a time without a common vertex; or -1.
   std::vector<Triangle> triangles;
   // For each pair of flexes, `flexes.size()` squared: distance at which they touch [m], friction.
   std::vector<float> thickness, friction;
