@@ -91,33 +91,20 @@ int Scan(const BoxView& boxes, int first, int last, const float* box, int* out) 
 
 constexpr float kSlack = 1e-4f;  // [m] What rounding may do to the distance of near-parallel edges.
 
-struct Eight3 {
-  __m256 x, y, z;
-};
-inline __m256 Pick(const float* p, const int* i) {
+using Eight3 = Vector3<Eight>;
+
+inline Eight Pick(const float* p, const int* i) {
   return _mm256_setr_ps(p[i[0]], p[i[1]], p[i[2]], p[i[3]], p[i[4]], p[i[5]], p[i[6]], p[i[7]]);
 }
 inline Eight3 Pick(const float* const p[3], const int* i) {
   return {Pick(p[0], i), Pick(p[1], i), Pick(p[2], i)};
 }
-inline Eight3 Spread(float x, float y, float z) {
-  return {_mm256_set1_ps(x), _mm256_set1_ps(y), _mm256_set1_ps(z)};
+inline Eight3 Spread(float x, float y, float z) { return {Eight(x), Eight(y), Eight(z)}; }
+inline Eight Clamp(Eight a) {  // Of a NaN: 0.
+  return _mm256_min_ps(_mm256_max_ps(a.v, _mm256_setzero_ps()), _mm256_set1_ps(1));
 }
-inline Eight3 operator-(const Eight3& a, const Eight3& b) {
-  return {_mm256_sub_ps(a.x, b.x), _mm256_sub_ps(a.y, b.y), _mm256_sub_ps(a.z, b.z)};
-}
-inline __m256 Dot(const Eight3& a, const Eight3& b) {
-  return _mm256_fmadd_ps(a.x, b.x, _mm256_fmadd_ps(a.y, b.y, _mm256_mul_ps(a.z, b.z)));
-}
-inline Eight3 Add(const Eight3& a, __m256 s, const Eight3& b) {
-  return {_mm256_fmadd_ps(s, b.x, a.x), _mm256_fmadd_ps(s, b.y, a.y), _mm256_fmadd_ps(s, b.z, a.z)};
-}
-inline __m256 Clamp(__m256 a) {  // Of a NaN: 0.
-  return _mm256_min_ps(_mm256_max_ps(a, _mm256_setzero_ps()), _mm256_set1_ps(1));
-}
-inline int Keep(__m256 square, __m256 reach, const int* near, int left, int* out) {
-  unsigned bits = _mm256_movemask_ps(
-      _mm256_cmp_ps(square, _mm256_mul_ps(reach, reach), _CMP_LE_OQ));
+inline int Keep(Eight square, Eight reach, const int* near, int left, int* out) {
+  unsigned bits = _mm256_movemask_ps(_mm256_cmp_ps(square.v, (reach * reach).v, _CMP_LE_OQ));
   if (left < 8) bits &= (1u << left) - 1;
   int found = 0;
   for (; bits; bits &= bits - 1) out[found++] = near[__builtin_ctz(bits)];
@@ -128,24 +115,17 @@ int NearEdges(const EdgeView& edges, int e, const int* near, int count, float re
   const Eight3 p = Spread(edges.start[0][e], edges.start[1][e], edges.start[2][e]);
   const Eight3 u = Spread(edges.along[0][e], edges.along[1][e], edges.along[2][e]);
   const Eight3 move = Spread(edges.move[0][e], edges.move[1][e], edges.move[2][e]);
-  const __m256 uu = Dot(u, u), least = _mm256_set1_ps(1e-20f);
-  const __m256 base = _mm256_set1_ps(reach + edges.spread[e] + kSlack);
+  const Eight uu = Dot(u, u), least(1e-20f), base(reach + edges.spread[e] + kSlack);
   int found = 0;
   for (int i = 0; i < count; i += 8) {
     const int* index = near + i;
     const Eight3 v = Pick(edges.along, index), r = p - Pick(edges.start, index);
-    const __m256 vv = Dot(v, v), uv = Dot(u, v), ur = Dot(u, r), vr = Dot(v, r);
-    const __m256 det = _mm256_fmsub_ps(uu, vv, _mm256_mul_ps(uv, uv));
-    const __m256 over = _mm256_fmsub_ps(uv, vr, _mm256_mul_ps(ur, vv));
-    __m256 s = Clamp(_mm256_div_ps(over, _mm256_max_ps(det, least)));
-    const __m256 t =
-        Clamp(_mm256_div_ps(_mm256_fmadd_ps(uv, s, vr), _mm256_max_ps(vv, least)));
-    s = Clamp(_mm256_div_ps(_mm256_fmsub_ps(uv, t, ur), _mm256_max_ps(uu, least)));
-    const Eight3 apart = Add(Add(r, s, u), _mm256_sub_ps(_mm256_setzero_ps(), t), v);
-    const Eight3 relative = move - Pick(edges.move, index);
-    const __m256 limit =
-        _mm256_add_ps(_mm256_add_ps(base, Pick(edges.spread, index)),
-                      _mm256_sqrt_ps(Dot(relative, relative)));
+    const Eight vv = Dot(v, v), uv = Dot(u, v), ur = Dot(u, r), vr = Dot(v, r);
+    Eight s = Clamp((uv * vr - ur * vv) / Max(uu * vv - uv * uv, least));
+    const Eight t = Clamp((uv * s + vr) / Max(vv, least));
+    s = Clamp((uv * t - ur) / Max(uu, least));
+    const Eight3 apart = r + s * u - t * v, relative = move - Pick(edges.move, index);
+    const Eight limit = base + Pick(edges.spread, index) + Sqrt(Dot(relative, relative));
     found += Keep(Dot(apart, apart), limit, index, count - i, out + found);
   }
   return found;
@@ -154,21 +134,17 @@ int NearEdges(const EdgeView& edges, int e, const int* near, int count, float re
 int NearTriangles(const TriangleView& triangles, const float* point, const float* move,
                   const int* near, int count, float reach, int* out) {
   const Eight3 p = Spread(point[0], point[1], point[2]), u = Spread(move[0], move[1], move[2]);
-  const __m256 base = _mm256_set1_ps(reach + kSlack);
+  const Eight base(reach + kSlack), far(1e30f);
   int found = 0;
   for (int i = 0; i < count; i += 8) {
     const int* index = near + i;
     const Eight3 apart = p - Pick(triangles.centre, index);
     const Eight3 relative = u - Pick(triangles.move, index);
-    const __m256 limit = _mm256_add_ps(_mm256_add_ps(base, Pick(triangles.spread, index)),
-                                       _mm256_sqrt_ps(Dot(relative, relative)));
+    const Eight limit = base + Pick(triangles.spread, index) + Sqrt(Dot(relative, relative));
     // Whether it is too far from the plane or from the sphere.
-    const __m256 height = Dot(apart, Pick(triangles.normal, index));
-    const __m256 outside =
-        _mm256_cmp_ps(_mm256_mul_ps(height, height), _mm256_mul_ps(limit, limit), _CMP_GT_OQ);
-    const __m256 square = _mm256_blendv_ps(Dot(apart, apart), _mm256_set1_ps(1e30f), outside);
-    found += Keep(square, _mm256_add_ps(limit, Pick(triangles.radius, index)), index, count - i,
-                  out + found);
+    const Eight height = Dot(apart, Pick(triangles.normal, index));
+    const Eight square = Select(limit * limit < height * height, far, Dot(apart, apart));
+    found += Keep(square, limit + Pick(triangles.radius, index), index, count - i, out + found);
   }
   return found;
 }
