@@ -127,7 +127,7 @@ class CrumpledCloth:
     @property
     def parameters(self) -> dict[str, object]:
         cloth = Cloth(fidelity=self.fidelity).physical_parameters
-        return {"version": 4, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
+        return {"version": 5, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
 
     def dims(self, index: int) -> tuple[int, int]:
         """Size (dimx, dimy) of a variation in SoftGym particles."""
