@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.tasks.initializers import SETTLED_SPEED, CrumpledCloth, TwistedRope
+from softgym_mj.tasks.initializers import SETTLED_SPEED, TwistedRope
 from softgym_mj.variations import NUM_VARIATIONS
 
 
@@ -96,41 +96,3 @@ def test_shipped_states_stay_where_they_are(env):
             env.step(np.zeros(8))
         moved = np.linalg.norm(env.task.rope.vertices() - before, axis=1)
         assert moved.max() < SETTLED_SPEED * 0.8  # 0.8 s at less than the settled speed.
-
-
-def test_crumpled_sizes_are_seeded_and_in_range():
-    dims = np.array([CrumpledCloth().dims(i) for i in range(NUM_VARIATIONS)])
-    assert dims.min() == 60 and dims.max() == 119  # 2,000 draws of 60 values.
-    assert dims.mean() == pytest.approx(89.5, abs=1.0)
-    np.testing.assert_array_equal(
-        dims[:3], [CrumpledCloth("fast").dims(i) for i in range(3)]
-    )  # The same whatever the resolution.
-
-
-def test_crumpled_cloth_is_crumpled_and_at_rest():
-    for fidelity in ("fast", "default"):
-        env = softgym_mj.load("spread_cloth", split="evaluate", fidelity=fidelity)
-        env.reset(800)
-        cloth = env.task.cloth
-        vertices = cloth.vertices()
-        flat_area = np.prod(cloth.size)
-        assert env.task.initial_performance < 0.75 * flat_area
-        assert np.abs(cloth.edge_strain()).mean() < 0.03
-        for _ in range(3):
-            env.step(np.zeros(8))
-        moved = np.linalg.norm(cloth.vertices() - vertices, axis=1)
-        assert np.median(moved) < 0.005
-        # Doing nothing scores 0 (facts 1.8); test_slow.py does so for whole episodes.
-        assert abs(env.info()["normalized_performance"]) < 0.02
-
-
-def test_a_flat_cloth_scores_one_in_every_orientation():
-    env = softgym_mj.load("spread_cloth", split="evaluate", fidelity="fast")
-    env.reset(800)
-    cloth = env.task.cloth
-    for angle in np.deg2rad([0.0, 15.0, 45.0, 100.0]):
-        cloth.set_vertices(cloth.flat(angle=angle))
-        env.task.after_step(env.physics, None)
-        info = env.info()
-        assert info["normalized_performance"] == pytest.approx(1.0, abs=0.003)
-        assert info["success"]
