@@ -111,14 +111,16 @@ void ContactSolver::AddEdgeRows(const ContactConfig& config, const Mesh& mesh,
     const double shortest = (1 - config.compression) * edge.length;
     const double near_long = (1 + kNear * config.stretch) * edge.length;
     const double near_short = (1 - kNear * config.compression) * edge.length;
+    const bool stretched = square > near_long * near_long;
+    if (!stretched && square > near_short * near_short) continue;
     const int vertex[4] = {a, b, none, none};
-    if (square > near_long * near_long) {
-      const double length = Norm(start), weight[4] = {-1, 1, 0, 0};
-      AddRow(vertex, weight, (1 / length) * start, std::max(0.0, longest - length), 0);
-    } else if (square < near_short * near_short) {
-      const double length = Norm(start), weight[4] = {1, -1, 0, 0};
-      AddRow(vertex, weight, (1 / length) * start, std::max(0.0, length - shortest), 0);
-    }
+    const double sign = stretched ? -1 : 1, length = Norm(start), weight[4] = {sign, -sign, 0, 0};
+    const Vector normal = (1 / length) * start;
+    const double gap = stretched ? longest - length : length - shortest;
+    // What the engine does to the edge by itself is not contact's.
+    const double own = -sign * Dot(normal, end - start);
+    Row* row = AddRow(vertex, weight, normal, std::max({0.0, gap, own}), 0);
+    row->least = -std::max({0.0, gap, own});
   }
 }
 

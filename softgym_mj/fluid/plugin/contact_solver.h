@@ -15,8 +15,8 @@ namespace softgym_mj {
 
 struct ContactConfig {
   int iterations = 60;
-  double stretch = 0.12;     // Edges get no longer than by this share of their length.
-  double compression = 0.2;  // Nor shorter than by this one.
+  double stretch = 0.12;     // Contact makes edges no longer than by this share of their length,
+  double compression = 0.2;  // nor shorter than by this one.
 };
 
 class ContactSolver {
