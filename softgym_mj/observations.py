@@ -1,7 +1,8 @@
-"""Observation presets as data, and the camera observable."""
+"""Observation presets as data, and the observables of the task's camera."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+import mujoco
 import numpy as np
 from dm_control.composer.observation import observable
 from dm_env import specs
@@ -12,10 +13,19 @@ from softgym_mj.rendering import CameraView
 # name: what it is. Positions are in metres, in the world frame.
 OBSERVATIONS = {
     "full": "every point (zero-padded to the largest variation), then the grippers or cups",
+    "full_mask": "uint8, 1 for each point of `full` that exists and 0 for padding",
     "reduced": "the few numbers that describe the state, listed in the task's docstring",
     "rgb": "uint8 image (height, width, 3) from the task camera",
+    "depth": "float32 image (height, width) of distances along the view direction [m]",
+    "segmentation": "uint8 image (height, width) of what is seen: 0 background, 1 object, 2 actor, "
+    "3 container, 4 goal",
+    "point_cloud": "float32 (1024, 4): x, y, z of points of the object that the camera sees, and "
+    "1; rows of zeros where it sees fewer",
 }
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
+LABELS = ("background", "object", "actor", "container", "goal")
+NUM_CLOUD_POINTS = 1024
+EDGE_DEPTH = 0.01  # [m] By which the depth of a point of the cloud may differ from its neighbours'.
 
 
 def enabled_names(observation: str | Sequence[str]) -> tuple[str, ...]:
@@ -36,14 +46,91 @@ def enabled_names(observation: str | Sequence[str]) -> tuple[str, ...]:
     return names
 
 
-class CameraObservable(observable.Generic):
-    """An RGB image (height, width, 3) uint8 from a fixed camera."""
+class TaskCamera:
+    """What the task's camera sees, as colours, distances, labels and points."""
 
-    def __init__(self, camera: str, height: int, width: int):
-        self._view = CameraView(camera, height, width)
-        self._spec = specs.BoundedArray((height, width, 3), np.uint8, 0, 255)
-        super().__init__(self._view.rgb)
+    def __init__(self, height: int, width: int, parts: Callable[[], Mapping[str, Sequence[str]]]):
+        """Binds the camera.
+
+        Args:
+            height, width: of images [pixels].
+            parts: gives the names of the models that make up each of the `LABELS`; whatever
+                deforms or flows is "object", everything else "background".
+        """
+        self._view = CameraView("task", height, width)
+        self._height, self._width, self._parts = height, width, parts
+        self._model: mujoco.MjModel | None = None
+        self._labels = np.zeros(0, np.uint8)
+
+    def observables(self) -> dict[str, observable.Generic]:
+        """The observables by name."""
+        image = (self._height, self._width)
+        labels = specs.BoundedArray(image, np.uint8, 0, len(LABELS) - 1)
+        return {
+            "rgb": _Seen(self._view.rgb, specs.BoundedArray((*image, 3), np.uint8, 0, 255)),
+            "depth": _Seen(self._view.depth, specs.Array(image, np.float32)),
+            "segmentation": _Seen(self.segmentation, labels),
+            "point_cloud": _Seen(self.point_cloud, specs.Array((NUM_CLOUD_POINTS, 4), np.float32)),
+        }
+
+    def segmentation(self, physics) -> np.ndarray:
+        """Index into `LABELS` (height, width) uint8 of what each pixel shows."""
+        model = physics.model.ptr
+        if model is not self._model:
+            self._model = model
+            owners = {
+                name: i for i, label in enumerate(LABELS) for name in self._parts().get(label, ())
+            }
+            names = [model.geom(i).name.split("/")[0] for i in range(model.ngeom)]
+            self._labels = np.array([owners.get(name, 0) for name in names], np.uint8)
+        seen = self._view.segmentation(physics)
+        kind, index = seen[..., 1], seen[..., 0]
+        labels = np.where(kind >= 0, LABELS.index("object"), 0).astype(np.uint8)
+        geoms = kind == mujoco.mjtObj.mjOBJ_GEOM
+        labels[geoms] = self._labels[index[geoms]]
+        return labels
+
+    def point_cloud(self, physics) -> np.ndarray:
+        """Points of the object that are seen (1024, 4) float32: x, y, z [m] and 1, or zeros.
+
+        If there are more, they are taken evenly from the pixels in reading order.
+        """
+        shown = self.segmentation(physics) == LABELS.index("object")
+        image = np.where(shown, self._view.depth(physics), np.nan)
+        rows, columns = np.nonzero(shown)
+        depth = image[rows, columns].astype(float)
+        # Where the object ends, a pixel may have the label of one surface and the depth of another.
+        around = _neighbours(image, rows, columns)
+        sure = np.abs(depth - np.nanmedian(around, axis=0)) < EDGE_DEPTH
+        rows, columns, depth = rows[sure], columns[sure], depth[sure]
+        model, data = physics.model.ptr, physics.data.ptr
+        camera = model.camera("task").id
+        pitch = 2.0 * np.tan(np.deg2rad(model.cam_fovy[camera]) / 2) / self._height
+        right = (columns + 0.5 - self._width / 2) * pitch * depth
+        up = (self._height / 2 - rows - 0.5) * pitch * depth
+        local = np.column_stack([right, up, -depth])
+        points = data.cam_xpos[camera] + local @ data.cam_xmat[camera].reshape(3, 3).T
+        if len(points) > NUM_CLOUD_POINTS:
+            points = points[np.linspace(0, len(points) - 1, NUM_CLOUD_POINTS).astype(int)]
+        cloud = np.zeros((NUM_CLOUD_POINTS, 4), np.float32)
+        cloud[: len(points), :3] = points
+        cloud[: len(points), 3] = 1.0
+        return cloud
+
+
+def _neighbours(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Pixels (9, n) of the 3 x 3 around each of n; NaN beyond the image."""
+    padded = np.pad(image, 1, constant_values=np.nan)
+    return np.array([padded[rows + i, columns + j] for i in range(3) for j in range(3)])
+
+
+class _Seen(observable.Generic):
+    """An observable with a given specification: without one, it would be rendered to find out."""
+
+    def __init__(self, look: Callable, spec: specs.Array):
+        self._spec = spec
+        super().__init__(look)
 
     @property
-    def array_spec(self) -> specs.BoundedArray:
+    def array_spec(self) -> specs.Array:
         return self._spec

@@ -69,6 +69,10 @@ class CameraView:
         """Metric distance along the view direction (height, width) float32 [m]."""
         return self._render(physics, depth=True).astype(np.float32)
 
+    def segmentation(self, physics) -> np.ndarray:
+        """What each pixel shows (height, width, 2) int: id and `mujoco.mjtObj`; -1 for nothing."""
+        return self._render(physics, segmentation=True).copy()
+
     def _render(self, physics, **options) -> np.ndarray:
         import mujoco
         from dm_control.mujoco import engine, wrapper

@@ -13,7 +13,7 @@ from dm_env import specs
 from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.exceptions import check_count, check_image_size
-from softgym_mj.observations import CameraObservable, enabled_names
+from softgym_mj.observations import TaskCamera, enabled_names
 from softgym_mj.rendering import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.variations import VariationStore, check_variation
@@ -81,7 +81,8 @@ class DeformableTask(composer.Task, abc.ABC):
         self._observables = collections.OrderedDict(
             full=observable.Generic(lambda physics: self.full_state()),
             reduced=observable.Generic(lambda physics: self.reduced_state()),
-            rgb=CameraObservable("task", *image_size),
+            full_mask=observable.Generic(lambda physics: self.full_mask()),
+            **TaskCamera(*image_size, lambda: self.parts).observables(),
         )
         for name in names:
             self._observables[name].enabled = True
@@ -138,6 +139,11 @@ class DeformableTask(composer.Task, abc.ABC):
     @abc.abstractmethod
     def reduced_state(self) -> np.ndarray:
         """The few numbers that describe the state."""
+
+    @property
+    @abc.abstractmethod
+    def parts(self) -> dict[str, tuple[str, ...]]:
+        """Names of the models that segmented images show as "actor", "container" or "goal"."""
 
     def diagnostics(self) -> dict[str, float | int]:
         """Further scalars for info."""
@@ -210,6 +216,10 @@ class DeformableTask(composer.Task, abc.ABC):
         state[: points.size] = points
         state[3 * self._max_points :] = tool
         return state
+
+    def full_mask(self) -> np.ndarray:
+        """1 for each of the `max_points` of `full_state` that exists, uint8."""
+        return (np.arange(self._max_points) < len(self.points())).astype(np.uint8)
 
     # ------------------------------------------------------------------ snapshots
 

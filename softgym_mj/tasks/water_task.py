@@ -83,6 +83,10 @@ class WaterTask(DeformableTask):
         """Sizes and places of the current variation."""
         return self._scene
 
+    @property
+    def parts(self) -> dict[str, tuple[str, ...]]:
+        return {"container": tuple(cup.mjcf_model.model for cup in self._cups)}
+
     def resize(self, variation: int) -> bool:
         self._scene = scene = self._initializer.scenes.scene(variation)
         changed = [cup.resize(size) for cup, size in zip(self._cups, scene.cups, strict=True)]

@@ -16,17 +16,28 @@ constexpr double kParticle = 0.5;  // Radius of a particle drawn as a sphere, in
 // Geoms kept free for the model: one each with its decorations (frames, contacts, labels).
 int Reserved(const mjModel* m) { return 2 * m->ngeom + m->nsite + m->njnt + m->nlight + 100; }
 
-void DrawParticles(const FluidConfig& config, const mjtNum* positions, int room, mjvScene* scene) {
+// Adds a geom that segmented pictures show as belonging to the plugin instance.
+void AddGeom(int instance, int type, const mjtNum* size, const mjtNum* position,
+             const mjtNum* matrix, const float* rgba, mjvScene* scene) {
+  const int index = scene->ngeom++;
+  mjvGeom* geom = scene->geoms + index;
+  mjv_initGeom(geom, type, size, position, matrix, rgba);
+  geom->category = mjCAT_DECOR;
+  geom->objtype = mjOBJ_PLUGIN;
+  geom->objid = instance;
+  geom->segid = index;
+}
+
+void DrawParticles(const FluidConfig& config, int instance, const mjtNum* positions, int room,
+                   mjvScene* scene) {
   const mjtNum radius = kParticle * config.spacing, size[3] = {radius, radius, radius};
   if (config.count > room) scene->status = 1;
   for (int i = 0; i < std::min(config.count, room); ++i) {
-    mjvGeom* geom = scene->geoms + scene->ngeom++;
-    mjv_initGeom(geom, mjGEOM_SPHERE, size, positions + 3 * i, nullptr, config.rgba);
-    geom->category = mjCAT_DECOR;
+    AddGeom(instance, mjGEOM_SPHERE, size, positions + 3 * i, nullptr, config.rgba, scene);
   }
 }
 
-void DrawTriangle(const float* corners, const float* rgba, mjvScene* scene) {
+void DrawTriangle(int instance, const float* corners, const float* rgba, mjvScene* scene) {
   const mjtNum size[3] = {1, 1, 0};
   mjtNum position[3], sides[6], normal[3], matrix[9];
   for (int k = 0; k < 3; ++k) {
@@ -41,19 +52,17 @@ void DrawTriangle(const float* corners, const float* rgba, mjvScene* scene) {
     matrix[3 * k + 1] = sides[3 + k];
     matrix[3 * k + 2] = normal[k];
   }
-  mjvGeom* geom = scene->geoms + scene->ngeom++;
-  mjv_initGeom(geom, mjGEOM_TRIANGLE, size, position, matrix, rgba);
-  geom->category = mjCAT_DECOR;
+  AddGeom(instance, mjGEOM_TRIANGLE, size, position, matrix, rgba, scene);
 }
 
 }  // namespace
 
-void DrawFluid(const mjModel* m, const FluidConfig& config, const mjtNum* positions,
+void DrawFluid(const mjModel* m, const FluidConfig& config, int instance, const mjtNum* positions,
                SurfaceExtractor* extractor, mjvScene* scene) {
   const int room = scene->maxgeom - Reserved(m) - scene->ngeom;
   if (config.draw == Draw::kNone || room <= 0) return;
   if (config.draw == Draw::kParticles) {
-    DrawParticles(config, positions, room, scene);
+    DrawParticles(config, instance, positions, room, scene);
     return;
   }
   const bool fine = config.draw == Draw::kFine;
@@ -64,7 +73,7 @@ void DrawFluid(const mjModel* m, const FluidConfig& config, const mjtNum* positi
         extractor->Extract(positions, config.count, config.spacing, voxel);
     if (static_cast<int>(triangles.size()) > 9 * most) continue;
     for (size_t k = 0; k < triangles.size(); k += 9) {
-      DrawTriangle(triangles.data() + k, config.rgba, scene);
+      DrawTriangle(instance, triangles.data() + k, config.rgba, scene);
     }
     return;
   }

@@ -11,7 +11,7 @@
 namespace softgym_mj {
 
 // Adds geoms to a scene, leaving room for those of the model.
-void DrawFluid(const mjModel* m, const FluidConfig& config, const mjtNum* positions,
+void DrawFluid(const mjModel* m, const FluidConfig& config, int instance, const mjtNum* positions,
                SurfaceExtractor* extractor, mjvScene* scene);
 
 }  // namespace softgym_mj

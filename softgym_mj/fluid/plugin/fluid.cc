@@ -249,7 +249,7 @@ void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, i
   StateLayout layout;
   Workspace& w = Open(m, instance, &layout);
   const mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
-  DrawFluid(m, w.config, state + layout.positions, &w.surface, scene);
+  DrawFluid(m, w.config, instance, state + layout.positions, &w.surface, scene);
 }
 
 }  // namespace

@@ -1,0 +1,79 @@
+"""What the task's camera observes, against the state it looks at."""
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.observations import LABELS, NUM_CLOUD_POINTS, OBSERVATIONS
+
+SIZE = (160, 200)
+
+
+def look(task, variation=803, **kwargs):
+    if "rope" not in task:
+        kwargs["fidelity"] = "fast"
+    env = softgym_mj.load(
+        task, split="evaluate", observation=list(OBSERVATIONS), image_size=SIZE, **kwargs
+    )
+    return env, env.reset(variation).observation
+
+
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_labels_show_what_the_task_has(task):
+    _, observation = look(task)
+    expected = {"background", "object"}
+    expected |= {"container"} if "water" in task else {"actor"}
+    expected |= {"goal"} if task in ("rope_configuration", "pour_water_amount") else set()
+    assert {LABELS[i] for i in np.unique(observation["segmentation"])} == expected
+
+
+def test_labels_follow_the_colours():
+    """The rope is the only blue, the pickers the only dark things; edges are blended."""
+    _, observation = look("straighten_rope")
+    image, labels = observation["rgb"].astype(int), observation["segmentation"]
+    blue = image[..., 2] > image[..., 0] + 60
+    rope = labels == LABELS.index("object")
+    assert np.mean(rope[blue]) > 0.8 and np.mean(blue[rope]) > 0.8
+    assert np.mean(image[labels == LABELS.index("actor")]) < np.mean(image) / 1.5
+
+
+@pytest.mark.parametrize(
+    ("task", "spacing"),
+    [
+        ("spread_cloth", 0.04), ("fold_cloth", 0.04), ("drop_cloth", 0.04),
+        ("straighten_rope", 0.0125), ("pour_water", 0.03),
+    ],
+)  # fmt: skip
+def test_cloud_points_lie_on_the_object(task, spacing):
+    env, observation = look(task)
+    cloud = observation["point_cloud"]
+    points = cloud[cloud[:, 3] == 1.0, :3]
+    assert cloud.shape == (NUM_CLOUD_POINTS, 4) and len(points) > 100
+    assert not cloud[len(points) :].any()
+    distance = np.linalg.norm(points[:, None] - env.task.points(), axis=2)
+    # From a surface point to the nearest vertex: half a diagonal of the mesh, and its thickness.
+    assert distance.min(axis=1).max() < 0.75 * spacing + 0.007
+    # Of a flat thing the camera sees all that no picker hides.
+    if task == "fold_cloth":
+        assert np.percentile(distance.min(axis=0), 95) < 0.025
+
+
+def test_depth_is_metric_and_square_to_the_camera():
+    """The rope's camera looks straight down from 0.85 m."""
+    env, observation = look("straighten_rope")
+    depth, labels = observation["depth"], observation["segmentation"]
+    assert np.mean(np.abs(depth[labels == 0] - 0.85) < 2e-3) > 0.99
+    assert np.median(depth[labels == 0]) == pytest.approx(0.85, abs=1e-3)
+    top = env.task.actor.positions()[:, 2].max() + env.task.actor.radius
+    assert depth.min() == pytest.approx(0.85 - top, abs=2e-3)
+
+
+@pytest.mark.parametrize("task", ["spread_cloth", "straighten_rope", "transport_water"])
+def test_the_mask_tells_points_from_padding(task):
+    env, observation = look(task)
+    mask, points = observation["full_mask"], env.task.points()
+    assert mask.dtype == np.uint8 and mask.sum() == len(points)
+    assert (np.diff(mask.astype(int)) <= 0).all()
+    listed = observation["full"][: 3 * len(mask)].reshape(-1, 3)
+    np.testing.assert_array_equal(listed[mask == 1], points)
+    assert not listed[mask == 0].any()
