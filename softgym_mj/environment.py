@@ -73,6 +73,7 @@ class Environment(composer.Environment):
         self._variations = split_indices(split)
         self._name, self._horizon = name, horizon
         self._step_count = 0
+        self._started: int | None = None  # The variation that was last started.
         task.choose_variation(self._variations[0])
         self._state_layout = task.state_layout
         super().__init__(
@@ -148,6 +149,7 @@ class Environment(composer.Environment):
         with self._physics.reset_context():
             self._hooks.initialize_episode(self._physics_proxy, self._random_state)
         self._step_count = 0
+        self._started = variation
         self._reset_next_step = False
 
     def step(self, action: np.ndarray) -> dm_env.TimeStep:
@@ -166,8 +168,8 @@ class Environment(composer.Environment):
         updater.prepare_for_next_control_step()
         actor.command(action)
         with self._physics.check_invalid_state():
-            for i in range(task.action_repeat):
-                if i:
+            for i in range(actor.sim_steps or task.action_repeat):
+                if 0 < i < task.action_repeat:
                     updater.update()
                 hooks.before_substep(physics, action, random_state)
                 actor.plan()
@@ -219,7 +221,7 @@ class Environment(composer.Environment):
                 f"the snapshot is of {snapshot.layout}, this environment is "
                 f"{self._state_layout}: actor or fidelity differ"
             )
-        if snapshot.task["variation"] != self._task.variation:
+        if snapshot.task["variation"] != self._started:
             self._start(snapshot.task["variation"])
         mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
         self._task.set_state(copy.deepcopy(snapshot.task))

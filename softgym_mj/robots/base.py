@@ -18,6 +18,14 @@ class Actor(abc.ABC):
     In an env step: `command` once, then `plan` in every sim step and `move` in every physics step.
     """
 
+    # Env steps of an episode; None: as many as the task's record says.
+    horizon: int | None = None
+
+    @property
+    def sim_steps(self) -> int | None:
+        """Sim steps that the current command takes; None: as many as the task repeats actions."""
+        return None
+
     @property
     @abc.abstractmethod
     def action_size(self) -> int:

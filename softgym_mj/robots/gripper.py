@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -41,6 +42,11 @@ class Gripper(Actor):
     def action_layout(self) -> str:
         return f"{self.num_grippers} gripper(s) x {self.action_size // self.num_grippers}"
 
+    @property
+    @abc.abstractmethod
+    def model_names(self) -> tuple[str, ...]:
+        """Names of the models that segmented images show as the actor."""
+
     @abc.abstractmethod
     def manipulate(self, target: Flex) -> None:
         """Chooses the object whose vertices the grippers hold."""
@@ -48,6 +54,10 @@ class Gripper(Actor):
     @abc.abstractmethod
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         """Starts an episode: grippers open at `positions` (num_grippers, 3) [m] in `workspace`."""
+
+    @abc.abstractmethod
+    def take(self, vertices: Sequence[int]) -> None:
+        """Closes the grippers on these vertices, one each, wherever they are."""
 
     @abc.abstractmethod
     def default_positions(self, point: np.ndarray) -> np.ndarray:

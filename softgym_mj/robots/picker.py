@@ -1,6 +1,7 @@
 """`Picker`: SoftGym's abstract gripper, a solid sphere that can hold the nearest vertex."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from dm_control import composer, mjcf
@@ -98,6 +99,10 @@ class Picker(composer.Entity, Gripper):
         return self._mjcf_root
 
     @property
+    def model_names(self) -> tuple[str, ...]:
+        return (self._mjcf_root.model,)
+
+    @property
     def num_grippers(self) -> int:
         return len(self._held)
 
@@ -180,6 +185,15 @@ class Picker(composer.Entity, Gripper):
             if grip and held[i] < 0:
                 self._pick(i)
 
+    def take(self, vertices: Sequence[int]) -> None:
+        for i, vertex in enumerate(vertices):
+            self._hold(i, vertex, self._target.vertex(vertex) - self._centre[i])
+
+    def _hold(self, i: int, vertex: int, offset: np.ndarray) -> None:
+        self._held[i] = vertex
+        self._offset[i] = offset
+        self._target.hold(vertex)
+
     def _pick(self, i: int) -> None:
         """Takes the nearest free vertex within reach, if there is one."""
         offsets = self._target.offsets(self._old_centre[i])
@@ -189,9 +203,7 @@ class Picker(composer.Entity, Gripper):
                 distances[vertex] = np.inf
         nearest = int(distances.argmin())
         if distances[nearest] <= self._pick_distance**2:
-            self._held[i] = nearest
-            self._offset[i] = offsets[nearest]
-            self._target.hold(nearest)
+            self._hold(i, nearest, offsets[nearest])
 
     def move(self, fraction: float, timestep: float) -> None:
         position = self._centre
