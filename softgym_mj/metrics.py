@@ -1,6 +1,7 @@
 """Task metrics and mesh diagnostics: arrays in, numbers out."""
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 # Lines on which the covered area is measured. With 256 the error on crumpled meshes is 0.03 %; an
 # outline step parallel to X costs up to half a line pitch of its length.
@@ -56,6 +57,30 @@ def _crossing(level, x0, y0, x1, y1):
     height = y1 - y0
     safe = np.where(height > 0.0, height, 1.0)
     return x0 + (x1 - x0) * np.clip((level - y0) / safe, 0.0, 1.0)
+
+
+def fold_distances(sheet: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
+    """How far a sheet is from folded in half along its columns (facts 3.7).
+
+    Args:
+        sheet: (rows, columns, 3) positions [m].
+        reference: (rows, columns, 3) where they ought to be [m]; only the second half counts.
+
+    Returns:
+        Mean distance of the first half of the columns from their mirror columns, and mean distance
+        of these from their reference [m]. The middle column of an odd number belongs to neither.
+    """
+    half = sheet.shape[1] // 2
+    mirror = sheet[:, ::-1][:, :half]
+    pair = np.linalg.norm(sheet[:, :half] - mirror, axis=-1)
+    moved = np.linalg.norm(mirror - reference[:, ::-1][:, :half], axis=-1)
+    return float(pair.mean()), float(moved.mean())
+
+
+def matched_distance(points: np.ndarray, goal: np.ndarray) -> float:
+    """Mean distance [m] of points (n, 3) to goal points (n, 3), matched so that it is smallest."""
+    distance = np.linalg.norm(points[:, None] - goal, axis=-1)
+    return float(distance[linear_sum_assignment(distance)].mean())
 
 
 def normalize(performance: float, lower: float, upper: float) -> float:

@@ -62,6 +62,22 @@ TASKS = {
     record.name: record
     for record in (
         TaskRecord(
+            "transport_water",
+            "softgym_mj.tasks.transport_water:transport_water",
+            ("medium", "water"),
+            horizon=75,
+            action_repeat=8,
+            summary="Move a cup of water to a place without spilling.",
+        ),
+        TaskRecord(
+            "pour_water",
+            "softgym_mj.tasks.pour_water:pour_water",
+            ("medium", "water"),
+            horizon=100,
+            action_repeat=8,
+            summary="Pour the water of one cup into another.",
+        ),
+        TaskRecord(
             "straighten_rope",
             "softgym_mj.tasks.straighten_rope:straighten_rope",
             ("medium", "rope"),
@@ -78,20 +94,52 @@ TASKS = {
             summary="Spread a crumpled cloth on the floor.",
         ),
         TaskRecord(
-            "transport_water",
-            "softgym_mj.tasks.transport_water:transport_water",
-            ("medium", "water"),
-            horizon=75,
-            action_repeat=8,
-            summary="Move a cup of water to a place without spilling.",
-        ),
-        TaskRecord(
-            "pour_water",
-            "softgym_mj.tasks.pour_water:pour_water",
-            ("medium", "water"),
+            "fold_cloth",
+            "softgym_mj.tasks.fold_cloth:fold_cloth",
+            ("medium", "cloth"),
             horizon=100,
             action_repeat=8,
-            summary="Pour the water of one cup into another.",
+            summary="Fold a flat cloth in half.",
+        ),
+        TaskRecord(
+            "drop_cloth",
+            "softgym_mj.tasks.drop_cloth:drop_cloth",
+            ("medium", "cloth"),
+            horizon=30,
+            action_repeat=16,
+            summary="Drop a hanging cloth so that it lies flat in its place.",
+        ),
+        TaskRecord(
+            "pour_water_amount",
+            "softgym_mj.tasks.pour_water:pour_water_amount",
+            ("hard", "water"),
+            horizon=100,
+            action_repeat=8,
+            summary="Pour a given share of the water of one cup into another.",
+        ),
+        TaskRecord(
+            "fold_crumpled_cloth",
+            "softgym_mj.tasks.fold_cloth:fold_crumpled_cloth",
+            ("hard", "cloth"),
+            horizon=100,
+            action_repeat=8,
+            summary="Spread a crumpled cloth, then fold it in half.",
+        ),
+        TaskRecord(
+            "drop_fold_cloth",
+            "softgym_mj.tasks.drop_cloth:drop_fold_cloth",
+            ("hard", "cloth"),
+            horizon=100,
+            action_repeat=8,
+            summary="Drop a hanging cloth so that it lies folded in half.",
+        ),
+        TaskRecord(
+            "rope_configuration",
+            "softgym_mj.tasks.rope_configuration:rope_configuration",
+            ("hard", "rope"),
+            horizon=100,
+            action_repeat=8,
+            summary="Lay a rope in the shape of a letter.",
         ),
     )
 }
@@ -110,7 +158,7 @@ def load(
     Args:
         task: task name, one of `TASKS`.
         split: "train" (variations 0..799), "evaluate" (800..999), "all" or a sequence of indices.
-        horizon: env steps in an episode; the task's own when None.
+        horizon: env steps in an episode; None for the task's own, 20 with pick-and-place actions.
         random_state: seed or generator that draws the variations.
         **task_kwargs: keyword arguments of the task's constructor, such as `observation`.
 
@@ -121,10 +169,13 @@ def load(
     record = TASKS[task]
     from softgym_mj.environment import Environment
 
+    built = record.build(**task_kwargs)
+    if horizon is None:
+        horizon = built.actor.horizon or record.horizon
     return Environment(
-        record.build(**task_kwargs),
+        built,
         name=task,
-        horizon=record.horizon if horizon is None else horizon,
+        horizon=horizon,
         split=split,
         random_state=random_state,
     )

@@ -165,6 +165,16 @@ class Cloth(Flex):
         """Current vertex positions (rows, columns, 3) [m]."""
         return self.vertices().reshape(*self._shape, 3)
 
+    def particles(self, vertices: np.ndarray | None = None) -> np.ndarray:
+        """Positions (dimy, dimx, 3) [m] of SoftGym's particles on the mesh.
+
+        Args:
+            vertices: (num_vertices, 3) positions [m]; the current ones when None.
+        """
+        grid = (self.vertices() if vertices is None else vertices).reshape(*self._shape, 3)
+        by_row, by_column = self._interpolation
+        return np.einsum("jr,rck->jck", by_row, np.einsum("ic,rck->rik", by_column, grid))
+
     def flat(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
         """Vertex positions (num_vertices, 3) [m] of the cloth lying flat at its resting height.
 
@@ -191,6 +201,7 @@ class Cloth(Flex):
         self._shape = grid_shape(dims, self._fidelity)
         rows, columns = self._shape
         width, depth = self.size
+        self._interpolation = _interpolation(dims[1], rows), _interpolation(dims[0], columns)
         x, y = np.meshgrid(
             np.linspace(-width / 2, width / 2, columns), np.linspace(depth / 2, -depth / 2, rows)
         )
@@ -241,6 +252,12 @@ class Cloth(Flex):
                     vertid=[vertex],
                     vertweight=[1.0],
                 )
+
+
+def _interpolation(particles: int, vertices: int) -> np.ndarray:
+    """Weights (particles, vertices) that place evenly spaced particles on a line of vertices."""
+    place = np.linspace(0, vertices - 1, particles)
+    return np.maximum(1.0 - np.abs(place[:, None] - np.arange(vertices)), 0.0)
 
 
 def _alternating_triangles(rows: int, columns: int) -> np.ndarray:

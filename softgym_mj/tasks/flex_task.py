@@ -18,17 +18,15 @@ class Layout:
 
     Attributes:
         camera: name of its camera in `arena.CAMERAS`.
-        workspace: of the grippers, as written in SoftGym; re-centred on the object at reset.
-        reset_height: height of the grippers at reset, above the centre of the object [m].
+        workspace: of the grippers; re-centred on the reset point.
+        reset_height: height of the grippers at reset, above the reset point [m].
         success: normalised performance from which the goal counts as reached.
-        max_vertices: most vertices of any variation; the full state is zero-padded to it.
     """
 
     camera: str
     workspace: Workspace
     reset_height: float
     success: float
-    max_vertices: int
 
 
 class FlexTask(DeformableTask):
@@ -41,7 +39,13 @@ class FlexTask(DeformableTask):
     _actor: Gripper
 
     def __init__(
-        self, layout: Layout, target: Flex, actor: Gripper, store: VariationStore, **settings
+        self,
+        layout: Layout,
+        target: Flex,
+        actor: Gripper,
+        store: VariationStore,
+        max_vertices: int,
+        **settings,
     ):
         """Wires the parts together.
 
@@ -50,6 +54,7 @@ class FlexTask(DeformableTask):
             target: the object, not yet attached.
             actor: what acts, not yet attached.
             store: the initial states.
+            max_vertices: most vertices of any variation; the full state is zero-padded to it.
             **settings: observation, image_size and action_repeat as in `DeformableTask`.
         """
         self._layout, self._target = layout, target
@@ -63,7 +68,7 @@ class FlexTask(DeformableTask):
             store,
             timestep=target.timestep,
             success=layout.success,
-            max_points=layout.max_vertices,
+            max_points=max_vertices,
             **settings,
         )
 
@@ -76,14 +81,23 @@ class FlexTask(DeformableTask):
     def actor(self) -> Gripper:
         return self._actor
 
+    @property
+    def parts(self) -> dict[str, tuple[str, ...]]:
+        return {"actor": self._actor.model_names}
+
     @abc.abstractmethod
     def key_points(self) -> np.ndarray:
         """Points (n, 3) [m] of the object that the reduced state lists."""
 
-    def start(self, state: np.ndarray) -> None:
-        self._target.set_vertices(state)
+    def reset_point(self) -> tuple[float, float]:
+        """X, Y [m] that the grippers start around: the middle of the object's bounding box."""
         vertices = self._target.vertices()
         x, y = (vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2
+        return float(x), float(y)
+
+    def start(self, state: np.ndarray) -> None:
+        self._target.set_vertices(state)
+        x, y = self.reset_point()
         positions = self._actor.default_positions(np.array([x, y, self._layout.reset_height]))
         self._actor.place(positions, self._layout.workspace.centred_at(x, y))
 

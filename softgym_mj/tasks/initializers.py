@@ -38,6 +38,11 @@ _SLUMP_STEPS = 700
 _CLOTH_SETTLED_RMS = 0.01
 _CLOTH_MAX_STEPS = 2000
 
+# Hanging cloth: place and height of its lower edge, and the lowest upper edge [m].
+_HANG_X, _HANG_BOTTOM, _LOWEST_TOP = (-0.1, 0.1), (0.1, 0.2), 0.5
+_HANG_JITTER = 1e-3  # [m]
+_MIN_HANG_STEPS, _HANG_STEPS = 300, 1000  # Sim steps; SoftGym stops after 500 whatever moves.
+
 
 class _Scene:
     """A flex alone on the floor, stepped by sim steps."""
@@ -129,6 +134,10 @@ class CrumpledCloth:
         cloth = Cloth(fidelity=self.fidelity).physical_parameters
         return {"version": 5, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
 
+    @property
+    def largest(self) -> int:
+        return SIZE_RANGE[1] - 1
+
     def dims(self, index: int) -> tuple[int, int]:
         """Size (dimx, dimy) of a variation in SoftGym particles."""
         dimx, dimy = generator(self.name, index).integers(*SIZE_RANGE, size=2)
@@ -167,3 +176,96 @@ class CrumpledCloth:
             scene.step()
             steps += 1
         return _centred(cloth.vertices())
+
+
+@dataclasses.dataclass(frozen=True)
+class FlatCloth:
+    """A cloth of random size that lies flat, turned about the vertical (facts 3.7)."""
+
+    fidelity: str = "default"
+    name: str = "flat_cloth"
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        cloth = Cloth(fidelity=self.fidelity).physical_parameters
+        return {"version": 1, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
+
+    @property
+    def largest(self) -> int:
+        return SIZE_RANGE[1] - 1
+
+    def dims(self, index: int) -> tuple[int, int]:
+        """Size (dimx, dimy) of a variation in SoftGym particles."""
+        dimx, dimy = generator(self.name, index).integers(*SIZE_RANGE, size=2)
+        return int(dimx), int(dimy)
+
+    def angle(self, index: int) -> float:
+        """By how much the cloth is turned about +Z [rad], within +-45 degrees."""
+        return float(generator(f"{self.name}/angle", index).uniform(-np.pi / 4, np.pi / 4))
+
+    def generate(self, index: int) -> np.ndarray:
+        """Vertex positions (rows * columns, 3) [m], at rest on the floor."""
+        cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
+        scene = _Scene(cloth)
+        cloth.set_vertices(cloth.flat(angle=self.angle(index)))
+        scene.settle(_FALL_STEPS)
+        return _centred(cloth.vertices())
+
+
+@dataclasses.dataclass(frozen=True)
+class HangingCloth:
+    """A cloth of random size that hangs in the air by the two corners of its column 0 (facts 3.9).
+
+    Attributes:
+        fidelity: resolution of the cloth.
+        sizes: of its sides [particles], the upper end exclusive.
+    """
+
+    fidelity: str = "default"
+    sizes: tuple[int, int] = SIZE_RANGE
+    name: str = "hanging_cloth"
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        cloth = Cloth(fidelity=self.fidelity).physical_parameters
+        return {"version": 1, "fidelity": self.fidelity, "sizes": self.sizes, "cloth": cloth}
+
+    @property
+    def largest(self) -> int:
+        return self.sizes[1] - 1
+
+    def dims(self, index: int) -> tuple[int, int]:
+        """Size (dimx, dimy) of a variation in SoftGym particles."""
+        dimx, dimy = generator(self.name, index).integers(*self.sizes, size=2)
+        return int(dimx), int(dimy)
+
+    def sheet(self, index: int) -> np.ndarray:
+        """Vertex positions (rows * columns, 3) [m] of the sheet before it sags, column 0 on top."""
+        cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
+        random = generator(f"{self.name}/place", index)
+        x, bottom = random.uniform(*_HANG_X), random.uniform(*_HANG_BOTTOM)
+        width, _ = cloth.size
+        top = max(bottom + width, _LOWEST_TOP)
+        along, across, _ = cloth.flat().T
+        vertices = np.column_stack([np.full_like(along, x), across, top - width / 2 - along])
+        # SoftGym's jitter: the sheet must not stay in its plane for ever.
+        vertices[0] += random.uniform(0.0, _HANG_JITTER)
+        return vertices
+
+    def generate(self, index: int) -> np.ndarray:
+        """Settled vertex positions (rows * columns, 3) [m]."""
+        cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
+        scene = _Scene(cloth)
+        cloth.set_vertices(self.sheet(index))
+        held = cloth.corners[:2].tolist()
+        goals = {vertex: cloth.vertex(vertex) for vertex in held}
+        for vertex in held:
+            cloth.hold(vertex)
+        for count in range(_HANG_STEPS):
+            for vertex, goal in goals.items():
+                cloth.drive(vertex, goal, SIM_STEP)
+            scene.step()
+            if count >= _MIN_HANG_STEPS and scene.max_speed() < SETTLED_SPEED:
+                break
+        cloth.release_all()
+        return cloth.vertices()

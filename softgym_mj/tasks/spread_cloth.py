@@ -13,17 +13,15 @@ Pickers start 0.2 m above the centre of the cloth's bounding box. End: horizon o
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from softgym_mj import metrics
-from softgym_mj.entities.cloth import Cloth, grid_shape
+from softgym_mj.entities.cloth import Cloth
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.factory import action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
-from softgym_mj.tasks.flex_task import FlexTask, Layout
-from softgym_mj.tasks.initializers import SIZE_RANGE, CrumpledCloth
-from softgym_mj.variations import VariationStore
+from softgym_mj.tasks.cloth_task import ClothTask
+from softgym_mj.tasks.flex_task import Layout
+from softgym_mj.tasks.initializers import CrumpledCloth
 
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.
@@ -31,81 +29,53 @@ RESET_HEIGHT = 0.2  # [m]
 SUCCESS = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
 
 
-class SpreadCloth(FlexTask):
+class SpreadCloth(ClothTask):
     """See the module docstring."""
 
-    def __init__(
-        self,
-        cloth: Cloth,
-        actor: Gripper,
-        initializer: CrumpledCloth,
-        count_intersections: bool = False,
-        **settings,
-    ):
-        """Wires the task; `settings` as in `FlexTask`."""
-        self._initializer = initializer
-        self._cloth = cloth
-        self._count_intersections = count_intersections
-        largest = SIZE_RANGE[1] - 1
-        rows, columns = grid_shape((largest, largest), initializer.fidelity)
-        layout = Layout("cloth", WORKSPACE, RESET_HEIGHT, SUCCESS, max_vertices=rows * columns)
-        super().__init__(layout, cloth, actor, VariationStore(initializer), **settings)
-
-    @property
-    def cloth(self) -> Cloth:
-        return self._cloth
-
-    def resize(self, variation: int) -> bool:
-        return self._cloth.resize(self._initializer.dims(variation))
+    def __init__(self, cloth: Cloth, actor: Gripper, initializer: CrumpledCloth, **settings):
+        """Wires the task; `settings` as in `ClothTask`."""
+        layout = Layout("cloth", WORKSPACE, RESET_HEIGHT, SUCCESS)
+        super().__init__(layout, cloth, actor, initializer, **settings)
 
     def evaluate(self) -> Evaluation:
-        area = metrics.covered_area(self._cloth.vertices(), self._cloth.triangles)
+        area = metrics.covered_area(self.cloth.vertices(), self.cloth.triangles)
         return Evaluation(performance=area, reward_terms={"covered_area": area}, measures={})
 
     def bounds(self) -> tuple[float, float]:
-        width, depth = self._cloth.size
+        width, depth = self.cloth.size
         return self.initial_performance, width * depth
-
-    def diagnostics(self) -> dict[str, float | int]:
-        diagnostics = super().diagnostics()
-        if self._count_intersections:
-            diagnostics["intersections"] = self._cloth.intersections()
-        return diagnostics
-
-    def key_points(self) -> np.ndarray:
-        return self._cloth.vertices()[self._cloth.corners]
 
 
 def spread_cloth(
     *,
     actor: str = "picker",
-    num_pickers: int = 2,
+    num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
     self_contact: str = "plugin",
     count_intersections: bool = False,
-    action_repeat: int = ACTION_REPEAT,
+    action_repeat: int | None = None,
 ) -> SpreadCloth:
     """Builds the task.
 
     Args:
-        actor: "picker".
-        num_pickers: number of pickers.
+        actor: "picker", "pick_and_place" or "pixel_pick_and_place".
+        num_pickers: number of pickers; None for 2, or 1 for pixels.
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
         self_contact: "plugin", "mujoco" or "none", as in `Cloth`.
         count_intersections: adds "intersections" to info: where the cloth passes through itself.
-        action_repeat: sim steps per env step.
+        action_repeat: sim steps per env step; None for the usual number.
     """
     cloth = Cloth(fidelity=fidelity, self_contact=self_contact)
     return SpreadCloth(
         cloth,
         make_gripper(actor, "cloth", num_pickers),
         CrumpledCloth(fidelity),
-        count_intersections,
+        count_intersections=count_intersections,
         observation=observation,
         image_size=image_size,
-        action_repeat=action_repeat,
+        action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
     )

@@ -19,7 +19,7 @@ from softgym_mj import metrics
 from softgym_mj.entities import rope as rope_module
 from softgym_mj.entities.rope import Rope
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.factory import action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
@@ -38,8 +38,14 @@ class StraightenRope(FlexTask):
     def __init__(self, rope: Rope, actor: Gripper, initializer: TwistedRope, **settings):
         """Wires the task; `settings` as in `FlexTask`."""
         self._rope = rope
-        layout = Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS, max_vertices=rope.num_vertices)
-        super().__init__(layout, rope, actor, VariationStore(initializer), **settings)
+        super().__init__(
+            Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS),
+            rope,
+            actor,
+            VariationStore(initializer),
+            max_vertices=rope.num_vertices,
+            **settings,
+        )
 
     @property
     def rope(self) -> Rope:
@@ -51,13 +57,12 @@ class StraightenRope(FlexTask):
         return Evaluation(
             performance=performance,
             reward_terms={"end_distance_error": performance},
-            measures={
-                "end_point_distance": distance,
-                "initial_normalized_performance": metrics.normalize(
-                    self.initial_performance, *self.bounds()
-                ),
-            },
+            measures={"end_point_distance": distance},
         )
+
+    def diagnostics(self) -> dict[str, float | int]:
+        initial = metrics.normalize(self.initial_performance, *self.bounds())
+        return {**super().diagnostics(), "initial_normalized_performance": initial}
 
     def bounds(self) -> tuple[float, float]:
         return -rope_module.LENGTH, 0.0
@@ -69,19 +74,19 @@ class StraightenRope(FlexTask):
 def straighten_rope(
     *,
     actor: str = "picker",
-    num_pickers: int = 2,
+    num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
-    action_repeat: int = ACTION_REPEAT,
+    action_repeat: int | None = None,
 ) -> StraightenRope:
     """Builds the task.
 
     Args:
-        actor: "picker".
-        num_pickers: number of pickers.
+        actor: "picker", "pick_and_place" or "pixel_pick_and_place".
+        num_pickers: number of pickers; None for 2, or 1 for pixels.
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
-        action_repeat: sim steps per env step.
+        action_repeat: sim steps per env step; None for the usual number.
     """
     return StraightenRope(
         Rope(),
@@ -89,5 +94,5 @@ def straighten_rope(
         TwistedRope(),
         observation=observation,
         image_size=image_size,
-        action_repeat=action_repeat,
+        action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
     )

@@ -1,0 +1,91 @@
+"""Marks that show a goal: drawn, and felt by nothing.
+
+They are moved by writing the model, where the compiler has noted that their frames are those of
+their bodies: that note has to go.
+"""
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+
+from softgym_mj.exceptions import OutOfRangeError
+
+LINE_COLOR = (0.95, 0.35, 0.1, 0.6)
+LINE_RADIUS = 0.003  # [m] The upper half shows above the floor.
+LEVEL_COLOR = (1.0, 0.0, 0.0, 1.0)  # SoftGym's red.
+LEVEL_HALF = 0.0025  # [m] Half of its thickness (facts 3.3).
+
+
+class GoalLine(composer.Entity):
+    """A line on the floor, of capsules: where a rope ought to lie. Attach it at the world frame."""
+
+    def _build(self, num_points: int, name: str = "goal"):
+        """Builds the line.
+
+        Args:
+            num_points: number of its points, 2 or more.
+            name: model name.
+        """
+        self._mjcf_root = mjcf.RootElement(model=name)
+        for i in range(num_points - 1):
+            self._mjcf_root.worldbody.add(
+                "geom", name=f"{i}", type="capsule", size=[LINE_RADIUS, 0.01], contype=0,
+                conaffinity=0, mass=0.0, rgba=LINE_COLOR,
+            )  # fmt: skip
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    def after_compile(self, physics, random_state):
+        self._model = physics.model.ptr
+        count = len(self._mjcf_root.worldbody.geom)
+        self._geoms = [self._model.geom(f"{self._mjcf_root.model}/{i}").id for i in range(count)]
+        self._model.geom_sameframe[self._geoms] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+
+    def draw(self, points: np.ndarray) -> None:
+        """Puts the line through points (num_points, 2) [m] on the floor."""
+        points = np.asarray(points, float)
+        if points.shape != (len(self._geoms) + 1, 2):
+            raise OutOfRangeError("points", points.shape, f"shape ({len(self._geoms) + 1}, 2)")
+        along = np.diff(points, axis=0)
+        lengths = np.linalg.norm(along, axis=1)
+        # A capsule lies along its local z: turned to X by a quarter about Y, then about Z.
+        angle = np.arctan2(along[:, 1], along[:, 0]) / 2
+        quarter = np.sqrt(0.5)
+        quaternions = quarter * np.column_stack(
+            [np.cos(angle), -np.sin(angle), np.cos(angle), np.sin(angle)]
+        )
+        for geom, middle, length, quaternion in zip(
+            self._geoms, points[:-1] + along / 2, lengths, quaternions, strict=True
+        ):
+            self._model.geom_pos[geom] = [*middle, 0.0]
+            self._model.geom_quat[geom] = quaternion
+            self._model.geom_size[geom, 1] = length / 2
+            self._model.geom_rbound[geom] = length / 2 + LINE_RADIUS
+
+
+class LevelMark(composer.Entity):
+    """A thin red bar along Y: how high water ought to stand. Attach it at the world frame."""
+
+    def _build(self, name: str = "level"):
+        self._mjcf_root = mjcf.RootElement(model=name)
+        self._mjcf_root.worldbody.add(
+            "geom", name="bar", type="box", size=[LEVEL_HALF] * 3, contype=0, conaffinity=0,
+            mass=0.0, rgba=LEVEL_COLOR,
+        )  # fmt: skip
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    def after_compile(self, physics, random_state):
+        self._model = physics.model.ptr
+        self._geom = self._model.geom(f"{self._mjcf_root.model}/bar").id
+        self._model.geom_sameframe[self._geom] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+
+    def draw(self, x: float, z: float, width: float) -> None:
+        """Puts the bar, `width` [m] long, at X, Z [m]."""
+        self._model.geom_pos[self._geom] = [x, 0.0, z]
+        self._model.geom_size[self._geom, 1] = width / 2
+        self._model.geom_rbound[self._geom] = width

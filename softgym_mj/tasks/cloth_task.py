@@ -1,0 +1,77 @@
+"""`ClothTask`: what the tasks on a cloth share."""
+
+from typing import Protocol
+
+import numpy as np
+
+from softgym_mj.entities.cloth import Cloth, grid_shape
+from softgym_mj.robots.gripper import Gripper
+from softgym_mj.tasks.flex_task import FlexTask, Layout
+from softgym_mj.variations import Initializer, VariationStore
+
+
+class ClothInitializer(Initializer, Protocol):
+    """Produces cloths of many sizes."""
+
+    @property
+    def fidelity(self) -> str: ...
+
+    @property
+    def largest(self) -> int:
+        """Longest side of any variation [particles]."""
+        ...
+
+    def dims(self, index: int) -> tuple[int, int]:
+        """Size (dimx, dimy) of a variation [particles]."""
+        ...
+
+
+class ClothTask(FlexTask):
+    """A task on one cloth. Its key points are the corners p1 p2 p3 p4, see `Cloth.corners`."""
+
+    def __init__(
+        self,
+        layout: Layout,
+        cloth: Cloth,
+        actor: Gripper,
+        initializer: ClothInitializer,
+        count_intersections: bool = False,
+        **settings,
+    ):
+        """Wires the parts together.
+
+        Args:
+            layout: the fixed numbers.
+            cloth: the cloth, not yet attached.
+            actor: what acts, not yet attached.
+            initializer: the initial states.
+            count_intersections: adds "intersections" to info.
+            **settings: observation, image_size and action_repeat as in `DeformableTask`.
+        """
+        self._cloth, self._initializer = cloth, initializer
+        self._count_intersections = count_intersections
+        rows, columns = grid_shape((initializer.largest,) * 2, initializer.fidelity)
+        super().__init__(
+            layout,
+            cloth,
+            actor,
+            VariationStore(initializer),
+            max_vertices=rows * columns,
+            **settings,
+        )
+
+    @property
+    def cloth(self) -> Cloth:
+        return self._cloth
+
+    def resize(self, variation: int) -> bool:
+        return self._cloth.resize(self._initializer.dims(variation))
+
+    def key_points(self) -> np.ndarray:
+        return self._cloth.vertices()[self._cloth.corners]
+
+    def diagnostics(self) -> dict[str, float | int]:
+        diagnostics = super().diagnostics()
+        if self._count_intersections:
+            diagnostics["intersections"] = self._cloth.intersections()
+        return diagnostics

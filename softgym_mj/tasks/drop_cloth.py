@@ -1,0 +1,150 @@
+"""DropCloth and DropFoldCloth (SoftGym: ClothDrop, ClothFoldDrop): drop a hanging cloth so that it
+lies flat, or folded in half, on the floor.
+
+Goal: column i of SoftGym's particles at x = i rho, the rows centred about Y = 0; in DropFoldCloth
+the second half of the columns there, and columns 0 to half on top of their mirror columns. Two
+pickers that cannot get lower than 0.55 m, so that the cloth has to be swung. DropCloth: 30 env
+steps of 16 sim steps (the paper's 15 of 32: `action_repeat=32`, `horizon=15`); DropFoldCloth: 100
+of 8.
+
+Reward = performance. DropCloth: -(mean distance of the particles from their places) [m].
+DropFoldCloth: -(mean distance of the pairs) - 1.2 (mean distance of the second half from its place)
+[m]; SoftGym takes the hanging cloth for its place, which the words of the paper contradict.
+Bounds: lower = at reset, upper = 0.
+Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
+Start: the cloth hangs by the corners p1, p2 of column 0, which picker 0 and picker 1 hold from 5 cm
+above: an action with grip <= 0 lets go. Sizes of 60..99 (DropCloth) or 60..119 particles a side.
+End: horizon only.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.exceptions import check_name
+from softgym_mj.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.robots.factory import action_repeat_of, make_gripper
+from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
+from softgym_mj.tasks.flex_task import Layout
+from softgym_mj.tasks.folding import FoldGoal
+from softgym_mj.tasks.initializers import SIZE_RANGE, HangingCloth
+
+ACTION_REPEAT, FOLD_ACTION_REPEAT = 16, 8  # Facts 1.2; 5, row 1.
+WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # Facts 2.2.
+ACTORS = ("picker", "pick_and_place")  # Those with a gripper for each held corner.
+HEIGHT = 0.05  # [m] Of a picker above the corner that it holds.
+SIZES = (60, 100)  # Of DropCloth [particles], the upper end exclusive: facts 5, row 27.
+SUCCESS = 0.8  # Ours: vertices of a cloth of 0.5 m are 10 cm from their places on average,
+FOLD_SUCCESS = 0.85  # or folded with some wrinkles; a heap in the right place scores 0.7.
+
+
+class DropTask(ClothTask):
+    """What the two tasks share: the start and where the flat cloth ought to lie."""
+
+    def __init__(
+        self,
+        cloth: Cloth,
+        actor: Gripper,
+        initializer: ClothInitializer,
+        success: float,
+        **settings,
+    ):
+        """Wires the task; `success` as in `Layout`, `settings` as in `ClothTask`."""
+        layout = Layout("cloth_drop", WORKSPACE, HEIGHT, success)
+        super().__init__(layout, cloth, actor, initializer, **settings)
+
+    def place(self) -> np.ndarray:
+        """Where the vertices (n, 3) [m] of the flat cloth ought to lie."""
+        return self.cloth.flat(centre=(self.cloth.size[0] / 2, 0.0))
+
+    def start(self, state: np.ndarray) -> None:
+        self.cloth.set_vertices(state)
+        held = self.cloth.corners[:2]
+        self.actor.place(self.cloth.vertices()[held] + [0.0, 0.0, HEIGHT], WORKSPACE)
+        self.actor.take(held.tolist())
+
+    def bounds(self) -> tuple[float, float]:
+        return self.initial_performance, 0.0
+
+
+class DropCloth(DropTask):
+    """See the module docstring."""
+
+    def evaluate(self) -> Evaluation:
+        offset = self.cloth.particles() - self.cloth.particles(self.place())
+        performance = -float(np.linalg.norm(offset, axis=-1).mean())
+        return Evaluation(performance, reward_terms={"distance": performance}, measures={})
+
+
+class DropFoldCloth(DropTask):
+    """See the module docstring."""
+
+    def evaluate(self) -> Evaluation:
+        return self._goal.evaluate()
+
+    def start(self, state: np.ndarray) -> None:
+        super().start(state)
+        self._goal = FoldGoal(self.cloth, self.place())
+
+
+def drop_cloth(
+    *,
+    actor: str = "picker",
+    observation: str | Sequence[str] = "reduced",
+    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    fidelity: str = "default",
+    self_contact: str = "plugin",
+    count_intersections: bool = False,
+    sizes: tuple[int, int] = SIZES,
+    action_repeat: int | None = None,
+) -> DropCloth:
+    """Builds the task.
+
+    Args:
+        actor: "picker" or "pick_and_place".
+        observation: "full", "reduced", "rgb" or a sequence of these.
+        image_size: (height, width) of images [pixels].
+        fidelity: resolution of the cloth: "fast", "default" or "accurate".
+        self_contact: "plugin", "mujoco" or "none", as in `Cloth`.
+        count_intersections: adds "intersections" to info: where the cloth passes through itself.
+        sizes: of the sides [particles], the upper end exclusive; the paper's are (60, 120).
+        action_repeat: sim steps per env step; None for the usual number.
+    """
+    check_name("actor", actor, ACTORS)
+    return DropCloth(
+        Cloth(fidelity=fidelity, self_contact=self_contact),
+        make_gripper(actor, "cloth", 2),
+        HangingCloth(fidelity, sizes),
+        SUCCESS,
+        count_intersections=count_intersections,
+        observation=observation,
+        image_size=image_size,
+        action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
+    )
+
+
+def drop_fold_cloth(
+    *,
+    actor: str = "picker",
+    observation: str | Sequence[str] = "reduced",
+    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    fidelity: str = "default",
+    self_contact: str = "plugin",
+    count_intersections: bool = False,
+    action_repeat: int | None = None,
+) -> DropFoldCloth:
+    """Builds the task; arguments as for `drop_cloth`."""
+    check_name("actor", actor, ACTORS)
+    return DropFoldCloth(
+        Cloth(fidelity=fidelity, self_contact=self_contact),
+        make_gripper(actor, "cloth", 2),
+        HangingCloth(fidelity, SIZE_RANGE),
+        FOLD_SUCCESS,
+        count_intersections=count_intersections,
+        observation=observation,
+        image_size=image_size,
+        action_repeat=action_repeat_of(actor, action_repeat, FOLD_ACTION_REPEAT),
+    )

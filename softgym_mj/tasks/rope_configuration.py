@@ -1,0 +1,128 @@
+"""RopeConfiguration (SoftGym: RopeAlphaBet): lay a twisted rope in the shape of a letter.
+
+Goal: the rope on the letter S, O, M, C or U that is drawn on the floor about the origin, whichever
+end is where. Two pickers; 100 env steps of 8 sim steps.
+
+Reward = performance: -(mean distance of the key points to those of the goal, matched so that it is
+smallest) [m]; all 41 vertices instead of the 10 key points with `matching="vertices"`.
+Bounds: lower = at reset, upper = 0. The goal lies at the rope's own height and is as long as the
+rope, so that it can be reached; SoftGym's hovers 5 cm above the floor (facts 5, rows 23 and 24).
+Reduced state: 10 key points of the rope, 10 of the goal, evenly spaced (x, y, z each), picker 0,
+picker 1: 66 entries [m]. Full state: all vertices, then those of the goal, then the pickers.
+Start: as in StraightenRope. End: horizon only.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softgym_mj import metrics
+from softgym_mj.entities import rope as rope_module
+from softgym_mj.entities.marks import GoalLine
+from softgym_mj.entities.rope import Rope
+from softgym_mj.exceptions import check_name
+from softgym_mj.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.robots.factory import action_repeat_of, make_gripper
+from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.flex_task import FlexTask, Layout
+from softgym_mj.tasks.initializers import TwistedRope
+from softgym_mj.tasks.letters import LETTERS, letter
+from softgym_mj.variations import VariationStore, generator
+
+ACTION_REPEAT = 8  # Facts 1.2.
+WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
+RESET_HEIGHT = 0.1  # [m]
+SUCCESS = 0.8  # Ours: key points within 1 to 3 cm of the letter on average.
+MATCHINGS = ("key_points", "vertices")
+
+
+def goal_name(variation: int) -> str:
+    """The letter of a variation; each is as likely as the others."""
+    return LETTERS[int(generator("rope_configuration", variation).integers(len(LETTERS)))]
+
+
+class RopeConfiguration(FlexTask):
+    """See the module docstring."""
+
+    def __init__(
+        self, rope: Rope, actor: Gripper, initializer: TwistedRope, matching: str, **settings
+    ):
+        """Wires the task; `matching` is one of `MATCHINGS`, `settings` as in `FlexTask`."""
+        check_name("matching", matching, MATCHINGS)
+        self._rope, self._line = rope, GoalLine(rope_module.NUM_VERTICES)
+        every = np.arange(rope_module.NUM_VERTICES)
+        self._matched = rope_module.KEY_POINTS if matching == "key_points" else every
+        self._goal = letter(LETTERS[0])
+        super().__init__(
+            Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS),
+            rope,
+            actor,
+            VariationStore(initializer),
+            max_vertices=rope.num_vertices,
+            **settings,
+        )
+        self.root_entity.attach(self._line)
+
+    @property
+    def rope(self) -> Rope:
+        return self._rope
+
+    @property
+    def goal(self) -> np.ndarray:
+        """Where the vertices (41, 3) [m] ought to lie, from either end."""
+        return self._goal.copy()
+
+    @property
+    def parts(self) -> dict[str, tuple[str, ...]]:
+        return {**super().parts, "goal": (self._line.mjcf_model.model,)}
+
+    def start(self, state: np.ndarray) -> None:
+        super().start(state)
+        self._goal = letter(goal_name(self.variation))
+        self._line.draw(self._goal[:, :2])
+
+    def evaluate(self) -> Evaluation:
+        points, goal = self._rope.vertices()[self._matched], self._goal[self._matched]
+        performance = -metrics.matched_distance(points, goal)
+        return Evaluation(performance, reward_terms={"matched_distance": performance}, measures={})
+
+    def bounds(self) -> tuple[float, float]:
+        return self.initial_performance, 0.0
+
+    def key_points(self) -> np.ndarray:
+        keys = rope_module.KEY_POINTS
+        return np.concatenate([self._rope.vertices()[keys], self._goal[keys]])
+
+    def tool_state(self) -> np.ndarray:
+        return np.concatenate([self._goal, self._actor.positions()])
+
+
+def rope_configuration(
+    *,
+    actor: str = "picker",
+    num_pickers: int | None = None,
+    observation: str | Sequence[str] = "reduced",
+    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    matching: str = "key_points",
+    action_repeat: int | None = None,
+) -> RopeConfiguration:
+    """Builds the task.
+
+    Args:
+        actor: "picker", "pick_and_place" or "pixel_pick_and_place".
+        num_pickers: number of pickers; None for 2, or 1 for pixels.
+        observation: "full", "reduced", "rgb" or a sequence of these.
+        image_size: (height, width) of images [pixels].
+        matching: what the reward matches: 10 "key_points" or all "vertices".
+        action_repeat: sim steps per env step; None for the usual number.
+    """
+    return RopeConfiguration(
+        Rope(),
+        make_gripper(actor, "rope", num_pickers),
+        TwistedRope(),
+        matching,
+        observation=observation,
+        image_size=image_size,
+        action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
+    )

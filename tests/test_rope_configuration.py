@@ -1,0 +1,126 @@
+"""RopeConfiguration: letters, the reward, what is drawn."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj import metrics
+from softgym_mj.entities.rope import RADIUS
+from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.tasks.letters import LETTERS, letter
+from softgym_mj.tasks.rope_configuration import goal_name
+
+KEYS = [0, 4, 9, 13, 18, 22, 27, 31, 36, 40]
+
+# Facts E: path length, extent along X and Y, and gap between the ends of the letters [m]; ours have
+# a length of 0.5 m.
+MEASURED = {
+    "S": (0.516, 0.129, 0.185, 0.159), "O": (0.555, 0.166, 0.184, 0.011),
+    "M": (0.805, 0.171, 0.190, 0.164), "C": (0.506, 0.158, 0.202, 0.091),
+    "U": (0.504, 0.145, 0.200, 0.141),
+}  # fmt: skip
+
+
+def make(**kwargs):
+    return softgym_mj.load("rope_configuration", **{"split": "evaluate", **kwargs})
+
+
+def place(env, vertices):
+    env.task.rope.set_vertices(vertices)
+    env.task.after_step(env.physics, None)
+    return env.info()
+
+
+@pytest.mark.parametrize("name", LETTERS)
+def test_letters_are_as_long_as_the_rope_and_look_like_softgyms(name):
+    points = letter(name)
+    assert points.shape == (41, 3)
+    np.testing.assert_allclose(points[:, 2], RADIUS)
+    np.testing.assert_allclose(points.mean(axis=0)[:2], 0.0, atol=1e-12)
+    spacing = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    # Chords of 12.5 mm of arc; shorter only across the corners of M.
+    assert spacing.max() < 0.0125 + 1e-6
+    assert np.sum(spacing < 0.0123) in ((1, 2, 3) if name == "M" else (0,))
+    path, width, height, gap = MEASURED[name]
+    scale = 0.5 / path
+    np.testing.assert_allclose(
+        np.ptp(points, axis=0)[:2], [scale * width, scale * height], atol=0.01
+    )
+    assert np.linalg.norm(points[0] - points[-1]) == pytest.approx(scale * gap, abs=0.01)
+
+
+def test_matched_distance_is_the_best_of_all_permutations():
+    random = np.random.default_rng(0)
+    for _ in range(10):
+        points, goal = random.normal(size=(2, 5, 3))
+        best = min(
+            np.mean([np.linalg.norm(points[i] - goal[j]) for i, j in enumerate(order)])
+            for order in itertools.permutations(range(5))
+        )
+        assert metrics.matched_distance(points, goal) == pytest.approx(best, rel=1e-12)
+
+
+@pytest.mark.parametrize("matching", ["key_points", "vertices"])
+def test_a_rope_on_the_letter_scores_one_from_either_end(matching):
+    env = make(matching=matching)
+    env.reset(803)
+    goal = letter(goal_name(803))
+    assert env.info()["normalized_performance"] == 0.0
+    for vertices in (goal, goal[::-1]):
+        info = place(env, vertices)
+        # Key points are not quite symmetrical: 0 4 9 ... 40 reads 0 4 9 ... from either end.
+        assert info["normalized_performance"] == pytest.approx(1.0, abs=1e-6)
+        assert info["success"]
+
+
+def test_the_reward_by_hand():
+    """A rope 1 m above the letter: every key point is 1 m from its own place."""
+    env = make()
+    env.reset(803)
+    info = place(env, letter(goal_name(803)) + [0.0, 0.0, 1.0])
+    assert info["performance"] == info["reward_matched_distance"] == pytest.approx(-1.0, abs=1e-9)
+
+
+def test_every_letter_is_drawn_alike():
+    names = [goal_name(i) for i in range(1000)]
+    counts = {name: names.count(name) for name in LETTERS}
+    assert sum(counts.values()) == 1000
+    assert all(160 < count < 240 for count in counts.values()), counts  # 200, 3 sigma 38.
+
+
+def test_observations_contain_the_goal():
+    env = make(observation=["full", "reduced"])
+    observation = env.reset(803).observation
+    goal, rope = letter(goal_name(803)), env.task.rope.vertices()
+    pickers = env.task.actor.positions()
+    expected = [rope[KEYS], goal[KEYS], pickers]
+    np.testing.assert_array_equal(observation["reduced"], np.concatenate(expected).ravel())
+    np.testing.assert_array_equal(
+        observation["full"], np.concatenate([rope, goal, pickers]).ravel()
+    )
+
+
+def test_the_letter_is_drawn_on_the_floor():
+    env = make(observation="rgb", image_size=(256, 256))
+    seen = {}
+    for variation in (800, 801, 803, 812):
+        image = env.reset(variation).observation["rgb"].astype(int)
+        orange = (
+            (image[..., 0] > 130) & (image[..., 2] < 120) & (image[..., 0] > image[..., 1] + 30)
+        )
+        rows, columns = np.nonzero(orange)
+        # The camera sees 0.704 m of the floor from 0.85 m above.
+        pitch = 2 * 0.85 * np.tan(np.deg2rad(22.5)) / 256
+        x, y = (columns - 127.5) * pitch, (127.5 - rows) * pitch
+        goal = letter(goal_name(variation))
+        distance = np.hypot(x[:, None] - goal[:, 0], y[:, None] - goal[:, 1]).min(axis=1)
+        assert len(x) > 100 and distance.max() < 0.015
+        seen[goal_name(variation)] = True
+    assert len(seen) > 2
+
+
+def test_an_unknown_matching_names_the_choices():
+    with pytest.raises(UnknownNameError, match=r"matching='bigraph'.*'key_points', 'vertices'"):
+        make(matching="bigraph")
