@@ -10,8 +10,13 @@ from collections.abc import Callable
 import dm_env
 import numpy as np
 
+from softgym_mj.baselines.scripted.drop_cloth import DropCloth
+from softgym_mj.baselines.scripted.drop_fold_cloth import DropFoldCloth
 from softgym_mj.baselines.scripted.expert import Expert
-from softgym_mj.baselines.scripted.pour_water import PourWater
+from softgym_mj.baselines.scripted.fold_cloth import FoldCloth
+from softgym_mj.baselines.scripted.fold_crumpled_cloth import FoldCrumpledCloth
+from softgym_mj.baselines.scripted.pour_water import PourWater, PourWaterAmount
+from softgym_mj.baselines.scripted.rope_configuration import RopeConfiguration
 from softgym_mj.baselines.scripted.spread_cloth import SpreadCloth
 from softgym_mj.baselines.scripted.straighten_rope import StraightenRope
 from softgym_mj.baselines.scripted.transport_water import TransportWater
@@ -21,8 +26,14 @@ from softgym_mj.exceptions import check_name
 EXPERTS: dict[str, type[Expert]] = {
     "straighten_rope": StraightenRope,
     "spread_cloth": SpreadCloth,
+    "fold_cloth": FoldCloth,
+    "fold_crumpled_cloth": FoldCrumpledCloth,
+    "drop_cloth": DropCloth,
+    "rope_configuration": RopeConfiguration,
+    "drop_fold_cloth": DropFoldCloth,
     "transport_water": TransportWater,
     "pour_water": PourWater,
+    "pour_water_amount": PourWaterAmount,
 }
 
 

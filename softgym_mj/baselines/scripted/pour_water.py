@@ -1,10 +1,10 @@
-"""The expert of PourWater: tips the cup about its lip, which it holds over the target.
+"""The experts of PourWater and PourWaterAmount: tip the cup about its lip, held over the target.
 
 The lip is the outer upper edge on the target's side: wherever it is, the upright or tipped cup
 lies behind it, so that it can come near the target without touching it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -20,7 +20,12 @@ TRAVEL_TILT = 0.35  # [rad] Short of flowing over the lip on the way,
 READY_TILT = 0.08  # [rad] and when the lip moves over the target.
 SHORTEST, TILT, FORWARD, DRAIN = 0.8, 0.5, 0.5, 0.6  # [s] Least duration on the way; other phases.
 LEFT_OVER = 1.0  # [s] For the last drops.
+# A part of the water: angles [rad] by which the cup is tipped and tipped back in an env step, env
+# steps for which water goes on leaving it, and share that is left to drops.
+TIP, BACK, IN_THE_AIR, SHORT = 0.025, 0.12, 6.0, 0.01
 DRAINED = np.deg2rad(115.0)  # Angle at which nothing stays in the cup.
+
+Path = Iterator[tuple[float, float, float]]  # The lip's x, z [m] and the angle [rad].
 
 
 def spill_angle(size: CupSize, held: float) -> float:
@@ -57,7 +62,7 @@ class PourWater(Expert):
         cosine, sine = np.cos(theta), np.sin(theta)
         return np.array([x - along * cosine - up * sine, z + along * sine - up * cosine, theta])
 
-    def _path(self) -> Iterator[tuple[float, float, float]]:
+    def _path(self) -> Path:
         """The lip's x, z [m] and the angle [rad] after each env step."""
         task, step = self._env.task, self._env.control_timestep()
         size, target = task.cup.size, task.target.size
@@ -71,27 +76,52 @@ class PourWater(Expert):
             """Where the lip must be for the cup's wall, which slopes down from it, to clear."""
             return target.height + CLEARANCE + (over - near) / np.tan(theta)
 
-        def phase(duration: float) -> np.ndarray:
-            return (np.arange(round(duration / step)) + 1) / round(duration / step)
-
         start = size.length / 2 + size.wall, size.height
         top = height(ready)
         way = np.hypot(near - STANDOFF - start[0], top - start[1])
         duration = max(SHORTEST, np.sqrt(5.77 * way / ACCELERATION), travel * 1.875)
-        for s in map(smooth, phase(duration)):
+        for s in map(smooth, phase(duration, step)):
             yield (
                 start[0] + s * (near - STANDOFF - start[0]),
                 start[1] + s * (top - start[1]),
                 s * travel,
             )
-        for s in map(smooth, phase(TILT)):
+        for s in map(smooth, phase(TILT, step)):
             yield near - STANDOFF, top, travel + s * (ready - travel)
-        for s in map(smooth, phase(FORWARD)):
+        for s in map(smooth, phase(FORWARD, step)):
             yield near - STANDOFF + s * (over - near + STANDOFF), top, ready
-        used = duration + TILT + FORWARD + DRAIN + LEFT_OVER
-        for s in phase(max(self._env.horizon * step - used, 1.0)):
-            # Equal volumes in equal times.
-            theta = max(ready, spill_angle(size, (1.0 - s) * held))
-            yield over, height(theta), theta
-        for s in map(smooth, phase(DRAIN)):
-            yield over, height(np.pi / 2), np.pi / 2 + s * (DRAINED - np.pi / 2)
+        yield from self._pour(over, height, ready, duration + TILT + FORWARD)
+
+    def _pour(self, x: float, height: Callable[[float], float], theta: float, used: float) -> Path:
+        """Tips the cup from an angle [rad], the lip at x [m] and `height` of the angle.
+
+        Equal volumes leave in equal times; the last drops have time to fall. `used` [s] are gone.
+        """
+        task, step = self._env.task, self._env.control_timestep()
+        size, held = task.cup.size, task.scene.volume / task.cup.size.width
+        left = self._env.horizon * step - used - DRAIN - LEFT_OVER
+        for s in phase(max(left, 1.0), step):
+            angle = max(theta, spill_angle(size, (1.0 - s) * held))
+            yield x, height(angle), angle
+        for s in map(smooth, phase(DRAIN, step)):
+            yield x, height(np.pi / 2), np.pi / 2 + s * (DRAINED - np.pi / 2)
+
+
+class PourWaterAmount(PourWater):
+    """Tips the cup until what leaves it will be enough, then tips it back; again if it was not."""
+
+    def _pour(self, x, height, theta, used):
+        task, least, before = self._env.task, theta - BACK, 0.0
+        while True:
+            out = 1.0 - task.info()["fraction_in_cup"]
+            expected = out + IN_THE_AIR * (out - before)
+            before = out
+            theta += TIP if expected < task.share - SHORT else -BACK
+            theta = float(np.clip(theta, least, DRAINED))
+            yield x, height(max(theta, least)), theta
+
+
+def phase(duration: float, step: float) -> np.ndarray:
+    """Fractions of a duration [s] at the ends of its env steps [s]."""
+    count = round(duration / step)
+    return (np.arange(count) + 1) / count

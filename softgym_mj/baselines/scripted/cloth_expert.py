@@ -1,0 +1,262 @@
+"""`ClothExpert`: finds its way on a sheet and takes vertices of it."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from softgym_mj.baselines.scripted.picker_expert import (
+    ARRIVED,
+    CLOSED,
+    OPEN,
+    PASSED,
+    SLOW,
+    PickerExpert,
+)
+
+LAYER = 0.01  # [m] By which an upper layer lies higher.
+STANDOFF = 0.06  # [m] Further distance at which an approach starts.
+TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
+NEAR_GOAL = 2  # Grid steps from a vertex within which a hold counts as one of it.
+OVERSHOOT = 0.02  # [m] By which a vertex is pulled beyond its place; cloth springs back.
+MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.
+APART = 0.15  # [m] Least distance of two places that the pickers work at together.
+PUT_STEPS = 13  # Env steps that putting vertices in their places needs at least.
+ARC = 12  # Points of the half circle in which cloth is folded over.
+BEYOND = 0.1  # [m] By which the near end is pulled too far at most, if the place matters.
+SETTLE = 0.06  # [m] By which the far end is pulled along when the cloth is then folded.
+PACE = 0.06  # [m] Way of the pickers in an env step while the cloth is dragged.
+TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pulled out.
+LIFT = 0.8  # Fraction of full speed at which cloth is carried.
+
+
+class ClothExpert(PickerExpert):
+    """Knows the sheet's grid, where a flat sheet would lie, and how to take a vertex."""
+
+    def _steps(self, a: int, b: int) -> int:
+        """Grid steps between two vertices, diagonal ones counted once."""
+        columns = self._env.task.cloth.shape[1]
+        return max(abs(a // columns - b // columns), abs(a % columns - b % columns))
+
+    def _nearest(self, vertex: int, goals: Sequence[int]) -> int | None:
+        """The one of `goals` that a vertex stands for, None if it is near none of them."""
+        goal = min(goals, key=lambda g: self._steps(g, vertex))
+        return goal if vertex >= 0 and self._steps(goal, vertex) <= NEAR_GOAL else None
+
+    def _registered(self) -> np.ndarray:
+        """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
+        vertices = self._target.vertices()
+        fits = []
+        for mirror in (1.0, -1.0):
+            flat = self._env.task.cloth.flat() * [1.0, mirror, 1.0]
+            residual = np.ones(len(flat))
+            for _ in range(20):  # Iteratively reweighted Procrustes: folds are outliers.
+                weights = 1.0 / (0.02 + residual)
+                weights /= weights.sum()
+                mean, goal = weights @ flat[:, :2], weights @ vertices[:, :2]
+                moment = (flat[:, :2] - mean).T @ (weights[:, None] * (vertices[:, :2] - goal))
+                u, _, vt = np.linalg.svd(moment)
+                rotation = u @ np.diag([1.0, np.linalg.det(u @ vt)]) @ vt
+                placed = np.column_stack([(flat[:, :2] - mean) @ rotation + goal, flat[:, 2]])
+                residual = np.linalg.norm(placed - vertices, axis=1)
+            fits.append((np.log(0.02 + residual).sum(), placed))
+        return min(fits, key=lambda fit: fit[0])[1]
+
+    def _sides(self) -> list[tuple[int, int, float]]:
+        """The sides as (corner, corner, length [m])."""
+        p1, p2, p3, p4 = self._env.task.cloth.corners.tolist()
+        width, depth = self._env.task.cloth.size
+        return [(p1, p2, depth), (p3, p4, depth), (p1, p3, width), (p2, p4, width)]
+
+    def _exposed_near(self, goals: Sequence[int]) -> int:
+        """The free vertex that can be taken and is the fewest grid steps from one of `goals`."""
+        free = np.setdiff1d(np.arange(self._target.num_vertices), self._actor.held).tolist()
+        free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
+        return next((v for v in free if self._grasp(v)[2] > 0.0), free[0])
+
+    def _take(self, wanted: dict[int, int], grips: list[bool]) -> Iterator[np.ndarray]:
+        """Takes vertices, `wanted` by picker, and lifts off; sets `grips` where it succeeds."""
+        up = self._actor.positions()
+        for i in wanted:
+            up[i, 2] = max(TRAVEL_HEIGHT, up[i, 2])
+        yield from self._move(up, grips, near=PASSED)
+        for stage, near in (("over", PASSED), ("standoff", PASSED / 2), ("grasp", ARRIVED)):
+            goals = self._actor.positions()
+            for i, vertex in wanted.items():
+                centre, direction, _ = self._grasp(vertex)
+                goals[i] = centre + STANDOFF * direction * (stage != "grasp")
+                if stage == "over":
+                    goals[i, 2] = max(goals[i, 2], up[i, 2])
+            yield from self._move(goals, grips, near=near)
+        for i in wanted:
+            grips[i] = True
+        yield self._step(goals, grips)
+        for i, vertex in wanted.items():
+            held = int(self._actor.held[i])
+            grips[i] = bool(held >= 0 and self._steps(held, vertex) <= NEAR_GOAL)
+
+    def _nearest_picker(self, vertex: int) -> int:
+        offsets = self._actor.positions() - self._target.vertex(vertex)
+        return int(np.argmin(np.linalg.norm(offsets, axis=1)))
+
+    def _take_pair(
+        self, pairs: Sequence[tuple[int, int, float]], grips: list[bool]
+    ) -> Iterator[np.ndarray]:
+        """Takes both vertices of a pair, one after the other where the cloth has to be lifted.
+
+        Args:
+            pairs: (vertex, vertex, distance in the flat cloth [m]) to choose from.
+            grips: set where it succeeds.
+        """
+        low, high = self._actor.limits
+        ends = sorted({vertex for a, b, _ in pairs for vertex in (a, b)})
+        clear = {v: self._grasp(v)[2] for v in ends}
+        a, b, _ = max(pairs, key=lambda pair: (min(clear[pair[0]], clear[pair[1]]), pair[2]))
+        if min(clear[a], clear[b]) > 0.0:
+            yield from self._take(dict(enumerate(self._matched([a, b]))), grips)
+        for trial in range(6):
+            at_end = [self._nearest(int(held), ends) is not None for held in self._actor.held]
+            if all(grips):
+                if all(at_end) or trial > 3:
+                    return
+                grips[int(at_end[0])] = False  # Go on with the one at an end.
+            if not any(grips):
+                vertex = self._exposed_near(ends)
+                yield from self._take({self._nearest_picker(vertex): vertex}, grips)
+                if not any(grips):
+                    continue
+            holding = int(np.argmax(grips))
+            goals = self._actor.positions()
+            if goals[holding, 2] < high[2] - PASSED:
+                side = low[1] if goals[1 - holding, 1] < goals[holding, 1] else high[1]
+                goals[1 - holding, 1:] = side, TRAVEL_HEIGHT
+                goals[holding] = [*(low + high)[:2] / 2, high[2]]
+                yield from self._move(goals, grips, LIFT, PASSED)
+                yield self._step(goals, grips)
+            end = self._nearest(int(self._actor.held[holding]), ends)
+            near = {v: 0.0 for v in ends}
+            if end is not None:
+                near = {a if b == end else b: n for a, b, n in pairs if end in (a, b)}
+            vertex = max(near, key=lambda v: (self._grasp(v)[2], near[v]))
+            if self._grasp(vertex)[2] <= 0.0:
+                vertex = self._exposed_near(list(near))
+            yield from self._take({1 - holding: vertex}, grips)
+
+    def _drag(
+        self,
+        grips: list[bool],
+        way: float | None = None,
+        order: float | None = None,
+        lead: float = 0.0,
+        pace: float = PACE,
+    ) -> Iterator[np.ndarray]:
+        """Stretches the held side along Y and pulls the cloth out along X, down to the floor.
+
+        Args:
+            grips: of the pickers, both closed.
+            way: 1 to pull towards +X, -1 towards -X, None for what is nearer.
+            order: 1 if what picker 0 holds belongs at +Y, -1 at -Y, None for where it is.
+            lead: further distance [m] from which the far end is then dragged to its place.
+            pace: way of the pickers in an env step [m].
+        """
+        low, high = self._actor.limits
+        centre = (low + high) / 2
+        flat, (a, b) = self._env.task.cloth.flat(), self._actor.held
+        width = np.linalg.norm(flat[b] - flat[a])
+        across = (flat[b] - flat[a]) / width
+        away = flat - (flat[a] + flat[b]) / 2
+        away = np.linalg.norm(away - np.outer(away @ across, across), axis=1)
+        depth, tail = away.max(), np.flatnonzero(away > away.max() - 0.01)
+        offset = (self._target.vertices()[[a, b]] - self._actor.positions()) * [1.0, 1.0, 0.0]
+        if order is None:
+            order = np.sign(self._target.vertex(a)[1] - self._target.vertex(b)[1]) or 1.0
+        line = np.array([[0.0, order * width / 2, 0.0], [0.0, -order * width / 2, 0.0]])
+
+        def tail_x() -> float:
+            return float(self._target.vertices()[tail, 0].mean() - centre[0])
+
+        def now_x() -> float:
+            return float((self._actor.positions() + offset)[:, 0].mean() - centre[0])
+
+        def pose(x: float, z: float) -> np.ndarray:
+            goals = line - offset + centre + [x, 0.0, 0.0]
+            goals[:, 2] = z
+            return goals
+
+        if way is None:
+            way = -1.0 if tail_x() > 0.0 else 1.0
+        edge = high[0] - centre[0]
+        farthest = min(edge, depth / 2 + BEYOND) if lead else edge
+        yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
+        yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)
+        # Carry the tail back so far that the spread cloth will lie in the middle of the workspace.
+        while way * tail_x() > -depth / 2 - lead and way * now_x() > -edge + pace:
+            yield self._step(pose(now_x() - way * pace, high[2]), grips, LIFT)
+        x, anchor, taut = now_x(), tail_x(), 0
+        while taut < 2 and way * x < farthest:
+            x += way * pace
+            # Down along an arc as if the tail stuck to the floor; it slides where it does not.
+            height = np.sqrt(max(depth**2 - max(way * (x - anchor), 0.0) ** 2, 0.0))
+            yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
+            taut += way * (now_x() - tail_x()) > TAUT * depth
+        yield from self._move(pose(x, low[2]), grips, SLOW)
+        while (
+            lead and way * x < farthest and (slip := -way * tail_x() - depth / 2 - SETTLE) > ARRIVED
+        ):
+            x += way * min(slip, pace)
+            yield self._step(pose(x, low[2]), grips)
+
+    def _swing(self, ends: np.ndarray, speed: float = SLOW) -> Iterator[np.ndarray]:
+        """Carries what both pickers hold to `ends` (2, 3) [m] in half a circle and lets go.
+
+        `speed` is a fraction of full speed.
+        """
+        start = self._actor.positions()
+        ends = ends - (self._target.vertices()[self._actor.held] - start)
+        middle, half = (start + ends) / 2, (ends - start) / 2
+        for angle in np.linspace(0.0, np.pi, ARC)[1:]:
+            goals = middle - np.cos(angle) * half
+            goals[:, 2] += np.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
+            last = angle == np.pi
+            yield from self._move(goals, CLOSED, speed, near=ARRIVED if last else PASSED / 2)
+        yield self._rest(OPEN)
+        yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN, speed)
+
+    def _misplaced(self, placed: np.ndarray) -> dict[int, np.ndarray]:
+        """Up to two vertices far from their places (n, 3) that can be taken, with goals [m]."""
+        vertices = self._target.vertices()
+        offset = placed - vertices
+        distance = np.linalg.norm(offset[:, :2], axis=1)
+        value = distance.copy()
+        value[self._env.task.cloth.corners] *= 1.5
+        chosen: dict[int, np.ndarray] = {}
+        for v in np.argsort(-value).tolist():
+            if value[v] < MISPLACED or len(chosen) == 2:
+                break
+            others = [*chosen]
+            apart = [
+                np.linalg.norm(points[v] - points[others], axis=1) for points in (placed, vertices)
+            ]
+            if np.min(apart, initial=np.inf) > APART and self._grasp(v)[2] > 0.0:
+                chosen[v] = placed[v] + OVERSHOOT * offset[v] / np.linalg.norm(offset[v])
+        return chosen
+
+    def _put(self, places: dict[int, np.ndarray]) -> Iterator[np.ndarray]:
+        """Takes vertices, swings them over in an arc and puts them down at their goals [m]."""
+        if len(places) == 2:
+            wanted = dict(enumerate(self._matched(list(places))))
+        else:
+            wanted = {self._nearest_picker(v): v for v in places}
+        grips = [False, False]
+        yield from self._take(wanted, grips)
+        start, goals = self._actor.positions(), self._actor.positions()
+        for i, vertex in wanted.items():
+            if grips[i]:
+                goals[i] += places[vertex] - self._target.vertex(vertex)
+                goals[i, 2] = self._actor.limits[0][2]
+            else:
+                goals[i, 2] = TRAVEL_HEIGHT
+        arc = (start + goals) / 2
+        arc[:, 2] = np.maximum(arc[:, 2], np.linalg.norm(goals - start, axis=1) / 2)
+        yield from self._move(arc, grips, SLOW, PASSED)
+        yield from self._move(goals, grips, SLOW)
+        yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
