@@ -24,12 +24,10 @@ from softgym_mj.rendering import CameraView
 
 SOFTGYM = 46.0  # Env steps/s, facts 6.
 # Env steps timed per variation, and evaluation variations.
-STEPS = {"straighten_rope": 75, "spread_cloth": 50, "transport_water": 25, "pour_water": 25}
+STEPS = {"rope": 75, "cloth": 50, "water": 25}
 FEW = range(800, 805)
 MANY = range(800, 820)  # Few steps each of many: they have 224 to 8788 particles.
-VARIATIONS = {
-    "straighten_rope": FEW, "spread_cloth": FEW, "transport_water": MANY, "pour_water": MANY,
-}  # fmt: skip
+VARIATIONS = {"rope": FEW, "cloth": FEW, "water": MANY}
 IMAGES = 60
 
 
@@ -64,8 +62,9 @@ def measure(task: str) -> dict[str, float]:
     random = np.random.default_rng(0)
     stopwatch = _stopwatch_seconds()
     plain, timed, inside = [], 0.0, 0.0
-    steps = min(STEPS[task], env.horizon - 1)
-    for variation in VARIATIONS[task]:
+    kind = softgym_mj.TASKS[task].tags[-1]
+    steps = min(STEPS[kind], env.horizon - 1)
+    for variation in VARIATIONS[kind]:
         env.reset(variation)
         actions = random.uniform(-1, 1, (steps, *env.action_spec().shape))
         snapshot = env.get_state()

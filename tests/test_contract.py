@@ -14,31 +14,42 @@ from softgym_mj.observations import OBSERVATIONS
 
 STATE_OBSERVATIONS = ("full", "reduced")
 # Fast objects keep the contract tests short; the contract does not depend on the resolution.
-SETTINGS = {
-    "spread_cloth": {"fidelity": "fast"},
-    "straighten_rope": {},
-    "transport_water": {"fidelity": "fast"},
-    "pour_water": {"fidelity": "fast"},
+SETTINGS: dict[str, dict] = {
+    name: {} if "rope" in record.tags else {"fidelity": "fast"}
+    for name, record in softgym_mj.TASKS.items()
 }
+FLEX_TASKS = [name for name, record in softgym_mj.TASKS.items() if "water" not in record.tags]
+# A case is a task with its usual actor, or "task/actor".
+CASES = [
+    *softgym_mj.TASKS,
+    *(f"{task}/pick_and_place" for task in FLEX_TASKS),
+    "spread_cloth/pixel_pick_and_place",
+    "straighten_rope/pixel_pick_and_place",
+]
 # Two pickers x 4; dx; dx, dz, dtheta.
-ACTION_SIZES = {"spread_cloth": 8, "straighten_rope": 8, "transport_water": 1, "pour_water": 3}
+ACTION_SIZES = {task: 8 for task in FLEX_TASKS} | {
+    "transport_water": 1, "pour_water": 3, "pour_water_amount": 3,
+    "spread_cloth/pixel_pick_and_place": 5, "straighten_rope/pixel_pick_and_place": 5,
+}  # fmt: skip
 VARIATION = 800
 
 tasks = pytest.mark.parametrize("task", softgym_mj.TASKS)
-flex_tasks = pytest.mark.parametrize("task", ["spread_cloth", "straighten_rope"])
+cases = pytest.mark.parametrize("case", CASES)
 
 
-def make(task, **kwargs):
-    return softgym_mj.load(task, **{"split": "evaluate", **SETTINGS[task], **kwargs})
+def make(case, **kwargs):
+    task, *actor = case.split("/")
+    settings = {"split": "evaluate", **SETTINGS[task], **({"actor": actor[0]} if actor else {})}
+    return softgym_mj.load(task, **{**settings, **kwargs})
 
 
 def actions(env, count, seed=0):
     return np.random.default_rng(seed).uniform(-1, 1, (count, *env.action_spec().shape))
 
 
-@tasks
-def test_specs_match_what_is_returned(task):
-    env = make(task, observation=list(OBSERVATIONS), image_size=(48, 64))
+@cases
+def test_specs_match_what_is_returned(case):
+    env = make(case, observation=list(OBSERVATIONS), image_size=(48, 64))
     timestep = env.reset(VARIATION)
     steps = [timestep] + [env.step(action) for action in actions(env, 3)]
     for step in steps:
@@ -52,12 +63,12 @@ def test_specs_match_what_is_returned(task):
     assert all(step.discount == 1.0 for step in steps[1:])
     spec = env.action_spec()
     assert (spec.minimum == -1).all() and (spec.maximum == 1).all()
-    assert spec.shape == (ACTION_SIZES[task],)
+    assert spec.shape == (ACTION_SIZES.get(case, 8),)
 
 
-@tasks
-def test_observations_share_no_memory(task):
-    env = make(task, observation=list(OBSERVATIONS), image_size=(32, 32))
+@cases
+def test_observations_share_no_memory(case):
+    env = make(case, observation=list(OBSERVATIONS), image_size=(32, 32))
     first = env.reset(VARIATION)
     kept = {name: value.copy() for name, value in first.observation.items()}
     second = env.step(actions(env, 1)[0])
@@ -66,7 +77,7 @@ def test_observations_share_no_memory(task):
         np.testing.assert_array_equal(value, kept[name])
 
 
-@flex_tasks
+@pytest.mark.parametrize("task", ["spread_cloth", "straighten_rope"])
 def test_reduced_and_full_states_list_what_they_say(task):
     env = make(task, observation=["full", "reduced"])
     observation = env.reset(VARIATION).observation
@@ -88,11 +99,11 @@ def test_reduced_and_full_states_list_what_they_say(task):
     np.testing.assert_array_equal(observation["reduced"], expected)
 
 
-@tasks
-def test_same_seed_and_actions_give_the_same_bits(task):
+@cases
+def test_same_seed_and_actions_give_the_same_bits(case):
     runs = []
     for seed in (3, 3, 4):
-        env = make(task, random_state=seed)
+        env = make(case, random_state=seed)
         steps = [env.reset()] + [env.step(action) for action in actions(env, 5)]
         runs.append((env.task.variation, [s.observation["reduced"] for s in steps], steps[-1]))
     assert runs[0][0] == runs[1][0] != runs[2][0]
@@ -101,9 +112,9 @@ def test_same_seed_and_actions_give_the_same_bits(task):
     assert not np.array_equal(runs[0][1][0], runs[2][1][0])
 
 
-@tasks
-def test_reward_is_the_sum_of_the_info_terms(task):
-    env = make(task)
+@cases
+def test_reward_is_the_sum_of_the_info_terms(case):
+    env = make(case)
     env.reset(VARIATION)
     for action in actions(env, 5):
         timestep = env.step(action)
