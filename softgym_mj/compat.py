@@ -1,0 +1,224 @@
+"""A thin shim with SoftGym's old names and call signatures, so that old training scripts run.
+
+    env = softgym_mj.compat.make("ClothFlatten", observation_mode="key_point", num_variations=1000)
+    observation = env.reset(config_id=3)
+    observation, reward, done, info = env.step(env.action_space.sample())
+
+Actions and positions are in SoftGym's axes (x, y up, z), actions normalised to [-1, 1] as by its
+`normalize` wrapper. Tasks, rewards and bounds are this package's: docs/migration.md lists where
+they differ.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from softgym_mj import registry
+from softgym_mj.environment import Snapshot
+from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_count, check_name
+from softgym_mj.rendering import CameraView
+from softgym_mj.variations import NUM_VARIATIONS
+
+ENVIRONMENTS = {
+    "PassWater": "transport_water",
+    "PourWater": "pour_water",
+    "PourWaterAmount": "pour_water_amount",
+    "RopeFlatten": "straighten_rope",
+    "RopeConfiguration": "rope_configuration",
+    "ClothFlatten": "spread_cloth",
+    "ClothFold": "fold_cloth",
+    "ClothDrop": "drop_cloth",
+    "ClothFoldCrumpled": "fold_crumpled_cloth",
+    "ClothFoldDrop": "drop_fold_cloth",
+}
+OBSERVATION_MODES = {"key_point": "reduced", "point_cloud": "full", "cam_rgb": "rgb"}
+ACTION_MODES = {
+    "picker": "picker", "pickerpickplace": "pick_and_place", "direct": "cup",
+    "rotation_bottom": "cup",
+}  # fmt: skip
+# Of SoftGym, without meaning here: rendering is off-screen, states are generated when needed.
+IGNORED = (
+    "render", "headless", "render_mode", "camera_name", "use_cached_states", "save_cached_states",
+    "cached_states_path", "device_id", "delta_reward", "env_name",
+)  # fmt: skip
+TRAIN_SHARE = 0.8
+
+
+def make(
+    name: str,
+    observation_mode: str = "cam_rgb",
+    action_mode: str | None = None,
+    num_variations: int = NUM_VARIATIONS,
+    *,
+    horizon: int | None = None,
+    action_repeat: int | None = None,
+    num_picker: int = 2,
+    camera_height: int = 128,
+    camera_width: int = 128,
+    deterministic: bool = False,
+    eval_flag: bool = False,
+    **ignored: Any,
+) -> "OldEnv":
+    """Builds an environment by its SoftGym name.
+
+    Args:
+        name: one of `ENVIRONMENTS`.
+        observation_mode: "key_point", "point_cloud" or "cam_rgb".
+        action_mode: "picker" or "pickerpickplace" for cloth and rope, "direct" or
+            "rotation_bottom" for water; None for the usual one.
+        num_variations: variations in use, 1..1000; the last fifth is for evaluation.
+        horizon: env steps in an episode; None for the task's own.
+        action_repeat: sim steps per env step; None for the task's own.
+        num_picker: number of pickers.
+        camera_height, camera_width: of image observations [pixels].
+        deterministic: always starts with the first variation of the split.
+        eval_flag: whether resets draw from the evaluation variations.
+        **ignored: `IGNORED` arguments of SoftGym.
+
+    Raises:
+        UnknownNameError, OutOfRangeError: for a bad name or value.
+    """
+    check_name("name", name, ENVIRONMENTS)
+    check_name("observation_mode", observation_mode, OBSERVATION_MODES)
+    check_name("action_mode", action_mode, (None, *ACTION_MODES))
+    check_count("num_variations", num_variations, 1, NUM_VARIATIONS)
+    for argument in ignored:
+        if argument not in IGNORED:
+            raise UnknownNameError("argument", argument, IGNORED)
+    record = registry.TASKS[ENVIRONMENTS[name]]
+    settings: dict[str, Any] = {
+        "observation": OBSERVATION_MODES[observation_mode],
+        "image_size": (camera_height, camera_width),
+    }
+    if action_mode is not None:
+        settings["actor"] = ACTION_MODES[action_mode]
+    if action_repeat is not None:
+        settings["action_repeat"] = action_repeat
+    if "num_pickers" in record.arguments:
+        settings["num_pickers"] = num_picker
+    return OldEnv(name, record, settings, horizon, num_variations, deterministic, eval_flag)
+
+
+def to_flex(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) in SoftGym's axes: x, y = up, z."""
+    return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
+
+
+def from_flex(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) of SoftGym's axes in ours: X, Y, Z = up."""
+    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+
+
+class OldEnv:
+    """An environment with SoftGym's methods. Attributes:
+
+    horizon: env steps in an episode.
+    action_space, observation_space: Gymnasium boxes.
+    eval_flag: whether resets draw from the evaluation variations; may be set.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        record: registry.TaskRecord,
+        settings: Mapping[str, Any],
+        horizon: int | None,
+        num_variations: int,
+        deterministic: bool,
+        eval_flag: bool,
+    ):
+        """See `make`."""
+        self.name, self.eval_flag = name, eval_flag
+        self._env = registry.load(
+            record.name, split=range(num_variations), horizon=horizon, **settings
+        )
+        self._water = "water" in record.tags
+        self._observed = settings["observation"]
+        self._num_variations, self._deterministic = num_variations, deterministic
+        self._random = np.random.default_rng()
+        self.horizon = self._env.horizon
+        size = self._env.task.actor.action_size
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
+        spec = self._env.observation_spec()[self._observed]
+        image = spec.dtype == np.uint8
+        low, high = (0, 255) if image else (-np.inf, np.inf)
+        dtype = np.uint8 if image else np.float32
+        self.observation_space = gymnasium.spaces.Box(low, high, spec.shape, dtype)
+
+    @property
+    def dm_env(self):
+        """The environment underneath, in this package's own terms."""
+        return self._env
+
+    @property
+    def current_config_id(self) -> int:
+        """Index of the current variation."""
+        return self._env.task.variation
+
+    def seed(self, seed: int | None = None) -> None:
+        """Seeds the draw of variations and of `action_space`."""
+        self._random = np.random.default_rng(seed)
+        self.action_space.seed(seed)
+
+    def reset(self, config_id: int | None = None) -> np.ndarray:
+        """Starts an episode with a variation, or one that is drawn; returns the observation."""
+        if config_id is None:
+            config_id = self._draw()
+        elif not 0 <= check_count("config_id", config_id, 0) < self._num_variations:
+            raise OutOfRangeError("config_id", config_id, f"0..{self._num_variations - 1}")
+        return self._convert(self._env.reset(config_id).observation)
+
+    def _draw(self) -> int:
+        first = int(TRAIN_SHARE * self._num_variations)
+        if self._num_variations == 1:
+            return 0
+        low, high = (first, self._num_variations) if self.eval_flag else (0, first)
+        return low if self._deterministic else int(self._random.integers(low, max(high, low + 1)))
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, dict]:
+        """Applies a normalised action; returns observation, reward, done and info."""
+        action = np.asarray(action, float)
+        if not self._water and action.shape == self.action_space.shape:
+            parts = action.reshape(-1, 4)
+            action = np.column_stack([from_flex(parts[:, :3]), parts[:, 3]]).ravel()
+        timestep = self._env.step(action)
+        observation = self._convert(timestep.observation)
+        return observation, float(timestep.reward), bool(timestep.last()), self._env.info()
+
+    def compute_reward(self) -> float:
+        """Reward of the current state."""
+        return self._env.task.last_evaluation.reward
+
+    def get_image(self, width: int = 720, height: int = 720) -> np.ndarray:
+        """The task camera's image (height, width, 3) uint8."""
+        return CameraView("task", height, width).rgb(self._env.physics)
+
+    def render(self, mode: str = "rgb_array") -> np.ndarray:
+        """The task camera's image (720, 720, 3) uint8."""
+        check_name("mode", mode, ("rgb_array",))
+        return self.get_image()
+
+    def get_state(self) -> Snapshot:
+        """A snapshot, exact: SoftGym's forgets what is held."""
+        return self._env.get_state()
+
+    def set_state(self, state: Snapshot) -> None:
+        """Restores a snapshot."""
+        self._env.set_state(state)
+
+    def close(self) -> None:
+        """Frees the simulation."""
+        self._env.close()
+
+    def _convert(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
+        value = observation[self._observed]
+        if value.dtype == np.uint8:
+            return value
+        if not self._water:  # All of it is positions.
+            value = to_flex(value.reshape(-1, 3)).ravel()
+        elif self._observed == "full":
+            count = 3 * len(self._env.task.full_mask())
+            value = np.concatenate([to_flex(value[:count].reshape(-1, 3)).ravel(), value[count:]])
+        return value.astype(np.float32)
