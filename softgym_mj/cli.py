@@ -1,4 +1,4 @@
-"""The command line: softgym-mj list | demo | rollout | generate | view."""
+"""The command line: softgym-mj list | demo | rollout | oracle | generate | view."""
 
 import contextlib
 import dataclasses
@@ -81,7 +81,11 @@ def demo(
     size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = 480,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 803,
 ) -> None:
-    """Plays every task with its scripted policy; writes a video and a picture of each."""
+    """Plays every task with its scripted policy; writes a video and a picture of each.
+
+    And `tasks.png`: the start, the middle and the end of all of them.
+    """
+    strips = []
     with _progress() as progress:
         for name in softgym_mj.TASKS:
             video = _Video(out / f"{name}.mp4", size)
@@ -95,6 +99,9 @@ def demo(
                 f"{name}: normalized performance {scores[-1]:.3f}; "
                 f"wrote {video.file} and {video.file.with_suffix('.png')}"
             )
+            strips.append(_strip(video.file))
+    _write_sheet(strips, out / "tasks.png")
+    _console.print(f"wrote {out / 'tasks.png'}")
 
 
 @app.command()
@@ -124,6 +131,37 @@ def rollout(
                 }
             )
         )
+
+
+@app.command()
+def oracle(
+    task: Task,
+    split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
+    episodes: Annotated[int, typer.Option(help="Variations, from the first on.", min=1)] = 20,
+    out: Annotated[
+        pathlib.Path, typer.Option(help="Folder for the scores and a video of the first episode.")
+    ] = pathlib.Path("oracle"),
+) -> None:
+    """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
+    env = _load(task, split, filmed=True)
+    scores: dict[int, float] = {}
+    with _progress() as progress:
+        variations = list(env.variations)[:episodes]
+        bar = progress.add_task(task, total=len(variations))
+        for index in variations:
+            video = _Video(out / f"{task}.mp4") if index == variations[0] else None
+            *_, scores[index] = _play(env, "scripted", index, video=video)
+            progress.advance(bar)
+    values = list(scores.values())
+    summary = {"task": task, "policy": "scripted", "version": softgym_mj.__version__,
+               "mean": float(np.mean(values)), "min": min(values), "max": max(values),
+               "normalized_performance": scores}  # fmt: skip
+    file = out / f"{task}.json"
+    file.write_text(json.dumps(summary, indent=2))
+    _console.print(
+        f"{task}: mean {summary['mean']:.3f}, min {min(values):.3f}, max {max(values):.3f} of "
+        f"{len(values)}; wrote {file} and {out / task}.mp4"
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,6 +200,25 @@ def _film(env, video: _Video) -> Iterator[Callable[[], None]]:
         writer.append_data(first)
         yield lambda: writer.append_data(view.rgb(env.physics))
     imageio.imwrite(video.file.with_suffix(".png"), view.rgb(env.physics))
+
+
+def _strip(file: pathlib.Path) -> np.ndarray:
+    """The first, the middle and the last frame of a video, beside each other."""
+    import imageio.v2 as imageio
+
+    frames = imageio.mimread(file, memtest=False)
+    return np.hstack([frames[0], frames[len(frames) // 2], frames[-1]])
+
+
+def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:
+    """Writes strips in two columns, half as large."""
+    import imageio.v2 as imageio
+
+    strips = strips + [np.full_like(strips[0], 255)] * (len(strips) % 2)
+    rows = [np.hstack(pair) for pair in zip(strips[::2], strips[1::2], strict=True)]
+    sheet = np.vstack(rows)
+    quarters = [sheet[i::2, j::2].astype(int) for i in range(2) for j in range(2)]
+    imageio.imwrite(file, (np.sum(quarters, axis=0) // 4).astype(np.uint8))
 
 
 @app.command()

@@ -1,5 +1,6 @@
 """What the README shows is run: its Python, its commands; CI runs what it says."""
 
+import json
 import pathlib
 import re
 import shlex
@@ -7,19 +8,35 @@ import shlex
 import pytest
 from typer.testing import CliRunner
 
-from softgym_mj import cli, registry
+from softgym_mj import cli, compat, registry
 
 ROOT = pathlib.Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
 
 
-def blocks(language):
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+MIGRATION = (ROOT / "docs" / "migration.md").read_text()
 
 
-@pytest.mark.parametrize("code", blocks("python"), ids=lambda code: code.splitlines()[0])
+def blocks(language, text=README):
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    "code", blocks("python") + blocks("python", MIGRATION), ids=lambda code: code.splitlines()[0]
+)
 def test_python_blocks_run(code):
     exec(compile(code, "README.md", "exec"), {})
+
+
+def test_the_migration_page_lists_every_name():
+    for old, new in compat.ENVIRONMENTS.items():
+        assert re.search(rf"^\| `{old}` \| \w+ \| `{new}` \|$", MIGRATION, re.MULTILINE)
+    assert set(compat.ENVIRONMENTS.values()) == set(registry.TASKS)
+
+
+def test_links_lead_to_files():
+    for target in re.findall(r"\]\((?!http)([^)#]+)\)", README):
+        assert (ROOT / target).exists(), target
 
 
 def commands():
@@ -28,7 +45,8 @@ def commands():
 
 
 @pytest.mark.parametrize("command", commands())
-def test_commands_run(command, monkeypatch):
+def test_commands_run(command, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     result = CliRunner().invoke(cli.app, shlex.split(command)[1:])
@@ -39,6 +57,11 @@ def test_commands_run(command, monkeypatch):
     assert result.exit_code == 0, result.output
     if " list" in command:
         assert all(name[:10] in result.output for name in registry.TASKS)
+    if " oracle " in command:
+        scores = json.loads((tmp_path / "oracle" / "straighten_rope.json").read_text())
+        assert list(scores["normalized_performance"]) == ["800", "801"]
+        assert scores["min"] <= scores["mean"] <= scores["max"]
+        assert (tmp_path / "oracle" / "straighten_rope.mp4").stat().st_size > 10_000
     if " rollout " in command:
         assert result.output.count('"normalized_performance"') == 2
 
