@@ -48,7 +48,7 @@ UNKNOWN_NAMES = [
     (CLOTH, {"fidelity": "ultra"}, "fidelity", "'ultra'", ("'fast'", "'default'", "'accurate'")),
     (CLOTH, {"self_contact": "sdf"}, "self_contact", "'sdf'", ("'plugin'", "'mujoco'", "'none'")),
     (CLOTH, {"actor": "Picker"}, "actor", "'Picker'", ("'picker'",)),
-    (CLOTH, {"observation": "depth"}, "observation", "'depth'", ("'full'", "'reduced'", "'rgb'")),
+    (CLOTH, {"observation": "lidar"}, "observation", "'lidar'", ("'full'", "'reduced'", "'rgb'")),
 ]
 OUT_OF_RANGE = [
     (ROPE, {"horizon": 0}, "horizon", "0", ("1 or more",)),
