@@ -1,0 +1,104 @@
+"""PourWaterAmount: shares, rewards and the red bar, worked out by hand (facts 3.3)."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.tasks.pour_water import goal_share
+
+VARIATION = 805
+
+
+@pytest.fixture(name="env", scope="module")
+def _env():
+    return softgym_mj.load(
+        "pour_water_amount", split=[VARIATION], fidelity="fast", observation=["full", "reduced"]
+    )
+
+
+def poured(env, number):
+    """Info with this many particles in the target and the others in the cup."""
+    task = env.task
+    task.cup.pose = np.zeros(3)
+    points = np.tile([0.0, 0.0, task.cup.size.height / 2], (task.water.num_particles, 1))
+    points[:number] = [task.target.pose[0], 0.0, task.target.size.height / 2]
+    task.water.set_particles(points)
+    task.after_step(env.physics, None)
+    return env.info()
+
+
+def test_shares_are_uniform_and_each_variations_own():
+    shares = np.array([goal_share(i) for i in range(1000)])
+    assert 0.1 <= shares.min() < 0.105 and 0.995 < shares.max() <= 1.0
+    assert shares.mean() == pytest.approx(0.55, abs=0.025)  # 3 sigma.
+    assert len(set(shares)) == 1000
+    assert goal_share(3) == shares[3]
+
+
+def test_the_start_scores_zero(env):
+    env.reset(VARIATION)
+    number = env.task.water.num_particles
+    wanted = int(number * goal_share(VARIATION))
+    info = env.info()
+    assert info["performance"] == pytest.approx(-wanted / number)
+    assert info["normalized_performance"] == 0.0 and info["poured"] == 0.0
+    assert info["share"] == env.task.share == goal_share(VARIATION)
+
+
+def test_the_right_amount_scores_one_and_too_much_costs_as_too_little(env):
+    env.reset(VARIATION)
+    number = env.task.water.num_particles
+    wanted = int(number * goal_share(VARIATION))
+    info = poured(env, wanted)
+    assert info["performance"] == pytest.approx(0.0, abs=1e-12)
+    assert info["normalized_performance"] == pytest.approx(1.0) and info["success"]
+    few, many = (poured(env, wanted + error) for error in (-7, 7))
+    assert few["performance"] == pytest.approx(-7 / number)
+    assert many["performance"] == pytest.approx(-7 / number)
+    assert few["normalized_performance"] == pytest.approx(1.0 - 7 / wanted)
+    everything = poured(env, number)
+    assert everything["reward_missing"] == pytest.approx(-(number - wanted) / number)
+
+
+def test_the_bar_is_where_facts_say(env):
+    env.reset(VARIATION)
+    task, (cup, target) = env.task, (env.task.cup.size, env.task.target.size)
+    highest = task.water.positions()[:, 2].max()
+    height = target.wall / 2 + task.share * (highest - cup.wall / 2) * (
+        cup.length * cup.width / (target.length * target.width)
+    )
+    assert task.level == pytest.approx(height, rel=1e-12)
+    model, data = env.physics.model.ptr, env.physics.data.ptr
+    mujoco.mj_kinematics(model, data)
+    bar = model.geom("level/bar").id
+    near = task.target.pose[0] - target.length / 2
+    np.testing.assert_allclose(data.geom_xpos[bar], [near, 0.0, height], atol=1e-12)
+    np.testing.assert_allclose(model.geom_size[bar], [0.0025, target.width / 2, 0.0025])
+    assert not model.geom_contype[bar] and not model.geom_conaffinity[bar]
+
+
+def test_the_bar_tells_where_the_water_will_stand():
+    """Poured to the share by the expert, the water's surface is near the bar."""
+    from softgym_mj.baselines.scripted import make_policy
+
+    env = softgym_mj.load("pour_water_amount", split="evaluate")
+    act, timestep = make_policy(env), env.reset(802)
+    while not timestep.last():
+        timestep = env.step(act(timestep))
+    assert env.info()["normalized_performance"] > 0.9
+    positions = env.task.water.positions()
+    inside = positions[env.task.target.inside(positions)]
+    surface = np.percentile(inside[:, 2], 98)
+    assert surface == pytest.approx(env.task.level, abs=0.02)
+
+
+def test_states_end_with_the_goal(env):
+    observation = env.reset(VARIATION).observation
+    goal = [env.task.level, env.task.share]
+    np.testing.assert_array_equal(observation["reduced"][13:], goal)
+    np.testing.assert_array_equal(observation["full"][-2:], goal)
+    pour = softgym_mj.load("pour_water", split=[VARIATION], fidelity="fast")
+    np.testing.assert_array_equal(
+        observation["reduced"][:13], pour.reset(VARIATION).observation["reduced"]
+    )
