@@ -4,10 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
+import softgym_mj
 from softgym_mj.baselines.manipulation_scene import ManipulationScene, fold, lift_and_release
 from softgym_mj.entities.cloth import RADIUS, Cloth, grid_shape
 from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.rendering import CameraView
 from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.gripper import Workspace
 
 
 @pytest.mark.parametrize(
@@ -130,3 +133,27 @@ def test_self_contact_keeps_layers_apart_and_none_does_not():
     assert gaps["plugin"] == pytest.approx(2 * RADIUS, abs=0.001)
     assert gaps["mujoco"] == pytest.approx(2 * RADIUS, abs=0.002)
     assert gaps["none"] == pytest.approx(0.0, abs=0.002)
+
+
+@pytest.mark.parametrize("fidelity", ["fast", "default", "accurate"])
+def test_a_marker_shows_the_other_side_on_an_eighth(fidelity):
+    """SoftGym's strip: 5 quads from quad floor((dimx - 1) / 8) on, in its spacing."""
+    env = softgym_mj.load("fold_cloth", split="evaluate", fidelity=fidelity)
+    env.reset(800)
+    cloth = env.task.cloth
+    cloth.set_vertices(cloth.flat())
+    env.task.actor.place(
+        np.array([[0.8, 0.3, 0.4], [0.8, -0.3, 0.4]]), Workspace((-1,) * 3, (1,) * 3)
+    )
+    image = CameraView("task", 480, 480).rgb(env.physics).astype(int)
+    pink = (image[..., 2] > 100) & (image[..., 0] > image[..., 2] + 30)
+    orange = (image[..., 2] < 60) & (image[..., 0] > 150)
+    share = pink.sum() / (pink.sum() + orange.sum())
+    width = cloth.size[0]
+    assert share == pytest.approx(0.03125 / width, rel=0.5)  # One quad is 2 to 4 cm wide.
+    # In the middle row of the picture, measured from the cloth's left edge.
+    row = np.flatnonzero((pink | orange).any(axis=1)).mean().astype(int)
+    columns = np.flatnonzero(pink[row] | orange[row])
+    place = (np.flatnonzero(pink[row]).mean() - columns[0]) / (columns[-1] - columns[0]) * width
+    first = (cloth.dims[0] - 1) // 8 * 0.00625
+    assert place == pytest.approx(first + 0.0156, abs=0.02)

@@ -2,7 +2,8 @@
 
 Goal: columns 0 to half of the cloth, on whose side the pickers start in FoldCloth, on top of their
 mirror columns, which stay where they are (FoldCloth) or lie where those of a flat cloth at the
-origin do (FoldCrumpledCloth). Two pickers; 100 env steps of 8 sim steps.
+origin do (FoldCrumpledCloth). A strip in the other side's colour marks the half that is folded
+over. Two pickers; 100 env steps of 8 sim steps.
 
 Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from its
 place) [m], over SoftGym's particles.
@@ -101,7 +102,7 @@ def fold_cloth(
         action_repeat: sim steps per env step; None for the usual number.
     """
     return FoldCloth(
-        Cloth(fidelity=fidelity, self_contact=self_contact),
+        Cloth(fidelity=fidelity, self_contact=self_contact, marker=True),
         make_gripper(actor, "cloth", num_pickers),
         FlatCloth(fidelity),
         FOLD_HEIGHT,
@@ -125,7 +126,7 @@ def fold_crumpled_cloth(
 ) -> FoldCrumpledCloth:
     """Builds the task; arguments as for `fold_cloth`."""
     return FoldCrumpledCloth(
-        Cloth(fidelity=fidelity, self_contact=self_contact),
+        Cloth(fidelity=fidelity, self_contact=self_contact, marker=True),
         make_gripper(actor, "cloth", num_pickers),
         CrumpledCloth(fidelity),
         CRUMPLED_HEIGHT,
