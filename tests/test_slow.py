@@ -53,6 +53,7 @@ def test_a_restore_takes_less_than_five_milliseconds(task):
         ("rope_configuration", 0.7),
         ("spread_cloth", 0.8),
         ("fold_cloth", 0.9),
+        ("fold_crumpled_cloth", 0.6),
         ("drop_cloth", 0.8),
         ("drop_fold_cloth", 0.6),
         ("transport_water", 0.99),

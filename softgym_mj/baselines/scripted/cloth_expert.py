@@ -6,7 +6,6 @@ import numpy as np
 
 from softgym_mj.baselines.scripted.picker_expert import (
     ARRIVED,
-    CLOSED,
     OPEN,
     PASSED,
     SLOW,
@@ -21,11 +20,6 @@ OVERSHOOT = 0.02  # [m] By which a vertex is pulled beyond its place; cloth spri
 MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.
 APART = 0.15  # [m] Least distance of two places that the pickers work at together.
 PUT_STEPS = 13  # Env steps that putting vertices in their places needs at least.
-ARC = 12  # Points of the half circle in which cloth is folded over.
-BEYOND = 0.1  # [m] By which the near end is pulled too far at most, if the place matters.
-SETTLE = 0.06  # [m] By which the far end is pulled along when the cloth is then folded.
-PACE = 0.06  # [m] Way of the pickers in an env step while the cloth is dragged.
-TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pulled out.
 LIFT = 0.8  # Fraction of full speed at which cloth is carried.
 
 
@@ -60,12 +54,6 @@ class ClothExpert(PickerExpert):
                 residual = np.linalg.norm(placed - vertices, axis=1)
             fits.append((np.log(0.02 + residual).sum(), placed))
         return min(fits, key=lambda fit: fit[0])[1]
-
-    def _sides(self) -> list[tuple[int, int, float]]:
-        """The sides as (corner, corner, length [m])."""
-        p1, p2, p3, p4 = self._env.task.cloth.corners.tolist()
-        width, depth = self._env.task.cloth.size
-        return [(p1, p2, depth), (p3, p4, depth), (p1, p3, width), (p2, p4, width)]
 
     def _exposed_near(self, goals: Sequence[int]) -> int:
         """The free vertex that can be taken and is the fewest grid steps from one of `goals`."""
@@ -140,86 +128,6 @@ class ClothExpert(PickerExpert):
             if self._grasp(vertex)[2] <= 0.0:
                 vertex = self._exposed_near(list(near))
             yield from self._take({1 - holding: vertex}, grips)
-
-    def _drag(
-        self,
-        grips: list[bool],
-        way: float | None = None,
-        order: float | None = None,
-        lead: float = 0.0,
-        pace: float = PACE,
-    ) -> Iterator[np.ndarray]:
-        """Stretches the held side along Y and pulls the cloth out along X, down to the floor.
-
-        Args:
-            grips: of the pickers, both closed.
-            way: 1 to pull towards +X, -1 towards -X, None for what is nearer.
-            order: 1 if what picker 0 holds belongs at +Y, -1 at -Y, None for where it is.
-            lead: further distance [m] from which the far end is then dragged to its place.
-            pace: way of the pickers in an env step [m].
-        """
-        low, high = self._actor.limits
-        centre = (low + high) / 2
-        flat, (a, b) = self._env.task.cloth.flat(), self._actor.held
-        width = np.linalg.norm(flat[b] - flat[a])
-        across = (flat[b] - flat[a]) / width
-        away = flat - (flat[a] + flat[b]) / 2
-        away = np.linalg.norm(away - np.outer(away @ across, across), axis=1)
-        depth, tail = away.max(), np.flatnonzero(away > away.max() - 0.01)
-        offset = (self._target.vertices()[[a, b]] - self._actor.positions()) * [1.0, 1.0, 0.0]
-        if order is None:
-            order = np.sign(self._target.vertex(a)[1] - self._target.vertex(b)[1]) or 1.0
-        line = np.array([[0.0, order * width / 2, 0.0], [0.0, -order * width / 2, 0.0]])
-
-        def tail_x() -> float:
-            return float(self._target.vertices()[tail, 0].mean() - centre[0])
-
-        def now_x() -> float:
-            return float((self._actor.positions() + offset)[:, 0].mean() - centre[0])
-
-        def pose(x: float, z: float) -> np.ndarray:
-            goals = line - offset + centre + [x, 0.0, 0.0]
-            goals[:, 2] = z
-            return goals
-
-        if way is None:
-            way = -1.0 if tail_x() > 0.0 else 1.0
-        edge = high[0] - centre[0]
-        farthest = min(edge, depth / 2 + BEYOND) if lead else edge
-        yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
-        yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)
-        # Carry the tail back so far that the spread cloth will lie in the middle of the workspace.
-        while way * tail_x() > -depth / 2 - lead and way * now_x() > -edge + pace:
-            yield self._step(pose(now_x() - way * pace, high[2]), grips, LIFT)
-        x, anchor, taut = now_x(), tail_x(), 0
-        while taut < 2 and way * x < farthest:
-            x += way * pace
-            # Down along an arc as if the tail stuck to the floor; it slides where it does not.
-            height = np.sqrt(max(depth**2 - max(way * (x - anchor), 0.0) ** 2, 0.0))
-            yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
-            taut += way * (now_x() - tail_x()) > TAUT * depth
-        yield from self._move(pose(x, low[2]), grips, SLOW)
-        while (
-            lead and way * x < farthest and (slip := -way * tail_x() - depth / 2 - SETTLE) > ARRIVED
-        ):
-            x += way * min(slip, pace)
-            yield self._step(pose(x, low[2]), grips)
-
-    def _swing(self, ends: np.ndarray, speed: float = SLOW) -> Iterator[np.ndarray]:
-        """Carries what both pickers hold to `ends` (2, 3) [m] in half a circle and lets go.
-
-        `speed` is a fraction of full speed.
-        """
-        start = self._actor.positions()
-        ends = ends - (self._target.vertices()[self._actor.held] - start)
-        middle, half = (start + ends) / 2, (ends - start) / 2
-        for angle in np.linspace(0.0, np.pi, ARC)[1:]:
-            goals = middle - np.cos(angle) * half
-            goals[:, 2] += np.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
-            last = angle == np.pi
-            yield from self._move(goals, CLOSED, speed, near=ARRIVED if last else PASSED / 2)
-        yield self._rest(OPEN)
-        yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN, speed)
 
     def _misplaced(self, placed: np.ndarray) -> dict[int, np.ndarray]:
         """Up to two vertices far from their places (n, 3) that can be taken, with goals [m]."""

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from softgym_mj.baselines.scripted.cloth_expert import LAYER, ClothExpert
-from softgym_mj.baselines.scripted.picker_expert import OPEN
+from softgym_mj.baselines.scripted.cloth_expert import LAYER, TRAVEL_HEIGHT, ClothExpert
+from softgym_mj.baselines.scripted.picker_expert import ARRIVED, CLOSED, OPEN, PASSED, SLOW
 
+ARC = 12  # Points of the half circle in which the corners are carried.
 SHORT = 0.02  # [m] By which the corners are let down early: the bend takes up as much.
 
 
@@ -25,3 +26,16 @@ class FoldCloth(ClothExpert):
         yield from self._swing(ends + [0.0, 0.0, LAYER])
         while True:
             yield self._rest(OPEN)
+
+    def _swing(self, ends: np.ndarray) -> Iterator[np.ndarray]:
+        """Carries what both pickers hold to `ends` (2, 3) [m] in half a circle and lets go."""
+        start = self._actor.positions()
+        ends = ends - (self._target.vertices()[self._actor.held] - start)
+        middle, half = (start + ends) / 2, (ends - start) / 2
+        for angle in np.linspace(0.0, np.pi, ARC)[1:]:
+            goals = middle - np.cos(angle) * half
+            goals[:, 2] += np.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
+            last = angle == np.pi
+            yield from self._move(goals, CLOSED, SLOW, near=ARRIVED if last else PASSED / 2)
+        yield self._rest(OPEN)
+        yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN, SLOW)

@@ -1,25 +1,30 @@
-"""The expert of FoldCrumpledCloth: drags the cloth out and swings the end it holds over.
+"""The expert of FoldCrumpledCloth: hangs the cloth over its middle column and lays it down doubled.
 
-It may hold column 0 or the last one: either way the folded cloth is the same.
+A cloth that hangs by the ends of its middle column is folded already: it need not be spread.
 """
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from softgym_mj.baselines.scripted.cloth_expert import LAYER, PUT_STEPS, TRAVEL_HEIGHT, ClothExpert
-from softgym_mj.baselines.scripted.picker_expert import OPEN
+from softgym_mj.baselines.scripted.cloth_expert import (
+    LAYER,
+    LIFT,
+    PUT_STEPS,
+    TRAVEL_HEIGHT,
+    ClothExpert,
+)
+from softgym_mj.baselines.scripted.picker_expert import OPEN, PASSED, SLOW
 
-PACE = 0.08  # [m] Way of the pickers in an env step while the cloth is dragged out.
-SWINGING = 0.8  # Fraction of full speed.
-LEAD = 0.12  # [m] The far end of the cloth slips by about as much while the cloth is dragged out.
-ROUND_STEPS = 60  # Env steps that taking a side, dragging the cloth out and folding need at least.
+PACE = 0.05  # [m] Way of the pickers in an env step while the cloth is laid down.
+HANGING = 10  # Env steps for the cloth to come to rest before it is laid down.
+ROUND_STEPS = 48  # Env steps that taking the column and laying the cloth down need at least.
 DONE = 0.93  # Normalised performance from which the cloth is left alone.
 REDO = 0.1  # Normalised performance below which the cloth is taken up again if time allows.
 
 
 class FoldCrumpledCloth(ClothExpert):
-    """Takes column 0 or the last one, drags the cloth out along X and folds it over."""
+    """Takes both ends of the middle column, hangs the cloth up and lays it down towards +X."""
 
     def _episode(self) -> Iterator[np.ndarray]:
         tried = False
@@ -29,12 +34,9 @@ class FoldCrumpledCloth(ClothExpert):
             if not tried or (score < REDO and left > ROUND_STEPS):
                 tried = True
                 grips = [False, False]
-                yield from self._take_pair(self._sides()[:2], grips)
+                yield from self._take_pair([self._line()], grips)
                 if all(grips):
-                    yield from self._drag(
-                        grips, way=-1.0, order=self._order(), lead=LEAD, pace=PACE
-                    )
-                    yield from self._swing(self._far_end(), SWINGING)
+                    yield from self._lay(grips)
                 continue
             places = self._misplaced(self._places()) if score < DONE and left > PUT_STEPS else {}
             if places:
@@ -43,14 +45,37 @@ class FoldCrumpledCloth(ClothExpert):
                 yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN)
                 yield self._rest(OPEN)
 
-    def _order(self) -> float:
-        """1 if what picker 0 holds is nearer to row 0 (+Y) than what picker 1 holds, else -1."""
-        rows = self._actor.held // self._env.task.cloth.shape[1]
-        return 1.0 if rows[0] < rows[1] else -1.0
+    def _line(self) -> tuple[int, int, float]:
+        """The ends of the middle column and their distance [m]."""
+        cloth = self._env.task.cloth
+        middle = cloth.shape[1] // 2
+        return cloth.index(0, middle), cloth.index(-1, middle), cloth.size[1]
 
-    def _far_end(self) -> np.ndarray:
-        """Where what is held belongs (2, 3) [m]: in the last column, on top."""
-        return self._places()[self._actor.held] + [0.0, 0.0, LAYER]
+    def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
+        """Stretches the held column along Y and lays the cloth down, from its edges on."""
+        low, high = self._actor.limits
+        flat, held = self._env.task.cloth.flat(), self._actor.held.tolist()
+        depth = float(np.ptp(flat[:, 0]) / 2)
+        offset = (self._target.vertices()[held] - self._actor.positions()) * [1.0, 1.0, 0.0]
+        goals = flat[held] - offset
+
+        def pose(x: float, z: float) -> np.ndarray:
+            moved = goals + [x, 0.0, 0.0]
+            moved[:, 2] = z
+            return moved
+
+        yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
+        yield from self._move(pose(depth, high[2]), grips, SLOW)
+        for _ in range(HANGING):
+            yield self._step(pose(depth, high[2]), grips)
+        x = depth
+        while x > 0.0:
+            x = max(x - PACE, 0.0)
+            # Down along an arc as if the edges stuck to the floor.
+            height = np.sqrt(max(depth**2 - (depth - x) ** 2, 0.0))
+            yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
+        yield from self._move(pose(0.0, low[2]), grips, SLOW)
+        yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
 
     def _places(self) -> np.ndarray:
         """Where the vertices (n, 3) [m] of the folded cloth belong."""
