@@ -51,6 +51,17 @@ def unavailable(reason: object) -> RenderingUnavailableError:
     )
 
 
+def refresh_poses(physics) -> None:
+    """Computes what is drawn from qpos: `mj_step` leaves it one step behind."""
+    import mujoco
+
+    model, data = physics.model.ptr, physics.data.ptr
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+    mujoco.mj_flex(model, data)
+
+
 class CameraView:
     """Renders one camera at one size; the scene is kept until the physics changes."""
 
@@ -77,12 +88,8 @@ class CameraView:
         import mujoco
         from dm_control.mujoco import engine, wrapper
 
-        model, data = physics.model.ptr, physics.data.ptr
-        # mj_step leaves the derived poses one step behind qpos.
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_camlight(model, data)
-        mujoco.mj_flex(model, data)
+        data = physics.data.ptr
+        refresh_poses(physics)
         try:
             if self._data is not data:
                 self._view = engine.Camera(

@@ -121,6 +121,33 @@ def test_the_letter_is_drawn_on_the_floor():
     assert len(seen) > 2
 
 
+def test_the_goal_image_shows_the_rope_on_the_letter():
+    env = make(observation="full")
+    env.reset(803)
+    act = np.random.default_rng(0).uniform(-1, 1, (6, 8))
+    for action in act[:3]:
+        env.step(action)
+    snapshot = env.get_state()
+    expected = [env.step(action).observation["full"] for action in act[3:]]
+    env.set_state(snapshot)
+    image = env.task.goal_image(env.physics, 200, 200).astype(int)
+    np.testing.assert_array_equal(image, env.task.goal_image(env.physics, 200, 200))
+    found = [env.step(action).observation["full"] for action in act[3:]]
+    np.testing.assert_array_equal(found, expected)  # Looking changes nothing.
+    goal, pitch = letter(goal_name(803)), 2 * 0.85 * np.tan(np.deg2rad(22.5)) / 200
+
+    def apart(pixels):
+        """Distances [m] of pixels from the vertices of the goal."""
+        rows, columns = np.nonzero(pixels)
+        x, y = (columns - 99.5) * pitch, (99.5 - rows) * pitch
+        return np.hypot(x[:, None] - goal[:, 0], y[:, None] - goal[:, 1])
+
+    blue = apart((image[..., 2] > 150) & (image[..., 0] < 80))
+    assert blue.min(axis=1).max() < 0.015 and blue.min(axis=0).max() < 0.01
+    dark = apart(image.max(axis=2) < 100)  # The rope's own shadow, but no picker nor its shadow.
+    assert dark.min(axis=1).max(initial=0.0) < 0.025
+
+
 def test_an_unknown_matching_names_the_choices():
     with pytest.raises(UnknownNameError, match=r"matching='bigraph'.*'key_points', 'vertices'"):
         make(matching="bigraph")

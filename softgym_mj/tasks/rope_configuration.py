@@ -22,6 +22,7 @@ from softgym_mj.entities.marks import GoalLine
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import check_name
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.rendering import CameraView, refresh_poses
 from softgym_mj.robots.factory import action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
@@ -33,6 +34,7 @@ from softgym_mj.variations import VariationStore, generator
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
 RESET_HEIGHT = 0.1  # [m]
+BELOW = -1.0  # [m] Where the pickers are while the goal is drawn.
 SUCCESS = 0.8  # Ours: key points within 1 to 3 cm of the letter on average.
 MATCHINGS = ("key_points", "vertices")
 
@@ -76,6 +78,22 @@ class RopeConfiguration(FlexTask):
     @property
     def parts(self) -> dict[str, tuple[str, ...]]:
         return {**super().parts, "goal": (self._line.mjcf_model.model,)}
+
+    def goal_image(
+        self, physics, height: int = DEFAULT_IMAGE_SIZE[0], width: int = DEFAULT_IMAGE_SIZE[1]
+    ) -> np.ndarray:
+        """What the task's camera sees when the goal is reached (height, width, 3) uint8.
+
+        The pickers are out of the picture. Nothing is simulated, and the state stays as it is.
+        """
+        data = physics.data.ptr
+        qpos, qvel = data.qpos.copy(), data.qvel.copy()
+        data.qpos[2::3] = BELOW  # Every joint is a slide; all third ones are vertical.
+        self._rope.set_vertices(self._goal)
+        image = CameraView("task", height, width).rgb(physics)
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        refresh_poses(physics)
+        return image
 
     def start(self, state: np.ndarray) -> None:
         super().start(state)
