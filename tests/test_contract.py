@@ -149,14 +149,16 @@ def test_dm_control_suite_loads_the_task(task):
     assert env.physics.model.ncam >= 2
 
 
-@tasks
-def test_gymnasium_check_env(task):
+@cases
+def test_gymnasium_check_env(case):
+    task, *actor = case.split("/")
     env = gymnasium.make(
         softgym_mj.TASKS[task].gymnasium_id,
         render_mode="rgb_array",
         render_size=(64, 64),
         split=[800, 801],
         **SETTINGS[task],
+        **({"actor": actor[0]} if actor else {}),
     )
     check_env(env.unwrapped)
 
