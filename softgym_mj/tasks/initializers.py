@@ -5,6 +5,7 @@ every vertex, where the original compares signed components and so may stop whil
 """
 
 import dataclasses
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -123,30 +124,41 @@ class TwistedRope:
 
 
 @dataclasses.dataclass(frozen=True)
-class CrumpledCloth:
-    """A cloth of random size lifted at a random vertex and dropped (facts 3.6)."""
+class _SizedCloth:
+    """What the cloths of random size share."""
 
     fidelity: str = "default"
-    name: str = "crumpled_cloth"
+    sizes: tuple[int, int] = SIZE_RANGE  # Of the sides [particles], the upper end exclusive.
+    name: str = ""
+    _version: ClassVar[int] = 1
 
     @property
     def parameters(self) -> dict[str, object]:
         cloth = Cloth(fidelity=self.fidelity).physical_parameters
-        return {"version": 5, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
+        version, fidelity = self._version, self.fidelity
+        return {"version": version, "fidelity": fidelity, "sizes": self.sizes, "cloth": cloth}
 
     @property
     def largest(self) -> int:
-        return SIZE_RANGE[1] - 1
+        return self.sizes[1] - 1
 
     def dims(self, index: int) -> tuple[int, int]:
         """Size (dimx, dimy) of a variation in SoftGym particles."""
-        dimx, dimy = generator(self.name, index).integers(*SIZE_RANGE, size=2)
+        dimx, dimy = generator(self.name, index).integers(*self.sizes, size=2)
         return int(dimx), int(dimy)
+
+
+@dataclasses.dataclass(frozen=True)
+class CrumpledCloth(_SizedCloth):
+    """A cloth of random size lifted at a random vertex and dropped (facts 3.6)."""
+
+    name: str = "crumpled_cloth"
+    _version: ClassVar[int] = 5
 
     def generate(self, index: int) -> np.ndarray:
         """Settled vertex positions (rows * columns, 3) [m]."""
         random = generator(self.name, index)
-        random.integers(*SIZE_RANGE, size=2)  # Drawn in `dims`.
+        random.integers(*self.sizes, size=2)  # Drawn in `dims`.
         cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
         scene = _Scene(cloth)
         cloth.set_vertices(cloth.flat())
@@ -179,25 +191,10 @@ class CrumpledCloth:
 
 
 @dataclasses.dataclass(frozen=True)
-class FlatCloth:
+class FlatCloth(_SizedCloth):
     """A cloth of random size that lies flat, turned about the vertical (facts 3.7)."""
 
-    fidelity: str = "default"
     name: str = "flat_cloth"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        cloth = Cloth(fidelity=self.fidelity).physical_parameters
-        return {"version": 1, "fidelity": self.fidelity, "sizes": SIZE_RANGE, "cloth": cloth}
-
-    @property
-    def largest(self) -> int:
-        return SIZE_RANGE[1] - 1
-
-    def dims(self, index: int) -> tuple[int, int]:
-        """Size (dimx, dimy) of a variation in SoftGym particles."""
-        dimx, dimy = generator(self.name, index).integers(*SIZE_RANGE, size=2)
-        return int(dimx), int(dimy)
 
     def angle(self, index: int) -> float:
         """By how much the cloth is turned about +Z [rad], within +-45 degrees."""
@@ -213,31 +210,10 @@ class FlatCloth:
 
 
 @dataclasses.dataclass(frozen=True)
-class HangingCloth:
-    """A cloth of random size that hangs in the air by the two corners of its column 0 (facts 3.9).
+class HangingCloth(_SizedCloth):
+    """A cloth of random size that hangs by the two corners of its column 0 (facts 3.9)."""
 
-    Attributes:
-        fidelity: resolution of the cloth.
-        sizes: of its sides [particles], the upper end exclusive.
-    """
-
-    fidelity: str = "default"
-    sizes: tuple[int, int] = SIZE_RANGE
     name: str = "hanging_cloth"
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        cloth = Cloth(fidelity=self.fidelity).physical_parameters
-        return {"version": 1, "fidelity": self.fidelity, "sizes": self.sizes, "cloth": cloth}
-
-    @property
-    def largest(self) -> int:
-        return self.sizes[1] - 1
-
-    def dims(self, index: int) -> tuple[int, int]:
-        """Size (dimx, dimy) of a variation in SoftGym particles."""
-        dimx, dimy = generator(self.name, index).integers(*self.sizes, size=2)
-        return int(dimx), int(dimy)
 
     def sheet(self, index: int) -> np.ndarray:
         """Vertex positions (rows * columns, 3) [m] of the sheet before it sags, column 0 on top."""

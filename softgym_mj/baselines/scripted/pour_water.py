@@ -118,7 +118,7 @@ class PourWaterAmount(PourWater):
             before = out
             theta += TIP if expected < task.share - SHORT else -BACK
             theta = float(np.clip(theta, least, DRAINED))
-            yield x, height(max(theta, least)), theta
+            yield x, height(theta), theta
 
 
 def phase(duration: float, step: float) -> np.ndarray:
