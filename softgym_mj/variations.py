@@ -150,9 +150,12 @@ class VariationStore:
         return read_states(file, self._specification)[0]
 
     def generate(self, index: int) -> None:
-        """Simulates a variation and writes its file, whole or not at all."""
-        states = [self._initializer.generate(index).astype(np.float32)]
-        write_states(self.file(index), states, self._specification)
+        """Simulates a variation and stores it."""
+        self.save(index, self._initializer.generate(index))
+
+    def save(self, index: int, points: np.ndarray) -> None:
+        """Stores `points` (n, 3) [m] as a variation: its file is written whole or not at all."""
+        write_states(self.file(index), [points.astype(np.float32)], self._specification)
 
     def is_stored(self, index: int) -> bool:
         """Whether a valid file of this variation is in the cache."""

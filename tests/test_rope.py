@@ -3,8 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
+import scipy.optimize
 
 import softgym_mj
+from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.rope import FIDELITIES, Rope
 from softgym_mj.tasks.initializers import SETTLED_SPEED, TwistedRope
 from softgym_mj.variations import NUM_VARIATIONS
 
@@ -96,3 +99,27 @@ def test_shipped_states_stay_where_they_are(env):
             env.step(np.zeros(8))
         moved = np.linalg.norm(env.task.rope.vertices() - before, axis=1)
         assert moved.max() < SETTLED_SPEED * 0.8  # 0.8 s at less than the settled speed.
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_it_hangs_as_a_catenary_at_every_fidelity(fidelity):
+    """Length 2 a sinh(w / 2 a) = 0.5 m for width w = 0.3 m; sag a (cosh(w / 2 a) - 1)."""
+    rope = Rope(fidelity)
+    arena = Arena(camera="rope")
+    arena.attach(rope)
+    physics = arena.compile(rope.timestep, rope)
+    first, last = rope.ends
+    points = rope.straight() + [0.0, 0.0, 0.5]
+    rope.set_vertices(points)
+    rope.hold(first), rope.hold(last)
+    ends = {first: points[first].copy(), last: points[last].copy()}
+    for step in range(800):
+        moved = min(step / 200, 1.0) * 0.1
+        for vertex, inwards in ((first, moved), (last, -moved)):
+            rope.drive(vertex, ends[vertex] + [inwards, 0.0, 0.0], rope.timestep)
+        mujoco.mj_step(physics.model.ptr, physics.data.ptr)
+    a = scipy.optimize.brentq(lambda a: 2 * a * np.sinh(0.15 / a) - 0.5, 0.05, 1.0)
+    sag = rope.vertex(first)[2] - rope.vertices()[:, 2].min()
+    # Bending stiffness rounds the lowest point: (EI / weight)^(1/3) = 2 cm.
+    assert sag == pytest.approx(a * (np.cosh(0.15 / a) - 1), rel=0.04)
+    np.testing.assert_allclose(rope.edge_strain(), 0.0, atol=0.02)

@@ -9,7 +9,8 @@ import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.rope import RADIUS
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.tasks.letters import LETTERS, letter
+from softgym_mj.tasks.letters import LETTERS
+from softgym_mj.tasks.letters import letter as line
 from softgym_mj.tasks.rope_configuration import goal_name
 
 KEYS = [0, 4, 9, 13, 18, 22, 27, 31, 36, 40]
@@ -25,6 +26,11 @@ MEASURED = {
 
 def make(**kwargs):
     return softgym_mj.load("rope_configuration", **{"split": "evaluate", **kwargs})
+
+
+def letter(name, count=41):
+    """Vertices of a rope that lies as a letter."""
+    return np.column_stack([line(name, count), np.full(count, RADIUS)])
 
 
 def place(env, vertices):

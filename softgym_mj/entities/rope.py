@@ -5,10 +5,14 @@ import math
 import numpy as np
 
 from softgym_mj.entities.flex import Flex
+from softgym_mj.exceptions import check_name
 
 # [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
 LENGTH = 0.5
-NUM_VERTICES = 41  # SoftGym's particle count.
+# Number of vertices; SoftGym has 41. Neighbours must be two radii apart, or else every second edge
+# of a straight rope would collide: the "accurate" rope is thinner, 8.3 mm instead of 12.5 mm.
+FIDELITIES = {"fast": 31, "default": 41, "accurate": 61}
+NUM_KEY_POINTS = 10
 RADIUS = 0.00625  # [m] SoftGym's drawn radius; here it is the contact radius too.
 MASS = 0.05  # [kg], 0.1 kg/m: a cotton cord of this diameter.
 # [Pa]; bending rigidity E pi r^4 / 4 = 1.2e-5 N m^2, a soft cotton cord. With ten times more a
@@ -23,16 +27,25 @@ TIMESTEP = 0.005  # [s]: at 1 m/s a vertex moves 5 mm a step, less than the radi
 EDGE_SOLREF = (-24000.0, -200.0)
 EDGE_SOLIMP = (0.99, 0.999, 0.001)
 
-# SoftGym takes 0, 4, ..., 32, 40; these are evenly spaced as the paper says.
-KEY_POINTS = np.round(np.linspace(0, NUM_VERTICES - 1, 10)).astype(int)
-
 COLOR = (0.0, 0.5, 1.0, 1.0)  # SoftGym's blue.
 
 
 class Rope(Flex):
-    """A rope of 41 vertices; at rest it lies along +X, centred at the origin."""
+    """A rope; at rest it lies along +X, centred at the origin."""
 
-    def _build(self, name: str = "rope"):
+    def _build(self, fidelity: str = "default", name: str = "rope"):
+        """Builds the rope.
+
+        Args:
+            fidelity: "fast", "default" or "accurate": 31, 41 or 61 vertices.
+            name: model name.
+
+        Raises:
+            UnknownNameError: if there is no such fidelity.
+        """
+        check_name("fidelity", fidelity, FIDELITIES)
+        count = FIDELITIES[fidelity]
+        radius = min(RADIUS, LENGTH / (count - 1) / 2)
         self._start_model(name)
         option = self._mjcf_root.option
         # Newton is twice as fast as CG on a model this small, and exact.
@@ -40,11 +53,11 @@ class Rope(Flex):
         option.timestep = TIMESTEP
         option.iterations, option.tolerance = 50, 1e-6
         self._mjcf_root.size.memory = "16M"
-        points = np.zeros((NUM_VERTICES, 3))
-        points[:, 0] = np.linspace(-LENGTH / 2, LENGTH / 2, NUM_VERTICES)
-        elements = np.column_stack([np.arange(NUM_VERTICES - 1), np.arange(1, NUM_VERTICES)])
-        flexcomp = self._add_flexcomp(points, elements, radius=RADIUS, mass=MASS, rgba=COLOR)
-        flexcomp.elasticity.young = YOUNG
+        points = np.zeros((count, 3))
+        points[:, 0] = np.linspace(-LENGTH / 2, LENGTH / 2, count)
+        elements = np.column_stack([np.arange(count - 1), np.arange(1, count)])
+        flexcomp = self._add_flexcomp(points, elements, radius=radius, mass=MASS, rgba=COLOR)
+        flexcomp.elasticity.young = YOUNG * (RADIUS / radius) ** 4  # As stiff in bending.
         flexcomp.elasticity.poisson = 0.0
         flexcomp.elasticity.damping = DAMPING
         flexcomp.edge.equality = "true"
@@ -63,9 +76,14 @@ class Rope(Flex):
         """Vertex indices of the two ends."""
         return 0, self.num_vertices - 1
 
+    @property
+    def key_points(self) -> np.ndarray:
+        """Vertex indices (10,), evenly spaced from end to end; SoftGym's are 0, 4, ..., 32, 40."""
+        return np.round(np.linspace(0, self.num_vertices - 1, NUM_KEY_POINTS)).astype(int)
+
     def straight(self) -> np.ndarray:
         """Vertex positions (num_vertices, 3) [m] of the straight rope on the floor."""
-        return self._rest_points + np.array([0.0, 0.0, RADIUS])
+        return self._rest_points + np.array([0.0, 0.0, self.radius])
 
     def end_distance(self) -> float:
         """Distance [m] between the two end vertices."""

@@ -21,6 +21,7 @@ from softgym_mj.variations import generator
 SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for "at rest".
 _MIN_SETTLE_STEPS = 10  # Sim steps: at release the speed passes through zero without being at rest.
 
+_PLACES = 41  # Where the rope may be taken, evenly spaced.
 # Rope: displacement of the dragged vertex per sim step [m] and its duration in sim steps.
 _DRAG_DISPLACEMENT, _DRAG_STEPS, _DRAG_REPEATS = 0.005, 60, 4
 _ROPE_SETTLE_STEPS, _ROPE_FINAL_STEPS = 100, 500
@@ -93,20 +94,23 @@ def _centred(vertices: np.ndarray) -> np.ndarray:
 class TwistedRope:
     """A rope dragged by a random vertex four times and left to settle (facts 3.4)."""
 
+    fidelity: str = "default"
     name: str = "twisted_rope"
 
     @property
     def parameters(self) -> dict[str, object]:
-        return {"version": 2, "rope": Rope().physical_parameters}
+        return {"version": 2, "rope": Rope(self.fidelity).physical_parameters}
 
     def generate(self, index: int) -> np.ndarray:
-        """Settled vertex positions (41, 3) [m]."""
+        """Settled vertex positions (n, 3) [m]."""
         random = generator(self.name, index)
-        rope = Rope()
+        rope = Rope(self.fidelity)
         scene = _Scene(rope)
         rope.set_vertices(rope.straight())
         for repeat in range(_DRAG_REPEATS):
-            vertex = int(random.integers(rope.num_vertices))
+            # Drawn among the default rope's: the same place for every fidelity.
+            place = int(random.integers(_PLACES)) / (_PLACES - 1)
+            vertex = round(place * (rope.num_vertices - 1))
             direction = random.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0])
             rope.hold(vertex)
             scene.drag(vertex, _DRAG_DISPLACEMENT * direction, _DRAG_STEPS)

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from softgym_mj.entities.rope import LENGTH, NUM_VERTICES, RADIUS
+from softgym_mj.entities.rope import LENGTH
 
 # Points (X, Y) [m] along the centre lines of SoftGym's letters, upright in the top view (facts E).
 _CURVES = {
@@ -39,15 +39,15 @@ def _centre_line(name: str) -> np.ndarray:
     return CubicSpline(chord, points)(np.linspace(0.0, chord[-1], _FINE))
 
 
-def letter(name: str) -> np.ndarray:
-    """Vertex positions (41, 3) [m] of a rope of 0.5 m that lies as a letter, centred at the origin.
+def letter(name: str, count: int) -> np.ndarray:
+    """Places (count, 2) [m] of the vertices of a rope that lies as a letter, about the origin.
 
     Every letter has the rope's natural length and all its vertices, evenly spaced along it: SoftGym
     takes the first 41 points of an M of 61, and drops or doubles points of the others.
     """
     line = _centre_line(name)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    places = np.linspace(0.0, length[-1], NUM_VERTICES)
+    places = np.linspace(0.0, length[-1], count)
     points = np.column_stack([np.interp(places, length, line[:, k]) for k in range(2)])
     points *= LENGTH / length[-1]
-    return np.column_stack([points - points.mean(axis=0), np.full(NUM_VERTICES, RADIUS)])
+    return points - points.mean(axis=0)

@@ -4,7 +4,7 @@ Goal: the rope on the letter S, O, M, C or U that is drawn on the floor about th
 end is where. Two pickers; 100 env steps of 8 sim steps.
 
 Reward = performance: -(mean distance of the key points to those of the goal, matched so that it is
-smallest) [m]; all 41 vertices instead of the 10 key points with `matching="vertices"`.
+smallest) [m]; all vertices instead of the 10 key points with `matching="vertices"`.
 Bounds: lower = at reset, upper = 0. The goal lies at the rope's own height and is as long as the
 rope, so that it can be reached; SoftGym's hovers 5 cm above the floor (facts 5, rows 23 and 24).
 Reduced state: 10 key points of the rope, 10 of the goal, evenly spaced (x, y, z each), picker 0,
@@ -17,7 +17,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities import rope as rope_module
 from softgym_mj.entities.marks import GoalLine
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import check_name
@@ -52,10 +51,10 @@ class RopeConfiguration(FlexTask):
     ):
         """Wires the task; `matching` is one of `MATCHINGS`, `settings` as in `FlexTask`."""
         check_name("matching", matching, MATCHINGS)
-        self._rope, self._line = rope, GoalLine(rope_module.NUM_VERTICES)
-        every = np.arange(rope_module.NUM_VERTICES)
-        self._matched = rope_module.KEY_POINTS if matching == "key_points" else every
-        self._goal = letter(LETTERS[0])
+        self._rope, self._line = rope, GoalLine(rope.num_vertices)
+        every = np.arange(rope.num_vertices)
+        self._matched = rope.key_points if matching == "key_points" else every
+        self._goal = self._place(LETTERS[0])
         super().__init__(
             Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS),
             rope,
@@ -70,9 +69,14 @@ class RopeConfiguration(FlexTask):
     def rope(self) -> Rope:
         return self._rope
 
+    def _place(self, name: str) -> np.ndarray:
+        """Where the vertices (n, 3) [m] of the rope ought to lie."""
+        places = letter(name, self._rope.num_vertices)
+        return np.column_stack([places, np.full(len(places), self._rope.radius)])
+
     @property
     def goal(self) -> np.ndarray:
-        """Where the vertices (41, 3) [m] ought to lie, from either end."""
+        """Where the vertices (n, 3) [m] ought to lie, from either end."""
         return self._goal.copy()
 
     @property
@@ -97,7 +101,7 @@ class RopeConfiguration(FlexTask):
 
     def start(self, state: np.ndarray) -> None:
         super().start(state)
-        self._goal = letter(goal_name(self.variation))
+        self._goal = self._place(goal_name(self.variation))
         self._line.draw(self._goal[:, :2])
 
     def evaluate(self) -> Evaluation:
@@ -109,7 +113,7 @@ class RopeConfiguration(FlexTask):
         return self.initial_performance, 0.0
 
     def key_points(self) -> np.ndarray:
-        keys = rope_module.KEY_POINTS
+        keys = self._rope.key_points
         return np.concatenate([self._rope.vertices()[keys], self._goal[keys]])
 
     def tool_state(self) -> np.ndarray:
@@ -122,6 +126,7 @@ def rope_configuration(
     num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    fidelity: str = "default",
     matching: str = "key_points",
     action_repeat: int | None = None,
 ) -> RopeConfiguration:
@@ -132,13 +137,14 @@ def rope_configuration(
         num_pickers: number of pickers; None for 2, or 1 for pixels.
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
+        fidelity: number of vertices: "fast", "default" or "accurate".
         matching: what the reward matches: 10 "key_points" or all "vertices".
         action_repeat: sim steps per env step; None for the usual number.
     """
     return RopeConfiguration(
-        Rope(),
+        Rope(fidelity),
         make_gripper(actor, "rope", num_pickers),
-        TwistedRope(),
+        TwistedRope(fidelity),
         matching,
         observation=observation,
         image_size=image_size,

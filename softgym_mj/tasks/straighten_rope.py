@@ -16,8 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities import rope as rope_module
-from softgym_mj.entities.rope import Rope
+from softgym_mj.entities.rope import LENGTH, Rope
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.factory import action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
@@ -53,7 +52,7 @@ class StraightenRope(FlexTask):
 
     def evaluate(self) -> Evaluation:
         distance = self._rope.end_distance()
-        performance = -abs(distance - rope_module.LENGTH)
+        performance = -abs(distance - LENGTH)
         return Evaluation(
             performance=performance,
             reward_terms={"end_distance_error": performance},
@@ -65,10 +64,10 @@ class StraightenRope(FlexTask):
         return {**super().diagnostics(), "initial_normalized_performance": initial}
 
     def bounds(self) -> tuple[float, float]:
-        return -rope_module.LENGTH, 0.0
+        return -LENGTH, 0.0
 
     def key_points(self) -> np.ndarray:
-        return self._rope.vertices()[rope_module.KEY_POINTS]
+        return self._rope.vertices()[self._rope.key_points]
 
 
 def straighten_rope(
@@ -77,6 +76,7 @@ def straighten_rope(
     num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+    fidelity: str = "default",
     action_repeat: int | None = None,
 ) -> StraightenRope:
     """Builds the task.
@@ -86,12 +86,13 @@ def straighten_rope(
         num_pickers: number of pickers; None for 2, or 1 for pixels.
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
+        fidelity: number of vertices: "fast", "default" or "accurate".
         action_repeat: sim steps per env step; None for the usual number.
     """
     return StraightenRope(
-        Rope(),
+        Rope(fidelity),
         make_gripper(actor, "rope", num_pickers),
-        TwistedRope(),
+        TwistedRope(fidelity),
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),

@@ -10,7 +10,6 @@ from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.robots.picker import MAX_DISPLACEMENT
 
 OPEN, CLOSED = (False, False), (True, True)  # Grips of the two pickers.
-REACH_MARGIN = 0.00225  # [m] By which a vertex is taken from nearer than the pick distance.
 ARRIVED = 0.003  # [m] Distance along every axis at which a goal counts as reached.
 PASSED = 0.05  # [m] The same for a point on the way.
 SLOW = 0.5  # Fraction of full speed at which something held is moved gently.
@@ -30,6 +29,8 @@ _DIRECTIONS = _directions()
 class PickerExpert(Expert):
     """Moves two pickers."""
 
+    margin = 0.00225  # [m] By which a vertex is taken from nearer than the pick distance.
+
     def __init__(self, env: Environment):
         """Binds the expert.
 
@@ -43,7 +44,7 @@ class PickerExpert(Expert):
         if self._actor.num_grippers != 2:
             raise OutOfRangeError("num_grippers", self._actor.num_grippers, "2")
         self._stride = MAX_DISPLACEMENT * env.task.action_repeat
-        self._reach = self._actor.pick_distance - REACH_MARGIN
+        self._reach = self._actor.pick_distance - self.margin
         super().__init__(env)
 
     def _step(self, goals: np.ndarray, grips: Sequence[bool], speed: float = 1.0) -> np.ndarray:
