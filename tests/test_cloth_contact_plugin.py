@@ -341,6 +341,7 @@ def test_the_example_of_the_readme_comes_to_rest_in_layers():
         ("stretch", "0.1 0.2", "number in"),
         ("compression", "1.1", r"number in 0.01..1"),
         ("compression", "1e999", r"number in 0.01..1"),
+        ("friction", "-0.1", r"number in 0..10"),
         ("thickness", "1", "unrecognized|invalid|thickness"),
     ],
 )
@@ -355,7 +356,7 @@ def test_fuzzed_attributes_compile_or_say_what_is_wrong():
     outcomes = {True: 0, False: 0}
     for _ in range(150):
         value = "".join(random.choice(alphabet, random.integers(1, 9)))
-        key = random.choice(["iterations", "stretch", "compression"])
+        key = random.choice(["iterations", "stretch", "compression", "friction"])
         try:
             model = model_of(sheet("a"), config=f'<config key="{key}" value="{value}"/>')
         except ValueError as error:

@@ -17,7 +17,7 @@
 namespace softgym_mj {
 namespace {
 
-constexpr const char* kAttributes[] = {"iterations", "stretch", "compression"};
+constexpr const char* kAttributes[] = {"iterations", "stretch", "compression", "friction"};
 
 // Where a vertex is in the model.
 struct Vertex {
@@ -93,6 +93,7 @@ std::string ParseConfig(const mjModel* m, int instance, ContactConfig* config) {
   read.Numbers("iterations", &parsed.iterations, 1, 1, 1000);
   read.Numbers("stretch", &parsed.stretch, 1, 0.01, 10);
   read.Numbers("compression", &parsed.compression, 1, 0.01, 1);
+  read.Numbers("friction", &parsed.friction, 1, 0, 10);
   if (read.error().empty()) *config = parsed;
   return read.error();
 }

@@ -280,7 +280,7 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
     if (!pair.counts) continue;
     const int contact = mesh.Pair(pair.vertex[0], pair.vertex[2]);
     AddRow(pair.vertex, pair.weight, pair.normal, pair.distance - mesh.thickness[contact],
-           mesh.friction[contact]);
+           config.friction < 0 ? mesh.friction[contact] : config.friction);
   }
   Group(*motion);
   Iterate(config.iterations, motion->move.data(), bodies);

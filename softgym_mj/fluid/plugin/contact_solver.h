@@ -17,6 +17,7 @@ struct ContactConfig {
   int iterations = 60;
   double stretch = 0.12;     // Contact makes edges no longer than by this share of their length,
   double compression = 0.2;  // nor shorter than by this one.
+  double friction = -1;      // Between layers; negative: that of the flexes.
 };
 
 class ContactSolver {
