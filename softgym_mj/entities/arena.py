@@ -1,11 +1,14 @@
 """The scene every task plays in: a floor, a light and the cameras of SoftGym."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from dm_control import composer, mjcf
+from scipy.spatial.transform import Rotation
 
 from softgym_mj import assets
+from softgym_mj.domain import Parameter, shifted
 from softgym_mj.exceptions import check_name
 
 
@@ -28,6 +31,19 @@ CAMERAS = {
 FIELD_OF_VIEW = 45.0  # Vertical [deg].
 # From the front right, looking at the middle.
 OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.7948, 0.4920, 0.1870, 0.3022))
+
+_SHIFTS = tuple(
+    shifted(f"camera_{axis}", "m", 0.02, 0.1, f"shift of the task's camera along {axis.upper()}")
+    for axis in "xyz"
+)
+# Turns about the camera's own axes: right, up and backward.
+_TURNS = tuple(
+    shifted(f"camera_{turn}", "deg", 1.0, 5.0, f"turn of the task's camera {how}")
+    for turn, how in (("tilt", "upward"), ("pan", "to the left"), ("roll", "counter-clockwise"))
+)
+_BRIGHTNESS = Parameter(
+    "floor_brightness", "", 1.0, (0.8, 1.0), (0.5, 1.0), "factor to the floor's colour"
+)
 
 
 class Arena(composer.Arena):
@@ -54,6 +70,27 @@ class Arena(composer.Arena):
                 quat=pose.quaternion,
                 fovy=FIELD_OF_VIEW,
             )
+        self._pose = CAMERAS[camera]
+        self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Domain parameters: the pose of the task's camera, the floor's colour."""
+        return (*_SHIFTS, *_TURNS, _BRIGHTNESS)
+
+    def adjust(self, values: Mapping[str, float]) -> bool:
+        """Sets the domain parameters; True when the model changed and must be recompiled."""
+        if values == self._values:
+            return False
+        self._values = dict(values)
+        camera = self._mjcf_root.find("camera", "task")
+        camera.pos = np.array(self._pose.position) + [values[p.name] for p in _SHIFTS]
+        turn = Rotation.from_euler("XYZ", [values[p.name] for p in _TURNS], degrees=True)
+        pose = Rotation.from_quat(self._pose.quaternion, scalar_first=True)
+        camera.quat = (pose * turn).as_quat(scalar_first=True)
+        brightness = values[_BRIGHTNESS.name]
+        self._mjcf_root.find("material", "floor").rgba = [*[brightness] * 3, 1.0]
+        return True
 
     def compile(self, timestep: float, *entities: composer.Entity) -> mjcf.Physics:
         """Physics of the scene outside of an environment, with `entities` bound to it.

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from softgym_mj import metrics
+from softgym_mj.domain import Parameter, scaled, shifted, turned
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import OutOfRangeError, check_name
 from softgym_mj.fluid.library import CLOTH_CONTACT, load_plugin
@@ -17,13 +18,20 @@ DEFAULT_DIMS = (96, 58)  # SoftGym's size when variations are off (facts 3.0).
 # Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
 RADIUS = 0.005
 AREA_DENSITY = 0.2  # [kg/m^2], shirting cotton. FleX's dynamics do not depend on the mass.
-# Membrane stiffness E*t = 100 N/m: the 99th percentile of edge strain stays below 10 % in a fold
-# at 0.6 m/s. Real cotton is ten times stiffer, at which CG no longer converges at this time step.
 YOUNG = 2e5  # [Pa]
-THICKNESS = 5e-4  # [m]; bending rigidity E t^3 / 12 = 2e-6 N m, within the range of cotton.
+THICKNESS = 5e-4  # [m]
 POISSON = 0.2
+# What MuJoCo 3.17 makes of them in a flex of dimension 2, measured: a third of the membrane
+# stiffness E t of a sheet and 0.6 of its bending rigidity E t^3 / 12. With 33 N/m the 99th
+# percentile of edge strain stays below 10 % in a fold at 0.6 m/s; real cotton is 30 times stiffer,
+# at which CG no longer converges at this time step. 1.25e-6 N m is within the range of cotton.
+STRETCH_STIFFNESS = YOUNG * THICKNESS / 3  # [N/m]
+BEND_STIFFNESS = 0.6 * YOUNG * THICKNESS**3 / 12  # [N m]
 DAMPING = 0.01  # [s], Rayleigh: one sim step; a dropped cloth rests after about a second.
-FRICTION = 0.75  # SoftGym's friction of cloth against shapes and floor.
+# On the floor. SoftGym has 0.75 and freezes what is slower than 2 cm/s; with 0.75 alone some heaps
+# spread by a fifth in 8 s of doing nothing.
+FRICTION = 1.0
+LAYER_FRICTION = 0.75  # Between layers.
 # MuJoCo reports contacts from this distance [m] on, so that the plugin can stop vertices at the
 # floor that layers above push down; it needs what a vertex falls in a step (1 mm) and some more.
 GAP = 0.003
@@ -31,6 +39,15 @@ TIMESTEP = 0.01  # [s]: the discrete integrator is implicit, one solve a sim ste
 
 FRONT_COLOR = (0.92, 0.29, 0.59, 1.0)  # SoftGym's pink-magenta.
 BACK_COLOR = (1.0, 0.40, 0.10, 1.0)  # SoftGym's orange.
+
+PARAMETERS = (
+    scaled("stretch_stiffness", "N/m", STRETCH_STIFFNESS, 1.4, 2.0, "force per width and strain"),
+    scaled("bend_stiffness", "N m", BEND_STIFFNESS, 2.0, 5.0, "moment per width and curvature"),
+    scaled("density", "kg/m^2", AREA_DENSITY, 1.4, 2.0, "mass of a unit of area"),
+    scaled("friction", "", FRICTION, 1.2, 1.6, "on the floor"),
+    scaled("layer_friction", "", LAYER_FRICTION, 1.2, 1.6, "between layers"),
+    shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
+)
 # Each face is drawn this far [m] from the mid-surface, so that the two do not fight for depth.
 SKIN_OFFSET = 0.0015
 
@@ -117,12 +134,20 @@ class Cloth(Flex):
             load_plugin()
             plugin = self._mjcf_root.extension.add("plugin", plugin=CLOTH_CONTACT)
             self._contact = plugin.add("instance", name="contact")
+            self._contact.add("config", key="friction")
         self._dims = (0, 0)
         self.resize(dims)
 
     @property
     def physical_parameters(self) -> dict[str, dict[str, object]]:
-        return {**super().physical_parameters, "self_contact": {"mode": self.self_contact}}
+        return {
+            **super().physical_parameters,
+            "self_contact": {"mode": self.self_contact, "friction": self._values["layer_friction"]},
+        }
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return PARAMETERS
 
     @property
     def timestep(self) -> float:
@@ -215,26 +240,42 @@ class Cloth(Flex):
             points,
             self._triangles,
             radius=RADIUS,
-            mass=AREA_DENSITY * width * depth,
             rgba=FRONT_COLOR,
         )
         # The flex itself is hidden (group 4): the two skins below show its two sides.
-        flexcomp.elasticity.young = YOUNG
         flexcomp.elasticity.poisson = POISSON
-        flexcomp.elasticity.thickness = THICKNESS
         flexcomp.elasticity.damping = DAMPING
         flexcomp.elasticity.elastic2d = "both"
         flexcomp.edge.equality = "false"
         flexcomp.contact.selfcollide = "auto" if self._self_contact == "mujoco" else "none"
         flexcomp.contact.condim = 3
-        flexcomp.contact.friction = [FRICTION]
         flexcomp.contact.solref = [0.01, 1]  # Twice as stiff as default: 5 mm layers stay apart.
         flexcomp.group = 4
         if self._self_contact == "plugin":
             flexcomp.contact.gap = GAP
             flexcomp.add("plugin", plugin=CLOTH_CONTACT, instance=self._contact)
         self._add_skins(points)
+        self._set_parameters()
         return True
+
+    def _set_parameters(self):
+        stretch, bend, density, friction, layer_friction, hue = (
+            self._values[parameter.name] for parameter in PARAMETERS
+        )
+        # The one goes with E t, the other with E t^3.
+        stiffer = stretch / STRETCH_STIFFNESS
+        thicker = (bend / BEND_STIFFNESS / stiffer) ** 0.5
+        flexcomp = self._mjcf_root.worldbody.flexcomp[0]
+        flexcomp.elasticity.young = YOUNG * stiffer / thicker
+        flexcomp.elasticity.thickness = THICKNESS * thicker
+        flexcomp.mass = density * self.size[0] * self.size[1]
+        flexcomp.contact.friction = [friction]
+        if self._self_contact == "plugin":
+            self._contact.config[0].value = str(layer_friction)
+        for material, color in zip(
+            self._mjcf_root.asset.material, (FRONT_COLOR, BACK_COLOR), strict=True
+        ):
+            material.rgba = turned(color, hue)
 
     def _marked_quads(self) -> np.ndarray:
         """Columns of quads that the marker covers: 5 of SoftGym's from an eighth on, at least 1."""

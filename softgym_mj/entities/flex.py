@@ -1,12 +1,13 @@
 """`Flex`: a deformable object made of point-mass vertices, the base of `Cloth` and `Rope`."""
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
+from softgym_mj.domain import Parameter
 from softgym_mj.exceptions import OutOfRangeError
 
 # Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
@@ -50,6 +51,24 @@ class Flex(composer.Entity):
         self._rest_points = np.zeros((0, 3))
         self._radius = 0.0
         self._held: dict[int, np.ndarray] = {}
+        self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
+
+    @property
+    @abc.abstractmethod
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its domain parameters."""
+
+    @abc.abstractmethod
+    def _set_parameters(self) -> None:
+        """Writes `_values`, the domain parameters by name, into the model."""
+
+    def adjust(self, values: Mapping[str, float]) -> bool:
+        """Sets the domain parameters; True when the model changed and must be recompiled."""
+        if values == self._values:
+            return False
+        self._values = dict(values)
+        self._set_parameters()
+        return True
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from softgym_mj.domain import Parameter, scaled, shifted, turned
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import check_name
 
@@ -28,6 +29,15 @@ EDGE_SOLREF = (-24000.0, -200.0)
 EDGE_SOLIMP = (0.99, 0.999, 0.001)
 
 COLOR = (0.0, 0.5, 1.0, 1.0)  # SoftGym's blue.
+
+PARAMETERS = (
+    scaled(
+        "bend_stiffness", "N m^2", YOUNG * math.pi * RADIUS**4 / 4, 2.0, 5.0, "moment per curvature"
+    ),
+    scaled("density", "kg/m", MASS / LENGTH, 1.4, 2.0, "mass of a unit of length"),
+    scaled("friction", "", FRICTION, 1.2, 1.6, "on the floor and on itself"),
+    shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
+)
 
 
 class Rope(Flex):
@@ -56,8 +66,7 @@ class Rope(Flex):
         points = np.zeros((count, 3))
         points[:, 0] = np.linspace(-LENGTH / 2, LENGTH / 2, count)
         elements = np.column_stack([np.arange(count - 1), np.arange(1, count)])
-        flexcomp = self._add_flexcomp(points, elements, radius=radius, mass=MASS, rgba=COLOR)
-        flexcomp.elasticity.young = YOUNG * (RADIUS / radius) ** 4  # As stiff in bending.
+        flexcomp = self._add_flexcomp(points, elements, radius=radius)
         flexcomp.elasticity.poisson = 0.0
         flexcomp.elasticity.damping = DAMPING
         flexcomp.edge.equality = "true"
@@ -65,7 +74,20 @@ class Rope(Flex):
         flexcomp.edge.solimp = EDGE_SOLIMP
         flexcomp.contact.selfcollide = "auto"
         flexcomp.contact.condim = 3
-        flexcomp.contact.friction = [FRICTION]
+        self._set_parameters()
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return PARAMETERS
+
+    def _set_parameters(self):
+        bend, density, friction, hue = (self._values[parameter.name] for parameter in PARAMETERS)
+        flexcomp = self._mjcf_root.worldbody.flexcomp[0]
+        stiffer = bend / (YOUNG * math.pi * RADIUS**4 / 4)
+        flexcomp.elasticity.young = YOUNG * stiffer * (RADIUS / self.radius) ** 4
+        flexcomp.mass = density * LENGTH
+        flexcomp.contact.friction = [friction]
+        flexcomp.rgba = turned(COLOR, hue)
 
     @property
     def timestep(self) -> float:

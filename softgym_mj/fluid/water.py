@@ -1,16 +1,19 @@
 """`Water`: particles of a liquid, simulated by the engine plugin of this package."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
+from softgym_mj.domain import Parameter, scaled, shifted, turned
 from softgym_mj.exceptions import OutOfRangeError, check_count, check_name
 from softgym_mj.fluid.library import FLUID, load_plugin
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
 _INSTANCE = "water"
+COLOR = (0.16, 0.5, 0.78, 1.0)
 DRAW_MODES = ("surface", "fine", "particles", "none")
 
 
@@ -84,7 +87,31 @@ class Water(composer.Entity):
         self._instance = plugin.add("instance", name=_INSTANCE)
         for key, value in {**dataclasses.asdict(liquid), "draw": draw}.items():
             self._configure(key, value)
+        self._configure("rgba", *COLOR)
         self._set_resolution(resolution)
+        self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Domain parameters: of the liquid, and its colour."""
+        liquid = self._liquid
+        return (
+            scaled("viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"),
+            scaled("cohesion", "m/s^2", liquid.cohesion, 1.4, 2.0, "attraction of particles"),
+            scaled("wall_friction", "", liquid.friction, 2.0, 5.0, "on the walls of the cups"),
+            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
+        )
+
+    def adjust(self, values: Mapping[str, float]) -> bool:
+        """Sets the domain parameters; True when the model changed and must be recompiled."""
+        if values == self._values:
+            return False
+        self._values = dict(values)
+        self._configure("viscosity", values["viscosity"])
+        self._configure("cohesion", values["cohesion"])
+        self._configure("friction", values["wall_friction"])
+        self._configure("rgba", *turned(COLOR, values["hue"]))
+        return True
 
     def _configure(self, key: str, *values):
         text = " ".join(str(value) for value in values)

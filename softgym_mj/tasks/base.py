@@ -3,7 +3,7 @@
 import abc
 import collections
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from dm_control import composer
@@ -11,6 +11,7 @@ from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj import metrics
+from softgym_mj.domain import Adjustable, Domain
 from softgym_mj.entities.arena import Arena
 from softgym_mj.exceptions import check_count, check_image_size
 from softgym_mj.observations import TaskCamera, enabled_names
@@ -54,9 +55,11 @@ class DeformableTask(composer.Task, abc.ABC):
         timestep: float,
         success: float,
         max_points: int,
+        adjustable: Sequence[Adjustable],
         observation: str | Sequence[str],
         image_size: tuple[int, int],
         action_repeat: int,
+        domain: str | Mapping[str, object] = "nominal",
     ):
         """Wires the parts together.
 
@@ -67,13 +70,16 @@ class DeformableTask(composer.Task, abc.ABC):
             timestep: physics step [s] that the object needs; it divides the sim step.
             success: normalised performance from which the goal counts as reached.
             max_points: most points of any variation; the full state is zero-padded to it.
+            adjustable: what of the scene has domain parameters, besides the arena.
             observation: "full", "reduced", "rgb" or a sequence of these.
             image_size: (height, width) of image observations [pixels].
             action_repeat: sim steps of 0.01 s per env step.
+            domain: what varies besides the initial state, as in `Domain`.
         """
         check_count("action_repeat", action_repeat, 1)
         image_size = check_image_size("image_size", image_size, LARGEST_IMAGE)
         names = enabled_names(observation)
+        self._domain = Domain(domain, (arena, *adjustable))
         self._arena, self._actor, self._store = arena, actor, store
         self._success, self._max_points = success, max_points
         self._action_repeat = action_repeat
@@ -104,6 +110,11 @@ class DeformableTask(composer.Task, abc.ABC):
     def store(self) -> VariationStore:
         """Where the initial states come from."""
         return self._store
+
+    @property
+    def domain(self) -> Domain:
+        """What varies besides the initial state."""
+        return self._domain
 
     @property
     def action_repeat(self) -> int:
@@ -163,7 +174,8 @@ class DeformableTask(composer.Task, abc.ABC):
     def choose_variation(self, variation: int) -> bool:
         """Sets the variation of the next episode; True when the model must be recompiled."""
         self._variation = check_variation(variation)
-        return self.resize(self._variation)
+        resized = self.resize(self._variation)
+        return self._domain.apply(self._variation) or resized
 
     def initialize_episode(self, physics, random_state):
         self.start(self._store.load(self._variation))
@@ -206,6 +218,7 @@ class DeformableTask(composer.Task, abc.ABC):
             **evaluation.measures,
             **self.diagnostics(),
             **self._actor.diagnostics(),
+            **{f"domain_{name}": self._domain.values[name] for name in self._domain.varying},
             "variation": self._variation,
         }
 
@@ -231,6 +244,7 @@ class DeformableTask(composer.Task, abc.ABC):
             "action size": self._actor.action_size,
             "most points (fidelity)": self._max_points,
             "action repeat": self._action_repeat,
+            "domain": {name: self._domain.ranges[name] for name in self._domain.varying},
         }
 
     def get_state(self) -> dict[str, object]:

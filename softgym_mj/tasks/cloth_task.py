@@ -46,7 +46,7 @@ class ClothTask(FlexTask):
             actor: what acts, not yet attached.
             initializer: the initial states.
             count_intersections: adds "intersections" to info.
-            **settings: observation, image_size and action_repeat as in `DeformableTask`.
+            **settings: observation, image_size, action_repeat and domain as in `DeformableTask`.
         """
         self._cloth, self._initializer = cloth, initializer
         self._count_intersections = count_intersections

@@ -17,7 +17,7 @@ above: an action with grip <= 0 lets go. Sizes of 60..99 (DropCloth) or 60..119 
 End: horizon only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -100,6 +100,7 @@ def drop_cloth(
     count_intersections: bool = False,
     sizes: tuple[int, int] = SIZES,
     action_repeat: int | None = None,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> DropCloth:
     """Builds the task.
 
@@ -112,6 +113,8 @@ def drop_cloth(
         count_intersections: adds "intersections" to info: where the cloth passes through itself.
         sizes: of the sides [particles], the upper end exclusive; the paper's are (60, 120).
         action_repeat: sim steps per env step; None for the usual number.
+        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
+            "out_of_distribution", or a dict of parameters, as in `Domain`.
     """
     check_name("actor", actor, ACTORS)
     return DropCloth(
@@ -123,6 +126,7 @@ def drop_cloth(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
+        domain=domain,
     )
 
 
@@ -135,6 +139,7 @@ def drop_fold_cloth(
     self_contact: str = "plugin",
     count_intersections: bool = False,
     action_repeat: int | None = None,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> DropFoldCloth:
     """Builds the task; arguments as for `drop_cloth`."""
     check_name("actor", actor, ACTORS)
@@ -147,4 +152,5 @@ def drop_fold_cloth(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat_of(actor, action_repeat, FOLD_ACTION_REPEAT),
+        domain=domain,
     )

@@ -55,7 +55,7 @@ class FlexTask(DeformableTask):
             actor: what acts, not yet attached.
             store: the initial states.
             max_vertices: most vertices of any variation; the full state is zero-padded to it.
-            **settings: observation, image_size and action_repeat as in `DeformableTask`.
+            **settings: observation, image_size, action_repeat and domain as in `DeformableTask`.
         """
         self._layout, self._target = layout, target
         arena = Arena(camera=layout.camera)
@@ -69,6 +69,7 @@ class FlexTask(DeformableTask):
             timestep=target.timestep,
             success=layout.success,
             max_points=max_vertices,
+            adjustable=(target,),
             **settings,
         )
 

@@ -16,7 +16,7 @@ the pickers start 0.2 m above the origin. The workspace reaches 0.8 m from there
 where SoftGym's is too small for 73 % of the folds (facts 5, row 29). End: horizon only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -88,6 +88,7 @@ def fold_cloth(
     self_contact: str = "plugin",
     count_intersections: bool = False,
     action_repeat: int | None = None,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> FoldCloth:
     """Builds the task.
 
@@ -100,6 +101,8 @@ def fold_cloth(
         self_contact: "plugin", "mujoco" or "none", as in `Cloth`.
         count_intersections: adds "intersections" to info: where the cloth passes through itself.
         action_repeat: sim steps per env step; None for the usual number.
+        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
+            "out_of_distribution", or a dict of parameters, as in `Domain`.
     """
     return FoldCloth(
         Cloth(fidelity=fidelity, self_contact=self_contact, marker=True),
@@ -110,6 +113,7 @@ def fold_cloth(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
+        domain=domain,
     )
 
 
@@ -123,6 +127,7 @@ def fold_crumpled_cloth(
     self_contact: str = "plugin",
     count_intersections: bool = False,
     action_repeat: int | None = None,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> FoldCrumpledCloth:
     """Builds the task; arguments as for `fold_cloth`."""
     return FoldCrumpledCloth(
@@ -134,4 +139,5 @@ def fold_crumpled_cloth(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
+        domain=domain,
     )

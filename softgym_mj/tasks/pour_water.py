@@ -21,7 +21,7 @@ Start: 224 to 8788 of SoftGym's particles at rest in a cup made for them, a targ
 away (facts 3.2), at least 2 cm clear. End: horizon only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -189,6 +189,7 @@ def pour_water(
     fidelity: str = "default",
     draw: str = "surface",
     action_repeat: int = ACTION_REPEAT,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> PourWater:
     """Builds the task.
 
@@ -199,12 +200,15 @@ def pour_water(
         fidelity: number of particles: "fast", "default" or "accurate".
         draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles" or "none".
         action_repeat: sim steps per env step.
+        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
+            "out_of_distribution", or a dict of parameters, as in `Domain`.
     """
     return PourWater(
         *_parts(actor, fidelity, draw),
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,
+        domain=domain,
     )
 
 
@@ -216,6 +220,7 @@ def pour_water_amount(
     fidelity: str = "default",
     draw: str = "surface",
     action_repeat: int = ACTION_REPEAT,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> PourWaterAmount:
     """Builds the task; arguments as for `pour_water`."""
     return PourWaterAmount(
@@ -223,4 +228,5 @@ def pour_water_amount(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,
+        domain=domain,
     )

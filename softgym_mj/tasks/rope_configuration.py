@@ -12,7 +12,7 @@ picker 1: 66 entries [m]. Full state: all vertices, then those of the goal, then
 Start: as in StraightenRope. End: horizon only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -129,6 +129,7 @@ def rope_configuration(
     fidelity: str = "default",
     matching: str = "key_points",
     action_repeat: int | None = None,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> RopeConfiguration:
     """Builds the task.
 
@@ -140,6 +141,8 @@ def rope_configuration(
         fidelity: number of vertices: "fast", "default" or "accurate".
         matching: what the reward matches: 10 "key_points" or all "vertices".
         action_repeat: sim steps per env step; None for the usual number.
+        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
+            "out_of_distribution", or a dict of parameters, as in `Domain`.
     """
     return RopeConfiguration(
         Rope(fidelity),
@@ -149,4 +152,5 @@ def rope_configuration(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
+        domain=domain,
     )

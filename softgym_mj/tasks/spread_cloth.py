@@ -11,7 +11,7 @@ Start: sizes of 60..119 particles a side; lifted 0.5..1 m at a random vertex and
 Pickers start 0.2 m above the centre of the cloth's bounding box. End: horizon only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
@@ -56,6 +56,7 @@ def spread_cloth(
     self_contact: str = "plugin",
     count_intersections: bool = False,
     action_repeat: int | None = None,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> SpreadCloth:
     """Builds the task.
 
@@ -68,6 +69,8 @@ def spread_cloth(
         self_contact: "plugin", "mujoco" or "none", as in `Cloth`.
         count_intersections: adds "intersections" to info: where the cloth passes through itself.
         action_repeat: sim steps per env step; None for the usual number.
+        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
+            "out_of_distribution", or a dict of parameters, as in `Domain`.
     """
     cloth = Cloth(fidelity=fidelity, self_contact=self_contact)
     return SpreadCloth(
@@ -78,4 +81,5 @@ def spread_cloth(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
+        domain=domain,
     )

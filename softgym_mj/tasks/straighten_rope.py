@@ -11,7 +11,7 @@ Start: dragged four times by a random vertex (facts 3.4). Pickers start 0.1 m ab
 around the centre of the rope's bounding box. End: horizon only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -78,6 +78,7 @@ def straighten_rope(
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
     action_repeat: int | None = None,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> StraightenRope:
     """Builds the task.
 
@@ -88,6 +89,8 @@ def straighten_rope(
         image_size: (height, width) of images [pixels].
         fidelity: number of vertices: "fast", "default" or "accurate".
         action_repeat: sim steps per env step; None for the usual number.
+        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
+            "out_of_distribution", or a dict of parameters, as in `Domain`.
     """
     return StraightenRope(
         Rope(fidelity),
@@ -96,4 +99,5 @@ def straighten_rope(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
+        domain=domain,
     )

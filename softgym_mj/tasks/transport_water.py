@@ -13,7 +13,7 @@ Start: 224 to 8788 of SoftGym's particles at rest in a cup made for them (facts 
 End: horizon only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -85,6 +85,7 @@ def transport_water(
     fidelity: str = "default",
     draw: str = "surface",
     action_repeat: int = ACTION_REPEAT,
+    domain: str | Mapping[str, object] = "nominal",
 ) -> TransportWater:
     """Builds the task.
 
@@ -95,6 +96,8 @@ def transport_water(
         fidelity: number of particles: "fast", "default" or "accurate".
         draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles" or "none".
         action_repeat: sim steps per env step.
+        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
+            "out_of_distribution", or a dict of parameters, as in `Domain`.
     """
     scenes = TransportScenes()
     scene = scenes.scene(0)
@@ -107,4 +110,5 @@ def transport_water(
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,
+        domain=domain,
     )

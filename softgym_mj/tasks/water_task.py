@@ -45,7 +45,7 @@ class WaterTask(DeformableTask):
             water: the water, not yet attached.
             cups: the actor's cup, then those that stand still; not yet attached.
             actor: what acts, not yet attached.
-            **settings: observation, image_size and action_repeat as in `DeformableTask`.
+            **settings: observation, image_size, action_repeat and domain as in `DeformableTask`.
         """
         self._initializer, self._water, self._cups = initializer, water, tuple(cups)
         self._scene = initializer.scenes.scene(0)
@@ -62,6 +62,7 @@ class WaterTask(DeformableTask):
             timestep=water.timestep,
             success=success,
             max_points=num_particles(LARGEST_COUNT, initializer.fidelity),
+            adjustable=(water,),
             **settings,
         )
 
