@@ -1,6 +1,6 @@
 """Observation presets as data, and the observables of the task's camera."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -22,27 +22,32 @@ OBSERVATIONS = {
     "point_cloud": "float32 (1024, 4): x, y, z of points of the object that the camera sees, and "
     "1; rows of zeros where it sees fewer",
 }
+GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can show it.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 LABELS = ("background", "object", "actor", "container", "goal")
 NUM_CLOUD_POINTS = 1024
 EDGE_DEPTH = 0.01  # [m] By which the depth of a point of the cloud may differ from its neighbours'.
 
 
-def enabled_names(observation: str | Sequence[str]) -> tuple[str, ...]:
+def enabled_names(
+    observation: str | Sequence[str], available: Iterable[str] = OBSERVATIONS
+) -> tuple[str, ...]:
     """The observation names that a setting asks for.
 
     Args:
         observation: one name, or a sequence of distinct names.
+        available: names of the task's observations.
 
     Raises:
         UnknownNameError: for a name that does not exist, none or one given twice.
     """
+    available = tuple(available)
     names = (observation,) if isinstance(observation, str) else observation
     if not isinstance(names, Sequence):
-        raise UnknownNameError("observation", observation, OBSERVATIONS)
+        raise UnknownNameError("observation", observation, available)
     names = tuple(names)
-    if not names or len(set(names)) != len(names) or not set(names) <= set(OBSERVATIONS):
-        raise UnknownNameError("observation", observation, OBSERVATIONS)
+    if not names or len(set(names)) != len(names) or not set(names) <= set(available):
+        raise UnknownNameError("observation", observation, available)
     return names
 
 
@@ -67,10 +72,10 @@ class TaskCamera:
         image = (self._height, self._width)
         labels = specs.BoundedArray(image, np.uint8, 0, len(LABELS) - 1)
         return {
-            "rgb": _Seen(self._view.rgb, specs.BoundedArray((*image, 3), np.uint8, 0, 255)),
-            "depth": _Seen(self._view.depth, specs.Array(image, np.float32)),
-            "segmentation": _Seen(self.segmentation, labels),
-            "point_cloud": _Seen(self.point_cloud, specs.Array((NUM_CLOUD_POINTS, 4), np.float32)),
+            "rgb": Seen(self._view.rgb, specs.BoundedArray((*image, 3), np.uint8, 0, 255)),
+            "depth": Seen(self._view.depth, specs.Array(image, np.float32)),
+            "segmentation": Seen(self.segmentation, labels),
+            "point_cloud": Seen(self.point_cloud, specs.Array((NUM_CLOUD_POINTS, 4), np.float32)),
         }
 
     def segmentation(self, physics) -> np.ndarray:
@@ -124,7 +129,7 @@ def _neighbours(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.
     return np.array([padded[rows + i, columns + j] for i in range(3) for j in range(3)])
 
 
-class _Seen(observable.Generic):
+class Seen(observable.Generic):
     """An observable with a given specification: without one, it would be rendered to find out."""
 
     def __init__(self, look: Callable, spec: specs.Array):

@@ -34,8 +34,11 @@ SHEET = """
 class Sheet:
     """A cloth alone on the floor; `crossings` is the most intersections, every 5th step."""
 
-    def __init__(self, dims=SMALL, vertices=None, velocities=0.0, box=False, **settings):
+    def __init__(self, dims=SMALL, vertices=None, velocities=0.0, box=False, friction=None, **settings):
         self.cloth = Cloth(dims=dims, **settings)
+        if friction is not None:
+            values = {parameter.name: parameter.nominal for parameter in self.cloth.parameters}
+            self.cloth.adjust({**values, "friction": friction, "layer_friction": friction})
         arena = Arena(camera="cloth")
         arena.attach(self.cloth)
         if box:  # 12 x 12 x 6 cm, 0.1 kg, 2 cm above the floor.
@@ -259,9 +262,7 @@ def test_a_sliding_layer_stops_the_sooner_the_rougher(shift):
 
 @FRICTION
 def test_layers_stay_together_when_the_lower_one_is_dragged(small_fold, friction):
-    sheet = Sheet(vertices=small_fold)
-    # MuJoCo takes the larger friction of the two, so this is also that of the floor.
-    sheet.model.flex_friction[:, 0] = sheet.model.geom_friction[:, 0] = friction
+    sheet = Sheet(vertices=small_fold, friction=friction)
     rows, columns = sheet.cloth.shape
     start = sheet.cloth.grid()
     sheet.drive([sheet.cloth.index(r, columns - 1) for r in range(rows)], [0.3, 0, 0], 1.0)
@@ -340,8 +341,7 @@ def test_contact_impulses_have_no_torque(heap, motion):
     """In one step, as the engine's own loses angular momentum; friction acts on a lever of 1 cm."""
     after = []
     for mode in ("plugin", "none"):
-        sheet = floating(heap, motion, self_contact=mode)
-        sheet.model.flex_friction[:, 0] = 0.0
+        sheet = floating(heap, motion, self_contact=mode, friction=0.0)
         sheet.step()
         after.append(sheet.cloth.velocities())
     assert np.abs(after[0] - after[1]).max() > 0.1

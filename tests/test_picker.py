@@ -317,6 +317,10 @@ def test_three_pickers_share_what_is_there():
     scene.step(*[[0, 0, 0, ON]] * 3)
     assert scene.held() == [20, 21, 19]
     assert scene.env.info()["picks_held"] == 3
+    assert scene.env.info()["dropped"] == 0
+    scene.step([0, 0, 0, ON], [0, 0, 0, OFF], [0, 0, 0, OFF])
+    assert scene.env.info()["picks_held"] == 1
+    assert scene.env.info()["dropped"] == 2
 
 
 # ---------------------------------------------------------------- holding

@@ -157,3 +157,15 @@ def test_the_goal_image_shows_the_rope_on_the_letter():
 def test_an_unknown_matching_names_the_choices():
     with pytest.raises(UnknownNameError, match=r"matching='bigraph'.*'key_points', 'vertices'"):
         make(matching="bigraph")
+
+
+def test_the_goal_image_is_an_observation_of_this_task_alone():
+    env = make(observation=["reduced", "goal_rgb"], image_size=(40, 56))
+    for variation in (803, 804):
+        seen = env.reset(variation).observation["goal_rgb"]
+        np.testing.assert_array_equal(seen, env.task.goal_image(env.physics, 40, 56))
+        later = env.step(np.ones(8)).observation["goal_rgb"]
+        np.testing.assert_array_equal(seen, later)
+    assert env.observation_spec()["goal_rgb"].shape == (40, 56, 3)
+    with pytest.raises(UnknownNameError, match=r"goal_rgb.*'point_cloud'"):
+        softgym_mj.load("straighten_rope", observation="goal_rgb")

@@ -88,6 +88,7 @@ class Picker(composer.Entity, Gripper):
                 rgba=COLOR,
             )
         self._held = [-1] * num_pickers  # A list: it is read several times in every sim step.
+        self._dropped = 0
         self._offset = np.zeros((num_pickers, 3))
         self._centre = np.zeros((num_pickers, 3))
         self._old_centre = np.zeros((num_pickers, 3))
@@ -153,6 +154,7 @@ class Picker(composer.Entity, Gripper):
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._target.release_all()
         self._held = [-1] * self.num_grippers
+        self._dropped = 0
         self._set_workspace(workspace)
         self._centre[:] = positions
         self._old_centre[:] = positions
@@ -175,6 +177,7 @@ class Picker(composer.Entity, Gripper):
             if not grip and held[i] >= 0:
                 target.release(held[i])
                 held[i] = -1
+                self._dropped += 1
         centre, old_centre = self._centre, self._old_centre
         old_centre[:] = centre
         centre += self._displacement
@@ -227,9 +230,13 @@ class Picker(composer.Entity, Gripper):
     def positions(self) -> np.ndarray:
         return self._centre.copy()
 
+    def diagnostics(self) -> dict[str, float | int]:
+        return {**super().diagnostics(), "dropped": self._dropped}
+
     def get_state(self) -> dict[str, np.ndarray]:
         return {
             "held": self.held,
+            "dropped": np.array(self._dropped),
             "offset": self._offset.copy(),
             "centre": self._centre.copy(),
             "workspace": np.array([self._workspace.low, self._workspace.high]),
@@ -238,6 +245,7 @@ class Picker(composer.Entity, Gripper):
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         self._target.release_all()
         self._held = [int(vertex) for vertex in state["held"]]
+        self._dropped = int(state["dropped"])
         self._offset[:] = state["offset"]
         self._centre[:] = state["centre"]
         self._old_centre[:] = state["centre"]

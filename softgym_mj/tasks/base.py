@@ -78,7 +78,6 @@ class DeformableTask(composer.Task, abc.ABC):
         """
         check_count("action_repeat", action_repeat, 1)
         image_size = check_image_size("image_size", image_size, LARGEST_IMAGE)
-        names = enabled_names(observation)
         self._domain = Domain(domain, (arena, *adjustable))
         self._arena, self._actor, self._store = arena, actor, store
         self._success, self._max_points = success, max_points
@@ -89,8 +88,9 @@ class DeformableTask(composer.Task, abc.ABC):
             reduced=observable.Generic(lambda physics: self.reduced_state()),
             full_mask=observable.Generic(lambda physics: self.full_mask()),
             **TaskCamera(*image_size, lambda: self.parts).observables(),
+            **self.own_observables(*image_size),
         )
-        for name in names:
+        for name in enabled_names(observation, self._observables):
             self._observables[name].enabled = True
         self._variation = 0
         self._initial_performance = 0.0
@@ -155,6 +155,10 @@ class DeformableTask(composer.Task, abc.ABC):
     @abc.abstractmethod
     def parts(self) -> dict[str, tuple[str, ...]]:
         """Names of the models that segmented images show as "actor", "container" or "goal"."""
+
+    def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
+        """Further observables by name, with images of height x width pixels."""
+        return {}
 
     def diagnostics(self) -> dict[str, float | int]:
         """Further scalars for info."""

@@ -9,18 +9,21 @@ Bounds: lower = at reset, upper = 0. The goal lies at the rope's own height and 
 rope, so that it can be reached; SoftGym's hovers 5 cm above the floor (facts 5, rows 23 and 24).
 Reduced state: 10 key points of the rope, 10 of the goal, evenly spaced (x, y, z each), picker 0,
 picker 1: 66 entries [m]. Full state: all vertices, then those of the goal, then the pickers.
+The observation "goal_rgb" is the task camera's image with the rope on the letter.
 Start: as in StraightenRope. End: horizon only.
 """
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from dm_control.composer.observation import observable
+from dm_env import specs
 
 from softgym_mj import metrics
 from softgym_mj.entities.marks import GoalLine
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import check_name
-from softgym_mj.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB, Seen
 from softgym_mj.rendering import CameraView, refresh_poses
 from softgym_mj.robots.factory import action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
@@ -55,6 +58,7 @@ class RopeConfiguration(FlexTask):
         every = np.arange(rope.num_vertices)
         self._matched = rope.key_points if matching == "key_points" else every
         self._goal = self._place(LETTERS[0])
+        self._goal_rgb: np.ndarray | None = None
         super().__init__(
             Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS),
             rope,
@@ -83,6 +87,16 @@ class RopeConfiguration(FlexTask):
     def parts(self) -> dict[str, tuple[str, ...]]:
         return {**super().parts, "goal": (self._line.mjcf_model.model,)}
 
+    def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
+        seen = specs.BoundedArray((height, width, 3), np.uint8, 0, 255)
+        return {GOAL_RGB: Seen(lambda physics: self._shown_goal(physics, height, width), seen)}
+
+    def _shown_goal(self, physics, height: int, width: int) -> np.ndarray:
+        """The goal image of the episode, drawn once."""
+        if self._goal_rgb is None:
+            self._goal_rgb = self.goal_image(physics, height, width)
+        return self._goal_rgb.copy()
+
     def goal_image(
         self, physics, height: int = DEFAULT_IMAGE_SIZE[0], width: int = DEFAULT_IMAGE_SIZE[1]
     ) -> np.ndarray:
@@ -102,6 +116,7 @@ class RopeConfiguration(FlexTask):
     def start(self, state: np.ndarray) -> None:
         super().start(state)
         self._goal = self._place(goal_name(self.variation))
+        self._goal_rgb = None
         self._line.draw(self._goal[:, :2])
 
     def evaluate(self) -> Evaluation:
