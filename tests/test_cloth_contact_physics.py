@@ -34,7 +34,9 @@ SHEET = """
 class Sheet:
     """A cloth alone on the floor; `crossings` is the most intersections, every 5th step."""
 
-    def __init__(self, dims=SMALL, vertices=None, velocities=0.0, box=False, friction=None, **settings):
+    def __init__(
+        self, dims=SMALL, vertices=None, velocities=0.0, box=False, friction=None, **settings
+    ):
         self.cloth = Cloth(dims=dims, **settings)
         if friction is not None:
             values = {parameter.name: parameter.nominal for parameter in self.cloth.parameters}
