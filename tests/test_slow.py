@@ -16,9 +16,22 @@ LOWEST = {"transport_water": 0.0, "pour_water": -0.08, "pour_water_amount": -0.0
 FLEX_LOWEST = -0.05
 
 
-@pytest.mark.parametrize("task", softgym_mj.TASKS)
-def test_a_hundred_random_episodes_raise_no_warning(task):
-    env = softgym_mj.load(task, split=range(100), observation=["full", "reduced"])
+# The usual actor, and pick and place where there are grippers.
+ACTORS = [
+    *((task, {}) for task in softgym_mj.TASKS),
+    *(
+        (task, {"actor": "pick_and_place"})
+        for task, record in softgym_mj.TASKS.items()
+        if "water" not in record.tags
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("task", "settings"), ACTORS, ids=lambda part: part if isinstance(part, str) else [*part, ""][0]
+)
+def test_a_hundred_random_episodes_raise_no_warning(task, settings):
+    env = softgym_mj.load(task, split=range(100), observation=["full", "reduced"], **settings)
     random = np.random.default_rng(0)
     lowest = np.inf
     for variation in range(100):
