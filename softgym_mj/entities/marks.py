@@ -11,13 +11,16 @@ from dm_control import composer, mjcf
 from softgym_mj.exceptions import OutOfRangeError
 
 LINE_COLOR = (0.95, 0.35, 0.1, 0.6)
-LINE_RADIUS = 0.003  # [m] The upper half shows above the floor.
+LINE_HALF = (0.003, 0.001)  # [m] Half of its width and of its height; half of that shows.
 LEVEL_COLOR = (1.0, 0.0, 0.0, 1.0)  # SoftGym's red.
 LEVEL_HALF = 0.0025  # [m] Half of its thickness (facts 3.3).
 
 
 class GoalLine(composer.Entity):
-    """A line on the floor, of capsules: where a rope ought to lie. Attach it at the world frame."""
+    """A tape on the floor: where a rope ought to lie. Attach it at the world frame.
+
+    It is made of flat boxes, which a software renderer draws much faster than capsules.
+    """
 
     def _build(self, num_points: int, name: str = "goal"):
         """Builds the line.
@@ -29,7 +32,7 @@ class GoalLine(composer.Entity):
         self._mjcf_root = mjcf.RootElement(model=name)
         for i in range(num_points - 1):
             self._mjcf_root.worldbody.add(
-                "geom", name=f"{i}", type="capsule", size=[LINE_RADIUS, 0.01], contype=0,
+                "geom", name=f"{i}", type="box", size=[0.01, *LINE_HALF], contype=0,
                 conaffinity=0, mass=0.0, rgba=LINE_COLOR,
             )  # fmt: skip
 
@@ -50,19 +53,14 @@ class GoalLine(composer.Entity):
             raise OutOfRangeError("points", points.shape, f"shape ({len(self._geoms) + 1}, 2)")
         along = np.diff(points, axis=0)
         lengths = np.linalg.norm(along, axis=1)
-        # A capsule lies along its local z: turned to X by a quarter about Y, then about Z.
-        angle = np.arctan2(along[:, 1], along[:, 0]) / 2
-        quarter = np.sqrt(0.5)
-        quaternions = quarter * np.column_stack(
-            [np.cos(angle), -np.sin(angle), np.cos(angle), np.sin(angle)]
-        )
-        for geom, middle, length, quaternion in zip(
-            self._geoms, points[:-1] + along / 2, lengths, quaternions, strict=True
+        angles = np.arctan2(along[:, 1], along[:, 0]) / 2
+        for geom, middle, length, angle in zip(
+            self._geoms, points[:-1] + along / 2, lengths, angles, strict=True
         ):
             self._model.geom_pos[geom] = [*middle, 0.0]
-            self._model.geom_quat[geom] = quaternion
-            self._model.geom_size[geom, 1] = length / 2
-            self._model.geom_rbound[geom] = length / 2 + LINE_RADIUS
+            self._model.geom_quat[geom] = [np.cos(angle), 0.0, 0.0, np.sin(angle)]
+            self._model.geom_size[geom, 0] = length / 2
+            self._model.geom_rbound[geom] = length / 2 + LINE_HALF[0]
 
 
 class LevelMark(composer.Entity):
