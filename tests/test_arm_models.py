@@ -1,0 +1,400 @@
+"""The arms' MJCF models against the published tables, copied here by hand."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from dm_control import mjcf
+
+from softgym_mj.entities.arena import Arena
+from softgym_mj.robots.models import ARMS
+
+HALF = math.sqrt(0.5)
+UNTURNED, BACK, FORTH = (1, 0, 0, 0), (HALF, -HALF, 0, 0), (HALF, HALF, 0, 0)
+
+# Frames: body -> (parent, origin [m], quaternion wxyz, joint). Arm joints turn about z.
+FRAMES = {
+    "franka": {
+        "link0": ("world", (0, 0, 0), UNTURNED, None),
+        "link1": ("link0", (0, 0, 0.333), UNTURNED, "joint1"),
+        "link2": ("link1", (0, 0, 0), BACK, "joint2"),
+        "link3": ("link2", (0, -0.316, 0), FORTH, "joint3"),
+        "link4": ("link3", (0.0825, 0, 0), FORTH, "joint4"),
+        "link5": ("link4", (-0.0825, 0.384, 0), BACK, "joint5"),
+        "link6": ("link5", (0, 0, 0), FORTH, "joint6"),
+        "link7": ("link6", (0.088, 0, 0), FORTH, "joint7"),
+        # The hand is turned by -45 degrees on the flange.
+        "hand": (
+            "link7",
+            (0, 0, 0.107),
+            (math.cos(math.pi / 8), 0, 0, -math.sin(math.pi / 8)),
+            None,
+        ),
+        "tcp": ("hand", (0, 0, 0.1034), UNTURNED, None),
+    },
+    "sawyer": {
+        "base": ("world", (0, 0, 0), UNTURNED, None),
+        "right_l0": ("base", (0, 0, 0.08), UNTURNED, "right_j0"),
+        "head": ("right_l0", (0, 0, 0.2965), UNTURNED, None),
+        "right_l1": ("right_l0", (0.081, 0.05, 0.237), (0.5, -0.5, 0.5, 0.5), "right_j1"),
+        "right_l2": ("right_l1", (0, -0.14, 0.1425), FORTH, "right_j2"),
+        "right_l3": ("right_l2", (0, -0.042, 0.26), BACK, "right_j3"),
+        "right_l4": ("right_l3", (0, -0.125, -0.1265), FORTH, "right_j4"),
+        "right_l5": ("right_l4", (0, 0.031, 0.275), BACK, "right_j5"),
+        "right_l6": (
+            "right_l5",
+            (0, -0.11, 0.1053),
+            (0.0616248, 0.06163, -0.704416, 0.704416),
+            "right_j6",
+        ),
+        "right_hand": ("right_l6", (0, 0, 0.0245), (HALF, 0, 0, HALF), None),
+        "tcp": ("right_hand", (0, 0, 0.109), UNTURNED, None),
+    },
+}
+
+# Joint -> (lower, upper [rad], speed [rad/s], torque [N m]).
+LIMITS = {
+    "franka": {
+        "joint1": (-2.8973, 2.8973, 2.175, 87),
+        "joint2": (-1.7628, 1.7628, 2.175, 87),
+        "joint3": (-2.8973, 2.8973, 2.175, 87),
+        "joint4": (-3.0718, -0.0698, 2.175, 87),
+        "joint5": (-2.8973, 2.8973, 2.61, 12),
+        "joint6": (-0.0175, 3.7525, 2.61, 12),
+        "joint7": (-2.8973, 2.8973, 2.61, 12),
+    },
+    "sawyer": {
+        "right_j0": (-3.0503, 3.0503, 1.74, 80),
+        "right_j1": (-3.8095, 2.2736, 1.328, 80),
+        "right_j2": (-3.0426, 3.0426, 1.957, 40),
+        "right_j3": (-3.0439, 3.0439, 1.957, 40),
+        "right_j4": (-2.9761, 2.9761, 3.485, 9),
+        "right_j5": (-2.9761, 2.9761, 3.485, 9),
+        "right_j6": (-4.7124, 4.7124, 4.545, 9),
+    },
+}
+
+# Body -> (mass [kg], centre of mass [m], inertia xx yy zz xy xz yz [kg m2] about it in link axes).
+_FINGER = (0.015, (0, 0, 0), (2.375e-6, 2.375e-6, 7.5e-7, 0, 0, 0))
+# Solids of the parts' mass and size: a box of 10 x 13.5 x 80 mm, a cylinder along y.
+_ROD = tuple(0.03 / 12 * (a**2 + b**2) for a, b in ((0.0135, 0.08), (0.01, 0.08), (0.01, 0.0135)))
+_TIP = (0.03, (0, 0.008, 0.04), (*_ROD, 0, 0, 0))
+_ACROSS, _ALONG = 0.3 * (3 * 0.029**2 + 0.1**2) / 12, 0.3 * 0.029**2 / 2
+INERTIAS = {
+    "franka": {
+        "link0": (0.629769, (-0.041018, -0.00014, 0.049974),
+                  (0.00315, 0.00388, 0.004285, 8.2904e-07, 0.00015, 8.2299e-06)),
+        "link1": (4.970684, (0.003875, 0.002081, -0.04762),
+                  (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
+        "link2": (0.646926, (-0.003141, -0.02872, 0.003495),
+                  (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
+        "link3": (3.228604, (0.027518, 0.039252, -0.066502),
+                  (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
+        "link4": (3.587895, (-0.05317, 0.104419, 0.027454),
+                  (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
+        "link5": (1.225946, (-0.011953, 0.041065, -0.038437),
+                  (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)),
+        "link6": (1.666555, (0.060149, -0.014117, -0.010517),
+                  (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
+        "link7": (0.735522, (0.010517, -0.004252, 0.061597),
+                  (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
+        "hand": (0.73, (-0.01, 0, 0.03), (0.001, 0.0025, 0.0017, 0, 0, 0)),
+        "left_finger": _FINGER,
+        "right_finger": _FINGER,
+    },
+    "sawyer": {
+        "base": (2.0687, (-0.0006241, -2.8025e-05, 0.065404),
+                 (0.0067599, 0.0067877, 0.0074031, -4.2024e-05, -6.1904e-07, 1.5888e-05)),
+        "right_l0": (5.3213, (0.024366, 0.010969, 0.14363),
+                     (0.053314, 0.057902, 0.023659, 0.0047093, 0.011734, 0.0080179)),
+        # Published as principal moments and a rotation; turned into link axes here.
+        "head": (1.5795, (0.0053207, -2.6549e-05, 0.1021),
+                 (0.01183304, 0.0082709, 0.0049661, -4.467e-06, 4.9426e-05, 4.2e-07)),
+        "right_l1": (4.505, (-0.0030849, -0.026811, 0.092521),
+                     (0.022398, 0.014613, 0.017295, -0.00023986, -0.00029362, -0.0060875)),
+        "right_l2": (1.745, (-0.00016044, -0.014967, 0.13582),
+                     (0.025506, 0.0253, 0.0034179, 4.41e-06, 1.495e-05, -0.0033204)),
+        "right_l3": (2.5097, (-0.0048135, -0.0281, -0.084154),
+                     (0.01016, 0.0065685, 0.0069078, -9.74e-06, 0.00026625, 0.0030316)),
+        "right_l4": (1.1136, (-0.0018844, 0.0069001, 0.1341),
+                     (0.013557, 0.013555, 0.0013658, 1.811e-05, 0.00013523, 0.0010561)),
+        "right_l5": (1.5625, (0.0061133, -0.023697, 0.076416),
+                     (0.0047328, 0.0029676, 0.0031762, 0.00011526, 4.627e-05, -0.0011557)),
+        "right_l6": (0.3292, (-8.0726e-06, 0.0085838, -0.0049566),
+                     (0.00031105, 0.00021549, 0.00035976, 1.4771e-06, -3.7074e-07, -8.4533e-06)),
+        "gripper_base": (0.3, (0, 0, 0), (_ACROSS, _ALONG, _ACROSS, 0, 0, 0)),
+        "left_finger": _TIP,
+        "right_finger": _TIP,
+    },
+}  # fmt: skip
+
+OPENINGS = {"franka": 0.08, "sawyer": 0.041666}  # [m]
+
+
+@pytest.fixture(params=list(ARMS))
+def arm(request):
+    return ARMS[request.param]
+
+
+@pytest.fixture
+def model(arm):
+    return mujoco.MjModel.from_xml_path(arm.xml_path)
+
+
+def at_home(model):
+    """Data at the keyframe "home"."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def random_angles(arm, count):
+    """Joint angles (count, 7) within the table's limits."""
+    limits = np.array(list(LIMITS[arm.name].values()))
+    return np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (count, 7))
+
+
+def turned(quaternion):
+    """Rotation matrix of a quaternion, which is normalised first."""
+    w, x, y, z = np.array(quaternion) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def transform(rotation, origin):
+    """Homogeneous transform (4, 4)."""
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = rotation, origin
+    return result
+
+
+def frames(arm, angles):
+    """Pose (4, 4) of every frame of the table."""
+    angles = dict(zip(arm.arm_joints, angles, strict=True))
+    poses = {"world": np.eye(4)}
+    for body, (parent, origin, quaternion, joint) in FRAMES[arm.name].items():
+        poses[body] = poses[parent] @ transform(turned(quaternion), origin)
+        if joint:
+            cosine, sine = math.cos(angles[joint]), math.sin(angles[joint])
+            about_z = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+            poses[body] = poses[body] @ transform(about_z, np.zeros(3))
+    return poses
+
+
+def lowest(model, data, geom):
+    """Height [m] of the lowest point of a primitive geom."""
+    height, size, kind = data.geom_xpos[geom][2], model.geom_size[geom], model.geom_type[geom]
+    down = np.abs(data.geom_xmat[geom].reshape(3, 3)[2])
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return height - size[0] - down[2] * size[1]
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return height - down[2] * size[1] - math.sqrt(max(0.0, 1 - down[2] ** 2)) * size[0]
+    assert kind == mujoco.mjtGeom.mjGEOM_BOX
+    return height - down @ size
+
+
+def gap(arm, model, data):
+    """Distance [m] between the faces of the pads, and how far off centre they are."""
+    tcp = data.site(arm.tcp_site)
+    along = [
+        tcp.xmat.reshape(3, 3)[:, 1] @ (data.geom(geom).xpos - tcp.xpos) for geom in arm.pad_geoms
+    ]
+    thickness = 2 * model.geom(arm.pad_geoms[0]).size[1]
+    return along[0] - along[1] - thickness, (along[0] + along[1]) / 2
+
+
+def test_forward_kinematics_are_those_of_the_table(arm, model):
+    data = mujoco.MjData(model)
+    addresses = [model.joint(name).qposadr[0] for name in arm.arm_joints]
+    for angles in random_angles(arm, 50):
+        data.qpos[addresses] = angles
+        mujoco.mj_kinematics(model, data)
+        for name, expected in frames(arm, angles).items():
+            frame = data.site(arm.tcp_site) if name == "tcp" else data.body(name)
+            np.testing.assert_allclose(frame.xpos, expected[:3, 3], atol=1e-9)
+            np.testing.assert_allclose(frame.xmat.reshape(3, 3), expected[:3, :3], atol=1e-9)
+
+
+def test_joints_turn_about_z_and_have_the_table_s_limits(arm, model):
+    for index, (name, row) in enumerate(LIMITS[arm.name].items()):
+        lower, upper, speed, torque = row
+        joint, actuator = model.joint(name), model.actuator(name)
+        assert arm.arm_joints[index] == name
+        np.testing.assert_array_equal(joint.axis, [0, 0, 1])
+        np.testing.assert_array_equal(joint.range, [lower, upper])
+        np.testing.assert_array_equal(actuator.ctrlrange, [lower, upper])
+        np.testing.assert_array_equal(actuator.forcerange, [-torque, torque])
+        assert arm.velocity_limits[index] == speed
+        assert arm.torque_limits[index] == torque
+    assert len(LIMITS[arm.name]) == len(arm.arm_joints) == len(arm.home)
+
+
+def test_names_are_those_of_the_model(arm, model):
+    names = [model.actuator(i).name for i in range(model.nu)]
+    assert names == list(arm.actuators)
+    for name in names:
+        assert model.actuator(name).trnid[0] == model.joint(name).id
+    assert {model.site(i).name for i in range(model.nsite)} == {arm.tcp_site, *arm.pad_sites}
+    assert [model.joint(i).name for i in range(model.njnt)] == names
+    for name in arm.finger_joints:
+        np.testing.assert_array_equal(model.joint(name).range, arm.finger_range)
+        np.testing.assert_array_equal(model.actuator(name).ctrlrange, arm.finger_commands)
+        np.testing.assert_array_equal(
+            model.actuator(name).forcerange, [-arm.grip_force, arm.grip_force]
+        )
+    assert arm.opening == pytest.approx((0.0, OPENINGS[arm.name]))
+
+
+def test_inertias_are_those_of_the_table(arm, model):
+    table = INERTIAS[arm.name]
+    assert {model.body(i).name for i in np.flatnonzero(model.body_mass)} == set(table)
+    assert model.body_mass.sum() == pytest.approx(sum(row[0] for row in table.values()), rel=1e-12)
+    np.testing.assert_array_equal(model.body_gravcomp[1:], 1)
+    for name, (mass, centre, (xx, yy, zz, xy, xz, yz)) in table.items():
+        body = model.body(name)
+        assert body.mass[0] == mass
+        np.testing.assert_allclose(body.ipos, centre, atol=1e-12)
+        rotation = turned(body.iquat)
+        inertia = rotation @ np.diag(body.inertia) @ rotation.T
+        expected = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        np.testing.assert_allclose(inertia, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_mass_matrix_is_positive_definite(arm, model):
+    data = mujoco.MjData(model)
+    matrix = np.empty((model.nv, model.nv))
+    for angles in random_angles(arm, 20):
+        data.qpos[:7] = angles
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, matrix)
+        np.testing.assert_array_equal(matrix, matrix.T)
+        assert np.linalg.eigvalsh(matrix).min() > 0.05  # The armature is 0.1 kg m2.
+
+
+@pytest.mark.parametrize("timestep", [0.002, 0.01])
+@pytest.mark.parametrize("servos", [False, True])
+def test_gravity_compensation_holds_home(arm, model, servos, timestep):
+    model.opt.timestep = timestep
+    if not servos:
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    data = at_home(model)
+    start = data.qpos.copy()
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(data.qpos, start, atol=1e-3)
+
+
+def test_home_would_fall_without_compensation(model):
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    model.body_gravcomp[:] = 0.0
+    data = at_home(model)
+    start = data.qpos.copy()
+    while data.time < 0.5:
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qpos - start).max() > 0.1
+
+
+@pytest.mark.parametrize("timestep", [0.002, 0.01])
+def test_servos_reach_a_command_and_stay(arm, model, timestep):
+    model.opt.timestep = timestep
+    data = at_home(model)
+    command = np.array(arm.home) + 0.1 * np.array([1, -1, 1, 1, -1, 1, -1])
+    data.ctrl[:7] = command
+    limits = np.array(arm.torque_limits)
+    while data.time < 1.0:
+        mujoco.mj_step(model, data)
+        assert np.all(np.abs(data.actuator_force[:7]) <= limits)
+    np.testing.assert_allclose(data.qpos[:7], command, atol=2e-3)
+    np.testing.assert_allclose(data.qvel[:7], 0.0, atol=1e-2)
+
+
+def test_home_is_the_documented_pose(arm, model):
+    data = at_home(model)
+    np.testing.assert_allclose(data.qpos[:7], arm.home)
+    np.testing.assert_array_equal(data.qpos[7:], arm.finger_range[1])
+    np.testing.assert_array_equal(data.ctrl, data.qpos)
+    assert np.all(model.jnt_range[:, 0] <= data.qpos) and np.all(data.qpos <= model.jnt_range[:, 1])
+    tcp = {"franka": (0.554, 0.0, 0.521), "sawyer": (0.450, 0.160, 0.107)}[arm.name]
+    np.testing.assert_allclose(data.site(arm.tcp_site).xpos, tcp, atol=2e-3)
+    approach = data.site(arm.tcp_site).xmat.reshape(3, 3)[:, 2]
+    assert math.degrees(math.acos(-approach[2])) < 1.0
+    shoulder = data.joint(arm.arm_joints[1]).xanchor
+    assert shoulder[2] == pytest.approx(arm.shoulder_height)
+
+
+def test_home_is_clear_of_the_ground(arm, model):
+    data = at_home(model)
+    for geom in range(model.ngeom):
+        # Group 3 has the shapes that collide; the base may stand on the ground.
+        if model.geom_group[geom] == 3 and model.body(model.geom_bodyid[geom]).parentid[0] != 0:
+            assert lowest(model, data, geom) > 0.03, model.geom(geom).name
+
+
+def test_fingers_open_and_close(arm, model):
+    data = at_home(model)
+    fingers = [model.actuator(name).id for name in arm.finger_joints]
+    for command, opening in zip(arm.finger_commands, arm.opening, strict=True):
+        data.ctrl[fingers] = command
+        for _ in range(500):
+            mujoco.mj_step(model, data)
+        distance, off_centre = gap(arm, model, data)
+        assert distance == pytest.approx(opening, abs=5e-4)
+        assert off_centre == pytest.approx(0.0, abs=5e-4)
+        if opening == 0.0:
+            np.testing.assert_allclose(data.actuator_force[fingers], -arm.grip_force, rtol=0.02)
+
+
+def test_one_finger_drags_the_other(arm, model):
+    # With a command to one finger only, the equality must move both.
+    data = at_home(model)
+    follower = model.actuator(arm.finger_joints[1]).id
+    model.actuator_gainprm[follower] = model.actuator_biasprm[follower] = 0.0
+    data.ctrl[model.actuator(arm.finger_joints[0]).id] = 0.01
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    first, second = (data.joint(name).qpos[0] for name in arm.finger_joints)
+    assert first == pytest.approx(0.01, abs=5e-4)
+    assert second == pytest.approx(first, abs=5e-4)
+
+
+def test_pads_are_about_the_tcp(arm, model):
+    data = at_home(model)
+    site = data.site(arm.tcp_site)
+    axes = site.xmat.reshape(3, 3)
+    for pad, sign in zip(arm.pad_sites, (1, -1), strict=True):
+        face = axes.T @ (data.site(pad).xpos - site.xpos)
+        np.testing.assert_allclose(face[:2], [0.0, sign * arm.finger_range[1]], atol=1e-9)
+        box, size = data.geom(pad), model.geom(pad).size
+        inward = axes.T @ (box.xpos - site.xpos) - face
+        np.testing.assert_allclose(inward, [0.0, sign * size[1], 0.0], atol=1e-9)
+        assert face[2] + size[2] == pytest.approx(arm.pad_reach)
+
+
+def test_looks_weigh_nothing_and_nothing_collides_yet(model):
+    assert not model.geom_contype.any() and not model.geom_conaffinity.any()
+    assert set(model.geom_group) == {2, 3}
+    assert model.ngeom < 60
+    for geom in np.flatnonzero(model.geom_group == 3):
+        assert model.geom(geom).name
+
+
+def test_arms_stand_in_one_scene(arm):
+    arena = Arena("cloth")
+    for side in ("first", "second"):
+        root = mjcf.from_path(arm.xml_path)
+        root.model = side
+        # A keyframe holds for its own model alone: a scene has more coordinates.
+        root.keyframe.remove()
+        arena.mjcf_model.attach(root)
+    physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+    assert physics.model.nq == 18
+    mass = sum(row[0] for row in INERTIAS[arm.name].values())
+    assert physics.model.body_mass.sum() == pytest.approx(2 * mass)
+    assert physics.model.name2id(f"first/{arm.tcp_site}", "site") >= 0
