@@ -9,6 +9,7 @@ from dm_control import composer, mjcf
 from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex, slide_views
 from softgym_mj.exceptions import check_count
 from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.robots.holding import Holding
 
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 # [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
@@ -87,9 +88,7 @@ class Picker(composer.Entity, Gripper):
                 solimp=geometry.solimp,
                 rgba=COLOR,
             )
-        self._held = [-1] * num_pickers  # A list: it is read several times in every sim step.
-        self._dropped = 0
-        self._offset = np.zeros((num_pickers, 3))
+        self._holding = Holding(num_pickers)
         self._centre = np.zeros((num_pickers, 3))
         self._old_centre = np.zeros((num_pickers, 3))
         self._step = np.zeros((num_pickers, 3))  # Displacement in the current sim step [m].
@@ -105,11 +104,11 @@ class Picker(composer.Entity, Gripper):
 
     @property
     def num_grippers(self) -> int:
-        return len(self._held)
+        return len(self._centre)
 
     @property
     def action_size(self) -> int:
-        return 4 * len(self._held)
+        return 4 * len(self._centre)
 
     @property
     def radius(self) -> float:
@@ -123,7 +122,7 @@ class Picker(composer.Entity, Gripper):
 
     @property
     def held(self) -> np.ndarray:
-        return np.array(self._held)
+        return np.array(self._holding.vertices)
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
@@ -135,6 +134,7 @@ class Picker(composer.Entity, Gripper):
 
     def manipulate(self, target: Flex) -> None:
         self._target = target
+        self._holding.manipulate(target)
 
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
@@ -152,9 +152,7 @@ class Picker(composer.Entity, Gripper):
         return np.asarray(point) + ring * offset
 
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
-        self._target.release_all()
-        self._held = [-1] * self.num_grippers
-        self._dropped = 0
+        self._holding.reset()
         self._set_workspace(workspace)
         self._centre[:] = positions
         self._old_centre[:] = positions
@@ -172,12 +170,11 @@ class Picker(composer.Entity, Gripper):
         self._grips = (action[:, 3] > 0.0).tolist()
 
     def plan(self) -> None:
-        held, target = self._held, self._target
+        holding = self._holding
+        held = holding.vertices
         for i, grip in enumerate(self._grips):
             if not grip and held[i] >= 0:
-                target.release(held[i])
-                held[i] = -1
-                self._dropped += 1
+                holding.release(i)
         centre, old_centre = self._centre, self._old_centre
         old_centre[:] = centre
         centre += self._displacement
@@ -186,27 +183,11 @@ class Picker(composer.Entity, Gripper):
         np.subtract(centre, old_centre, out=self._step)
         for i, grip in enumerate(self._grips):
             if grip and held[i] < 0:
-                self._pick(i)
+                holding.pick(i, old_centre[i], self._pick_distance)
 
     def take(self, vertices: Sequence[int]) -> None:
         for i, vertex in enumerate(vertices):
-            self._hold(i, vertex, self._target.vertex(vertex) - self._centre[i])
-
-    def _hold(self, i: int, vertex: int, offset: np.ndarray) -> None:
-        self._held[i] = vertex
-        self._offset[i] = offset
-        self._target.hold(vertex)
-
-    def _pick(self, i: int) -> None:
-        """Takes the nearest free vertex within reach, if there is one."""
-        offsets = self._target.offsets(self._old_centre[i])
-        distances = np.vecdot(offsets, offsets)
-        for vertex in self._held:
-            if vertex >= 0:
-                distances[vertex] = np.inf
-        nearest = int(distances.argmin())
-        if distances[nearest] <= self._pick_distance**2:
-            self._hold(i, nearest, offsets[nearest])
+            self._holding.take(i, vertex, self._target.vertex(vertex) - self._centre[i])
 
     def move(self, fraction: float, timestep: float) -> None:
         position = self._centre
@@ -214,43 +195,28 @@ class Picker(composer.Entity, Gripper):
             position = position - (1.0 - fraction) * self._step
         np.subtract(position, self._qpos, out=self._qvel)
         self._qvel /= timestep
-        for i, vertex in enumerate(self._held):
-            if vertex >= 0:
-                goal = position[i] + self._offset[i]
-                goal[2] = max(goal[2], self._target.radius)
-                self._target.drive(vertex, goal, timestep)
+        self._holding.drive(position, timestep)
 
     def held_positions(self) -> np.ndarray:
         """Where each held vertex belongs (num_pickers, 3) [m]; NaN where none is held."""
-        goals = self._centre + self._offset
-        goals[:, 2] = np.maximum(goals[:, 2], self._target.radius)
-        goals[self.held < 0] = np.nan
-        return goals
+        return self._holding.places(self._centre)
 
     def positions(self) -> np.ndarray:
         return self._centre.copy()
 
     def diagnostics(self) -> dict[str, float | int]:
-        return {**super().diagnostics(), "dropped": self._dropped}
+        return {**super().diagnostics(), "dropped": self._holding.dropped}
 
     def get_state(self) -> dict[str, np.ndarray]:
         return {
-            "held": self.held,
-            "dropped": np.array(self._dropped),
-            "offset": self._offset.copy(),
+            **self._holding.get_state(),
             "centre": self._centre.copy(),
             "workspace": np.array([self._workspace.low, self._workspace.high]),
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        self._target.release_all()
-        self._held = [int(vertex) for vertex in state["held"]]
-        self._dropped = int(state["dropped"])
-        self._offset[:] = state["offset"]
+        self._holding.set_state(state)
         self._centre[:] = state["centre"]
         self._old_centre[:] = state["centre"]
         low, high = state["workspace"]
         self._set_workspace(Workspace(tuple(low), tuple(high)))
-        for vertex in self._held:
-            if vertex >= 0:
-                self._target.hold(vertex)

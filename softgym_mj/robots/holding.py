@@ -1,0 +1,88 @@
+"""`Holding`: the vertices of a flex that grippers hold, shared by pickers and arms."""
+
+import numpy as np
+
+from softgym_mj.entities.flex import Flex
+
+
+class Holding:
+    """Which vertex each gripper holds, and where that is relative to the gripper's centre.
+
+    A held vertex keeps its offset to the centre, except that it is never pushed below its resting
+    height on the floor.
+    """
+
+    def __init__(self, num_grippers: int):
+        """All of `num_grippers` grippers hold nothing."""
+        self.vertices = [-1] * num_grippers  # A list: it is read several times in every sim step.
+        self.offsets = np.zeros((num_grippers, 3))
+        self.dropped = 0
+
+    def manipulate(self, target: Flex) -> None:
+        """Chooses the object whose vertices are held."""
+        self._target = target
+
+    def reset(self) -> None:
+        """Starts an episode: nothing is held."""
+        self._target.release_all()
+        self.vertices[:] = [-1] * len(self.vertices)
+        self.dropped = 0
+
+    def release(self, i: int) -> None:
+        """Lets go of what gripper `i` holds."""
+        self._target.release(self.vertices[i])
+        self.vertices[i] = -1
+        self.dropped += 1
+
+    def take(self, i: int, vertex: int, offset: np.ndarray) -> None:
+        """Gripper `i` holds a vertex at `offset` (3,) [m] from its centre."""
+        self.vertices[i] = vertex
+        self.offsets[i] = offset
+        self._target.hold(vertex)
+
+    def pick(self, i: int, centre: np.ndarray, reach: float) -> None:
+        """Gripper `i` takes the nearest free vertex within `reach` [m] of `centre`, if any.
+
+        The first index wins a tie.
+        """
+        offsets = self._target.offsets(centre)
+        distances = np.vecdot(offsets, offsets)
+        for vertex in self.vertices:
+            if vertex >= 0:
+                distances[vertex] = np.inf
+        nearest = int(distances.argmin())
+        if distances[nearest] <= reach**2:
+            self.take(i, nearest, offsets[nearest])
+
+    def drive(self, centres: np.ndarray, timestep: float) -> None:
+        """Moves what is held so that it belongs to `centres` (n, 3) [m] after `timestep` [s]."""
+        for i, vertex in enumerate(self.vertices):
+            if vertex >= 0:
+                goal = centres[i] + self.offsets[i]
+                goal[2] = max(goal[2], self._target.radius)
+                self._target.drive(vertex, goal, timestep)
+
+    def places(self, centres: np.ndarray) -> np.ndarray:
+        """Where held vertices belong (n, 3) [m] with grippers at `centres`; NaN if none is held."""
+        goals = centres + self.offsets
+        goals[:, 2] = np.maximum(goals[:, 2], self._target.radius)
+        goals[np.array(self.vertices) < 0] = np.nan
+        return goals
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """What is held, for snapshots."""
+        return {
+            "held": np.array(self.vertices),
+            "dropped": np.array(self.dropped),
+            "offset": self.offsets.copy(),
+        }
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restores what `get_state` returned."""
+        self._target.release_all()
+        self.vertices[:] = [int(vertex) for vertex in state["held"]]
+        self.dropped = int(state["dropped"])
+        self.offsets[:] = state["offset"]
+        for vertex in self.vertices:
+            if vertex >= 0:
+                self._target.hold(vertex)
