@@ -7,12 +7,14 @@ from softgym_mj.exceptions import OutOfRangeError, check_name
 from softgym_mj.robots import pick_and_place, picker
 from softgym_mj.robots.cup_mover import CupMover, Rule
 from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.models import ARMS
 
-GRIPPERS: dict[str, type[picker.Picker]] = {
+PICKERS: dict[str, type[picker.Picker]] = {
     "picker": picker.Picker,
     "pick_and_place": pick_and_place.PickAndPlace,
     "pixel_pick_and_place": pick_and_place.PixelPickAndPlace,
 }
+GRIPPERS = (*PICKERS, *ARMS)
 CUP_ACTORS = ("cup",)
 _GEOMETRY = {"cloth": picker.CLOTH_GEOMETRY, "rope": picker.ROPE_GEOMETRY}
 
@@ -23,15 +25,20 @@ def make_gripper(actor: str, kind: str, num_grippers: int | None) -> Gripper:
     Args:
         actor: one of `GRIPPERS`.
         kind: what it handles: "cloth" or "rope".
-        num_grippers: number of grippers; None for 2, or 1 for pixels.
+        num_grippers: number of grippers; None for 2, or 1 for pixels. There are at most 2 arms.
 
     Raises:
         UnknownNameError: if there is no such actor.
+        OutOfRangeError: if there cannot be as many.
     """
     check_name("actor", actor, GRIPPERS)
     if num_grippers is None:
         num_grippers = 1 if actor == "pixel_pick_and_place" else 2
-    return GRIPPERS[actor](geometry=_GEOMETRY[kind], num_pickers=num_grippers)
+    if actor in ARMS:
+        from softgym_mj.robots.arms import Arms
+
+        return Arms(ARMS[actor], num_grippers)
+    return PICKERS[actor](geometry=_GEOMETRY[kind], num_pickers=num_grippers)
 
 
 def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:
@@ -47,7 +54,7 @@ def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:
         OutOfRangeError: if an action that takes as long as it needs is to be repeated.
     """
     check_name("actor", actor, GRIPPERS)
-    once = issubclass(GRIPPERS[actor], pick_and_place.RoutePicker)
+    once = issubclass(PICKERS.get(actor, picker.Picker), pick_and_place.RoutePicker)
     if once and action_repeat not in (None, 1):
         raise OutOfRangeError("action_repeat", action_repeat, f"1 with actor={actor!r}")
     if once:

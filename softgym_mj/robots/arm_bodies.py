@@ -1,0 +1,110 @@
+"""The bodies of arms in a scene, and the same arms alone, for kinematics."""
+
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from softgym_mj.entities.flex import GRIPPER_CONTACT
+from softgym_mj.robots.models import ArmModel
+from softgym_mj.robots.stands import Stand
+
+# [s] Damping over stiffness of the servos in a scene. The models have 0.05, with which a servo at
+# its torque limit flutters at steps of 10 ms: its damping then counts as explicit.
+DAMPING = 0.015
+
+
+def names(arm: ArmModel, number: int) -> tuple[str, ...]:
+    """Names (number,) of the arms' models."""
+    return tuple(f"{arm.name}_{i}" for i in range(number))
+
+
+def home(arm: ArmModel) -> np.ndarray:
+    """Joint angles (7,) [rad] in which the fingers close across the arm's direction.
+
+    Arms that meet face to face then turn the flat sides of their hands to each other.
+    """
+    angles = np.array(arm.home)
+    angles[-1] -= math.copysign(math.pi / 2, angles[-1])
+    return angles
+
+
+def add_arms(root: mjcf.RootElement, arm: ArmModel, stands: Sequence[Stand]) -> None:
+    """Adds an arm for each stand to a model; hands and fingers collide with objects."""
+    for name, stand in zip(names(arm, len(stands)), stands, strict=True):
+        model = _load(arm, name)
+        for geom in hand_geoms(model, arm):
+            geom.contype, geom.conaffinity, geom.condim, geom.priority = GRIPPER_CONTACT, 0, 3, 1
+        _attach(root, model, stand)
+
+
+def kinematic_model(arm: ArmModel, stands: Sequence[Stand]) -> mujoco.MjModel:
+    """The arms alone: seven joints each and nothing else that moves, acts or is seen."""
+    root = mjcf.RootElement(model="kinematics")
+    for name, stand in zip(names(arm, len(stands)), stands, strict=True):
+        model = _load(arm, name)
+        fingers = [model.find("joint", finger) for finger in arm.finger_joints]
+        for kind in ("actuator", "equality", "geom"):
+            for element in model.find_all(kind):
+                element.remove()
+        for element in [*fingers, *model.asset.mesh]:
+            element.remove()
+        _attach(root, model, stand)
+    return mujoco.MjModel.from_xml_string(root.to_xml_string())
+
+
+def hand_geoms(model: mjcf.RootElement, arm: ArmModel) -> list[mjcf.Element]:
+    """What of the hand is solid: the pads, then the hand itself."""
+    pads = [model.find("geom", pad) for pad in arm.pad_geoms]
+    hand = pads[0].parent.parent
+    return [*pads, *(geom for geom in hand.geom if geom.dclass.dclass == "collision")]
+
+
+def inertia(model: mujoco.MjModel, configuration: np.ndarray) -> np.ndarray:
+    """Inertia (nv,) [kg m^2] that each joint of a kinematic model feels, with its armature."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = configuration
+    mujoco.mj_forward(model, data)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    return np.diag(matrix).copy()
+
+
+def tune(
+    model: mujoco.MjModel, motors: np.ndarray, inertias: np.ndarray, torques: np.ndarray
+) -> np.ndarray:
+    """Fits position servos to the physics step; returns their lag behind a command in motion [s].
+
+    The "discrete" integrator is implicit in a servo's stiffness and damping, but MuJoCo clips the
+    force that it has before the step. Over a step of h, an inertia I gets 1 + (kv h + kp h^2) / I
+    times less of it. The force limits are wider by that factor, so that what is left is the torque
+    of the motor.
+
+    Args:
+        model: the compiled scene.
+        motors: the actuators (n,).
+        inertias: what they move (n,) [kg m^2].
+        torques: their largest torques (n,) [N m].
+    """
+    step, stiffness = model.opt.timestep, model.actuator_gainprm[motors, 0]
+    damping = DAMPING * stiffness
+    model.actuator_biasprm[motors, 2] = -damping
+    limits = torques * (1.0 + (damping * step + stiffness * step**2) / inertias)
+    model.actuator_forcerange[motors] = np.column_stack([-limits, limits])
+    joints = model.actuator_trnid[motors, 0]
+    return (damping + model.dof_damping[model.jnt_dofadr[joints]]) / stiffness
+
+
+def _load(arm: ArmModel, name: str) -> mjcf.RootElement:
+    model = mjcf.from_path(arm.xml_path)
+    model.model = name
+    model.keyframe.remove()  # It holds for this model alone: a scene has more coordinates.
+    return model
+
+
+def _attach(root: mjcf.RootElement, model: mjcf.RootElement, stand: Stand) -> None:
+    frame = root.attach(model)
+    frame.pos = stand.base
+    frame.quat = [math.cos(stand.yaw / 2), 0.0, 0.0, math.sin(stand.yaw / 2)]

@@ -1,0 +1,341 @@
+"""`Arms`: one or two robot arms whose hands hold vertices of a flex.
+
+The arms are led by their tool points, the points between the fingers. What a hand has taken is held
+as pickers hold it (see `Holding`), but follows the real tool point, wherever the joints are.
+"""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+
+from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
+from softgym_mj.exceptions import check_count
+from softgym_mj.robots import arm_bodies
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.cartesian import PERIOD, CartesianController
+from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.robots.holding import Holding
+from softgym_mj.robots.models import ARMS, ArmModel
+from softgym_mj.robots.picker import MAX_DISPLACEMENT
+from softgym_mj.robots.stands import CLEARANCE, Stand, facing_each_other, separation
+
+# [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
+PICK_DISTANCE = 0.03
+DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
+TIP_CLEARANCE = 0.01  # [m] Of the finger tips over the floor: the height of two layers of cloth.
+SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps from one solution of the controller to the next.
+# Distance [m] of the bases from the middle, and of the tools from the axis of their base. Measured:
+# with the tool down, heights of 0.02 to 0.45 m and up to 85 degrees to a side, a Franka gets to
+# within 1 cm from 0.2 to 0.8 m, a Sawyer from 0.15 to 0.85 m. Nearer is in the way of the elbow.
+DISTANCE = 0.6
+REACH = {"franka": (0.25, 0.78), "sawyer": (0.25, 0.8)}
+START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
+# [m/s^2] Commands may jump from -1 m/s to 1 m/s; what the arms follow speeds up and slows down by
+# this at most, which their torques can do.
+ACCELERATION = 10.0
+SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacement in a sim step [m].
+LEAD = 0.06  # [m] By which the commanded point may be ahead of what the arm follows.
+BACK_OFFS = (1.0, 0.5, 0.25, 0.0)  # Fractions of a move that are tried to keep two arms apart.
+
+
+class Arms(composer.Entity, Gripper):
+    """One or two arms of a kind that hold vertices of an object.
+
+    The action is that of pickers: (dx, dy, dz) of the commanded tool point and grip. A commanded
+    point stays within the workspace and the arm's reach, 3 cm around where limits of joints and
+    speeds let the arm get, and in plan view clear of the other arm. As with pickers, every hand
+    whose grip is off first lets go; then, in order, each point moves, and a hand that grips and
+    holds nothing takes the vertex nearest to its tool point within the pick distance. Its fingers
+    close and draw the vertex in between them. Hands and open fingers push the object; closed
+    fingers and the links of the arms pass through it.
+    """
+
+    def _build(
+        self,
+        arm: ArmModel = ARMS["franka"],
+        num_arms: int = 2,
+        base_height: float = 0.0,
+        stands: Sequence[Stand] | None = None,
+        name: str = "arms",
+    ):
+        """Builds the arms.
+
+        Args:
+            arm: the kind of arm.
+            num_arms: 1, which stands at -Y and faces +Y, or 2 that face each other.
+            base_height: of the mounting planes above the floor [m].
+            stands: where the arms stand, instead of these.
+            name: model name.
+
+        Raises:
+            OutOfRangeError: for another number of arms.
+        """
+        check_count("num_pickers", num_arms, 1, 2)
+        if stands is None:
+            reach = REACH[arm.name]
+            stands = facing_each_other(num_arms, DISTANCE, *reach, height=base_height)
+        self._arm, self._stands = arm, tuple(stands)
+        self._mjcf_root = mjcf.RootElement(model=name)
+        arm_bodies.add_arms(self._mjcf_root, arm, self._stands)
+        names = arm_bodies.names(arm, num_arms)
+        model = arm_bodies.kinematic_model(arm, self._stands)
+        self._tools = [f"{prefix}/{arm.tcp_site}" for prefix in names]
+        limits = zip(arm.arm_joints, arm.velocity_limits, strict=True)
+        self._controller = CartesianController(
+            model,
+            self._tools,
+            np.tile(arm_bodies.home(arm), num_arms),
+            {f"{prefix}/{joint}": limit for joint, limit in limits for prefix in names},
+        )
+        self._kinematics, self._posture = model, mujoco.MjData(model)
+        self._sites = [model.site(tool).id for tool in self._tools]
+        self._holding = Holding(num_arms)
+        self._centre = np.zeros((num_arms, 3))  # Commanded tool points [m].
+        self._guide = np.zeros((num_arms, 3))  # What the controller follows [m],
+        self._step = np.zeros((num_arms, 3))  # and its displacement in the current sim step [m].
+        self._phase = 0  # Sim steps since the controller's last solution.
+        self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        return (self._mjcf_root.model,)
+
+    @property
+    def arm(self) -> ArmModel:
+        """The kind of arm."""
+        return self._arm
+
+    @property
+    def stands(self) -> tuple[Stand, ...]:
+        """Where each arm stands."""
+        return self._stands
+
+    @property
+    def num_grippers(self) -> int:
+        return len(self._stands)
+
+    @property
+    def action_size(self) -> int:
+        return 4 * len(self._stands)
+
+    @property
+    def pick_distance(self) -> float:
+        """Largest distance [m] between a tool point and a vertex that the hand can take."""
+        return PICK_DISTANCE
+
+    @property
+    def held(self) -> np.ndarray:
+        return np.array(self._holding.vertices)
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest tool point (3,) [m]; an arm's reach may end before."""
+        return self._low, self._high
+
+    def join(self, arena: composer.Arena) -> None:
+        arena.attach(self)
+
+    def manipulate(self, target: Flex) -> None:
+        self._target = target
+        self._holding.manipulate(target)
+
+    def after_compile(self, physics, random_state):
+        self._model, self._data = physics.model.ptr, physics.data.ptr
+        model, arm = self._model, self._arm
+        prefixes = [
+            f"{self._mjcf_root.model}/{name}" for name in arm_bodies.names(arm, self.num_grippers)
+        ]
+
+        def ids(find, elements):
+            return np.array([[find(f"{p}/{element}").id for element in elements] for p in prefixes])
+
+        joints = ids(model.joint, arm.arm_joints).ravel()
+        fingers = ids(model.joint, arm.finger_joints)
+        self._positions_at = model.jnt_qposadr[joints]
+        self._speeds_at = model.jnt_dofadr[joints]
+        self._fingers_at = model.jnt_qposadr[fingers]
+        self._finger_speeds_at = model.jnt_dofadr[fingers]
+        self._motors = ids(model.actuator, arm.arm_joints).ravel()
+        self._finger_motors = ids(model.actuator, arm.finger_joints)
+        self._pads = ids(model.geom, arm.pad_geoms)
+        inertia = arm_bodies.inertia(self._kinematics, self._controller.home)
+        torques = np.tile(arm.torque_limits, self.num_grippers)
+        self._lag = arm_bodies.tune(model, self._motors, inertia, torques)
+
+    def default_positions(self, point: np.ndarray) -> np.ndarray:
+        positions = np.tile(point, (self.num_grippers, 1)).astype(float)
+        if self.num_grippers == 2:
+            positions[:, 1] += [-START_OFFSET, START_OFFSET]
+        return positions
+
+    def place(self, positions: np.ndarray, workspace: Workspace) -> None:
+        self._holding.reset()
+        self._set_workspace(workspace)
+        for i, stand in enumerate(self._stands):
+            self._centre[i] = stand.clip(np.clip(positions[i], self._low, self._high))
+        self._controller.reset(self._centre)
+        self._centre = self._controller.within_lead(self._centre)
+        self._guide = self._centre.copy()
+        self._step[:] = 0.0
+        self._phase = SOLVE_EVERY - 1  # The next sim step begins with a solution.
+        data = self._data
+        data.qpos[self._positions_at] = self._controller.configuration
+        data.qvel[self._speeds_at] = 0.0
+        data.ctrl[self._motors] = self._controller.configuration
+        self._goal = data.ctrl[self._motors]
+        self._start = self._goal.copy()
+        data.qpos[self._fingers_at] = self._arm.finger_range[1]
+        data.qvel[self._finger_speeds_at] = 0.0
+        data.ctrl[self._finger_motors] = self._arm.finger_commands[1]
+
+    def _set_workspace(self, workspace: Workspace):
+        self._workspace = workspace
+        self._low, self._high = np.array(workspace.low), np.array(workspace.high)
+        self._low[2] = max(self._low[2], self._arm.pad_reach + TIP_CLEARANCE)
+
+    def take(self, vertices: Sequence[int]) -> None:
+        for i, (vertex, tool) in enumerate(zip(vertices, self.positions(), strict=True)):
+            self._holding.take(i, vertex, self._target.vertex(vertex) - tool)
+            closed = self._arm.finger_range[0]
+            self._data.qpos[self._fingers_at[i]] = closed
+            self._data.ctrl[self._finger_motors[i]] = self._arm.finger_commands[0]
+
+    # ------------------------------------------------------------------ motion
+
+    def command(self, action: np.ndarray) -> None:
+        action = action.reshape(-1, 4)
+        self._displacement = MAX_DISPLACEMENT * action[:, :3]
+        self._grips = (action[:, 3] > 0.0).tolist()
+
+    def plan(self) -> None:
+        held = self._holding.vertices
+        for i, grip in enumerate(self._grips):
+            if not grip and held[i] >= 0:
+                self._holding.release(i)
+        self._advance()
+        if not all(held_ >= 0 for held_ in held):
+            tools = self.positions()
+            for i, grip in enumerate(self._grips):
+                if grip and held[i] < 0:
+                    self._holding.pick(i, tools[i], PICK_DISTANCE)
+        self._grip()
+        self._phase = (self._phase + 1) % SOLVE_EVERY
+        if self._phase == 0:
+            # The guide is taken to go on as it does until the controller's next solution.
+            self._controller.follow(self._guide + (SOLVE_EVERY - 1) * self._step)
+            self._start = self._goal
+            self._goal = self._controller.configuration + self._lag * self._controller.velocity
+
+    def _advance(self) -> None:
+        """Moves the commanded points by the action, as far as they may go, and the guides after."""
+        wanted = np.clip(self._centre + self._displacement, self._low, self._high)
+        for i, stand in enumerate(self._stands):
+            wanted[i] = stand.clip(wanted[i])
+        wanted = drawn_in(wanted, self._guide, LEAD)
+        for i in range(self.num_grippers):
+            self._centre[i] = self._apart(i, wanted[i])
+        # As fast as lets the guide come to rest at the commanded point.
+        gap = self._centre - self._guide
+        distance = np.sqrt(np.vecdot(gap, gap))[:, None]
+        braking = (np.sqrt(1.0 + 8.0 * distance / SPEED_UP) - 1.0) / 2.0 * SPEED_UP
+        step = gap * (np.minimum(braking, distance) / np.maximum(distance, 1e-12))
+        step = drawn_in(step, self._step, SPEED_UP)
+        guide = self._controller.within_lead(self._guide + step)
+        self._step = guide - self._guide
+        self._guide = guide
+
+    def _apart(self, i: int, wanted: np.ndarray) -> np.ndarray:
+        """Where arm `i` may be commanded to go on the way to a point (3,) [m]."""
+        if self.num_grippers == 1:
+            return wanted
+        least = min(CLEARANCE, separation(self._stands, self._centre))
+        step = wanted - self._centre[i]
+        for fraction in BACK_OFFS:
+            centre = self._centre.copy()
+            centre[i] += fraction * step
+            if separation(self._stands, centre) >= least:
+                break
+        return centre[i]
+
+    def _grip(self) -> None:
+        """Commands the fingers. Only open ones are solid: closed ones would squeeze the cloth."""
+        closed, opened = self._arm.finger_commands
+        half = sum(self._arm.finger_range) / 2
+        for i, grip in enumerate(self._grips):
+            self._data.ctrl[self._finger_motors[i]] = closed if grip else opened
+            solid = not grip and self._data.qpos[self._fingers_at[i]].min() > half
+            self._model.geom_contype[self._pads[i]] = GRIPPER_CONTACT if solid else 0
+
+    def move(self, fraction: float, timestep: float) -> None:
+        way = (self._phase + fraction) / SOLVE_EVERY
+        self._data.ctrl[self._motors] = (1.0 - way) * self._start + way * self._goal
+        if any(vertex >= 0 for vertex in self._holding.vertices):
+            offsets = self._holding.offsets
+            distance = np.maximum(np.sqrt(np.vecdot(offsets, offsets)), 1e-9)[:, None]
+            offsets *= np.maximum(1.0 - DRAW_SPEED * timestep / distance, 0.0)
+            tools = self.positions() + timestep * self._velocities()
+            self._holding.drive(tools, timestep)
+
+    def positions(self) -> np.ndarray:
+        """Tool points (num_grippers, 3) [m], where they are, not where they are commanded to be."""
+        self._posture.qpos[:] = self._data.qpos[self._positions_at]
+        mujoco.mj_kinematics(self._kinematics, self._posture)
+        return self._posture.site_xpos[self._sites]
+
+    def commanded_positions(self) -> np.ndarray:
+        """Commanded tool points (num_grippers, 3) [m]."""
+        return self._centre.copy()
+
+    def _velocities(self) -> np.ndarray:
+        """Velocities (num_grippers, 3) [m/s] of the tool points, after `positions`."""
+        mujoco.mj_comPos(self._kinematics, self._posture)
+        speeds = self._data.qvel[self._speeds_at]
+        jacobian = np.empty((3, self._kinematics.nv))
+        velocities = np.empty((self.num_grippers, 3))
+        for i, site in enumerate(self._sites):
+            mujoco.mj_jacSite(self._kinematics, self._posture, jacobian, None, site)
+            velocities[i] = jacobian @ speeds
+        return velocities
+
+    def diagnostics(self) -> dict[str, float | int]:
+        return {
+            **super().diagnostics(),
+            "dropped": self._holding.dropped,
+            "ik_failures": self._controller.failures,
+        }
+
+    # ------------------------------------------------------------------ snapshots
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return {
+            **self._holding.get_state(),
+            **self._controller.get_state(),
+            "centre": self._centre.copy(),
+            "guide": np.array([self._guide, self._step]),
+            "workspace": np.array([self._workspace.low, self._workspace.high]),
+            "phase": np.array(self._phase),
+            "servo": np.array([self._start, self._goal]),
+        }
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self._holding.set_state(state)
+        self._controller.set_state(state)
+        self._centre = state["centre"].copy()
+        self._guide, self._step = state["guide"].copy()
+        low, high = state["workspace"]
+        self._set_workspace(Workspace(tuple(low), tuple(high)))
+        self._phase = int(state["phase"])
+        self._start, self._goal = state["servo"].copy()
+
+
+def drawn_in(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:
+    """Points (n, 3), moved straight to within `radius` of their `centres` (n, 3)."""
+    offset = points - centres
+    distance = np.sqrt(np.vecdot(offset, offset))[:, None]
+    return centres + offset * (radius / np.maximum(distance, radius))

@@ -1,0 +1,146 @@
+"""`CartesianController`: joint motions that carry the tool points of arms along, by mink.
+
+Differential inverse kinematics on a model of the arms alone: a quadratic program finds the joint
+velocities that follow the commanded tool points, keep the tools upright, stay near the home posture
+and within the limits of joints and speeds. All arms share one program, which costs no more than one
+arm's. The reference is a configuration of its own: what contact does to the real arm does not feed
+back, so that a command is always the same whatever is held.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import mink
+import mujoco
+import numpy as np
+
+PERIOD = 0.02  # [s] From one solution to the next: 50 Hz.
+# Costs of the tasks [1/m, 1/rad]. A firm orientation makes a Panda jump near singular poses.
+POSITION_COST, ORIENTATION_COST = 1.0, 0.05
+POSTURE_COST = 3e-3
+DAMPING, TASK_DAMPING = 1e-6, 1e-3
+LIMIT_GAIN = 0.5  # Fraction of the way to a joint's limit that a solution may go.
+LIMIT_MARGIN = 1e-3  # [rad] Distance from the limits that a configuration keeps at least.
+# [m] How far a commanded point may be ahead of the reference's: further, it waits.
+LEAD = 0.03
+# A start is found in at most so many solutions of so many seconds, to this precision [m].
+SOLVE_STEPS, SOLVE_PERIOD, SOLVED = 200, 0.1, 1e-4
+
+
+class CartesianController:
+    """Follows tool points of one or more arms."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        tools: Sequence[str],
+        home: np.ndarray,
+        velocity_limits: Mapping[str, float],
+    ):
+        """Sets up the tasks; the tools keep the orientation that they have at home.
+
+        Args:
+            model: the arms alone, with nothing but their joints.
+            tools: names of the sites to lead, one an arm.
+            home: configuration (nq,) [rad] that is kept where nothing else matters.
+            velocity_limits: largest speed [rad/s] of each joint by name.
+        """
+        low, high = model.jnt_range.T
+        self._low, self._high = low + LIMIT_MARGIN, high - LIMIT_MARGIN
+        self._home = np.array(home, float)
+        self._configuration = mink.Configuration(model, self._home)
+        self._sites = [model.site(name).id for name in tools]
+        rotations = self._configuration.data.site_xmat[self._sites].reshape(-1, 3, 3)
+        self._rotations = [mink.SO3.from_matrix(rotation) for rotation in rotations]
+        self._frames = [
+            mink.FrameTask(name, "site", POSITION_COST, ORIENTATION_COST, lm_damping=TASK_DAMPING)
+            for name in tools
+        ]
+        posture = mink.PostureTask(model, POSTURE_COST)
+        posture.set_target(self._home)
+        self._tasks = [*self._frames, posture]
+        self._limits = [
+            mink.ConfigurationLimit(model, gain=LIMIT_GAIN),
+            mink.VelocityLimit(model, dict(velocity_limits)),
+        ]
+        self._velocity = np.zeros(model.nv)
+        self._failures = 0
+
+    @property
+    def home(self) -> np.ndarray:
+        """The configuration (nq,) [rad] that is kept where nothing else matters, a fresh array."""
+        return self._home.copy()
+
+    @property
+    def configuration(self) -> np.ndarray:
+        """Joint angles (nq,) [rad] of the reference, a fresh array."""
+        return self._configuration.q.copy()
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """Joint velocities (nq,) [rad/s] that led to the reference, a fresh array."""
+        return self._velocity.copy()
+
+    @property
+    def failures(self) -> int:
+        """How often no solution was found since the last reset; the arms stood still then."""
+        return self._failures
+
+    def points(self) -> np.ndarray:
+        """Tool points (n, 3) [m] of the reference, a fresh array."""
+        return self._configuration.data.site_xpos[self._sites]
+
+    def within_lead(self, points: np.ndarray) -> np.ndarray:
+        """Commanded points (n, 3) [m], drawn in to `LEAD` of where the reference is."""
+        reference = self.points()
+        offset = points - reference
+        distance = np.sqrt(np.vecdot(offset, offset))[:, None]
+        return reference + offset * (LEAD / np.maximum(distance, LEAD))
+
+    def reset(self, points: np.ndarray) -> None:
+        """Puts the reference at rest where its tool points are nearest to `points` (n, 3) [m]."""
+        self._place(self._home)
+        for _ in range(SOLVE_STEPS):
+            self.follow(points, SOLVE_PERIOD)
+            if np.abs(self._velocity).max() * SOLVE_PERIOD < SOLVED:
+                break
+        self._velocity[:] = 0.0
+        self._failures = 0
+
+    def follow(self, points: np.ndarray, duration: float = PERIOD) -> None:
+        """Moves the reference for `duration` [s] so that its tool points reach `points` (n, 3) [m].
+
+        They get as far as the limits of joints and speeds allow.
+        """
+        for frame, rotation, point in zip(self._frames, self._rotations, points, strict=True):
+            frame.set_target(mink.SE3.from_rotation_and_translation(rotation, point))
+        try:
+            self._velocity = mink.solve_ik(
+                self._configuration,
+                self._tasks,
+                duration,
+                "daqp",
+                damping=DAMPING,
+                limits=self._limits,
+            )
+        except mink.NoSolutionFound:
+            self._velocity = np.zeros_like(self._velocity)
+            self._failures += 1
+        self._place(self._configuration.integrate(self._velocity, duration))
+
+    def _place(self, configuration: np.ndarray) -> None:
+        # Outside of the limits the program has no solution.
+        self._configuration.update(np.clip(configuration, self._low, self._high))
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """The reference, for snapshots."""
+        return {
+            "configuration": self.configuration,
+            "velocity": self.velocity,
+            "failures": np.array(self._failures),
+        }
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restores what `get_state` returned."""
+        self._configuration.update(state["configuration"])
+        self._velocity[:] = state["velocity"]
+        self._failures = int(state["failures"])
