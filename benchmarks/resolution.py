@@ -33,7 +33,7 @@ from softgym_mj.entities.cloth import grid_shape
 from softgym_mj.environment import Environment
 from softgym_mj.variations import CACHE_VARIABLE
 
-VARIATIONS = range(800, 820)
+VARIATIONS = range(800, 810)
 FINER = "accurate"
 NOISE = 1e-3  # Of actions in [-1, 1].
 CRUMPLED = ("spread_cloth", "fold_crumpled_cloth")

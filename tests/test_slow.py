@@ -28,7 +28,9 @@ ACTORS = [
 
 
 @pytest.mark.parametrize(
-    ("task", "settings"), ACTORS, ids=lambda part: part if isinstance(part, str) else [*part, ""][0]
+    ("task", "settings"),
+    ACTORS,
+    ids=[f"{task}-{settings.get('actor', 'usual')}" for task, settings in ACTORS],
 )
 def test_a_hundred_random_episodes_raise_no_warning(task, settings):
     env = softgym_mj.load(task, split=range(100), observation=["full", "reduced"], **settings)
