@@ -41,18 +41,30 @@ def add_arms(root: mjcf.RootElement, arm: ArmModel, stands: Sequence[Stand]) -> 
 
 
 def kinematic_model(arm: ArmModel, stands: Sequence[Stand]) -> mujoco.MjModel:
-    """The arms alone: seven joints each and nothing else that moves, acts or is seen."""
+    """The arms alone: seven joints each, and of their shapes what can meet another arm."""
     root = mjcf.RootElement(model="kinematics")
     for name, stand in zip(names(arm, len(stands)), stands, strict=True):
         model = _load(arm, name)
         fingers = [model.find("joint", finger) for finger in arm.finger_joints]
-        for kind in ("actuator", "equality", "geom"):
+        outer = model.find("joint", arm.arm_joints[3]).parent.find_all("geom")
+        for geom in model.find_all("geom"):
+            if geom not in outer or geom.dclass.dclass == "visual":
+                geom.remove()
+            else:
+                geom.contype = geom.conaffinity = 1  # What mink keeps apart must be able to touch.
+        for kind in ("actuator", "equality"):
             for element in model.find_all(kind):
                 element.remove()
         for element in [*fingers, *model.asset.mesh]:
             element.remove()
         _attach(root, model, stand)
     return mujoco.MjModel.from_xml_string(root.to_xml_string())
+
+
+def outer_geoms(model: mujoco.MjModel, names: Sequence[str]) -> list[list[int]]:
+    """The shapes of each arm of a kinematic model."""
+    owners = [model.geom(i).name.split("/")[0] for i in range(model.ngeom)]
+    return [[i for i, owner in enumerate(owners) if owner == name] for name in names]
 
 
 def hand_geoms(model: mjcf.RootElement, arm: ArmModel) -> list[mjcf.Element]:

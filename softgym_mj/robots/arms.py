@@ -19,37 +19,36 @@ from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.robots.holding import Holding
 from softgym_mj.robots.models import ARMS, ArmModel
 from softgym_mj.robots.picker import MAX_DISPLACEMENT
-from softgym_mj.robots.stands import CLEARANCE, Stand, facing_each_other, separation
+from softgym_mj.robots.stands import Stand, facing_each_other
 
 # [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
 PICK_DISTANCE = 0.03
 DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
-TIP_CLEARANCE = 0.01  # [m] Of the finger tips over the floor: the height of two layers of cloth.
-SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps from one solution of the controller to the next.
-# Distance [m] of the bases from the middle, and of the tools from the axis of their base. Measured:
-# with the tool down, heights of 0.02 to 0.45 m and up to 85 degrees to a side, a Franka gets to
-# within 1 cm from 0.2 to 0.8 m, a Sawyer from 0.15 to 0.85 m. Nearer is in the way of the elbow.
-DISTANCE = 0.6
-REACH = {"franka": (0.25, 0.78), "sawyer": (0.25, 0.8)}
+TIP_CLEARANCE = 0.015  # [m] Of the finger tips over the floor, of which a jerk may take it all.
+SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
+# Distance [m] of the bases from the middle; least and largest of the tools from their base's axis.
+# Measured with the tool down, heights of 0.02 to 0.45 m, up to 80 degrees to a side: a Franka gets
+# to within 8 mm from 0.2 to 0.8 m, a Sawyer to within 12 mm from 0.15 to 0.95 m. What is nearer
+# than 0.25 m is in the way of the elbow.
+PLACES = {"franka": (0.65, 0.25, 0.78), "sawyer": (0.75, 0.25, 0.9)}
 START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
 # [m/s^2] Commands may jump from -1 m/s to 1 m/s; what the arms follow speeds up and slows down by
 # this at most, which their torques can do.
 ACCELERATION = 10.0
 SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacement in a sim step [m].
 LEAD = 0.06  # [m] By which the commanded point may be ahead of what the arm follows.
-BACK_OFFS = (1.0, 0.5, 0.25, 0.0)  # Fractions of a move that are tried to keep two arms apart.
 
 
 class Arms(composer.Entity, Gripper):
     """One or two arms of a kind that hold vertices of an object.
 
     The action is that of pickers: (dx, dy, dz) of the commanded tool point and grip. A commanded
-    point stays within the workspace and the arm's reach, 3 cm around where limits of joints and
-    speeds let the arm get, and in plan view clear of the other arm. As with pickers, every hand
-    whose grip is off first lets go; then, in order, each point moves, and a hand that grips and
-    holds nothing takes the vertex nearest to its tool point within the pick distance. Its fingers
-    close and draw the vertex in between them. Hands and open fingers push the object; closed
-    fingers and the links of the arms pass through it.
+    point stays within the workspace and the arm's reach. The arm follows as fast as its joints can,
+    and no nearer to the other arm than some centimetres; the commanded point waits where the arm
+    falls behind. As with pickers, every hand whose grip is off first lets go; then, in order, a
+    hand that grips and holds nothing takes the vertex nearest to its tool point within the pick
+    distance. Its fingers close and draw the vertex in between them. Hands and open fingers push the
+    object; closed fingers and the links of the arms pass through it.
     """
 
     def _build(
@@ -74,8 +73,7 @@ class Arms(composer.Entity, Gripper):
         """
         check_count("num_pickers", num_arms, 1, 2)
         if stands is None:
-            reach = REACH[arm.name]
-            stands = facing_each_other(num_arms, DISTANCE, *reach, height=base_height)
+            stands = facing_each_other(num_arms, *PLACES[arm.name], height=base_height)
         self._arm, self._stands = arm, tuple(stands)
         self._mjcf_root = mjcf.RootElement(model=name)
         arm_bodies.add_arms(self._mjcf_root, arm, self._stands)
@@ -88,6 +86,7 @@ class Arms(composer.Entity, Gripper):
             self._tools,
             np.tile(arm_bodies.home(arm), num_arms),
             {f"{prefix}/{joint}": limit for joint, limit in limits for prefix in names},
+            arm_bodies.outer_geoms(model, names),
         )
         self._kinematics, self._posture = model, mujoco.MjData(model)
         self._sites = [model.site(tool).id for tool in self._tools]
@@ -219,11 +218,10 @@ class Arms(composer.Entity, Gripper):
             if not grip and held[i] >= 0:
                 self._holding.release(i)
         self._advance()
-        if not all(held_ >= 0 for held_ in held):
-            tools = self.positions()
-            for i, grip in enumerate(self._grips):
-                if grip and held[i] < 0:
-                    self._holding.pick(i, tools[i], PICK_DISTANCE)
+        tools = self.positions()
+        for i, grip in enumerate(self._grips):
+            if grip and held[i] < 0:
+                self._holding.pick(i, tools[i], PICK_DISTANCE)
         self._grip()
         self._phase = (self._phase + 1) % SOLVE_EVERY
         if self._phase == 0:
@@ -237,9 +235,7 @@ class Arms(composer.Entity, Gripper):
         wanted = np.clip(self._centre + self._displacement, self._low, self._high)
         for i, stand in enumerate(self._stands):
             wanted[i] = stand.clip(wanted[i])
-        wanted = drawn_in(wanted, self._guide, LEAD)
-        for i in range(self.num_grippers):
-            self._centre[i] = self._apart(i, wanted[i])
+        self._centre = drawn_in(wanted, self._guide, LEAD)
         # As fast as lets the guide come to rest at the commanded point.
         gap = self._centre - self._guide
         distance = np.sqrt(np.vecdot(gap, gap))[:, None]
@@ -249,19 +245,6 @@ class Arms(composer.Entity, Gripper):
         guide = self._controller.within_lead(self._guide + step)
         self._step = guide - self._guide
         self._guide = guide
-
-    def _apart(self, i: int, wanted: np.ndarray) -> np.ndarray:
-        """Where arm `i` may be commanded to go on the way to a point (3,) [m]."""
-        if self.num_grippers == 1:
-            return wanted
-        least = min(CLEARANCE, separation(self._stands, self._centre))
-        step = wanted - self._centre[i]
-        for fraction in BACK_OFFS:
-            centre = self._centre.copy()
-            centre[i] += fraction * step
-            if separation(self._stands, centre) >= least:
-                break
-        return centre[i]
 
     def _grip(self) -> None:
         """Commands the fingers. Only open ones are solid: closed ones would squeeze the cloth."""
@@ -291,6 +274,13 @@ class Arms(composer.Entity, Gripper):
     def commanded_positions(self) -> np.ndarray:
         """Commanded tool points (num_grippers, 3) [m]."""
         return self._centre.copy()
+
+    def reference_positions(self) -> np.ndarray:
+        """Tool points (num_grippers, 3) [m] that the joints are led along.
+
+        They go after the commanded ones, as fast as they can so as to come to rest there.
+        """
+        return self._guide.copy()
 
     def _velocities(self) -> np.ndarray:
         """Velocities (num_grippers, 3) [m/s] of the tool points, after `positions`."""
