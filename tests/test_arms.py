@@ -1,14 +1,48 @@
-"""Robot arms as actors: contract, grasp, distances, limits."""
+"""Robot arms as actors: contract, grasp, distances, random episodes."""
 
+import itertools
+from unittest import mock
+
+import mujoco
 import numpy as np
 import pytest
 
+from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.robots.models import ARMS
 from tests import test_contract, test_snapshots
-from tests.test_contract import actions, make
+from tests.test_contract import FLEX_TASKS, actions, make
 
 CASES = [f"{task}/{arm}" for task in ("fold_cloth", "straighten_rope") for arm in ARMS]
 cases = pytest.mark.parametrize("case", CASES)
+SIM_STEPS = 8  # Of an env step in these tasks.
+
+
+def go(env, goals, grips, speed=0.6, steps=30):
+    """Moves the commanded points to `goals` (2, 3) [m] at `speed` [m/s]; yields after env steps."""
+    actor = env.task.actor
+    for _ in range(steps):
+        way = (np.asarray(goals) - actor.commanded_positions()) / (0.01 * SIM_STEPS)
+        way *= speed / max(np.abs(way).max(), speed)
+        env.step(np.column_stack([way, np.where(grips, 1.0, -1.0)]).ravel())
+        yield
+        if np.abs(actor.positions() - goals).max() < 0.002:
+            return
+
+
+def distance_to_target(env):
+    """Distance (2,) [m] of what is held from the tool points."""
+    held = env.task.target.vertices()[env.task.actor.held]
+    return np.linalg.norm(held - env.task.actor.positions(), axis=1)
+
+
+def shapes(env, i):
+    """Collision geoms of arm `i`."""
+    model, arm = env.physics.model.ptr, env.task.actor.arm.name
+    return [
+        geom
+        for geom in range(model.ngeom)
+        if model.geom_group[geom] == 3 and model.geom(geom).name.startswith(f"arms/{arm}_{i}/")
+    ]
 
 
 @cases
@@ -23,3 +57,120 @@ def test_the_contract_of_every_task_holds(case):
 @cases
 def test_a_restore_continues_bit_equal(case):
     test_snapshots.test_a_restore_continues_bit_equal(case)
+
+
+@cases
+def test_what_is_taken_follows_and_is_released(case):
+    env = make(case, observation="reduced", horizon=1000)
+    env.reset(812)
+    actor, target = env.task.actor, env.task.target
+    mass = env.physics.model.dof_M0.copy()
+    # One vertex on the side of each arm.
+    vertices = target.vertices()
+    sides = np.array([[0.0, -0.25, 0.0], [0.0, 0.25, 0.0]])
+    taken = np.linalg.norm(vertices - sides[:, None], axis=2).argmin(axis=1)
+    above = vertices[taken] * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.15]
+    for _ in go(env, above, (False, False)):
+        pass
+    down = target.vertices()[taken]
+    down[:, 2] = actor.limits[0][2]
+    for _ in go(env, down, (False, False)):
+        pass
+    fingers = env.physics.data.qpos[actor._fingers_at]
+    np.testing.assert_allclose(fingers, actor.arm.finger_range[1], atol=1e-3)
+    rest = actor.commanded_positions()
+    for _ in range(3):
+        env.step(np.tile([0.0, 0.0, 0.0, 1.0], 2))
+    assert np.all(actor.held >= 0) and actor.held[0] != actor.held[1]
+    gap = np.linalg.norm(target.vertices()[actor.held] - vertices[taken], axis=1)
+    assert np.all(gap < actor.pick_distance + 0.01)
+    assert env.physics.data.qpos[actor._fingers_at].max() < 0.002  # Closed.
+    assert distance_to_target(env).max() < 0.002
+    held = actor.held
+    lift, carry = np.array([0.0, 0.0, 0.2]), np.array([0.15, 0.0, 0.2])
+    gaps, move = [], actor.move
+
+    def observed_move(fraction, timestep):
+        gaps.append(distance_to_target(env))
+        move(fraction, timestep)
+
+    with mock.patch.object(actor, "move", observed_move):  # In every physics step.
+        for goal in (rest + lift, rest + carry):
+            for _ in go(env, goal, (True, True)):
+                np.testing.assert_array_equal(actor.held, held)
+    assert len(gaps) > 50
+    assert np.mean(gaps) < 0.001
+    assert np.quantile(gaps, 0.95) < 0.002
+    assert np.max(gaps) < 0.006  # When a motion sets in.
+    for _ in range(6):
+        env.step(np.tile([0.0, 0.0, 0.0, -1.0], 2))
+    assert np.all(actor.held == -1)
+    assert env.info()["dropped"] == 2
+    np.testing.assert_array_equal(env.physics.model.dof_M0, mass)
+    fallen = actor.positions()[:, 2] - target.vertices()[held][:, 2]
+    assert fallen.min() > 0.1
+    np.testing.assert_allclose(
+        env.physics.data.qpos[actor._fingers_at], actor.arm.finger_range[1], atol=1e-3
+    )
+
+
+@cases
+def test_random_episodes_are_clean(case):
+    env = make(case, observation="reduced", horizon=1000)
+    env.reset(805)
+    model, data = env.physics.model.ptr, env.physics.data.ptr
+    actor = env.task.actor
+    pairs = list(itertools.product(shapes(env, 0), shapes(env, 1)))
+    pads = [[model.geom(f"arms/{actor.arm.name}_{i}/{pad}").id for pad in actor.arm.pad_geoms]
+            for i in (0, 1)]  # fmt: skip
+    fromto = np.empty(6)
+    nearest = lowest = np.inf
+    random = np.random.default_rng(0)
+    for i in range(60):
+        if i % 5 == 0:
+            action = np.clip(random.uniform(-1.5, 1.5, 8), -1, 1)
+        if i % 20 == 0:
+            action[[0, 1, 4, 5]] = 0.0, 1.0, 0.0, -1.0  # Head-on.
+        env.step(action)
+        mujoco.mj_kinematics(model, data)
+        for a, b in pairs:
+            nearest = min(nearest, mujoco.mj_geomDistance(model, data, a, b, 1.0, fromto))
+        boxes = np.ravel(pads)
+        height = np.abs(data.geom_xmat[boxes].reshape(-1, 3, 3)[:, 2]) * model.geom_size[boxes]
+        lowest = min(lowest, (data.geom_xpos[boxes][:, 2] - height.sum(axis=1)).min())
+        assert np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()
+    assert nearest > 0.02
+    assert lowest > -0.005
+    assert sum(warning.number for warning in data.warning) == 0
+    assert env.info()["ik_failures"] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("task", [task for task in FLEX_TASKS if "drop" not in task])
+def test_whole_random_episodes_are_clean(task, arm):
+    env = make(f"{task}/{arm}", observation="reduced")
+    for variation in (801, 802):
+        env.reset(variation)
+        for action in actions(env, env.horizon, seed=variation):
+            env.step(action)
+        assert np.isfinite(env.physics.data.qpos).all()
+        assert sum(warning.number for warning in env.physics.data.warning) == 0
+        assert env.info()["ik_failures"] == 0
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_one_arm_acts_alone(arm):
+    env = make(f"straighten_rope/{arm}", num_pickers=1, observation=["reduced", "full"])
+    step = env.reset(800)
+    assert env.action_spec().shape == (4,)
+    assert step.observation["reduced"].shape == (33,)
+    start = env.task.actor.positions()[0]
+    for _ in range(5):
+        step = env.step(np.array([0.5, 0.0, 0.5, -1.0]))
+    for _ in range(5):
+        step = env.step(np.array([0.0, 0.0, 0.0, -1.0]))
+    moved = step.observation["reduced"][-3:] - start
+    np.testing.assert_allclose(moved, [0.2, 0.0, 0.2], atol=0.002)
+    with pytest.raises(OutOfRangeError, match="num_pickers"):
+        make(f"straighten_rope/{arm}", num_pickers=3)

@@ -14,6 +14,7 @@ from softgym_mj.robots.stands import Stand
 # [s] Damping over stiffness of the servos in a scene. The models have 0.05, with which a servo at
 # its torque limit flutters at steps of 10 ms: its damping then counts as explicit.
 DAMPING = 0.015
+FLOOR = "floor"  # Geom of the kinematic model.
 
 
 def names(arm: ArmModel, number: int) -> tuple[str, ...]:
@@ -41,8 +42,9 @@ def add_arms(root: mjcf.RootElement, arm: ArmModel, stands: Sequence[Stand]) -> 
 
 
 def kinematic_model(arm: ArmModel, stands: Sequence[Stand]) -> mujoco.MjModel:
-    """The arms alone: seven joints each, and of their shapes what can meet another arm."""
+    """The arms alone: seven joints each, and of their shapes what may meet; and the floor."""
     root = mjcf.RootElement(model="kinematics")
+    root.worldbody.add("geom", name=FLOOR, type="plane", size=[1.0, 1.0, 1.0])
     for name, stand in zip(names(arm, len(stands)), stands, strict=True):
         model = _load(arm, name)
         fingers = [model.find("joint", finger) for finger in arm.finger_joints]

@@ -26,11 +26,11 @@ PICK_DISTANCE = 0.03
 DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
 TIP_CLEARANCE = 0.015  # [m] Of the finger tips over the floor, of which a jerk may take it all.
 SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
-# Distance [m] of the bases from the middle; least and largest of the tools from their base's axis.
-# Measured with the tool down, heights of 0.02 to 0.45 m, up to 80 degrees to a side: a Franka gets
-# to within 8 mm from 0.2 to 0.8 m, a Sawyer to within 12 mm from 0.15 to 0.95 m. What is nearer
-# than 0.25 m is in the way of the elbow.
-PLACES = {"franka": (0.65, 0.25, 0.78), "sawyer": (0.75, 0.25, 0.9)}
+# Distance [m] of the bases from the middle; `inner` and `outer` of their stands. Measured with the
+# tool down, up to 80 degrees to a side: a Franka gets to within 1 mm up to 0.8 m from its axis at
+# heights of 0.02 to 0.2 m, 0.72 m at 0.45 m; a Sawyer up to 0.9 m, 0.8 m. What is nearer than
+# 0.25 m is in the way of the elbow; under 0.3 m, the elbow of a Franka jumps.
+PLACES = {"franka": (0.65, 0.3, 0.78), "sawyer": (0.7, 0.25, 0.85)}
 START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
 # [m/s^2] Commands may jump from -1 m/s to 1 m/s; what the arms follow speeds up and slows down by
 # this at most, which their torques can do.
@@ -87,6 +87,7 @@ class Arms(composer.Entity, Gripper):
             np.tile(arm_bodies.home(arm), num_arms),
             {f"{prefix}/{joint}": limit for joint, limit in limits for prefix in names},
             arm_bodies.outer_geoms(model, names),
+            model.geom(arm_bodies.FLOOR).id,
         )
         self._kinematics, self._posture = model, mujoco.MjData(model)
         self._sites = [model.site(tool).id for tool in self._tools]
@@ -262,6 +263,7 @@ class Arms(composer.Entity, Gripper):
             offsets = self._holding.offsets
             distance = np.maximum(np.sqrt(np.vecdot(offsets, offsets)), 1e-9)[:, None]
             offsets *= np.maximum(1.0 - DRAW_SPEED * timestep / distance, 0.0)
+            # Where the tools will be, but for what the joints speed up: 1 to 3 mm in a jerk.
             tools = self.positions() + timestep * self._velocities()
             self._holding.drive(tools, timestep)
 

@@ -17,12 +17,14 @@ PERIOD = 0.02  # [s] From one solution to the next: 50 Hz.
 # Costs of the tasks [1/m, 1/rad]. A firm orientation makes a Panda jump near singular poses.
 POSITION_COST, ORIENTATION_COST = 1.0, 0.05
 POSTURE_COST = 1e-3  # With 3e-3, arms stop 1 cm short where they are stretched out.
-DAMPING, TASK_DAMPING = 1e-6, 1e-3
+# The second grows with the square of the error [1/m^2]: it calms arms that cannot get further.
+DAMPING, TASK_DAMPING = 1e-6, 10.0
 LIMIT_GAIN = 0.5  # Fraction of the way to a joint's limit that a solution may go.
 LIMIT_MARGIN = 1e-3  # [rad] Distance from the limits that a configuration keeps at least.
 # [m] Two arms keep this far apart (open fingers: 4 cm less), and slow down when they are within
 # `AWARE` of that: a solution may use up the fraction `APPROACH` of what is left.
 CLEARANCE, AWARE, APPROACH = 0.07, 0.1, 0.2
+FLOOR_CLEARANCE = 0.01  # [m] The same for what an arm keeps from the floor.
 # [m] How far a commanded point may be ahead of the reference's: further, it waits.
 LEAD = 0.03
 # A start is found in at most so many solutions of so many seconds, to this precision [m].
@@ -39,6 +41,7 @@ class CartesianController:
         home: np.ndarray,
         velocity_limits: Mapping[str, float],
         shapes: Sequence[Sequence[int]] = (),
+        floor: int | None = None,
     ):
         """Sets up the tasks; the tools keep the orientation that they have at home.
 
@@ -48,6 +51,7 @@ class CartesianController:
             home: configuration (nq,) [rad] that is kept where nothing else matters.
             velocity_limits: largest speed [rad/s] of each joint by name.
             shapes: geoms of each arm; those of two arms keep apart.
+            floor: geom that all of these keep away from.
         """
         low, high = model.jnt_range.T
         self._low, self._high = low + LIMIT_MARGIN, high - LIMIT_MARGIN
@@ -67,19 +71,23 @@ class CartesianController:
             mink.ConfigurationLimit(model, gain=LIMIT_GAIN),
             mink.VelocityLimit(model, dict(velocity_limits)),
         ]
+        if floor is not None:
+            self._keep_apart([shape for arm in shapes for shape in arm], [floor], FLOOR_CLEARANCE)
         if len(shapes) == 2:
-            first, second = shapes
-            self._limits.append(
-                mink.CollisionAvoidanceLimit(
-                    model,
-                    [(first, second)],
-                    gain=APPROACH * PERIOD,  # mink divides the gain by the period.
-                    minimum_distance_from_collisions=CLEARANCE,
-                    collision_detection_distance=CLEARANCE + AWARE,
-                )
-            )
+            self._keep_apart(shapes[0], shapes[1], CLEARANCE)
         self._velocity = np.zeros(model.nv)
         self._failures = 0
+
+    def _keep_apart(self, first: Sequence[int], second: Sequence[int], distance: float) -> None:
+        self._limits.append(
+            mink.CollisionAvoidanceLimit(
+                self._configuration.model,
+                [(first, second)],
+                gain=APPROACH * PERIOD,  # mink divides the gain by the period.
+                minimum_distance_from_collisions=distance,
+                collision_detection_distance=distance + AWARE,
+            )
+        )
 
     @property
     def home(self) -> np.ndarray:

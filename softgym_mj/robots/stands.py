@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+MIDDLE = 0.15  # [m] Height over the base at which an arm with its tool down reaches furthest.
 FORWARD = 0.05  # [m] Least distance of the tool in front of the base's axis.
 
 
@@ -15,7 +16,8 @@ class Stand:
     Attributes:
         base: middle of the mounting plane (3,) [m].
         yaw: direction that the arm faces, from +X towards +Y [rad].
-        inner, outer: the tool stays between these distances from the base's axis [m], in front.
+        inner: least distance of the tool from the base's axis [m]; it also stays in front.
+        outer: largest distance from the point of this axis that is `MIDDLE` above the base [m].
     """
 
     base: tuple[float, float, float]
@@ -29,7 +31,9 @@ class Stand:
         dx, dy = point[0] - self.base[0], point[1] - self.base[1]
         forward, left = max(cos * dx + sin * dy, FORWARD), cos * dy - sin * dx
         distance = math.hypot(forward, left)
-        scale = min(max(distance, self.inner), self.outer) / distance
+        rise = point[2] - self.base[2] - MIDDLE
+        outer = math.sqrt(max(self.outer**2 - rise**2, self.inner**2))
+        scale = min(max(distance, self.inner), outer) / distance
         forward, left = scale * forward, scale * left
         x, y = cos * forward - sin * left, sin * forward + cos * left
         return np.array([self.base[0] + x, self.base[1] + y, point[2]])

@@ -1,0 +1,228 @@
+"""Cartesian control of the arms against motions of known speed, at the tasks' physics steps."""
+
+import dataclasses
+import itertools
+import math
+
+import mink
+import mujoco
+import numpy as np
+import pytest
+
+from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.rope import Rope
+from softgym_mj.robots import arm_bodies, cartesian
+from softgym_mj.robots.arms import ACCELERATION, LEAD, PLACES, Arms
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.gripper import Workspace
+from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.stands import Stand, facing_each_other
+
+SPEED = 0.6  # [m/s] Largest of the motions.
+WORKSPACE = Workspace((-0.7, -0.7, 0.0), (0.7, 0.7, 0.5))
+# The box that the motions fill, in front of the base: forward, left, up [m].
+BOX = np.array([[0.3, -0.25, 0.03], [0.6, 0.25, 0.4]])
+
+arms_by_name = pytest.mark.parametrize("arm", ARMS)
+kinds = pytest.mark.parametrize("kind", ["cloth", "rope"])
+
+
+@dataclasses.dataclass
+class Scene:
+    """Arms in a scene with the solver and step of a task; the object lies out of reach."""
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    arms: Arms
+
+    @classmethod
+    def make(cls, kind: str, arm: str, number: int = 1) -> "Scene":
+        target = Cloth((20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
+        arena, arms = Arena("cloth"), Arms(ARMS[arm], number)
+        arena.attach(target)
+        arms.join(arena)
+        arms.manipulate(target)
+        physics = arena.compile(target.timestep, target, arms)
+        vertices = target.vertices() + [2.0, 0.0, 0.0]
+        vertices[:, 2] = target.radius
+        target.set_vertices(vertices)
+        return cls(physics.model.ptr, physics.data.ptr, arms)
+
+    def start(self, points: np.ndarray) -> None:
+        self.arms.place(np.reshape(points, (-1, 3)), WORKSPACE)
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, action: np.ndarray) -> None:
+        """One sim step with an action (num_arms, 4)."""
+        self.arms.command(np.clip(action, -1, 1).ravel())
+        self.arms.plan()
+        steps = round(SIM_STEP / self.model.opt.timestep)
+        for i in range(steps):
+            self.arms.move((i + 1) / steps, self.model.opt.timestep)
+            mujoco.mj_step(self.model, self.data)
+
+    def towards(self, points: np.ndarray, grip: float = -1.0) -> None:
+        """One sim step in which the commanded points go to `points` (num_arms, 3) if they can."""
+        way = (points - self.arms.commanded_positions()) / 0.01
+        self.step(np.column_stack([way, np.full(len(way), grip)]))
+
+    def torque(self) -> np.ndarray:
+        """What the motors deliver (n,) [N m]: after the step, as the servos are implicit."""
+        motors, arms = self.arms._motors, self.arms
+        kp, kv = self.model.actuator_gainprm[motors, 0], -self.model.actuator_biasprm[motors, 2]
+        gap = self.data.ctrl[motors] - self.data.qpos[arms._positions_at]
+        return kp * gap - kv * self.data.qvel[arms._speeds_at]
+
+
+def waypoints(seconds: float, distance: float) -> np.ndarray:
+    """Straight minimum-jerk ways between random points of the box (n, 3), one a sim step."""
+    random = np.random.default_rng(0)
+    points, rows = random.uniform(*BOX, (100, 3)), []
+    for start, end in itertools.pairwise(points):
+        # A minimum-jerk way has a peak speed of 1.875 times its mean speed.
+        steps = math.ceil(1.875 * np.linalg.norm(end - start) / SPEED / SIM_STEP)
+        s = (np.arange(steps) + 1.0)[:, None] / steps
+        rows.append(start + (10 * s**3 - 15 * s**4 + 6 * s**5) * (end - start))
+    return in_front(np.concatenate(rows)[: round(seconds / SIM_STEP)], distance)
+
+
+def lissajous(seconds: float, distance: float) -> np.ndarray:
+    """A closed curve that fills the box, at up to `SPEED` (n, 3), one point a sim step."""
+    time = np.arange(round(seconds / SIM_STEP))[:, None] * SIM_STEP
+    middle, half = BOX.mean(axis=0), (BOX[1] - BOX[0]) / 2
+    rate = np.array([1.5, 0.9, 1.2])
+    rate *= SPEED / np.linalg.norm(rate * half)
+    return in_front(middle + half * np.sin(rate * time + [0.0, 0.5, 1.0]), distance)
+
+
+def in_front(points: np.ndarray, distance: float) -> np.ndarray:
+    """Points in the frame of an arm that stands at -Y and faces +Y, in the world frame."""
+    forward, left, up = points.T
+    return np.column_stack([-left, forward - distance, up])
+
+
+@pytest.mark.parametrize("motion", [waypoints, lissajous])
+@kinds
+@arms_by_name
+def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
+    scene, data = Scene.make(kind, arm), ARMS[arm]
+    arms = scene.arms
+    path = motion(4.0, PLACES[arm][0])
+    speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / SIM_STEP
+    assert SPEED * 0.8 < speeds.max() < SPEED * 1.01
+    scene.start(path[0])
+    for _ in range(10):
+        scene.towards(path[:1])
+    low, high = scene.model.jnt_range[scene.model.actuator_trnid[arms._motors, 0]].T
+    errors, lags, torques, velocities = [], [], [], []
+    for point in path:
+        scene.towards(point[None])
+        tool = arms.positions()[0]
+        errors.append(np.linalg.norm(tool - arms.reference_positions()[0]))
+        lags.append(np.linalg.norm(tool - point))
+        torques.append(np.abs(scene.torque()) / data.torque_limits)
+        velocities.append(np.abs(arms._controller.velocity) / data.velocity_limits)
+        joints = scene.data.qpos[arms._positions_at]
+        assert np.all((low <= joints) & (joints <= high))
+    assert np.mean(errors) < 0.003
+    assert np.max(errors) < 0.015
+    # Behind the command by the way that it takes to come to rest.
+    assert np.max(lags) < SPEED**2 / (2 * ACCELERATION) + 0.015
+    assert np.max(torques) < 1.0
+    assert np.max(velocities) < 1.0 + 1e-6
+    assert arms.diagnostics()["ik_failures"] == 0
+    for _ in range(50):
+        scene.towards(path[-1:])
+    assert np.linalg.norm(arms.positions()[0] - path[-1]) < 0.001
+
+
+@arms_by_name
+def test_an_unreachable_command_saturates_and_recovers(arm):
+    scene = Scene.make("rope", arm)
+    start = in_front(np.array([[0.45, 0.0, 0.2]]), PLACES[arm][0])
+    scene.start(start)
+    low, high = scene.model.jnt_range[scene.model.actuator_trnid[scene.arms._motors, 0]].T
+    for direction in ([0.0, 1.0, 1.0], [1.0, 0.5, -1.0], [-1.0, -1.0, 1.0]):
+        for _ in range(150):
+            scene.step(np.array([[*direction, -1.0]]))
+            gap = scene.arms.positions() - scene.arms.commanded_positions()
+            assert np.linalg.norm(gap) < LEAD + cartesian.LEAD + 0.03
+        joints = scene.data.qpos[scene.arms._positions_at]
+        assert np.all((low <= joints) & (joints <= high))
+        for _ in range(200):
+            scene.towards(start)
+        assert np.linalg.norm(scene.arms.positions() - start) < 0.002
+    assert scene.arms.diagnostics()["ik_failures"] == 0
+
+
+@arms_by_name
+def test_the_start_is_where_it_is_wanted_and_at_rest(arm):
+    scene = Scene.make("rope", arm, 2)
+    distance = PLACES[arm][0]
+    first = np.random.default_rng(1).uniform(BOX[0], BOX[1] - [0.1, 0.0, 0.0], (5, 3))
+    for point in in_front(first, distance):
+        points = np.array([point, -point * [1.0, 1.0, -1.0]])
+        scene.start(points)
+        np.testing.assert_allclose(scene.arms.positions(), points, atol=5e-4)
+        for _ in range(20):
+            scene.step(np.tile([0.0, 0.0, 0.0, -1.0], (2, 1)))
+        np.testing.assert_allclose(scene.arms.positions(), points, atol=1e-3)
+        # The tools point down, to a degree.
+        down = scene.arms._posture.site_xmat[scene.arms._sites].reshape(-1, 3, 3)[:, 2, 2]
+        assert np.all(down < -math.cos(math.radians(2.0)))
+
+
+def test_without_a_solution_the_reference_stands_still(monkeypatch):
+    scene = Scene.make("rope", "franka")
+    scene.start(np.array([0.0, -0.2, 0.3]))
+    scene.towards(np.array([[0.1, -0.2, 0.3]]))
+    before = scene.arms._controller.configuration
+
+    def fail(*args, **kwargs):
+        raise mink.NoSolutionFound("daqp")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(mink, "solve_ik", fail)
+        for _ in range(4):
+            scene.towards(np.array([[0.1, -0.2, 0.3]]))
+    np.testing.assert_array_equal(scene.arms._controller.configuration, before)
+    assert scene.arms.diagnostics()["ik_failures"] == 2
+    for _ in range(100):
+        scene.towards(np.array([[0.1, -0.2, 0.3]]))
+    np.testing.assert_allclose(scene.arms.positions()[0], [0.1, -0.2, 0.3], atol=1e-3)
+
+
+def test_the_controller_clips_what_is_outside_the_limits():
+    arm = ARMS["franka"]
+    model = arm_bodies.kinematic_model(arm, [Stand((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
+    limits = {f"franka_0/{j}": v for j, v in zip(arm.arm_joints, arm.velocity_limits, strict=True)}
+    controller = cartesian.CartesianController(
+        model, ["franka_0/tcp"], arm_bodies.home(arm), limits
+    )
+    state = controller.get_state()
+    controller._place(model.jnt_range[:, 1] + 0.1)
+    assert np.all(controller.configuration < model.jnt_range[:, 1])
+    controller.follow(np.array([[0.5, 0.0, 0.3]]))
+    assert controller.failures == 0
+    controller.set_state(state)
+    np.testing.assert_array_equal(controller.configuration, arm_bodies.home(arm))
+
+
+def test_stands_clip_to_half_a_ring():
+    (stand,) = facing_each_other(1, 0.6, 0.25, 0.75)
+    # In front of the base at (0, -0.6), nearer than 0.25 m, further than 0.75 m, behind it, above.
+    np.testing.assert_allclose(stand.clip(np.array([0.1, -0.1, 0.3])), [0.1, -0.1, 0.3])
+    np.testing.assert_allclose(stand.clip(np.array([0.0, -0.5, 0.3])), [0.0, -0.35, 0.3])
+    np.testing.assert_allclose(
+        stand.clip(np.array([0.6, 0.2, 0.15])), [0.45, 0.0, 0.15], atol=1e-12
+    )
+    behind = stand.clip(np.array([0.5, -1.0, 0.3]))
+    assert math.dist(behind[:2], (0.0, -0.6)) == pytest.approx(math.hypot(0.5, 0.05))
+    assert behind[1] > -0.6
+    above = stand.clip(np.array([0.0, 0.6, 0.6]))
+    np.testing.assert_allclose(above, [0.0, 0.0, 0.6], atol=1e-12)  # 0.6 along, 0.45 up.
+    mirrored = facing_each_other(2, 0.6, 0.25, 0.75)[1]
+    np.testing.assert_allclose(
+        mirrored.clip(np.array([-0.6, -0.2, 0.15])), [-0.45, 0.0, 0.15], atol=1e-12
+    )
