@@ -42,7 +42,7 @@ def add_arms(root: mjcf.RootElement, arm: ArmModel, stands: Sequence[Stand]) -> 
 
 
 def kinematic_model(arm: ArmModel, stands: Sequence[Stand]) -> mujoco.MjModel:
-    """The arms alone: seven joints each, and of their shapes what may meet; and the floor."""
+    """The arms alone, with open fingers: seven joints each, what may meet, and the floor."""
     root = mjcf.RootElement(model="kinematics")
     root.worldbody.add("geom", name=FLOOR, type="plane", size=[1.0, 1.0, 1.0])
     for name, stand in zip(names(arm, len(stands)), stands, strict=True):
@@ -57,6 +57,8 @@ def kinematic_model(arm: ArmModel, stands: Sequence[Stand]) -> mujoco.MjModel:
         for kind in ("actuator", "equality"):
             for element in model.find_all(kind):
                 element.remove()
+        for finger in fingers:
+            _open(finger, arm.finger_range[1])
         for element in [*fingers, *model.asset.mesh]:
             element.remove()
         _attach(root, model, stand)
@@ -116,6 +118,15 @@ def _load(arm: ArmModel, name: str) -> mjcf.RootElement:
     model.model = name
     model.keyframe.remove()  # It holds for this model alone: a scene has more coordinates.
     return model
+
+
+def _open(finger: mjcf.Element, position: float) -> None:
+    """Moves the body of a slide to where the slide is at `position` [m]."""
+    body, way = finger.parent, np.zeros(3)
+    axis = finger.dclass.joint.axis if finger.axis is None else finger.axis
+    quaternion = np.array([1.0, 0.0, 0.0, 0.0] if body.quat is None else body.quat)
+    mujoco.mju_rotVecQuat(way, position * axis, quaternion)
+    body.pos = body.pos + way
 
 
 def _attach(root: mjcf.RootElement, model: mjcf.RootElement, stand: Stand) -> None:

@@ -29,8 +29,9 @@ SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the con
 # Distance [m] of the bases from the middle; `inner` and `outer` of their stands. Measured with the
 # tool down, up to 80 degrees to a side: a Franka gets to within 1 mm up to 0.8 m from its axis at
 # heights of 0.02 to 0.2 m, 0.72 m at 0.45 m; a Sawyer up to 0.9 m, 0.8 m. What is nearer than
-# 0.25 m is in the way of the elbow; under 0.3 m, the elbow of a Franka jumps.
-PLACES = {"franka": (0.65, 0.3, 0.78), "sawyer": (0.7, 0.25, 0.85)}
+# 0.25 m is in the way of the elbow, which jumps in a Franka. From 0.7 m, all four corners of flat
+# cloths are in reach in more than nine of ten variations.
+PLACES = {"franka": (0.7, 0.28, 0.78), "sawyer": (0.7, 0.25, 0.85)}
 START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
 # [m/s^2] Commands may jump from -1 m/s to 1 m/s; what the arms follow speeds up and slows down by
 # this at most, which their torques can do.
@@ -115,6 +116,11 @@ class Arms(composer.Entity, Gripper):
     def stands(self) -> tuple[Stand, ...]:
         """Where each arm stands."""
         return self._stands
+
+    @property
+    def controller(self) -> CartesianController:
+        """What leads the joints."""
+        return self._controller
 
     @property
     def num_grippers(self) -> int:

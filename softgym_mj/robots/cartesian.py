@@ -21,9 +21,9 @@ POSTURE_COST = 1e-3  # With 3e-3, arms stop 1 cm short where they are stretched 
 DAMPING, TASK_DAMPING = 1e-6, 10.0
 LIMIT_GAIN = 0.5  # Fraction of the way to a joint's limit that a solution may go.
 LIMIT_MARGIN = 1e-3  # [rad] Distance from the limits that a configuration keeps at least.
-# [m] Two arms keep this far apart (open fingers: 4 cm less), and slow down when they are within
-# `AWARE` of that: a solution may use up the fraction `APPROACH` of what is left.
-CLEARANCE, AWARE, APPROACH = 0.07, 0.1, 0.2
+# [m] Two arms keep this far apart, and slow down when they are within `AWARE` of that: a solution
+# may use up the fraction `APPROACH` of what is left.
+CLEARANCE, AWARE, APPROACH = 0.06, 0.1, 0.2
 FLOOR_CLEARANCE = 0.01  # [m] The same for what an arm keeps from the floor.
 # [m] How far a commanded point may be ahead of the reference's: further, it waits.
 LEAD = 0.03
