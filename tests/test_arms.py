@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import OutOfRangeError, SnapshotError
 from softgym_mj.robots.models import ARMS
 from tests import test_contract, test_snapshots
 from tests.test_contract import FLEX_TASKS, actions, make
@@ -57,6 +57,13 @@ def test_the_contract_of_every_task_holds(case):
 @cases
 def test_a_restore_continues_bit_equal(case):
     test_snapshots.test_a_restore_continues_bit_equal(case)
+
+
+def test_a_snapshot_of_other_arms_is_refused():
+    env = make("straighten_rope/franka")
+    env.reset(800)
+    with pytest.raises(SnapshotError, match="actor"):
+        make("straighten_rope/sawyer").set_state(env.get_state())
 
 
 @cases

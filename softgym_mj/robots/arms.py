@@ -24,6 +24,7 @@ from softgym_mj.robots.stands import Stand, facing_each_other
 # [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
 PICK_DISTANCE = 0.03
 DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
+OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
 TIP_CLEARANCE = 0.015  # [m] Of the finger tips over the floor, of which a jerk may take it all.
 SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
 # Distance [m] of the bases from the middle; `inner` and `outer` of their stands. Measured with the
@@ -97,6 +98,7 @@ class Arms(composer.Entity, Gripper):
         self._guide = np.zeros((num_arms, 3))  # What the controller follows [m],
         self._step = np.zeros((num_arms, 3))  # and its displacement in the current sim step [m].
         self._phase = 0  # Sim steps since the controller's last solution.
+        self._solid = np.ones(num_arms, bool)  # Whether the fingers push the object.
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     @property
@@ -189,6 +191,7 @@ class Arms(composer.Entity, Gripper):
         self._centre = self._controller.within_lead(self._centre)
         self._guide = self._centre.copy()
         self._step[:] = 0.0
+        self._solid[:] = True
         self._phase = SOLVE_EVERY - 1  # The next sim step begins with a solution.
         data = self._data
         data.qpos[self._positions_at] = self._controller.configuration
@@ -229,7 +232,7 @@ class Arms(composer.Entity, Gripper):
         for i, grip in enumerate(self._grips):
             if grip and held[i] < 0:
                 self._holding.pick(i, tools[i], PICK_DISTANCE)
-        self._grip()
+        self._grip(tools)
         self._phase = (self._phase + 1) % SOLVE_EVERY
         if self._phase == 0:
             # The guide is taken to go on as it does until the controller's next solution.
@@ -253,14 +256,22 @@ class Arms(composer.Entity, Gripper):
         self._step = guide - self._guide
         self._guide = guide
 
-    def _grip(self) -> None:
-        """Commands the fingers. Only open ones are solid: closed ones would squeeze the cloth."""
+    def _grip(self, tools: np.ndarray) -> None:
+        """Commands the fingers, with the tool points (num_arms, 3) [m] at `tools`.
+
+        Closing fingers are not solid, as they would squeeze the object out; they are so again when
+        they have opened and what they have let go of is out of their way.
+        """
         closed, opened = self._arm.finger_commands
         half = sum(self._arm.finger_range) / 2
         for i, grip in enumerate(self._grips):
             self._data.ctrl[self._finger_motors[i]] = closed if grip else opened
-            solid = not grip and self._data.qpos[self._fingers_at[i]].min() > half
-            self._model.geom_contype[self._pads[i]] = GRIPPER_CONTACT if solid else 0
+            if grip:
+                self._solid[i] = False
+            elif not self._solid[i] and self._data.qpos[self._fingers_at[i]].min() > half:
+                offsets = self._target.offsets(tools[i])
+                self._solid[i] = np.vecdot(offsets, offsets).min() > OUT_OF_THE_WAY**2
+            self._model.geom_contype[self._pads[i]] = GRIPPER_CONTACT if self._solid[i] else 0
 
     def move(self, fraction: float, timestep: float) -> None:
         way = (self._phase + fraction) / SOLVE_EVERY
@@ -318,6 +329,7 @@ class Arms(composer.Entity, Gripper):
             "guide": np.array([self._guide, self._step]),
             "workspace": np.array([self._workspace.low, self._workspace.high]),
             "phase": np.array(self._phase),
+            "solid": self._solid.copy(),
             "servo": np.array([self._start, self._goal]),
         }
 
@@ -329,7 +341,16 @@ class Arms(composer.Entity, Gripper):
         low, high = state["workspace"]
         self._set_workspace(Workspace(tuple(low), tuple(high)))
         self._phase = int(state["phase"])
+        self._solid = state["solid"].copy()
         self._start, self._goal = state["servo"].copy()
+
+
+class FrankaArms(Arms):
+    """Arms of Franka: snapshots know actors by their class."""
+
+
+class SawyerArms(Arms):
+    """Arms of Sawyer."""
 
 
 def drawn_in(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:

@@ -35,9 +35,10 @@ def make_gripper(actor: str, kind: str, num_grippers: int | None) -> Gripper:
     if num_grippers is None:
         num_grippers = 1 if actor == "pixel_pick_and_place" else 2
     if actor in ARMS:
-        from softgym_mj.robots.arms import Arms
+        from softgym_mj.robots import arms  # mink takes a quarter of a second to import.
 
-        return Arms(ARMS[actor], num_grippers)
+        kinds = {"franka": arms.FrankaArms, "sawyer": arms.SawyerArms}
+        return kinds[actor](ARMS[actor], num_grippers)
     return PICKERS[actor](geometry=_GEOMETRY[kind], num_pickers=num_grippers)
 
 
