@@ -79,7 +79,7 @@ def demo(
         pathlib.Path, typer.Option(help="Folder for videos and pictures.")
     ] = pathlib.Path("demo"),
     size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = 480,
-    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 814,
+    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
 ) -> None:
     """Plays every task with its scripted policy; writes a video and a picture of each.
 
