@@ -67,6 +67,10 @@ class Gripper(Actor):
     def positions(self) -> np.ndarray:
         """Gripper centres (num_grippers, 3) [m]."""
 
+    def commanded_positions(self) -> np.ndarray:
+        """Where the grippers are told to be (num_grippers, 3) [m]; they may lag behind."""
+        return self.positions()
+
     @property
     @abc.abstractmethod
     def held(self) -> np.ndarray:

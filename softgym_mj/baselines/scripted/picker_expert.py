@@ -49,7 +49,8 @@ class PickerExpert(Expert):
 
     def _step(self, goals: np.ndarray, grips: Sequence[bool], speed: float = 1.0) -> np.ndarray:
         """Action (8,) that moves the pickers straight towards `goals` (2, 3) [m] at `speed`."""
-        delta = (np.clip(goals, *self._actor.limits) - self._actor.positions()) / self._stride
+        commanded = self._actor.commanded_positions()
+        delta = (np.clip(goals, *self._actor.limits) - commanded) / self._stride
         delta *= speed / max(np.abs(delta).max(), speed)
         return np.column_stack([delta, np.where(grips, 1.0, -1.0)]).ravel()
 
@@ -67,7 +68,7 @@ class PickerExpert(Expert):
 
     def _rest(self, grips) -> np.ndarray:
         """Action that stays in place."""
-        return self._step(self._actor.positions(), grips)
+        return self._step(self._actor.commanded_positions(), grips)
 
     def _matched(self, vertices: Sequence[int]) -> list[int]:
         """Two vertices in the order of the pickers that reaches them on the shorter ways."""
