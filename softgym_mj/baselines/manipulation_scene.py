@@ -10,7 +10,8 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace
-from softgym_mj.robots.picker import MAX_DISPLACEMENT, Picker
+from softgym_mj.robots.holding import MAX_DISPLACEMENT
+from softgym_mj.robots.picker import Picker
 
 _WORKSPACE = Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5))
 _GRIP_HEIGHT = 0.055  # Picker centre above the vertex it takes [m]: the sphere just touches it.

@@ -8,17 +8,16 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from dm_control import composer, mjcf
+from dm_control import mjcf
 
-from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
+from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.exceptions import check_count
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cartesian import PERIOD, CartesianController
-from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.robots.holding import Holding
+from softgym_mj.robots.gripper import Workspace
+from softgym_mj.robots.holding import Holding, HoldingGripper
 from softgym_mj.robots.models import ARMS, ArmModel
-from softgym_mj.robots.picker import MAX_DISPLACEMENT
 from softgym_mj.robots.stands import Stand, facing_each_other
 
 # [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
@@ -41,7 +40,7 @@ SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacemen
 LEAD = 0.06  # [m] By which the commanded point may be ahead of what the arm follows.
 
 
-class Arms(composer.Entity, Gripper):
+class Arms(HoldingGripper):
     """One or two arms of a kind that hold vertices of an object.
 
     The action is that of pickers: (dx, dy, dz) of the commanded tool point and grip. A commanded
@@ -102,14 +101,6 @@ class Arms(composer.Entity, Gripper):
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     @property
-    def mjcf_model(self) -> mjcf.RootElement:
-        return self._mjcf_root
-
-    @property
-    def model_names(self) -> tuple[str, ...]:
-        return (self._mjcf_root.model,)
-
-    @property
     def arm(self) -> ArmModel:
         """The kind of arm."""
         return self._arm
@@ -125,33 +116,9 @@ class Arms(composer.Entity, Gripper):
         return self._controller
 
     @property
-    def num_grippers(self) -> int:
-        return len(self._stands)
-
-    @property
-    def action_size(self) -> int:
-        return 4 * len(self._stands)
-
-    @property
     def pick_distance(self) -> float:
         """Largest distance [m] between a tool point and a vertex that the hand can take."""
         return PICK_DISTANCE
-
-    @property
-    def held(self) -> np.ndarray:
-        return np.array(self._holding.vertices)
-
-    @property
-    def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest tool point (3,) [m]; an arm's reach may end before."""
-        return self._low, self._high
-
-    def join(self, arena: composer.Arena) -> None:
-        arena.attach(self)
-
-    def manipulate(self, target: Flex) -> None:
-        self._target = target
-        self._holding.manipulate(target)
 
     def after_compile(self, physics, random_state):
         self._model, self._data = physics.model.ptr, physics.data.ptr
@@ -216,11 +183,6 @@ class Arms(composer.Entity, Gripper):
             self._data.ctrl[self._finger_motors[i]] = self._arm.finger_commands[0]
 
     # ------------------------------------------------------------------ motion
-
-    def command(self, action: np.ndarray) -> None:
-        action = action.reshape(-1, 4)
-        self._displacement = MAX_DISPLACEMENT * action[:, :3]
-        self._grips = (action[:, 3] > 0.0).tolist()
 
     def plan(self) -> None:
         held = self._holding.vertices
@@ -315,7 +277,6 @@ class Arms(composer.Entity, Gripper):
     def diagnostics(self) -> dict[str, float | int]:
         return {
             **super().diagnostics(),
-            "dropped": self._holding.dropped,
             "ik_failures": self._controller.failures,
         }
 

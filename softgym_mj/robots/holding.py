@@ -1,8 +1,12 @@
 """`Holding`: the vertices of a flex that grippers hold, shared by pickers and arms."""
 
 import numpy as np
+from dm_control import composer, mjcf
 
 from softgym_mj.entities.flex import Flex
+from softgym_mj.robots.gripper import Gripper
+
+MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 
 
 class Holding:
@@ -86,3 +90,55 @@ class Holding:
         for vertex in self.vertices:
             if vertex >= 0:
                 self._target.hold(vertex)
+
+
+class HoldingGripper(composer.Entity, Gripper):
+    """Grippers in a model of their own that move by displacement within `limits` and hold vertices.
+
+    A subclass's `_build` sets `_mjcf_root` and `_holding`; its `place` sets `_low` and `_high`.
+    """
+
+    _mjcf_root: mjcf.RootElement
+    _holding: Holding
+    _low: np.ndarray
+    _high: np.ndarray
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        return (self._mjcf_root.model,)
+
+    @property
+    def num_grippers(self) -> int:
+        return len(self._holding.vertices)
+
+    @property
+    def action_size(self) -> int:
+        return 4 * self.num_grippers
+
+    @property
+    def held(self) -> np.ndarray:
+        return np.array(self._holding.vertices)
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest gripper centre (3,) [m]."""
+        return self._low, self._high
+
+    def join(self, arena: composer.Arena) -> None:
+        arena.attach(self)
+
+    def manipulate(self, target: Flex) -> None:
+        self._target = target
+        self._holding.manipulate(target)
+
+    def command(self, action: np.ndarray) -> None:
+        action = action.reshape(-1, 4)
+        self._displacement = MAX_DISPLACEMENT * action[:, :3]
+        self._grips = (action[:, 3] > 0.0).tolist()
+
+    def diagnostics(self) -> dict[str, float | int]:
+        return {**super().diagnostics(), "dropped": self._holding.dropped}

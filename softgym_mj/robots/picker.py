@@ -4,14 +4,13 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from dm_control import composer, mjcf
+from dm_control import mjcf
 
-from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex, slide_views
+from softgym_mj.entities.flex import GRIPPER_CONTACT, slide_views
 from softgym_mj.exceptions import check_count
-from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.robots.holding import Holding
+from softgym_mj.robots.gripper import Workspace
+from softgym_mj.robots.holding import Holding, HoldingGripper
 
-MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 # [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
 # standing still: it runs through a rope instead of pushing it). This mass makes the recoil of a
 # contact of 10 N shift a picker by 0.1 mm in a step, which the next step makes good.
@@ -43,7 +42,7 @@ CLOTH_GEOMETRY = Geometry(0.05, 0.06125, friction=0.75)
 ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0, solref=(0.01, 1.0), solimp=(0.95, 0.99, 0.001))
 
 
-class Picker(composer.Entity, Gripper):
+class Picker(HoldingGripper):
     """Any number of pickers with the semantics of SoftGym (facts 2.4).
 
     In a sim step, every picker whose grip is off first releases what it holds. Then, in order,
@@ -95,22 +94,6 @@ class Picker(composer.Entity, Gripper):
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     @property
-    def mjcf_model(self) -> mjcf.RootElement:
-        return self._mjcf_root
-
-    @property
-    def model_names(self) -> tuple[str, ...]:
-        return (self._mjcf_root.model,)
-
-    @property
-    def num_grippers(self) -> int:
-        return len(self._centre)
-
-    @property
-    def action_size(self) -> int:
-        return 4 * len(self._centre)
-
-    @property
     def radius(self) -> float:
         """Sphere radius [m]."""
         return self._radius
@@ -119,22 +102,6 @@ class Picker(composer.Entity, Gripper):
     def pick_distance(self) -> float:
         """Largest distance [m] between a picker's centre and a vertex it can take."""
         return self._pick_distance
-
-    @property
-    def held(self) -> np.ndarray:
-        return np.array(self._holding.vertices)
-
-    @property
-    def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest picker centre (3,) [m]: the workspace less the radius."""
-        return self._low, self._high
-
-    def join(self, arena: composer.Arena) -> None:
-        arena.attach(self)
-
-    def manipulate(self, target: Flex) -> None:
-        self._target = target
-        self._holding.manipulate(target)
 
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
@@ -163,11 +130,6 @@ class Picker(composer.Entity, Gripper):
         self._workspace = workspace
         self._low = np.asarray(workspace.low) + self._radius
         self._high = np.asarray(workspace.high) - self._radius
-
-    def command(self, action: np.ndarray) -> None:
-        action = action.reshape(-1, 4)
-        self._displacement = MAX_DISPLACEMENT * action[:, :3]
-        self._grips = (action[:, 3] > 0.0).tolist()
 
     def plan(self) -> None:
         holding = self._holding
@@ -203,9 +165,6 @@ class Picker(composer.Entity, Gripper):
 
     def positions(self) -> np.ndarray:
         return self._centre.copy()
-
-    def diagnostics(self) -> dict[str, float | int]:
-        return {**super().diagnostics(), "dropped": self._holding.dropped}
 
     def get_state(self) -> dict[str, np.ndarray]:
         return {

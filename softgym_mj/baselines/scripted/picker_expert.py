@@ -7,7 +7,7 @@ import numpy as np
 from softgym_mj.baselines.scripted.expert import Expert
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError
-from softgym_mj.robots.picker import MAX_DISPLACEMENT
+from softgym_mj.robots.holding import MAX_DISPLACEMENT
 
 OPEN, CLOSED = (False, False), (True, True)  # Grips of the two pickers.
 ARRIVED = 0.003  # [m] Distance along every axis at which a goal counts as reached.
