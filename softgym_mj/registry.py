@@ -3,6 +3,7 @@
 import dataclasses
 import importlib
 import inspect
+import typing
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -47,8 +48,15 @@ class TaskRecord:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """Names of the constructor's keyword arguments."""
-        return tuple(inspect.signature(self.resolve()).parameters)
+        """Names of the constructor's keyword arguments, those of the actor included."""
+        names: list[str] = []
+        for parameter in inspect.signature(self.resolve()).parameters.values():
+            if parameter.kind is inspect.Parameter.VAR_KEYWORD:
+                (settings,) = typing.get_args(parameter.annotation)  # Unpack[...] of these.
+                names += typing.get_type_hints(settings)
+            else:
+                names.append(parameter.name)
+        return tuple(names)
 
     def build(self, **task_kwargs) -> "DeformableTask":
         """Builds the task; an unknown keyword argument is an `UnknownNameError`."""

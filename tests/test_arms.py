@@ -168,16 +168,16 @@ def test_whole_random_episodes_are_clean(task, arm):
 
 @pytest.mark.parametrize("arm", ARMS)
 def test_one_arm_acts_alone(arm):
-    env = make(f"straighten_rope/{arm}", num_pickers=1, observation=["reduced", "full"])
+    env = make(f"straighten_rope/{arm}", arms=1, observation=["reduced", "full"])
     step = env.reset(800)
     assert env.action_spec().shape == (4,)
-    assert step.observation["reduced"].shape == (33,)
+    assert step.observation["reduced"].shape == (30 + 22,)
     start = env.task.actor.positions()[0]
     for _ in range(5):
         step = env.step(np.array([0.5, 0.0, 0.5, -1.0]))
     for _ in range(5):
         step = env.step(np.array([0.0, 0.0, 0.0, -1.0]))
-    moved = step.observation["reduced"][-3:] - start
+    moved = step.observation["reduced"][30:33] - start
     np.testing.assert_allclose(moved, [0.2, 0.0, 0.2], atol=0.002)
-    with pytest.raises(OutOfRangeError, match="num_pickers"):
-        make(f"straighten_rope/{arm}", num_pickers=3)
+    with pytest.raises(OutOfRangeError, match="arms"):
+        make(f"straighten_rope/{arm}", arms=3)

@@ -27,10 +27,18 @@ CAMERAS = {
     "rope": CameraPose((0.0, 0.0, 0.85), (1.0, 0.0, 0.0, 0.0)),
     "cloth": CameraPose((0.0, -0.82, 0.82), (0.9239, 0.3827, 0.0, 0.0)),
     "cloth_drop": CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
+    # Ours: from the front, between arms on the floor or on pedestals.
+    "arms": CameraPose((1.15, 0.0, 1.2), (0.6515, 0.2749, 0.2749, 0.6515)),
+    "raised_arms": CameraPose((1.9, 0.0, 1.1), (0.5615, 0.4299, 0.4299, 0.5615)),
 }
 FIELD_OF_VIEW = 45.0  # Vertical [deg].
 # From the front right, looking at the middle.
 OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.7948, 0.4920, 0.1870, 0.3022))
+# The same from further away where arms have to be in view.
+FAR_OVERVIEWS = {
+    "arms": CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879)),
+    "raised_arms": CameraPose((1.6, -1.9, 1.6), (0.783, 0.5191, 0.1894, 0.2858)),
+}
 
 _SHIFTS = tuple(
     shifted(f"camera_{axis}", "m", 0.02, 0.1, f"shift of the task's camera along {axis.upper()}")
@@ -61,7 +69,8 @@ class Arena(composer.Arena):
         super()._build(name=name, xml_path=assets.path("arena.xml"))
         shift = np.array([middle, 0.0, 0.0])
         self._mjcf_root.find("light", "key").pos += shift
-        overview = dataclasses.replace(OVERVIEW, position=tuple(OVERVIEW.position + shift))
+        overview = FAR_OVERVIEWS.get(camera, OVERVIEW)
+        overview = dataclasses.replace(overview, position=tuple(overview.position + shift))
         for camera_name, pose in (("task", CAMERAS[camera]), ("overview", overview)):
             self._mjcf_root.worldbody.add(
                 "camera",

@@ -15,6 +15,7 @@ from softgym_mj.robots.stands import Stand
 # its torque limit flutters at steps of 10 ms: its damping then counts as explicit.
 DAMPING = 0.015
 FLOOR = "floor"  # Geom of the kinematic model.
+PEDESTAL, PEDESTAL_COLOR = 0.11, (0.25, 0.26, 0.28, 1.0)  # Radius [m] and colour: steel grey.
 
 
 def names(arm: ArmModel, number: int) -> tuple[str, ...]:
@@ -39,6 +40,12 @@ def add_arms(root: mjcf.RootElement, arm: ArmModel, stands: Sequence[Stand]) -> 
         for geom in hand_geoms(model, arm):
             geom.contype, geom.conaffinity, geom.condim, geom.priority = GRIPPER_CONTACT, 0, 3, 1
         _attach(root, model, stand)
+        height = stand.base[2]
+        if height > 0.0:
+            root.worldbody.add(
+                "geom", name=f"{name}_pedestal", type="cylinder", size=[PEDESTAL, height / 2],
+                pos=[*stand.base[:2], height / 2], rgba=PEDESTAL_COLOR, contype=0, conaffinity=0,
+            )  # fmt: skip
 
 
 def kinematic_model(arm: ArmModel, stands: Sequence[Stand]) -> mujoco.MjModel:

@@ -52,6 +52,8 @@ class Arms(HoldingGripper):
     object; closed fingers and the links of the arms pass through it.
     """
 
+    hold_height = 0.0
+
     def _build(
         self,
         arm: ArmModel = ARMS["franka"],
@@ -72,10 +74,11 @@ class Arms(HoldingGripper):
         Raises:
             OutOfRangeError: for another number of arms.
         """
-        check_count("num_pickers", num_arms, 1, 2)
+        check_count("arms", num_arms, 1, 2)
         if stands is None:
             stands = facing_each_other(num_arms, *PLACES[arm.name], height=base_height)
         self._arm, self._stands = arm, tuple(stands)
+        self.camera = "raised_arms" if base_height > 0.0 else "arms"
         self._mjcf_root = mjcf.RootElement(model=name)
         arm_bodies.add_arms(self._mjcf_root, arm, self._stands)
         names = arm_bodies.names(arm, num_arms)
@@ -148,6 +151,12 @@ class Arms(HoldingGripper):
         if self.num_grippers == 2:
             positions[:, 1] += [-START_OFFSET, START_OFFSET]
         return positions
+
+    def order(self, points: np.ndarray) -> list[int]:
+        """An arm reaches for what is on its side."""
+        if self.num_grippers == 1 or points[0, 1] <= points[1, 1]:
+            return list(range(len(points)))
+        return [1, 0]
 
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._holding.reset()
@@ -263,6 +272,26 @@ class Arms(HoldingGripper):
         """
         return self._guide.copy()
 
+    def proprioception(self) -> np.ndarray:
+        """What the arms sense of themselves (22 n,) for n arms.
+
+        The tool points (x, y, z each) [m]; then for each arm the quaternion (w, x, y, z) of its
+        tool, its opening [m], the seven joint positions [rad] and velocities [rad/s].
+        """
+        tools, data = self.positions(), self._data
+        parts = [tools.ravel()]
+        quaternion = np.empty(4)
+        for i, site in enumerate(self._sites):
+            mujoco.mju_mat2Quat(quaternion, self._posture.site_xmat[site])
+            seven = slice(7 * i, 7 * (i + 1))
+            parts += [
+                quaternion.copy(),
+                data.qpos[self._fingers_at[i]].sum(keepdims=True),
+                data.qpos[self._positions_at[seven]],
+                data.qvel[self._speeds_at[seven]],
+            ]
+        return np.concatenate(parts)
+
     def _velocities(self) -> np.ndarray:
         """Velocities (num_grippers, 3) [m/s] of the tool points, after `positions`."""
         mujoco.mj_comPos(self._kinematics, self._posture)
@@ -312,6 +341,9 @@ class FrankaArms(Arms):
 
 class SawyerArms(Arms):
     """Arms of Sawyer."""
+
+
+KINDS = {"franka": FrankaArms, "sawyer": SawyerArms}
 
 
 def drawn_in(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:

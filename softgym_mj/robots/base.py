@@ -20,6 +20,8 @@ class Actor(abc.ABC):
 
     # Env steps of an episode; None: as many as the task's record says.
     horizon: int | None = None
+    # Name of the camera that shows the task with this actor; None: the task's usual one.
+    camera: str | None = None
 
     @property
     def sim_steps(self) -> int | None:
@@ -54,6 +56,10 @@ class Actor(abc.ABC):
 
         At its end `fraction` (0..1] of the sim step has passed.
         """
+
+    def proprioception(self) -> np.ndarray:
+        """What the actor senses of itself (n,), part of the full and the reduced state."""
+        return np.zeros(0)
 
     @abc.abstractmethod
     def diagnostics(self) -> dict[str, float | int]:

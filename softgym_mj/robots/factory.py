@@ -1,6 +1,7 @@
 """Actors by name: grippers for flexes, movers for cups."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypedDict
 
 from softgym_mj.entities.cup import Cup
 from softgym_mj.exceptions import OutOfRangeError, check_name
@@ -19,27 +20,55 @@ CUP_ACTORS = ("cup",)
 _GEOMETRY = {"cloth": picker.CLOTH_GEOMETRY, "rope": picker.ROPE_GEOMETRY}
 
 
-def make_gripper(actor: str, kind: str, num_grippers: int | None) -> Gripper:
+class GripperSettings(TypedDict, total=False):
+    """Arguments that the tasks on cloth and rope pass on to their actor.
+
+    num_pickers: number of pickers; None for 2, or 1 for pixels. Not for arms.
+    arms: number of arms, 1 or 2; None for 2. Only for arms.
+    """
+
+    num_pickers: int | None
+    arms: int | None
+
+
+def make_gripper(
+    actor: str,
+    kind: str,
+    *,
+    base_height: float = 0.0,
+    num_pickers: int | None = None,
+    arms: int | None = None,
+) -> Gripper:
     """Builds the actor that handles a flex.
 
     Args:
         actor: one of `GRIPPERS`.
         kind: what it handles: "cloth" or "rope".
-        num_grippers: number of grippers; None for 2, or 1 for pixels. There are at most 2 arms.
+        base_height: of arms above the floor [m].
+        num_pickers, arms: as in `GripperSettings`.
 
     Raises:
         UnknownNameError: if there is no such actor.
-        OutOfRangeError: if there cannot be as many.
+        OutOfRangeError: if there cannot be as many, or for a setting of other actors.
     """
     check_name("actor", actor, GRIPPERS)
-    if num_grippers is None:
-        num_grippers = 1 if actor == "pixel_pick_and_place" else 2
     if actor in ARMS:
-        from softgym_mj.robots import arms  # mink takes a quarter of a second to import.
+        _refuse({"num_pickers": num_pickers}, "None: arms are counted by `arms`")
+        from softgym_mj.robots.arms import KINDS  # mink takes a quarter of a second to import.
 
-        kinds = {"franka": arms.FrankaArms, "sawyer": arms.SawyerArms}
-        return kinds[actor](ARMS[actor], num_grippers)
-    return PICKERS[actor](geometry=_GEOMETRY[kind], num_pickers=num_grippers)
+        number = 2 if arms is None else arms
+        return KINDS[actor](ARMS[actor], number, base_height)
+    _refuse({"arms": arms}, f"None with actor={actor!r}")
+    if num_pickers is None:
+        num_pickers = 1 if actor == "pixel_pick_and_place" else 2
+    return PICKERS[actor](geometry=_GEOMETRY[kind], num_pickers=num_pickers)
+
+
+def _refuse(settings: Mapping[str, object], valid: str) -> None:
+    """Raises `OutOfRangeError` for the first of `settings` that is not None."""
+    for name, value in settings.items():
+        if value is not None:
+            raise OutOfRangeError(name, value, valid)
 
 
 def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:

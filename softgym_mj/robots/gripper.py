@@ -33,6 +33,9 @@ class Gripper(Actor):
     closes, <= 0 opens).
     """
 
+    # [m] Of a gripper's centre above a vertex that hangs from it.
+    hold_height = 0.05
+
     @property
     @abc.abstractmethod
     def num_grippers(self) -> int:
@@ -55,6 +58,10 @@ class Gripper(Actor):
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         """Starts an episode: grippers open at `positions` (num_grippers, 3) [m] in `workspace`."""
 
+    def order(self, points: np.ndarray) -> list[int]:
+        """Which of the points (num_grippers, 3) [m] each gripper should hold."""
+        return list(range(len(points)))
+
     @abc.abstractmethod
     def take(self, vertices: Sequence[int]) -> None:
         """Closes the grippers on these vertices, one each, wherever they are."""
@@ -70,6 +77,10 @@ class Gripper(Actor):
     def commanded_positions(self) -> np.ndarray:
         """Where the grippers are told to be (num_grippers, 3) [m]; they may lag behind."""
         return self.positions()
+
+    def proprioception(self) -> np.ndarray:
+        """The gripper centres (x, y, z each) [m]."""
+        return self.positions().ravel()
 
     @property
     @abc.abstractmethod

@@ -18,14 +18,16 @@ End: horizon only.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 import numpy as np
 
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.exceptions import check_name
+from softgym_mj.exceptions import OutOfRangeError, check_name
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.robots.factory import action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
 from softgym_mj.tasks.flex_task import Layout
@@ -34,8 +36,9 @@ from softgym_mj.tasks.initializers import SIZE_RANGE, HangingCloth
 
 ACTION_REPEAT, FOLD_ACTION_REPEAT = 16, 8  # Facts 1.2; 5, row 1.
 WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # Facts 2.2.
-ACTORS = ("picker", "pick_and_place")  # Those with a gripper for each held corner.
-HEIGHT = 0.05  # [m] Of a picker above the corner that it holds.
+# Those with a gripper for each held corner.
+ACTORS = ("picker", "pick_and_place", *ARMS)
+BASE_HEIGHT = 0.5  # [m] Of arms: that of the lowest pickers.
 SIZES = (60, 100)  # Of DropCloth [particles], the upper end exclusive: facts 5, row 27.
 SUCCESS = 0.8  # Ours: vertices of a cloth of 0.5 m are 10 cm from their places on average,
 FOLD_SUCCESS = 0.85  # or folded with some wrinkles; a heap in the right place scores 0.7.
@@ -53,7 +56,10 @@ class DropTask(ClothTask):
         **settings,
     ):
         """Wires the task; `success` as in `Layout`, `settings` as in `ClothTask`."""
-        layout = Layout("cloth_drop", WORKSPACE, HEIGHT, success)
+        if actor.num_grippers != 2:
+            number = actor.num_grippers
+            raise OutOfRangeError("number of grippers", number, "2, for the two corners held")
+        layout = Layout("cloth_drop", WORKSPACE, actor.hold_height, success)
         super().__init__(layout, cloth, actor, initializer, **settings)
 
     def place(self) -> np.ndarray:
@@ -62,8 +68,10 @@ class DropTask(ClothTask):
 
     def start(self, state: np.ndarray) -> None:
         self.cloth.set_vertices(state)
-        held = self.cloth.corners[:2]
-        self.actor.place(self.cloth.vertices()[held] + [0.0, 0.0, HEIGHT], WORKSPACE)
+        corners = self.cloth.corners[:2]
+        held = corners[self.actor.order(self.cloth.vertices()[corners])]
+        above = np.array([0.0, 0.0, self.actor.hold_height])
+        self.actor.place(self.cloth.vertices()[held] + above, WORKSPACE)
         self.actor.take(held.tolist())
 
     def bounds(self) -> tuple[float, float]:
@@ -101,11 +109,12 @@ def drop_cloth(
     sizes: tuple[int, int] = SIZES,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[GripperSettings],
 ) -> DropCloth:
     """Builds the task.
 
     Args:
-        actor: "picker" or "pick_and_place".
+        actor: "picker", "pick_and_place", "franka" or "sawyer".
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
@@ -115,11 +124,12 @@ def drop_cloth(
         action_repeat: sim steps per env step; None for the usual number.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
             "out_of_distribution", or a dict of parameters, as in `Domain`.
+        **actor_settings: as in `GripperSettings`.
     """
     check_name("actor", actor, ACTORS)
     return DropCloth(
         Cloth(fidelity=fidelity, self_contact=self_contact),
-        make_gripper(actor, "cloth", 2),
+        make_gripper(actor, "cloth", base_height=BASE_HEIGHT, **actor_settings),
         HangingCloth(fidelity, sizes),
         SUCCESS,
         count_intersections=count_intersections,
@@ -140,12 +150,13 @@ def drop_fold_cloth(
     count_intersections: bool = False,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[GripperSettings],
 ) -> DropFoldCloth:
     """Builds the task; arguments as for `drop_cloth`."""
     check_name("actor", actor, ACTORS)
     return DropFoldCloth(
         Cloth(fidelity=fidelity, self_contact=self_contact),
-        make_gripper(actor, "cloth", 2),
+        make_gripper(actor, "cloth", base_height=BASE_HEIGHT, **actor_settings),
         HangingCloth(fidelity, SIZE_RANGE),
         FOLD_SUCCESS,
         count_intersections=count_intersections,

@@ -32,8 +32,9 @@ class Layout:
 class FlexTask(DeformableTask):
     """A task on one flex that grippers handle.
 
-    Full state: all vertices, zero-padded, then the gripper centres. Reduced state: the key points,
-    then the gripper centres. All in metres, x, y, z each.
+    Full state: all vertices, zero-padded, then what the actor senses of itself. Reduced state: the
+    key points, then the same. Points are x, y, z [m] each; pickers sense their centres, arms as
+    `Arms.proprioception` says.
     """
 
     _actor: Gripper
@@ -58,7 +59,7 @@ class FlexTask(DeformableTask):
             **settings: observation, image_size, action_repeat and domain as in `DeformableTask`.
         """
         self._layout, self._target = layout, target
-        arena = Arena(camera=layout.camera)
+        arena = Arena(camera=actor.camera or layout.camera)
         arena.attach(target)
         actor.join(arena)
         actor.manipulate(target)
@@ -106,11 +107,11 @@ class FlexTask(DeformableTask):
         return self._target.vertices()
 
     def tool_state(self) -> np.ndarray:
-        return self._actor.positions()
+        return self._actor.proprioception()
 
     def reduced_state(self) -> np.ndarray:
-        """The key points (x, y, z each), then the gripper centres [m]."""
-        return np.concatenate([self.key_points().ravel(), self._actor.positions().ravel()])
+        """The key points (x, y, z each) [m], then what the actor senses of itself."""
+        return np.concatenate([self.key_points().ravel(), self._actor.proprioception()])
 
     def diagnostics(self) -> dict[str, float | int]:
         return {"max_edge_strain": float(np.max(self._target.edge_strain()))}

@@ -17,12 +17,13 @@ where SoftGym's is too small for 73 % of the folds (facts 5, row 29). End: horiz
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 import numpy as np
 
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.robots.factory import action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
@@ -81,7 +82,6 @@ class FoldCrumpledCloth(FoldCloth):
 def fold_cloth(
     *,
     actor: str = "picker",
-    num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
@@ -89,12 +89,12 @@ def fold_cloth(
     count_intersections: bool = False,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[GripperSettings],
 ) -> FoldCloth:
     """Builds the task.
 
     Args:
-        actor: "picker", "pick_and_place" or "pixel_pick_and_place".
-        num_pickers: number of pickers; None for 2, or 1 for pixels.
+        actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
@@ -103,10 +103,11 @@ def fold_cloth(
         action_repeat: sim steps per env step; None for the usual number.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
             "out_of_distribution", or a dict of parameters, as in `Domain`.
+        **actor_settings: as in `GripperSettings`.
     """
     return FoldCloth(
         Cloth(fidelity=fidelity, self_contact=self_contact, marker=True),
-        make_gripper(actor, "cloth", num_pickers),
+        make_gripper(actor, "cloth", **actor_settings),
         FlatCloth(fidelity),
         FOLD_HEIGHT,
         count_intersections=count_intersections,
@@ -120,7 +121,6 @@ def fold_cloth(
 def fold_crumpled_cloth(
     *,
     actor: str = "picker",
-    num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
@@ -128,11 +128,12 @@ def fold_crumpled_cloth(
     count_intersections: bool = False,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[GripperSettings],
 ) -> FoldCrumpledCloth:
     """Builds the task; arguments as for `fold_cloth`."""
     return FoldCrumpledCloth(
         Cloth(fidelity=fidelity, self_contact=self_contact, marker=True),
-        make_gripper(actor, "cloth", num_pickers),
+        make_gripper(actor, "cloth", **actor_settings),
         CrumpledCloth(fidelity),
         CRUMPLED_HEIGHT,
         count_intersections=count_intersections,

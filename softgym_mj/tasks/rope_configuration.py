@@ -14,6 +14,7 @@ Start: as in StraightenRope. End: horizon only.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 import numpy as np
 from dm_control.composer.observation import observable
@@ -25,7 +26,7 @@ from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import check_name
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB, Seen
 from softgym_mj.rendering import CameraView, refresh_poses
-from softgym_mj.robots.factory import action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
@@ -36,7 +37,7 @@ from softgym_mj.variations import VariationStore, generator
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
 RESET_HEIGHT = 0.1  # [m]
-BELOW = -1.0  # [m] Where the pickers are while the goal is drawn.
+HIDDEN_GROUP = 5  # Of geoms that are not drawn: the actor's, while the goal is.
 SUCCESS = 0.8  # Ours: key points within 1 to 3 cm of the letter on average.
 MATCHINGS = ("key_points", "vertices")
 
@@ -102,14 +103,16 @@ class RopeConfiguration(FlexTask):
     ) -> np.ndarray:
         """What the task's camera sees when the goal is reached (height, width, 3) uint8.
 
-        The pickers are out of the picture. Nothing is simulated, and the state stays as it is.
+        The actor is not in the picture. Nothing is simulated, and the state stays as it is.
         """
-        data = physics.data.ptr
-        qpos, qvel = data.qpos.copy(), data.qvel.copy()
-        data.qpos[2::3] = BELOW  # Every joint is a slide; all third ones are vertical.
+        model, data = physics.model.ptr, physics.data.ptr
+        qpos, qvel, groups = data.qpos.copy(), data.qvel.copy(), model.geom_group.copy()
+        for geom in range(model.ngeom):
+            if model.geom(geom).name.split("/")[0] in self._actor.model_names:
+                model.geom_group[geom] = HIDDEN_GROUP
         self._rope.set_vertices(self._goal)
         image = CameraView("task", height, width).rgb(physics)
-        data.qpos[:], data.qvel[:] = qpos, qvel
+        data.qpos[:], data.qvel[:], model.geom_group[:] = qpos, qvel, groups
         refresh_poses(physics)
         return image
 
@@ -132,25 +135,24 @@ class RopeConfiguration(FlexTask):
         return np.concatenate([self._rope.vertices()[keys], self._goal[keys]])
 
     def tool_state(self) -> np.ndarray:
-        return np.concatenate([self._goal, self._actor.positions()])
+        return np.concatenate([self._goal.ravel(), self._actor.proprioception()])
 
 
 def rope_configuration(
     *,
     actor: str = "picker",
-    num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
     matching: str = "key_points",
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[GripperSettings],
 ) -> RopeConfiguration:
     """Builds the task.
 
     Args:
-        actor: "picker", "pick_and_place" or "pixel_pick_and_place".
-        num_pickers: number of pickers; None for 2, or 1 for pixels.
+        actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: number of vertices: "fast", "default" or "accurate".
@@ -158,10 +160,11 @@ def rope_configuration(
         action_repeat: sim steps per env step; None for the usual number.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
             "out_of_distribution", or a dict of parameters, as in `Domain`.
+        **actor_settings: as in `GripperSettings`.
     """
     return RopeConfiguration(
         Rope(fidelity),
-        make_gripper(actor, "rope", num_pickers),
+        make_gripper(actor, "rope", **actor_settings),
         TwistedRope(fidelity),
         matching,
         observation=observation,

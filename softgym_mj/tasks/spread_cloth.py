@@ -12,11 +12,12 @@ Pickers start 0.2 m above the centre of the cloth's bounding box. End: horizon o
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.robots.factory import action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.cloth_task import ClothTask
@@ -49,7 +50,6 @@ class SpreadCloth(ClothTask):
 def spread_cloth(
     *,
     actor: str = "picker",
-    num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
@@ -57,12 +57,12 @@ def spread_cloth(
     count_intersections: bool = False,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[GripperSettings],
 ) -> SpreadCloth:
     """Builds the task.
 
     Args:
-        actor: "picker", "pick_and_place" or "pixel_pick_and_place".
-        num_pickers: number of pickers; None for 2, or 1 for pixels.
+        actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
@@ -71,11 +71,12 @@ def spread_cloth(
         action_repeat: sim steps per env step; None for the usual number.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
             "out_of_distribution", or a dict of parameters, as in `Domain`.
+        **actor_settings: as in `GripperSettings`.
     """
     cloth = Cloth(fidelity=fidelity, self_contact=self_contact)
     return SpreadCloth(
         cloth,
-        make_gripper(actor, "cloth", num_pickers),
+        make_gripper(actor, "cloth", **actor_settings),
         CrumpledCloth(fidelity),
         count_intersections=count_intersections,
         observation=observation,

@@ -12,13 +12,14 @@ around the centre of the rope's bounding box. End: horizon only.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.rope import LENGTH, Rope
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.robots.factory import action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
@@ -73,28 +74,28 @@ class StraightenRope(FlexTask):
 def straighten_rope(
     *,
     actor: str = "picker",
-    num_pickers: int | None = None,
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[GripperSettings],
 ) -> StraightenRope:
     """Builds the task.
 
     Args:
-        actor: "picker", "pick_and_place" or "pixel_pick_and_place".
-        num_pickers: number of pickers; None for 2, or 1 for pixels.
+        actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: number of vertices: "fast", "default" or "accurate".
         action_repeat: sim steps per env step; None for the usual number.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
             "out_of_distribution", or a dict of parameters, as in `Domain`.
+        **actor_settings: as in `GripperSettings`.
     """
     return StraightenRope(
         Rope(fidelity),
-        make_gripper(actor, "rope", num_pickers),
+        make_gripper(actor, "rope", **actor_settings),
         TwistedRope(fidelity),
         observation=observation,
         image_size=image_size,
