@@ -27,17 +27,19 @@ CAMERAS = {
     "rope": CameraPose((0.0, 0.0, 0.85), (1.0, 0.0, 0.0, 0.0)),
     "cloth": CameraPose((0.0, -0.82, 0.82), (0.9239, 0.3827, 0.0, 0.0)),
     "cloth_drop": CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
-    # Ours: from the front, between arms on the floor or on pedestals.
-    "arms": CameraPose((1.15, 0.0, 1.2), (0.6515, 0.2749, 0.2749, 0.6515)),
-    "raised_arms": CameraPose((1.9, 0.0, 1.1), (0.5615, 0.4299, 0.4299, 0.5615)),
+    # Ours, for robot arms: from the front, between them.
+    "rope_arms": CameraPose((0.75, 0.0, 0.75), (0.6485, 0.2818, 0.2818, 0.6485)),
+    "cloth_arms": CameraPose((1.15, 0.0, 1.2), (0.6515, 0.2749, 0.2749, 0.6515)),
+    "cloth_drop_arms": CameraPose((1.9, 0.0, 1.1), (0.5615, 0.4299, 0.4299, 0.5615)),
 }
 FIELD_OF_VIEW = 45.0  # Vertical [deg].
 # From the front right, looking at the middle.
 OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.7948, 0.4920, 0.1870, 0.3022))
 # The same from further away where arms have to be in view.
 FAR_OVERVIEWS = {
-    "arms": CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879)),
-    "raised_arms": CameraPose((1.6, -1.9, 1.6), (0.783, 0.5191, 0.1894, 0.2858)),
+    "rope_arms": CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879)),
+    "cloth_arms": CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879)),
+    "cloth_drop_arms": CameraPose((1.6, -1.9, 1.6), (0.783, 0.5191, 0.1894, 0.2858)),
 }
 
 _SHIFTS = tuple(

@@ -53,6 +53,7 @@ class Arms(HoldingGripper):
     """
 
     hold_height = 0.0
+    camera_suffix = "_arms"
 
     def _build(
         self,
@@ -78,7 +79,6 @@ class Arms(HoldingGripper):
         if stands is None:
             stands = facing_each_other(num_arms, *PLACES[arm.name], height=base_height)
         self._arm, self._stands = arm, tuple(stands)
-        self.camera = "raised_arms" if base_height > 0.0 else "arms"
         self._mjcf_root = mjcf.RootElement(model=name)
         arm_bodies.add_arms(self._mjcf_root, arm, self._stands)
         names = arm_bodies.names(arm, num_arms)

@@ -20,8 +20,8 @@ class Actor(abc.ABC):
 
     # Env steps of an episode; None: as many as the task's record says.
     horizon: int | None = None
-    # Name of the camera that shows the task with this actor; None: the task's usual one.
-    camera: str | None = None
+    # What the name of a task's camera ends with if the actor would stand in the way of the usual.
+    camera_suffix = ""
 
     @property
     def sim_steps(self) -> int | None:

@@ -59,7 +59,7 @@ class FlexTask(DeformableTask):
             **settings: observation, image_size, action_repeat and domain as in `DeformableTask`.
         """
         self._layout, self._target = layout, target
-        arena = Arena(camera=actor.camera or layout.camera)
+        arena = Arena(camera=layout.camera + actor.camera_suffix)
         arena.attach(target)
         actor.join(arena)
         actor.manipulate(target)
