@@ -35,6 +35,8 @@ class Gripper(Actor):
 
     # [m] Of a gripper's centre above a vertex that hangs from it.
     hold_height = 0.05
+    # [m] From which two grippers do not get into each other's way, whatever side they come from.
+    least_distance = 0.0
 
     @property
     @abc.abstractmethod
@@ -77,6 +79,10 @@ class Gripper(Actor):
     def commanded_positions(self) -> np.ndarray:
         """Where the grippers are told to be (num_grippers, 3) [m]; they may lag behind."""
         return self.positions()
+
+    def within_reach(self, i: int, point: np.ndarray) -> np.ndarray:
+        """Where gripper `i` goes to when it is told to go to a point (3,) [m] of the workspace."""
+        return point
 
     def proprioception(self) -> np.ndarray:
         """The gripper centres (x, y, z each) [m]."""
