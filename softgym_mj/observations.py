@@ -86,8 +86,9 @@ class TaskCamera:
             owners = {
                 name: i for i, label in enumerate(LABELS) for name in self._parts().get(label, ())
             }
-            names = [model.geom(i).name.split("/")[0] for i in range(model.ngeom)]
-            self._labels = np.array([owners.get(name, 0) for name in names], np.uint8)
+            self._labels = np.array(
+                [_label(model.body(body).name, owners) for body in model.geom_bodyid], np.uint8
+            )
         seen = self._view.segmentation(physics)
         kind, index = seen[..., 1], seen[..., 0]
         labels = np.where(kind >= 0, LABELS.index("object"), 0).astype(np.uint8)
@@ -121,6 +122,12 @@ class TaskCamera:
         cloud[: len(points), :3] = points
         cloud[: len(points), 3] = 1.0
         return cloud
+
+
+def _label(body: str, owners: Mapping[str, int]) -> int:
+    """The label of a body: that of the innermost model around it that has one."""
+    models = reversed(body.split("/")[:-1])
+    return next((owners[model] for model in models if model in owners), 0)
 
 
 def _neighbours(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -27,7 +27,10 @@ CAMERAS = {
     "rope": CameraPose((0.0, 0.0, 0.85), (1.0, 0.0, 0.0, 0.0)),
     "cloth": CameraPose((0.0, -0.82, 0.82), (0.9239, 0.3827, 0.0, 0.0)),
     "cloth_drop": CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
-    # Ours, for robot arms: from the front, between them.
+    # Ours, for robot arms: opposite the one that holds a cup,
+    "transport_water_arms": CameraPose((0.62, -1.75, 1.35), (0.8774, 0.4798, -0.0, -0.0)),
+    "pour_water_arms": CameraPose((0.5, -1.6, 1.0), (0.8141, 0.5807, -0.0, -0.0)),
+    # and from the front, between the two.
     "rope_arms": CameraPose((0.75, 0.0, 0.75), (0.6485, 0.2818, 0.2818, 0.6485)),
     "cloth_arms": CameraPose((1.15, 0.0, 1.2), (0.6515, 0.2749, 0.2749, 0.6515)),
     "cloth_drop_arms": CameraPose((1.9, 0.0, 1.1), (0.5615, 0.4299, 0.4299, 0.5615)),
@@ -37,6 +40,8 @@ FIELD_OF_VIEW = 45.0  # Vertical [deg].
 OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.7948, 0.4920, 0.1870, 0.3022))
 # The same from further away where arms have to be in view.
 FAR_OVERVIEWS = {
+    "transport_water_arms": CameraPose((1.5, -1.5, 1.3), (0.806, 0.4897, 0.1727, 0.2842)),
+    "pour_water_arms": CameraPose((1.3, -1.4, 1.2), (0.7809, 0.521, 0.1912, 0.2867)),
     "rope_arms": CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879)),
     "cloth_arms": CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879)),
     "cloth_drop_arms": CameraPose((1.6, -1.9, 1.6), (0.783, 0.5191, 0.1894, 0.2858)),

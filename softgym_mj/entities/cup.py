@@ -10,7 +10,17 @@ from softgym_mj.exceptions import OutOfRangeError
 
 # SoftGym's light grey; so translucent that the water level shows through the walls.
 COLOR = (0.9, 0.9, 0.9, 0.35)
+HANDLE_COLOR = (0.3, 0.31, 0.33, 1.0)
 _WALLS = ("floor", "left", "right", "back", "front")
+# [m] Where a handle is held: along Y from the cup's frame and above it. All cups are narrower. An
+# arm's wrist may be 9 cm lower than its fingers when they point ahead.
+GRIP = (0.0, 0.28, 0.2)
+_THICK, _TALL, _END = (
+    0.02,
+    0.05,
+    0.015,
+)  # [m] Of the handle: along X, its bar upwards; behind the grip.
+HELD_WALL_MASS = 0.06  # [kg] Of each of five walls of a cup that an arm holds: hard foam.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +64,8 @@ class Cup(composer.Entity):
 
     The pose is (x, z, theta): of that point [m] and the angle about +Y [rad]; positive theta tips
     the rim towards +X. It is what mjData says (`mocap_pos`, `mocap_quat`), so it is always current
-    and theta is known within +-2 pi. Nothing collides with a cup except water.
+    and theta is known within +-2 pi; that of a cup in a hand comes from the joints, and theta is
+    within +-pi. Nothing collides with a cup except water.
     """
 
     def _build(self, size: CupSize, name: str = "cup"):
@@ -71,6 +82,7 @@ class Cup(composer.Entity):
                 "geom", name=wall, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,
                 rgba=COLOR,
             )  # fmt: skip
+        self._handle: mjcf.Element | None = None
         self._set_size(size)
 
     @property
@@ -85,6 +97,25 @@ class Cup(composer.Entity):
     def join(self, arena: composer.Arena) -> None:
         """Adds the cup to the scene. A mocap body moves by its pose alone and feels no force."""
         arena.attach(self).mocap = "true"
+
+    def join_hand(self, hand: composer.Entity, site: mjcf.Element) -> None:
+        """Fixes the cup by a handle to a hand's site, which has the axes of the cup.
+
+        It weighs 0.3 kg, is carried by the hand's arm and passes on the forces of the water.
+        """
+        hand.attach(self, site)
+        self._body.pos = -np.array(GRIP)
+        self._handle = self._mjcf_root.worldbody.add("body", name="handle", pos=self._body.pos)
+        for name in ("post", "bar"):
+            self._handle.add(
+                "geom", name=name, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,
+                rgba=HANDLE_COLOR,
+            )  # fmt: skip
+        for body in (self._body, self._handle):
+            body.gravcomp = 1.0  # As that of the arm, which knows what it carries.
+        for wall in self._body.geom:
+            wall.mass = HELD_WALL_MASS
+        self._set_size(self._size)
 
     @property
     def size(self) -> CupSize:
@@ -111,20 +142,34 @@ class Cup(composer.Entity):
             "back": ([0.0, end, height / 2], short),
             "front": ([0.0, -end, height / 2], short),
         }
-        for geom in self._body.geom:
+        if self._handle is not None:
+            back, top = width / 2 + wall, GRIP[2] + _TALL / 2
+            measures["post"] = [0.0, back + _THICK / 2, top / 2], [_THICK / 2, _THICK / 2, top / 2]
+            middle, half = (GRIP[1] + _END + back) / 2, (GRIP[1] + _END - back) / 2
+            measures["bar"] = [0.0, middle, GRIP[2]], [_THICK / 2, half, _TALL / 2]
+        for geom in self._mjcf_root.find_all("geom"):
             geom.pos, geom.size = measures[geom.name]
 
     # ------------------------------------------------------------------ simulation
 
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
-        mocap = model.body(f"{self._mjcf_root.model}/").mocapid[0]
-        self._position, self._quaternion = data.mocap_pos[mocap], data.mocap_quat[mocap]
+        self._model, self._data = model, data
+        body = model.body(self._body.full_identifier)
+        mocap = model.body_mocapid[body.parentid[0]]
+        self._is_held = mocap < 0
+        if self._is_held:
+            self._position, self._quaternion = data.xpos[body.id], data.xquat[body.id]
+        else:
+            self._position, self._quaternion = data.mocap_pos[mocap], data.mocap_quat[mocap]
 
     @property
     def pose(self) -> np.ndarray:
-        """(x [m], z [m], theta [rad]), a fresh array (3,)."""
+        """(x [m], z [m], theta [rad]), a fresh array (3,). It can be set unless a hand has it."""
+        self._look()
         angle = 2.0 * np.arctan2(self._quaternion[2], self._quaternion[0])
+        if self._is_held:
+            angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
         return np.array([self._position[0], self._position[2], angle])
 
     @pose.setter
@@ -133,6 +178,11 @@ class Cup(composer.Entity):
         self._position[:] = x, 0.0, z
         self._quaternion[:] = np.cos(theta / 2), 0.0, np.sin(theta / 2), 0.0
 
+    def _look(self) -> None:
+        """Finds out where the hand is that has the cup: a step leaves that one step behind."""
+        if self._is_held:
+            mujoco.mj_kinematics(self._model, self._data)
+
     def state(self) -> np.ndarray:
         """Pose and inner measures (6,): x, z [m], theta [rad], length, width, height [m]."""
         size = self._size
@@ -140,6 +190,7 @@ class Cup(composer.Entity):
 
     def inside(self, points: np.ndarray) -> np.ndarray:
         """Which points (n, 3) [m] of the world are in the cup's box, turned with it: (n,) bool."""
+        self._look()
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, self._quaternion)
         local = (points - self._position) @ rotation.reshape(3, 3)

@@ -65,7 +65,12 @@ class Water(composer.Entity):
     """
 
     def _build(
-        self, liquid: Liquid, resolution: Resolution, draw: str = "surface", name: str = "water"
+        self,
+        liquid: Liquid,
+        resolution: Resolution,
+        draw: str = "surface",
+        two_way: bool = False,
+        name: str = "water",
     ):
         """Builds the water; loads the plugin.
 
@@ -73,6 +78,7 @@ class Water(composer.Entity):
             liquid: its properties.
             resolution: number of particles.
             draw: "surface", "fine" (smooth, slower), "particles" or "none".
+            two_way: whether bodies with joints feel the water.
             name: model name.
 
         Raises:
@@ -87,6 +93,7 @@ class Water(composer.Entity):
         self._instance = plugin.add("instance", name=_INSTANCE)
         for key, value in {**dataclasses.asdict(liquid), "draw": draw}.items():
             self._configure(key, value)
+        self._configure("two_way", str(two_way).lower())
         self._configure("rgba", *COLOR)
         self._set_resolution(resolution)
         self._values = {parameter.name: parameter.nominal for parameter in self.parameters}

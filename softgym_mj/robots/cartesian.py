@@ -42,8 +42,9 @@ class CartesianController:
         velocity_limits: Mapping[str, float],
         shapes: Sequence[Sequence[int]] = (),
         floor: int | None = None,
+        orientation_cost: float = ORIENTATION_COST,
     ):
-        """Sets up the tasks; the tools keep the orientation that they have at home.
+        """Sets up the tasks; the tools keep the orientation that they have at home, unless told.
 
         Args:
             model: the arms alone, with nothing but their joints.
@@ -52,6 +53,7 @@ class CartesianController:
             velocity_limits: largest speed [rad/s] of each joint by name.
             shapes: geoms of each arm; those of two arms keep apart.
             floor: geom that all of these keep away from.
+            orientation_cost: what a radian off is worth [1/rad], where a metre off is worth 1.
         """
         low, high = model.jnt_range.T
         self._low, self._high = low + LIMIT_MARGIN, high - LIMIT_MARGIN
@@ -61,7 +63,7 @@ class CartesianController:
         rotations = self._configuration.data.site_xmat[self._sites].reshape(-1, 3, 3)
         self._rotations = [mink.SO3.from_matrix(rotation) for rotation in rotations]
         self._frames = [
-            mink.FrameTask(name, "site", POSITION_COST, ORIENTATION_COST, lm_damping=TASK_DAMPING)
+            mink.FrameTask(name, "site", POSITION_COST, orientation_cost, lm_damping=TASK_DAMPING)
             for name in tools
         ]
         posture = mink.PostureTask(model, POSTURE_COST)
@@ -113,12 +115,20 @@ class CartesianController:
         """Tool points (n, 3) [m] of the reference, a fresh array."""
         return self._configuration.data.site_xpos[self._sites]
 
+    def rotations(self) -> np.ndarray:
+        """Rotation matrices (n, 3, 3) of the reference's tools, a fresh array."""
+        return self._configuration.data.site_xmat[self._sites].reshape(-1, 3, 3)
+
     def within_lead(self, points: np.ndarray) -> np.ndarray:
         """Commanded points (n, 3) [m], drawn in to `LEAD` of where the reference is."""
         reference = self.points()
         offset = points - reference
         distance = np.sqrt(np.vecdot(offset, offset))[:, None]
         return reference + offset * (LEAD / np.maximum(distance, LEAD))
+
+    def turn(self, rotations: np.ndarray) -> None:
+        """Chooses the orientation of the tools from now on, as matrices (n, 3, 3)."""
+        self._rotations = [mink.SO3.from_matrix(rotation) for rotation in rotations]
 
     def reset(self, points: np.ndarray) -> None:
         """Puts the reference at rest where its tool points are nearest to `points` (n, 3) [m]."""

@@ -79,6 +79,16 @@ class CupMover(Actor):
         return self._max_step.copy()
 
     @property
+    def commanded_pose(self) -> np.ndarray:
+        """The pose (3,) that the cup is told to have, a fresh array: it has it."""
+        return self._cup.pose
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        """Names of the models that segmented images show as the actor: none but the cup."""
+        return ()
+
+    @property
     def action_size(self) -> int:
         return len(self._moving)
 
@@ -99,13 +109,17 @@ class CupMover(Actor):
         self._step[self._moving] = self._max_step[self._moving] * action
         self._rejected = 0
 
-    def plan(self) -> None:
-        self._start = self._cup.pose
-        goal = self._rule(self._start + self._step)
+    def _wanted(self) -> np.ndarray:
+        """The pose (3,) for the next sim step."""
+        pose = self.commanded_pose
+        goal = self._rule(pose + self._step)
         if goal is None:
             self._rejected += 1
-            goal = self._start
-        self._goal = goal
+            return pose
+        return goal
+
+    def plan(self) -> None:
+        self._start, self._goal = self._cup.pose, self._wanted()
 
     def move(self, fraction: float, timestep: float) -> None:
         self._cup.pose = self._goal - (1.0 - fraction) * (self._goal - self._start)

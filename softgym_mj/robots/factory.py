@@ -1,10 +1,12 @@
 """Actors by name: grippers for flexes, movers for cups."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TypedDict
 
 from softgym_mj.entities.cup import Cup
 from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.robots import pick_and_place, picker
 from softgym_mj.robots.cup_mover import CupMover, Rule
 from softgym_mj.robots.gripper import Gripper
@@ -16,7 +18,10 @@ PICKERS: dict[str, type[picker.Picker]] = {
     "pixel_pick_and_place": pick_and_place.PixelPickAndPlace,
 }
 GRIPPERS = (*PICKERS, *ARMS)
-CUP_ACTORS = ("cup",)
+CUP_ACTORS = ("cup", *ARMS)
+# [kg/m^3] Cups hold up to 26 kg of water, more than the 3 and 4 kg that the arms can carry: theirs
+# is as viscous, but a tenth as heavy.
+ARM_DENSITY = 100.0
 _GEOMETRY = {"cloth": picker.CLOTH_GEOMETRY, "rope": picker.ROPE_GEOMETRY}
 
 
@@ -25,10 +30,15 @@ class GripperSettings(TypedDict, total=False):
 
     num_pickers: number of pickers; None for 2, or 1 for pixels. Not for arms.
     arms: number of arms, 1 or 2; None for 2. Only for arms.
+    grasp: how arms hold: "attach" or "friction"; None for "attach". Only for arms.
+    visual: what arms look like: "primitive", our own shapes (as with None), or "menagerie", the
+        meshes of MuJoCo Menagerie. Only for arms.
     """
 
     num_pickers: int | None
     arms: int | None
+    grasp: str | None
+    visual: str | None
 
 
 def make_gripper(
@@ -38,6 +48,8 @@ def make_gripper(
     base_height: float = 0.0,
     num_pickers: int | None = None,
     arms: int | None = None,
+    grasp: str | None = None,
+    visual: str | None = None,
 ) -> Gripper:
     """Builds the actor that handles a flex.
 
@@ -45,20 +57,23 @@ def make_gripper(
         actor: one of `GRIPPERS`.
         kind: what it handles: "cloth" or "rope".
         base_height: of arms above the floor [m].
-        num_pickers, arms: as in `GripperSettings`.
+        num_pickers, arms, grasp, visual: as in `GripperSettings`.
 
     Raises:
-        UnknownNameError: if there is no such actor.
+        UnknownNameError: if there is no such actor, grasp or look.
+        ModelUnavailableError: if Menagerie's model cannot be had.
         OutOfRangeError: if there cannot be as many, or for a setting of other actors.
     """
     check_name("actor", actor, GRIPPERS)
     if actor in ARMS:
         _refuse({"num_pickers": num_pickers}, "None: arms are counted by `arms`")
-        from softgym_mj.robots.arms import KINDS  # mink takes a quarter of a second to import.
+        from softgym_mj.robots.arms import GRASPS  # mink takes a quarter of a second to import.
 
-        number = 2 if arms is None else arms
-        return KINDS[actor](ARMS[actor], number, base_height)
-    _refuse({"arms": arms}, f"None with actor={actor!r}")
+        number, grasp = 2 if arms is None else arms, "attach" if grasp is None else grasp
+        check_name("grasp", grasp, GRASPS)
+        visual = "primitive" if visual is None else visual
+        return GRASPS[grasp][actor](ARMS[actor], number, base_height, visual=visual)
+    _refuse({"arms": arms, "grasp": grasp, "visual": visual}, f"None with actor={actor!r}")
     if num_pickers is None:
         num_pickers = 1 if actor == "pixel_pick_and_place" else 2
     return PICKERS[actor](geometry=_GEOMETRY[kind], num_pickers=num_pickers)
@@ -92,7 +107,9 @@ def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:
     return usual if action_repeat is None else action_repeat
 
 
-def make_cup_actor(actor: str, cup: Cup, max_step: Sequence[float], rule: Rule) -> CupMover:
+def make_cup_actor(
+    actor: str, cup: Cup, max_step: Sequence[float], rule: Rule, *, base_x: float
+) -> CupMover:
     """Builds the actor that moves a cup.
 
     Args:
@@ -100,9 +117,27 @@ def make_cup_actor(actor: str, cup: Cup, max_step: Sequence[float], rule: Rule) 
         cup: the cup.
         max_step: largest change of x [m], z [m] and theta [rad] in a sim step; 0 where fixed.
         rule: what becomes of a wanted pose.
+        base_x: X [m] of an arm's base.
 
     Raises:
         UnknownNameError: if there is no such actor.
     """
     check_name("actor", actor, CUP_ACTORS)
+    if actor in ARMS:
+        from softgym_mj.robots.cup_arm import KINDS
+
+        return KINDS[actor](ARMS[actor], cup, max_step, rule, base_x)
     return CupMover(cup, max_step, rule)
+
+
+def make_water(actor: str, liquid: Liquid, resolution: Resolution, draw: str) -> Water:
+    """Builds the water for an actor's cup: arms feel it, and it is light enough for them.
+
+    Args:
+        actor: one of `CUP_ACTORS`.
+        liquid, resolution, draw: as in `Water`.
+    """
+    if actor in ARMS:
+        lighter = dataclasses.replace(liquid, density=ARM_DENSITY)
+        return Water(lighter, resolution, draw, two_way=True)
+    return Water(liquid, resolution, draw)

@@ -30,7 +30,7 @@ from softgym_mj.entities.marks import LevelMark
 from softgym_mj.fluid import Liquid, Water
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.cup_mover import CupMover, KeepClear
-from softgym_mj.robots.factory import make_cup_actor
+from softgym_mj.robots.factory import make_cup_actor, make_water
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import PourScenes
@@ -39,6 +39,7 @@ from softgym_mj.variations import generator
 
 ACTION_REPEAT = 8  # Facts 1.2.
 MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] in a sim step: 1 m/s and 1.5 rad/s.
+BASE_X = 0.5  # [m] Of an arm.
 SUCCESS = 0.95  # Ours: a twentieth of the water may be spilled or stay in the cup,
 AMOUNT_SUCCESS = 0.9  # or a tenth of the share be missing or too much.
 
@@ -89,7 +90,7 @@ class PourWater(WaterTask):
     def bounds(self) -> tuple[float, float]:
         return 0.0, 1.0
 
-    def reduced_state(self) -> np.ndarray:
+    def water_state(self) -> np.ndarray:
         positions, size, target = self.water.positions(), self.cup.size, self.target.size
         return np.array(
             [
@@ -154,8 +155,8 @@ class PourWaterAmount(PourWater):
     def bounds(self) -> tuple[float, float]:
         return self.initial_performance, 0.0
 
-    def reduced_state(self) -> np.ndarray:
-        return np.array([*super().reduced_state(), self._level, self._share])
+    def water_state(self) -> np.ndarray:
+        return np.array([*super().water_state(), self._level, self._share])
 
     def tool_state(self) -> np.ndarray:
         """The cups, then the height of the red bar [m] and t."""
@@ -174,10 +175,10 @@ def _parts(actor: str, fidelity: str, draw: str) -> tuple:
     cup, target = Cup(scene.cups[0]), Cup(scene.cups[1], name="target")
     return (
         SettledWater(scenes, LIQUID, fidelity),
-        Water(LIQUID, scene.resolution(fidelity), draw),
+        make_water(actor, LIQUID, scene.resolution(fidelity), draw),
         cup,
         target,
-        make_cup_actor(actor, cup, MAX_STEP, KeepClear(cup, target)),
+        make_cup_actor(actor, cup, MAX_STEP, KeepClear(cup, target), base_x=BASE_X),
     )
 
 
@@ -194,7 +195,7 @@ def pour_water(
     """Builds the task.
 
     Args:
-        actor: "cup".
+        actor: "cup", "franka" or "sawyer".
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: number of particles: "fast", "default" or "accurate".

@@ -21,7 +21,7 @@ from softgym_mj.entities.cup import Cup
 from softgym_mj.fluid import Liquid, Water
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.cup_mover import CupMover, Track
-from softgym_mj.robots.factory import make_cup_actor
+from softgym_mj.robots.factory import make_cup_actor, make_water
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import TransportScenes
@@ -31,6 +31,7 @@ ACTION_REPEAT = 8  # Facts 1.2.
 GOAL = 1.2  # [m]
 MAX_STEP = (0.011, 0.0, 0.0)  # [m, m, rad] in a sim step: 1.1 m/s.
 LIMITS = Track(-0.25, 1.4)  # [m]
+BASE_X = 0.7  # [m] Of an arm.
 SPILL_PENALTY = 10.0  # [m] For all water spilled.
 SUCCESS = 0.95  # Ours: within 6 cm of the goal with nothing spilled, or at it with 0.6 %.
 
@@ -64,7 +65,7 @@ class TransportWater(WaterTask):
     def bounds(self) -> tuple[float, float]:
         return -GOAL, 0.0
 
-    def reduced_state(self) -> np.ndarray:
+    def water_state(self) -> np.ndarray:
         size, inside = self.cup.size, self._fraction_inside()
         return np.array(
             [
@@ -90,7 +91,7 @@ def transport_water(
     """Builds the task.
 
     Args:
-        actor: "cup".
+        actor: "cup", "franka" or "sawyer".
         observation: "full", "reduced", "rgb" or a sequence of these.
         image_size: (height, width) of images [pixels].
         fidelity: number of particles: "fast", "default" or "accurate".
@@ -104,9 +105,9 @@ def transport_water(
     cup = Cup(scene.cup)
     return TransportWater(
         SettledWater(scenes, LIQUID, fidelity),
-        Water(LIQUID, scene.resolution(fidelity), draw),
+        make_water(actor, LIQUID, scene.resolution(fidelity), draw),
         cup,
-        make_cup_actor(actor, cup, MAX_STEP, LIMITS),
+        make_cup_actor(actor, cup, MAX_STEP, LIMITS, base_x=BASE_X),
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,

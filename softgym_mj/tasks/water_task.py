@@ -1,5 +1,6 @@
 """`WaterTask`: what the tasks on water in cups share."""
 
+import abc
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,7 +22,8 @@ class WaterTask(DeformableTask):
 
     Full state: all particles (x, y, z each [m]), zeros up to the largest sample of this fidelity
     (8788 times 1/2, 1 or 2), then each cup's pose and inner measures: x, z [m], theta [rad],
-    length, width, height [m], the moved cup first.
+    length, width, height [m], the moved cup first, and what an arm senses of itself, which also
+    ends the reduced state.
     """
 
     _actor: CupMover
@@ -49,7 +51,7 @@ class WaterTask(DeformableTask):
         """
         self._initializer, self._water, self._cups = initializer, water, tuple(cups)
         self._scene = initializer.scenes.scene(0)
-        arena = Arena(camera=camera, middle=MIDDLE)
+        arena = Arena(camera=camera + actor.camera_suffix, middle=MIDDLE)
         actor.join(arena)
         for cup in self._cups[1:]:
             cup.join(arena)
@@ -86,7 +88,8 @@ class WaterTask(DeformableTask):
 
     @property
     def parts(self) -> dict[str, tuple[str, ...]]:
-        return {"container": tuple(cup.mjcf_model.model for cup in self._cups)}
+        cups = tuple(cup.mjcf_model.model for cup in self._cups)
+        return {"container": cups, "actor": self._actor.model_names}
 
     def resize(self, variation: int) -> bool:
         self._scene = scene = self._initializer.scenes.scene(variation)
@@ -103,7 +106,15 @@ class WaterTask(DeformableTask):
         return self._water.positions()
 
     def tool_state(self) -> np.ndarray:
-        return np.concatenate([cup.state() for cup in self._cups])
+        cups = [cup.state() for cup in self._cups]
+        return np.concatenate([*cups, self._actor.proprioception()])
+
+    @abc.abstractmethod
+    def water_state(self) -> np.ndarray:
+        """The few numbers that describe water and cups."""
+
+    def reduced_state(self) -> np.ndarray:
+        return np.concatenate([self.water_state(), self._actor.proprioception()])
 
     def highest(self) -> float:
         """Height [m] of the highest particle anywhere, splashes included."""

@@ -52,7 +52,7 @@ class PourWater(Expert):
     def _step(self, goal: np.ndarray) -> np.ndarray:
         """The action that moves the cup straight to a pose, or as near as it can."""
         actor = self._env.task.actor
-        action = (goal - actor.cup.pose) / (actor.max_step * self._env.task.action_repeat)
+        action = (goal - actor.commanded_pose) / (actor.max_step * self._env.task.action_repeat)
         return action / max(np.abs(action).max(), 1.0)
 
     def _floor(self, x: float, z: float, theta: float) -> np.ndarray:

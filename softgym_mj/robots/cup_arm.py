@@ -1,0 +1,214 @@
+"""`CupArm`: a robot arm that holds a cup by its handle and moves it as a `CupMover` does."""
+
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from dm_control import composer, mjcf
+
+from softgym_mj.entities.cup import GRIP, Cup
+from softgym_mj.robots import arm_bodies
+from softgym_mj.robots.cartesian import LEAD, CartesianController
+from softgym_mj.robots.cup_mover import CupMover, Rule
+from softgym_mj.robots.guide import Guide, drawn_in
+from softgym_mj.robots.models import ArmModel
+from softgym_mj.robots.servos import Servos
+from softgym_mj.robots.stands import Stand
+
+# [m] From the line on which the handle is held to the arm's base. With it a Franka that stands in
+# the middle of the way keeps to the experts' ways within 4 mm for 1.2 m, 22 mm in a pour; a Sawyer
+# within 1 mm. (From 0.4 m, or 0.15 m higher up, a Franka is up to 75 mm off.)
+STANDOFF = 0.55
+# Joint angles [rad] in which the hand points ahead and the fingers close on an upright plate.
+HOMES = {
+    "franka": (0.0, 0.0, 0.0, -1.9, 0.0, 3.4, 0.8),
+    "sawyer": (0.0, -1.0, 0.0, 1.8, 0.0, -0.8, 1.57),
+}
+ORIENTATION_COST = 0.3  # [1/rad]: a radian off is as bad as 0.3 m. Tilt pours.
+# [m/rad] Ways that a turn counts as where a speed or a lead is limited: about what is held.
+TURNS_AS = np.array([1.0, 1.0, 0.3])
+HALF_HANDLE = 0.01  # [m] Position of each finger on it.
+
+
+def turned(theta: float) -> np.ndarray:
+    """Rotation (3, 3) about +Y by an angle [rad]."""
+    cosine, sine = math.cos(theta), math.sin(theta)
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+
+
+# Axes of the tool that holds an upright cup, as columns: it points along -Y and closes along X.
+UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+
+
+class CupArm(composer.Entity, CupMover):
+    """An arm, at the far side of the cup's way, with the cup's handle in its hand.
+
+    The action is that of `CupMover`. The cup is fixed to the hand, which follows the commanded pose
+    as fast as its joints can; where it falls behind, or cannot get to, the commanded pose waits.
+    Water pushes the cup, hence the joints: it feels lighter than it is, see `factory.ARM_DENSITY`.
+    Nothing of the arm collides with anything.
+    """
+
+    camera_suffix = "_arms"
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        cup: Cup,
+        max_step: Sequence[float],
+        rule: Rule,
+        base_x: float,
+    ):
+        """Builds the arm around a cup.
+
+        Args:
+            arm: the kind of arm.
+            cup, max_step, rule: as in `CupMover`.
+            base_x: X [m] of the arm's base.
+        """
+        CupMover.__init__(self, cup, max_step, rule)
+        composer.Entity.__init__(self, arm, base_x)
+
+    def _build(self, arm: ArmModel, base_x: float):
+        self._arm = arm
+        self._mjcf_root = mjcf.RootElement(model="arms")
+        stand = Stand((base_x, GRIP[1] + STANDOFF, 0.0), -math.pi / 2, 0.0, 1.0)
+        arm_bodies.add_arms(self._mjcf_root, arm, [stand])
+        (name,) = self._names = arm_bodies.names(arm, 1)
+        model = arm_bodies.kinematic_model(arm, [stand])
+        tools = [f"{name}/{arm.tcp_site}"]
+        limits = zip(arm.arm_joints, arm.velocity_limits, strict=True)
+        self._controller = CartesianController(
+            model,
+            tools,
+            np.array(HOMES[arm.name]),
+            {f"{name}/{joint}": limit for joint, limit in limits},
+            arm_bodies.outer_geoms(model, self._names),
+            model.geom(arm_bodies.FLOOR).id,
+            ORIENTATION_COST,
+        )
+        self._servos = Servos(model, self._controller, tools)
+        self._guide = Guide(1)
+        tool = self._mjcf_root.find("site", tools[0])
+        site = tool.parent.add("site", name="grip", pos=tool.pos, quat=_grip_quaternion(tool))
+        self.cup.join_hand(self, site)
+
+    @property
+    def mjcf_model(self) -> mjcf.RootElement:
+        return self._mjcf_root
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        return (self._mjcf_root.model,)
+
+    @property
+    def arm(self) -> ArmModel:
+        """The kind of arm."""
+        return self._arm
+
+    @property
+    def controller(self) -> CartesianController:
+        """What leads the joints."""
+        return self._controller
+
+    def join(self, arena: composer.Arena) -> None:
+        arena.attach(self)
+
+    def after_compile(self, physics, random_state):
+        model, data = physics.model.ptr, physics.data.ptr
+        prefixes = [f"{self._mjcf_root.model}/{name}" for name in self._names]
+        self._servos.bind(model, data, self._arm, prefixes)
+        fingers = [f"{prefixes[0]}/{finger}" for finger in self._arm.finger_joints]
+        at = model.jnt_qposadr[[model.joint(finger).id for finger in fingers]]
+        motors = [model.actuator(finger).id for finger in fingers]
+        self._data, self._fingers_at, self._finger_motors = data, at, motors
+
+    # ------------------------------------------------------------------ motion
+
+    @property
+    def commanded_pose(self) -> np.ndarray:
+        return self._guide.commanded[0] / TURNS_AS
+
+    @property
+    def reference_pose(self) -> np.ndarray:
+        """The pose (3,) of the cup in the hand of the controller's reference."""
+        (point,), (rotation,) = self._controller.points(), self._controller.rotations()
+        turn = rotation @ UPRIGHT.T
+        theta = math.atan2(turn[0, 2], turn[0, 0])
+        x, _, z = point - turned(theta) @ GRIP
+        return np.array([x, z, theta])
+
+    def place(self, pose: np.ndarray) -> None:
+        self._rejected = 0
+        self._aim(pose)
+        self._controller.reset(self._tool(pose)[None])
+        self._guide.start((pose * TURNS_AS)[None])
+        self._servos.reset()
+        self._data.qpos[self._fingers_at] = HALF_HANDLE
+        self._data.ctrl[self._finger_motors] = HALF_HANDLE
+
+    def _tool(self, pose: np.ndarray) -> np.ndarray:
+        """The tool point (3,) [m] that gives the cup a pose."""
+        return np.array([pose[0], 0.0, pose[1]]) + turned(pose[2]) @ GRIP
+
+    def _aim(self, pose: np.ndarray) -> None:
+        self._controller.turn((turned(pose[2]) @ UPRIGHT)[None])
+
+    def plan(self) -> None:
+        self._guide.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
+        self._servos.plan(self._follow)
+
+    def _within_lead(self, points: np.ndarray) -> np.ndarray:
+        return drawn_in(points, (self.reference_pose * TURNS_AS)[None], LEAD)
+
+    def _follow(self, steps: int) -> None:
+        # The guide is taken to go on as it does until the controller's next solution.
+        pose = (self._guide.points + steps * self._guide.step)[0] / TURNS_AS
+        self._aim(pose)
+        self._controller.follow(self._tool(pose)[None])
+
+    def move(self, fraction: float, timestep: float) -> None:
+        self._servos.move(fraction)
+
+    def proprioception(self) -> np.ndarray:
+        """What the arm senses of itself (22,), see `Servos.sensed`."""
+        return self._servos.sensed(self._data.qpos[self._fingers_at].sum(keepdims=True))
+
+    def diagnostics(self) -> dict[str, float | int]:
+        return {**super().diagnostics(), "ik_failures": self._controller.failures}
+
+    # ------------------------------------------------------------------ snapshots
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return {
+            **super().get_state(),
+            **self._controller.get_state(),
+            **self._guide.get_state(),
+            **self._servos.get_state(),
+        }
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        super().set_state(state)
+        for part in (self._controller, self._guide, self._servos):
+            part.set_state(state)
+
+
+class FrankaCupArm(CupArm):
+    """An arm of Franka: snapshots know actors by their class."""
+
+
+class SawyerCupArm(CupArm):
+    """An arm of Sawyer."""
+
+
+KINDS = {"franka": FrankaCupArm, "sawyer": SawyerCupArm}
+
+
+def _grip_quaternion(tool: mjcf.Element) -> np.ndarray:
+    """Orientation (4,) of a site beside the tool's that has the axes of the cup that it holds."""
+    own = np.array([1.0, 0.0, 0.0, 0.0] if tool.quat is None else tool.quat)
+    back, result = np.empty(4), np.empty(4)
+    mujoco.mju_mat2Quat(back, UPRIGHT.T.ravel())
+    mujoco.mju_mulQuat(result, own, back)
+    return result

@@ -1,0 +1,63 @@
+"""`Guide`: a path that arms can follow, however abruptly they are commanded."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from softgym_mj.robots.base import SIM_STEP
+
+# [m/s^2] Commands may jump from -1 m/s to 1 m/s; what the arms follow speeds up and slows down by
+# this at most, which their torques can do.
+ACCELERATION = 10.0
+SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacement in a sim step [m].
+LEAD = 0.06  # [m] By which the commanded point may be ahead of what the arm follows.
+
+
+class Guide:
+    """Points that go after commanded ones, as fast as lets them come to rest there.
+
+    Attributes:
+        commanded: where they are told to be (n, 3) [m].
+        points: where they are (n, 3) [m].
+        step: their displacement in the current sim step (n, 3) [m].
+    """
+
+    def __init__(self, number: int):
+        """`number` points at rest at the origin."""
+        self.start(np.zeros((number, 3)))
+
+    def start(self, points: np.ndarray) -> None:
+        """Puts the points (n, 3) [m] at rest where they are told to be."""
+        self.commanded, self.points = np.array(points, float), np.array(points, float)
+        self.step = np.zeros_like(self.points)
+
+    def advance(self, wanted: np.ndarray, hold: Callable[[np.ndarray], np.ndarray]) -> None:
+        """A sim step in which points (n, 3) [m] are wanted.
+
+        Args:
+            wanted: where the commanded points ought to be; they wait where the guide is far behind.
+            hold: gives for points (n, 3) [m] those that are not too far ahead of the arms.
+        """
+        self.commanded = drawn_in(wanted, self.points, LEAD)
+        gap = self.commanded - self.points
+        distance = np.sqrt(np.vecdot(gap, gap))[:, None]
+        braking = (np.sqrt(1.0 + 8.0 * distance / SPEED_UP) - 1.0) / 2.0 * SPEED_UP
+        step = gap * (np.minimum(braking, distance) / np.maximum(distance, 1e-12))
+        points = hold(self.points + drawn_in(step, self.step, SPEED_UP))
+        self.step = points - self.points
+        self.points = points
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """For snapshots."""
+        return {"guide": np.array([self.commanded, self.points, self.step])}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restores what `get_state` returned."""
+        self.commanded, self.points, self.step = state["guide"].copy()
+
+
+def drawn_in(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:
+    """Points (n, 3), moved straight to within `radius` of their `centres` (n, 3)."""
+    offset = points - centres
+    distance = np.sqrt(np.vecdot(offset, offset))[:, None]
+    return centres + offset * (radius / np.maximum(distance, radius))

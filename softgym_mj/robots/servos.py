@@ -1,0 +1,133 @@
+"""`Servos`: drives the joints of arms in a scene along a `CartesianController`'s reference."""
+
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+
+from softgym_mj.robots import arm_bodies
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.cartesian import PERIOD, CartesianController
+from softgym_mj.robots.models import ArmModel
+
+SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
+
+
+class Servos:
+    """The joint servos of one or more arms, led from one solution of the controller to the next."""
+
+    def __init__(
+        self, kinematics: mujoco.MjModel, controller: CartesianController, tools: Sequence[str]
+    ):
+        """Binds the servos.
+
+        Args:
+            kinematics: the arms alone.
+            controller: what the servos follow.
+            tools: sites of `kinematics`, one an arm.
+        """
+        self._kinematics, self._controller = kinematics, controller
+        self._posture = mujoco.MjData(kinematics)
+        self._sites = [kinematics.site(tool).id for tool in tools]
+        self._phase = 0  # Sim steps since the controller's last solution.
+
+    def bind(
+        self, model: mujoco.MjModel, data: mujoco.MjData, arm: ArmModel, prefixes: Sequence[str]
+    ) -> None:
+        """Finds the joints of the arms in a scene and tunes their servos.
+
+        Args:
+            model, data: the scene.
+            arm: the kind of the arms.
+            prefixes: of the names of each arm's elements.
+        """
+        self._data = data
+
+        def ids(find):
+            return [find(f"{p}/{joint}").id for p in prefixes for joint in arm.arm_joints]
+
+        joints, self._motors = ids(model.joint), np.array(ids(model.actuator))
+        self._positions_at = model.jnt_qposadr[joints]
+        self._speeds_at = model.jnt_dofadr[joints]
+        inertia = arm_bodies.inertia(self._kinematics, self._controller.home)
+        torques = np.tile(arm.torque_limits, len(prefixes))
+        self._lag = arm_bodies.tune(model, self._motors, inertia, torques)
+
+    def reset(self) -> None:
+        """Puts the arms at rest where the controller's reference is."""
+        data = self._data
+        data.qpos[self._positions_at] = self._controller.configuration
+        data.qvel[self._speeds_at] = 0.0
+        data.ctrl[self._motors] = self._controller.configuration
+        self._goal = data.ctrl[self._motors]
+        self._start = self._goal.copy()
+        self._phase = SOLVE_EVERY - 1  # The next sim step begins with a solution.
+
+    def plan(self, follow: Callable[[int], None]) -> None:
+        """Starts a sim step.
+
+        Args:
+            follow: moves the controller's reference, if it is time to, to where it has to be so
+                many sim steps later.
+        """
+        self._phase = (self._phase + 1) % SOLVE_EVERY
+        if self._phase == 0:
+            follow(SOLVE_EVERY - 1)
+            self._start = self._goal
+            self._goal = self._controller.configuration + self._lag * self._controller.velocity
+
+    def move(self, fraction: float) -> None:
+        """Commands the physics step that ends with a `fraction` (0..1] of the sim step."""
+        way = (self._phase + fraction) / SOLVE_EVERY
+        self._data.ctrl[self._motors] = (1.0 - way) * self._start + way * self._goal
+
+    def points(self) -> np.ndarray:
+        """Where the tools are (n, 3) [m]."""
+        self._posture.qpos[:] = self._data.qpos[self._positions_at]
+        mujoco.mj_kinematics(self._kinematics, self._posture)
+        return self._posture.site_xpos[self._sites]
+
+    def rotations(self) -> np.ndarray:
+        """Rotation matrices (n, 3, 3) of the tools, after `points`."""
+        return self._posture.site_xmat[self._sites].reshape(-1, 3, 3)
+
+    def velocities(self) -> np.ndarray:
+        """Velocities (n, 3) [m/s] of the tools, after `points`."""
+        mujoco.mj_comPos(self._kinematics, self._posture)
+        speeds = self._data.qvel[self._speeds_at]
+        jacobian = np.empty((3, self._kinematics.nv))
+        velocities = np.empty((len(self._sites), 3))
+        for i, site in enumerate(self._sites):
+            mujoco.mj_jacSite(self._kinematics, self._posture, jacobian, None, site)
+            velocities[i] = jacobian @ speeds
+        return velocities
+
+    def sensed(self, openings: np.ndarray) -> np.ndarray:
+        """What n arms sense of themselves (22 n,).
+
+        The tool points (x, y, z each) [m]; then for each arm the quaternion (w, x, y, z) of its
+        tool, its opening [m], the seven joint positions [rad] and velocities [rad/s].
+
+        Args:
+            openings: of the hands (n,) [m].
+        """
+        parts, quaternion = [self.points().ravel()], np.empty(4)
+        for i, rotation in enumerate(self.rotations()):
+            mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+            seven = slice(7 * i, 7 * (i + 1))
+            parts += [
+                quaternion.copy(),
+                openings[i : i + 1],
+                self._data.qpos[self._positions_at[seven]],
+                self._data.qvel[self._speeds_at[seven]],
+            ]
+        return np.concatenate(parts)
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """For snapshots."""
+        return {"phase": np.array(self._phase), "servo": np.array([self._start, self._goal])}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restores what `get_state` returned."""
+        self._phase = int(state["phase"])
+        self._start, self._goal = state["servo"].copy()
