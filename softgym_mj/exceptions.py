@@ -51,6 +51,10 @@ class PluginUnavailableError(SoftGymError, RuntimeError):
     """The library with the MuJoCo plugins is missing, broken or built for another MuJoCo."""
 
 
+class ModelUnavailableError(SoftGymError, RuntimeError):
+    """A model of MuJoCo Menagerie that cannot be had, or is not that of our arm."""
+
+
 def check_name(argument: str, value: object, valid: Iterable[object]) -> None:
     """Raises `UnknownNameError` unless `value` is one of `valid`."""
     valid = tuple(valid)

@@ -8,6 +8,8 @@ import numpy as np
 from dm_control import mjcf
 
 from softgym_mj.entities.flex import GRIPPER_CONTACT
+from softgym_mj.exceptions import check_name
+from softgym_mj.robots import menagerie
 from softgym_mj.robots.models import ArmModel
 from softgym_mj.robots.stands import Stand
 
@@ -33,12 +35,28 @@ def home(arm: ArmModel) -> np.ndarray:
     return angles
 
 
-def add_arms(root: mjcf.RootElement, arm: ArmModel, stands: Sequence[Stand]) -> None:
-    """Adds an arm for each stand to a model; hands and fingers collide with objects."""
+def add_arms(
+    root: mjcf.RootElement, arm: ArmModel, stands: Sequence[Stand], visual: str = "primitive"
+) -> None:
+    """Adds an arm for each stand to a model; hands and fingers collide with objects.
+
+    Args:
+        root: the model.
+        arm: the kind of arm.
+        stands: where the arms stand.
+        visual: what they look like: "primitive", our own shapes, or "menagerie".
+
+    Raises:
+        UnknownNameError: if there is no such look.
+        ModelUnavailableError: as in `menagerie.dress`.
+    """
+    check_name("visual", visual, menagerie.VISUALS)
     for name, stand in zip(names(arm, len(stands)), stands, strict=True):
         model = _load(arm, name)
         for geom in hand_geoms(model, arm):
             geom.contype, geom.conaffinity, geom.condim, geom.priority = GRIPPER_CONTACT, 0, 3, 1
+        if visual == "menagerie":
+            menagerie.dress(model, arm)
         _attach(root, model, stand)
         height = stand.base[2]
         if height > 0.0:

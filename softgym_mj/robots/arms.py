@@ -63,6 +63,7 @@ class Arms(HoldingGripper):
         base_height: float = 0.0,
         stands: Sequence[Stand] | None = None,
         name: str = "arms",
+        visual: str = "primitive",
     ):
         """Builds the arms.
 
@@ -72,16 +73,18 @@ class Arms(HoldingGripper):
             base_height: of the mounting planes above the floor [m].
             stands: where the arms stand, instead of these.
             name: model name.
+            visual: "primitive" or "menagerie", as in `arm_bodies.add_arms`.
 
         Raises:
             OutOfRangeError: for another number of arms.
+            UnknownNameError, ModelUnavailableError: as in `arm_bodies.add_arms`.
         """
         check_count("arms", num_arms, 1, 2)
         if stands is None:
             stands = facing_each_other(num_arms, *PLACES[arm.name], height=base_height)
         self._arm, self._stands = arm, tuple(stands)
         self._mjcf_root = mjcf.RootElement(model=name)
-        arm_bodies.add_arms(self._mjcf_root, arm, self._stands)
+        arm_bodies.add_arms(self._mjcf_root, arm, self._stands, visual=visual)
         names = arm_bodies.names(arm, num_arms)
         model = arm_bodies.kinematic_model(arm, self._stands)
         self._tools = [f"{prefix}/{arm.tcp_site}" for prefix in names]

@@ -30,6 +30,7 @@ class ArmModel:
         grip_force: what each finger presses with at most [N].
         pad_reach: from the TCP to the far end of the pads along the TCP's z axis [m].
         shoulder_height: of the second joint's axis above the mounting plane z = 0 [m].
+        menagerie: name of the arm in MuJoCo Menagerie.
     """
 
     name: str
@@ -44,6 +45,7 @@ class ArmModel:
     grip_force: float
     pad_reach: float
     shoulder_height: float
+    menagerie: str
     tcp_site: str = "tcp"
     pad_sites: tuple[str, str] = ("left_pad", "right_pad")
     pad_geoms: tuple[str, str] = ("left_pad", "right_pad")
@@ -77,6 +79,7 @@ FRANKA = ArmModel(
     grip_force=20.0,  # pybullet_data and robosuite; the hand can do more than cloth needs.
     pad_reach=0.00925,  # Half of an 18.5 mm pad, as in mani_skill, centred at the TCP.
     shoulder_height=0.333,  # All sources.
+    menagerie="franka_emika_panda",
 )
 
 # Rethink Robotics Sawyer with the Rethink electric gripper.
@@ -99,6 +102,7 @@ SAWYER = ArmModel(
     # middle (0.1065 m).
     pad_reach=0.014,
     shoulder_height=0.317,  # 0.08 + 0.237, all sources.
+    menagerie="rethink_robotics_sawyer",
 )
 
 ARMS = {arm.name: arm for arm in (FRANKA, SAWYER)}

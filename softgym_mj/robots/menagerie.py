@@ -1,0 +1,195 @@
+"""Arms that look like those of MuJoCo Menagerie: its drawn shapes in place of ours.
+
+Nothing else is taken from there. Kinematics, inertias, servos and solid shapes stay ours, so that
+an arm moves as it does without. The models are had through the package `mujoco-menagerie`, which
+downloads each of them once.
+"""
+
+import pathlib
+from typing import NoReturn
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from softgym_mj.exceptions import ModelUnavailableError
+from softgym_mj.robots.models import ArmModel
+
+VISUALS = ("primitive", "menagerie")
+# By which a frame there may differ from ours. Copies of these models that have other kinematics are
+# some centimetres or a quarter turn off.
+LARGEST_OFFSET, LARGEST_TURN = 1e-3, 1e-3  # [m], [rad]
+SHOWN_GROUPS = 3  # MuJoCo draws groups 0, 1 and 2 unless told otherwise.
+CLASS = "menagerie"  # Default class of the copied shapes, and prefix of what they are made of.
+
+
+def dress(model: mjcf.RootElement, arm: ArmModel) -> None:
+    """Replaces the drawn shapes of an arm by those in Menagerie, with meshes and colours.
+
+    A link gets the shapes of the body of the same name; what Menagerie lacks (the gripper of its
+    Sawyer) keeps ours. Textures are not copied: these arms have none.
+
+    Args:
+        model: the model of `arm`, not yet attached to a scene.
+        arm: the kind of arm.
+
+    Raises:
+        ModelUnavailableError: if the package `mujoco-menagerie` is not installed, or the model can
+            neither be found nor downloaded, or is of an arm with other joints or frames.
+    """
+    try:
+        spec = _spec(arm)
+        source = spec.compile()
+        bodies = _common_bodies(source, arm)
+        _Copy(spec, source, model).replace(bodies)
+    except (OSError, ValueError) as error:  # What MuJoCo and files have to say.
+        _fail(arm, error)
+
+
+def _spec(arm: ArmModel) -> mujoco.MjSpec:
+    try:
+        import mujoco_menagerie
+    except ImportError as error:
+        raise ModelUnavailableError(
+            "visual='menagerie' needs the package mujoco-menagerie: "
+            "`pip install softgym_mj[menagerie]`"
+        ) from error
+    try:
+        robot = mujoco_menagerie.get(arm.menagerie)
+        return robot.spec(robot.default_model)
+    except mujoco_menagerie.MenagerieError as error:
+        _fail(arm, error)
+
+
+def _fail(arm: ArmModel, reason: object) -> NoReturn:
+    raise ModelUnavailableError(
+        f"visual='menagerie' cannot show {arm.name!r} as {arm.menagerie!r}: {reason}. This model "
+        "is downloaded from github.com when first used; or set MENAGERIE_ROOT to a checkout of "
+        "https://github.com/google-deepmind/mujoco_menagerie, or leave visual='primitive'."
+    )
+
+
+def _common_bodies(source: mujoco.MjModel, arm: ArmModel) -> list[str]:
+    """Bodies of an arm that Menagerie's has, too; `ModelUnavailableError` unless frames agree."""
+    model = mujoco.MjModel.from_xml_path(arm.xml_path)
+    for joint in arm.arm_joints:
+        if _owner(source, joint) != _owner(model, joint):
+            _fail(arm, f"it has no body {_owner(model, joint)!r} with a joint {joint!r}")
+    ours, theirs = _frames(model, arm), _frames(source, arm)
+    common = [key for key in ours if key in theirs]
+    for kind, name in common:
+        gaps = np.linalg.norm(ours[kind, name] - theirs[kind, name], axis=1)
+        offset, turn = gaps[0], 2 * np.arcsin(np.minimum(gaps[1:].max() / 2, 1.0))
+        if offset > LARGEST_OFFSET or turn > LARGEST_TURN:
+            _fail(
+                arm,
+                f"{kind} {name!r} is {1e3 * offset:.1f} mm and {turn:.4f} rad from where ours is, "
+                f"and at most {1e3 * LARGEST_OFFSET:g} mm and {LARGEST_TURN:g} rad would be the "
+                "same arm",
+            )
+    return [name for kind, name in common if kind == "body"]
+
+
+def _owner(model: mujoco.MjModel, joint: str) -> str | None:
+    """The body that a joint moves; None if there is no such joint."""
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
+    return None if number < 0 else model.body(model.jnt_bodyid[number]).name
+
+
+def _frames(model: mujoco.MjModel, arm: ArmModel) -> dict[tuple[str, str], np.ndarray]:
+    """Where the bodies and joints of an arm in its home pose are, as seen from its base.
+
+    Keys are kind and name. Of bodies, position [m] and the three axes (4, 3); of joints, anchor [m]
+    and axis (2, 3).
+    """
+    data = mujoco.MjData(model)
+    for joint, angle in zip(arm.arm_joints, arm.home, strict=True):
+        data.qpos[model.joint(joint).qposadr] = angle
+    mujoco.mj_kinematics(model, data)
+    base = model.body_parentid[model.joint(arm.arm_joints[0]).bodyid[0]]
+    origin, axes = data.xpos[base], data.xmat[base].reshape(3, 3)
+    frames = {}
+    for i in range(1, model.nbody):
+        turn = data.xmat[i].reshape(3, 3).T
+        frames["body", model.body(i).name] = np.vstack([data.xpos[i] - origin, turn]) @ axes
+    for i in range(model.njnt):
+        line = np.vstack([data.xanchor[i] - origin, data.xaxis[i]])
+        frames["joint", model.joint(i).name] = line @ axes
+    return frames
+
+
+class _Copy:
+    """Copies drawn shapes, and what they are made of, from a compiled model to an MJCF model."""
+
+    def __init__(self, spec: mujoco.MjSpec, source: mujoco.MjModel, target: mjcf.RootElement):
+        self._source, self._target = source, target
+        self._folder = pathlib.Path(spec.modelfiledir, spec.meshdir)
+        self._meshes = {mesh.id: mesh for mesh in spec.meshes}
+        shapes = target.default.add("default", dclass=CLASS).geom
+        shapes.group, shapes.contype, shapes.conaffinity, shapes.mass = 2, 0, 0, 0.0
+
+    def replace(self, bodies: list[str]) -> None:
+        """Replaces the drawn shapes of these bodies where the source has any."""
+        for name in bodies:
+            shapes = self._shapes(self._source.body(name).id)
+            if not shapes:
+                continue
+            body = self._target.find("body", name)
+            for geom in [geom for geom in body.geom if geom.dclass.dclass == "visual"]:
+                geom.remove()
+            for shape in shapes:
+                self._add(body, shape)
+
+    def _shapes(self, body: int) -> list[int]:
+        model = self._source
+        solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        shown = (model.geom_bodyid == body) & ~solid & (model.geom_group < SHOWN_GROUPS)
+        return np.flatnonzero(shown).tolist()
+
+    def _add(self, body: mjcf.Element, shape: int) -> None:
+        model = self._source
+        position, quaternion = model.geom_pos[shape].copy(), model.geom_quat[shape].copy()
+        geom = body.add("geom", dclass=CLASS, rgba=model.geom_rgba[shape])
+        if model.geom_type[shape] == mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = model.geom_dataid[shape]
+            geom.type, geom.mesh = "mesh", self._mesh(mesh)
+            # The compiler has moved the mesh to its centre of mass and principal axes.
+            back, turned_back = np.empty(3), np.empty(4)
+            mujoco.mju_negPose(back, turned_back, model.mesh_pos[mesh], model.mesh_quat[mesh])
+            mujoco.mju_mulPose(
+                position, quaternion, position.copy(), quaternion.copy(), back, turned_back
+            )
+        else:
+            kind = mujoco.mjtGeom(model.geom_type[shape]).name
+            geom.type, geom.size = kind.removeprefix("mjGEOM_").lower(), model.geom_size[shape]
+        geom.pos, geom.quat = position, quaternion
+        if model.geom_matid[shape] >= 0:
+            geom.material = self._material(model.geom_matid[shape])
+
+    def _mesh(self, number: int) -> mjcf.Element:
+        name = f"{CLASS}_{self._source.mesh(number).name}"
+        mesh = self._meshes[number]
+        file = self._folder / mesh.file
+        return self._target.find("mesh", name) or self._target.asset.add(
+            "mesh",
+            name=name,
+            file=mjcf.Asset(file.read_bytes(), file.suffix),
+            scale=mesh.scale,
+            refpos=mesh.refpos,
+            refquat=mesh.refquat,
+            smoothnormal=bool(mesh.smoothnormal),
+            inertia="shell",  # Not used; exists of an open surface, too.
+        )
+
+    def _material(self, number: int) -> mjcf.Element:
+        material = self._source.material(number)
+        name = f"{CLASS}_{material.name}"
+        return self._target.find("material", name) or self._target.asset.add(
+            "material",
+            name=name,
+            rgba=material.rgba,
+            emission=material.emission[0],
+            specular=material.specular[0],
+            shininess=material.shininess[0],
+            reflectance=material.reflectance[0],
+        )
