@@ -23,6 +23,9 @@ _console = rich.console.Console()
 POLICIES = ("scripted", "random", "zero")
 
 Task = Annotated[str, typer.Argument(help="Task name, see `softgym-mj list`.")]
+Actor = Annotated[
+    str | None, typer.Option(help="What acts, such as picker or franka; else the task's own.")
+]
 
 
 def _policy(name: str, env, seed: int) -> Callable:
@@ -38,11 +41,13 @@ def _policy(name: str, env, seed: int) -> Callable:
     return lambda timestep: random.uniform(-1.0, 1.0, size)
 
 
-def _load(task: str, split: str, filmed: bool):
+def _load(task: str, split: str, filmed: bool, actor: str | None = None):
     """The environment of a task; water is drawn finely if a video is made of it."""
     check_name("task", task, softgym_mj.TASKS)
     drawn = filmed and "draw" in softgym_mj.TASKS[task].arguments
     settings: dict[str, Any] = {"draw": "fine"} if drawn else {}
+    if actor is not None:
+        settings["actor"] = actor
     return softgym_mj.load(task, split=split, **settings)
 
 
@@ -108,6 +113,7 @@ def demo(
 def rollout(
     task: Task,
     policy: Annotated[str, typer.Option(help=f"One of {', '.join(POLICIES)}.")] = "scripted",
+    actor: Actor = None,
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
     episodes: Annotated[int, typer.Option(min=1)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
@@ -116,7 +122,7 @@ def rollout(
     ] = None,
 ) -> None:
     """Runs a policy on the first variations of a split; prints one JSON line an episode."""
-    env = _load(task, split, filmed=video is not None)
+    env = _load(task, split, filmed=video is not None, actor=actor)
     for index in list(env.variations)[:episodes]:
         file = None if video is None else _Video(video / f"{task}_{index:04d}.mp4")
         *_, score = _play(env, policy, index, seed, file)
@@ -124,6 +130,7 @@ def rollout(
             json.dumps(
                 {
                     "task": task,
+                    "actor": actor,
                     "policy": policy,
                     "variation": index,
                     "normalized_performance": score,
@@ -136,6 +143,7 @@ def rollout(
 @app.command()
 def oracle(
     task: Task,
+    actor: Actor = None,
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
     episodes: Annotated[int, typer.Option(help="Variations, from the first on.", min=1)] = 20,
     out: Annotated[
@@ -143,7 +151,7 @@ def oracle(
     ] = pathlib.Path("oracle"),
 ) -> None:
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
-    env = _load(task, split, filmed=True)
+    env = _load(task, split, filmed=True, actor=actor)
     scores: dict[int, float] = {}
     with _progress() as progress:
         variations = list(env.variations)[:episodes]
@@ -153,8 +161,9 @@ def oracle(
             *_, scores[index] = _play(env, "scripted", index, video=video)
             progress.advance(bar)
     values = list(scores.values())
-    summary = {"task": task, "policy": "scripted", "version": softgym_mj.__version__,
-               "mean": float(np.mean(values)), "min": min(values), "max": max(values),
+    summary = {"task": task, "actor": actor, "policy": "scripted",
+               "version": softgym_mj.__version__, "mean": float(np.mean(values)),
+               "min": min(values), "max": max(values),
                "normalized_performance": scores}  # fmt: skip
     file = out / f"{task}.json"
     file.write_text(json.dumps(summary, indent=2))
@@ -252,6 +261,7 @@ def generate(
 def view(
     task: Task,
     policy: Annotated[str, typer.Option(help=f"One of {', '.join(POLICIES)}.")] = "scripted",
+    actor: Actor = None,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
 ) -> None:
     """Plays a task in MuJoCo's viewer; needs a display."""
@@ -263,7 +273,7 @@ def view(
         )
     import mujoco.viewer
 
-    env = softgym_mj.load(task, split="all")
+    env = _load(task, "all", filmed=False, actor=actor)
     timestep = env.reset(variation)
     act = _policy(policy, env, seed=0)
     model, data = env.physics.model.ptr, env.physics.data.ptr

@@ -1,0 +1,49 @@
+"""`--actor` of the command line: the actor that `load` would build."""
+
+import contextlib
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import softgym_mj
+from softgym_mj import cli
+
+COMMANDS = ("rollout", "oracle", "view")
+
+
+def test_a_rollout_is_played_by_the_actor():
+    command = "rollout straighten_rope --actor sawyer --policy random --episodes 1 --seed 3"
+    result = CliRunner().invoke(cli.app, command.split())
+    assert result.exit_code == 0, result.output
+    line = json.loads(result.output)
+    env = softgym_mj.load("straighten_rope", actor="sawyer", split="evaluate")
+    timestep, random = env.reset(800), np.random.default_rng(3)
+    while not timestep.last():
+        timestep = env.step(random.uniform(-1.0, 1.0, 8))
+    assert line["actor"] == "sawyer"
+    assert line["normalized_performance"] == env.info()["normalized_performance"]
+
+
+def test_scores_name_the_actor(tmp_path, monkeypatch):
+    no_film = contextlib.nullcontext(lambda: None)  # Filming takes longer than the episode.
+    monkeypatch.setattr(cli, "_film", lambda env, video: no_film)
+    command = ["oracle", "straighten_rope", "--episodes", "1", "--actor", "franka"]
+    result = CliRunner().invoke(cli.app, [*command, "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    scores = json.loads((tmp_path / "straighten_rope.json").read_text())
+    assert scores["actor"] == "franka"
+    assert scores["mean"] > 0.9  # Variation 800.
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_unknown_actor_is_one_line(command, capsys, monkeypatch):
+    monkeypatch.setattr(cli, "has_display", lambda: True)
+    monkeypatch.setattr("sys.argv", ["softgym-mj", command, "straighten_rope", "--actor", "hand"])
+    with pytest.raises(SystemExit) as exit_info:
+        cli.main()
+    assert exit_info.value.code == 1
+    error = capsys.readouterr().err
+    assert error.startswith("UnknownNameError: actor='hand'") and error.count("\n") == 1
+    assert "'picker'" in error and "'franka'" in error
