@@ -6,6 +6,7 @@ SoftGym's own figure, for comparison: 46 env steps/s with rendering on a 2080Ti.
 
     python benchmarks/throughput.py --out new.json
     python benchmarks/throughput.py --compare old.json new.json
+    python benchmarks/throughput.py --actors franka sawyer
 """
 
 import argparse
@@ -13,6 +14,7 @@ import json
 import pathlib
 import platform
 import time
+from collections.abc import Iterator, Sequence
 from unittest import mock
 
 import mujoco
@@ -29,6 +31,7 @@ FEW = range(800, 805)
 MANY = range(800, 820)  # Few steps each of many: they have 224 to 8788 particles.
 VARIATIONS = {"rope": FEW, "cloth": FEW, "water": MANY}
 IMAGES = 60
+USUAL = "usual actor"
 
 
 class _TimedMujoco:
@@ -56,9 +59,39 @@ def _stopwatch_seconds(calls: int = 100_000) -> float:
     return (time.perf_counter() - start - clock.seconds) / calls
 
 
+def _env(task: str, actor: str | None) -> softgym_mj.environment.Environment:
+    settings = {} if actor is None else {"actor": actor}
+    return softgym_mj.load(task, split="evaluate", observation="reduced", **settings)
+
+
+def _random_actions(task: str, actor: str | None) -> Iterator[tuple]:
+    """(environment, actions (steps, n)) at the start of an episode, for each variation."""
+    env, random = _env(task, actor), np.random.default_rng(0)
+    kind = softgym_mj.TASKS[task].tags[-1]
+    steps = min(STEPS[kind], env.horizon - 1)
+    for variation in VARIATIONS[kind]:
+        env.reset(variation)
+        yield env, random.uniform(-1, 1, (steps, *env.action_spec().shape))
+
+
+def compare(task: str, actors: Sequence[str]) -> dict[str, float]:
+    """Rates [1/s] with random actions of the usual actor and of others, turn by turn.
+
+    Every actor plays a variation before the next one comes, so that all find the machine alike.
+    """
+    rates: dict[str, list[float]] = {}
+    for turns in zip(*(_random_actions(task, actor) for actor in (None, *actors)), strict=True):
+        for actor, (env, actions) in zip((USUAL, *actors), turns, strict=True):
+            start = time.perf_counter()
+            for action in actions:
+                env.step(action)
+            rates.setdefault(actor, []).append((time.perf_counter() - start) / len(actions))
+    return {actor: 1.0 / float(np.mean(seconds)) for actor, seconds in rates.items()}
+
+
 def measure(task: str) -> dict[str, float]:
     """Rates of one task with random actions."""
-    env = softgym_mj.load(task, split="evaluate", observation="reduced")
+    env = _env(task, None)
     random = np.random.default_rng(0)
     stopwatch = _stopwatch_seconds()
     plain, timed, inside = [], 0.0, 0.0
@@ -99,6 +132,7 @@ def measure(task: str) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", nargs="+", choices=softgym_mj.TASKS, default=softgym_mj.TASKS)
+    parser.add_argument("--actors", nargs="+", default=[], help="compared with the usual one")
     parser.add_argument("--out", type=pathlib.Path)
     parser.add_argument("--compare", type=pathlib.Path, nargs=2, metavar=("OLD", "NEW"))
     arguments = parser.parse_args()
@@ -110,6 +144,13 @@ def main() -> None:
                       f"({new[task][name] / value:.2f} x)")  # fmt: skip
         return
     results = {}
+    if arguments.actors:
+        for task in arguments.tasks:
+            rates = compare(task, arguments.actors)
+            usual = rates.pop(USUAL)
+            shares = {actor: f"{rate:.1f}/s, {rate / usual:.2f}" for actor, rate in rates.items()}
+            print(f"{task:20} {USUAL} {usual:.1f}/s", shares, flush=True)
+        return
     for task in arguments.tasks:
         results[task] = measure(task)
         print(task, {name: round(value, 3) for name, value in results[task].items()}, flush=True)

@@ -11,7 +11,7 @@ from softgym_mj.entities.cup import GRIP, Cup
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.cartesian import LEAD, CartesianController
 from softgym_mj.robots.cup_mover import CupMover, Rule
-from softgym_mj.robots.guide import Guide, drawn_in
+from softgym_mj.robots.guide import Guide
 from softgym_mj.robots.models import ArmModel
 from softgym_mj.robots.servos import Servos
 from softgym_mj.robots.stands import Stand
@@ -37,6 +37,14 @@ def turned(theta: float) -> np.ndarray:
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
+def clipped(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:
+    """Points (n, 3), each entry moved to within `radius` of that of `centres` (n, 3).
+
+    What is short of its place along X must not be lifted or turned for that.
+    """
+    return np.clip(points, centres - radius, centres + radius)
+
+
 # Axes of the tool that holds an upright cup, as columns: it points along -Y and closes along X.
 UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 
@@ -59,6 +67,7 @@ class CupArm(composer.Entity, CupMover):
         max_step: Sequence[float],
         rule: Rule,
         base_x: float,
+        visual: str = "primitive",
     ):
         """Builds the arm around a cup.
 
@@ -66,15 +75,16 @@ class CupArm(composer.Entity, CupMover):
             arm: the kind of arm.
             cup, max_step, rule: as in `CupMover`.
             base_x: X [m] of the arm's base.
+            visual: as in `arm_bodies.add_arms`.
         """
         CupMover.__init__(self, cup, max_step, rule)
-        composer.Entity.__init__(self, arm, base_x)
+        composer.Entity.__init__(self, arm, base_x, visual)
 
-    def _build(self, arm: ArmModel, base_x: float):
+    def _build(self, arm: ArmModel, base_x: float, visual: str):
         self._arm = arm
         self._mjcf_root = mjcf.RootElement(model="arms")
         stand = Stand((base_x, GRIP[1] + STANDOFF, 0.0), -math.pi / 2, 0.0, 1.0)
-        arm_bodies.add_arms(self._mjcf_root, arm, [stand])
+        arm_bodies.add_arms(self._mjcf_root, arm, [stand], visual=visual)
         (name,) = self._names = arm_bodies.names(arm, 1)
         model = arm_bodies.kinematic_model(arm, [stand])
         tools = [f"{name}/{arm.tcp_site}"]
@@ -89,7 +99,7 @@ class CupArm(composer.Entity, CupMover):
             ORIENTATION_COST,
         )
         self._servos = Servos(model, self._controller, tools)
-        self._guide = Guide(1)
+        self._guide = Guide(1, clipped)
         tool = self._mjcf_root.find("site", tools[0])
         site = tool.parent.add("site", name="grip", pos=tool.pos, quat=_grip_quaternion(tool))
         self.cup.join_hand(self, site)
@@ -160,7 +170,7 @@ class CupArm(composer.Entity, CupMover):
         self._servos.plan(self._follow)
 
     def _within_lead(self, points: np.ndarray) -> np.ndarray:
-        return drawn_in(points, (self.reference_pose * TURNS_AS)[None], LEAD)
+        return clipped(points, (self.reference_pose * TURNS_AS)[None], LEAD)
 
     def _follow(self, steps: int) -> None:
         # The guide is taken to go on as it does until the controller's next solution.

@@ -41,6 +41,15 @@ class GripperSettings(TypedDict, total=False):
     visual: str | None
 
 
+class CupActorSettings(TypedDict, total=False):
+    """Arguments that the tasks on water pass on to their actor.
+
+    visual: as in `GripperSettings`.
+    """
+
+    visual: str | None
+
+
 def make_gripper(
     actor: str,
     kind: str,
@@ -108,7 +117,13 @@ def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:
 
 
 def make_cup_actor(
-    actor: str, cup: Cup, max_step: Sequence[float], rule: Rule, *, base_x: float
+    actor: str,
+    cup: Cup,
+    max_step: Sequence[float],
+    rule: Rule,
+    *,
+    base_x: float,
+    visual: str | None = None,
 ) -> CupMover:
     """Builds the actor that moves a cup.
 
@@ -118,15 +133,19 @@ def make_cup_actor(
         max_step: largest change of x [m], z [m] and theta [rad] in a sim step; 0 where fixed.
         rule: what becomes of a wanted pose.
         base_x: X [m] of an arm's base.
+        visual: as in `CupActorSettings`.
 
     Raises:
         UnknownNameError: if there is no such actor.
+        OutOfRangeError: for a setting of other actors.
     """
     check_name("actor", actor, CUP_ACTORS)
     if actor in ARMS:
         from softgym_mj.robots.cup_arm import KINDS
 
-        return KINDS[actor](ARMS[actor], cup, max_step, rule, base_x)
+        look = "primitive" if visual is None else visual
+        return KINDS[actor](ARMS[actor], cup, max_step, rule, base_x, look)
+    _refuse({"visual": visual}, f"None with actor={actor!r}")
     return CupMover(cup, max_step, rule)
 
 

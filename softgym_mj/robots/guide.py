@@ -13,6 +13,10 @@ SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacemen
 LEAD = 0.06  # [m] By which the commanded point may be ahead of what the arm follows.
 
 
+# Points (n, 3), moved to within a radius of their centres (n, 3).
+Draw = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
+
+
 class Guide:
     """Points that go after commanded ones, as fast as lets them come to rest there.
 
@@ -22,8 +26,14 @@ class Guide:
         step: their displacement in the current sim step (n, 3) [m].
     """
 
-    def __init__(self, number: int):
-        """`number` points at rest at the origin."""
+    def __init__(self, number: int, draw: Draw | None = None):
+        """`number` points at rest at the origin.
+
+        Args:
+            number: of points.
+            draw: how commanded points are held near the guide; None for `drawn_in`.
+        """
+        self._draw = drawn_in if draw is None else draw
         self.start(np.zeros((number, 3)))
 
     def start(self, points: np.ndarray) -> None:
@@ -38,7 +48,7 @@ class Guide:
             wanted: where the commanded points ought to be; they wait where the guide is far behind.
             hold: gives for points (n, 3) [m] those that are not too far ahead of the arms.
         """
-        self.commanded = drawn_in(wanted, self.points, LEAD)
+        self.commanded = self._draw(wanted, self.points, LEAD)
         gap = self.commanded - self.points
         distance = np.sqrt(np.vecdot(gap, gap))[:, None]
         braking = (np.sqrt(1.0 + 8.0 * distance / SPEED_UP) - 1.0) / 2.0 * SPEED_UP

@@ -49,9 +49,19 @@ class Servos:
         joints, self._motors = ids(model.joint), np.array(ids(model.actuator))
         self._positions_at = model.jnt_qposadr[joints]
         self._speeds_at = model.jnt_dofadr[joints]
-        inertia = arm_bodies.inertia(self._kinematics, self._controller.home)
         torques = np.tile(arm.torque_limits, len(prefixes))
-        self._lag = arm_bodies.tune(model, self._motors, inertia, torques)
+        self._lag = arm_bodies.tune(model, self._motors, self._inertias(model), torques)
+
+    def _inertias(self, model: mujoco.MjModel) -> np.ndarray:
+        """Inertia (7 n,) [kg m^2] that each joint feels at home, with its armature and its load."""
+        data = mujoco.MjData(model)
+        data.qpos[self._positions_at] = self._controller.home
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_crb(model, data)
+        # The diagonal ends each row of the lower triangle.
+        rows = self._speeds_at
+        return data.M[model.M_rowadr[rows] + model.M_rownnz[rows] - 1]
 
     def reset(self) -> None:
         """Puts the arms at rest where the controller's reference is."""

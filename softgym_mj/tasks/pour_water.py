@@ -22,6 +22,7 @@ away (facts 3.2), at least 2 cm clear. End: horizon only.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from softgym_mj.entities.marks import LevelMark
 from softgym_mj.fluid import Liquid, Water
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.cup_mover import CupMover, KeepClear
-from softgym_mj.robots.factory import make_cup_actor, make_water
+from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import PourScenes
@@ -158,9 +159,9 @@ class PourWaterAmount(PourWater):
     def water_state(self) -> np.ndarray:
         return np.array([*super().water_state(), self._level, self._share])
 
-    def tool_state(self) -> np.ndarray:
+    def containers_state(self) -> np.ndarray:
         """The cups, then the height of the red bar [m] and t."""
-        return np.array([*super().tool_state(), self._level, self._share])
+        return np.array([*super().containers_state(), self._level, self._share])
 
 
 def goal_share(variation: int) -> float:
@@ -168,7 +169,7 @@ def goal_share(variation: int) -> float:
     return float(generator("pour_water_amount", variation).uniform(0.1, 1.0))
 
 
-def _parts(actor: str, fidelity: str, draw: str) -> tuple:
+def _parts(actor: str, fidelity: str, draw: str, settings: CupActorSettings) -> tuple:
     """What `PourWater` is made of."""
     scenes = PourScenes()
     scene = scenes.scene(0)
@@ -178,7 +179,7 @@ def _parts(actor: str, fidelity: str, draw: str) -> tuple:
         make_water(actor, LIQUID, scene.resolution(fidelity), draw),
         cup,
         target,
-        make_cup_actor(actor, cup, MAX_STEP, KeepClear(cup, target), base_x=BASE_X),
+        make_cup_actor(actor, cup, MAX_STEP, KeepClear(cup, target), base_x=BASE_X, **settings),
     )
 
 
@@ -191,6 +192,7 @@ def pour_water(
     draw: str = "surface",
     action_repeat: int = ACTION_REPEAT,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[CupActorSettings],
 ) -> PourWater:
     """Builds the task.
 
@@ -203,9 +205,10 @@ def pour_water(
         action_repeat: sim steps per env step.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
             "out_of_distribution", or a dict of parameters, as in `Domain`.
+        **actor_settings: as in `CupActorSettings`.
     """
     return PourWater(
-        *_parts(actor, fidelity, draw),
+        *_parts(actor, fidelity, draw, actor_settings),
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,
@@ -222,10 +225,11 @@ def pour_water_amount(
     draw: str = "surface",
     action_repeat: int = ACTION_REPEAT,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[CupActorSettings],
 ) -> PourWaterAmount:
     """Builds the task; arguments as for `pour_water`."""
     return PourWaterAmount(
-        *_parts(actor, fidelity, draw),
+        *_parts(actor, fidelity, draw, actor_settings),
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,

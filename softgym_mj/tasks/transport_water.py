@@ -14,6 +14,7 @@ End: horizon only.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from softgym_mj.entities.cup import Cup
 from softgym_mj.fluid import Liquid, Water
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.cup_mover import CupMover, Track
-from softgym_mj.robots.factory import make_cup_actor, make_water
+from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import TransportScenes
@@ -87,6 +88,7 @@ def transport_water(
     draw: str = "surface",
     action_repeat: int = ACTION_REPEAT,
     domain: str | Mapping[str, object] = "nominal",
+    **actor_settings: Unpack[CupActorSettings],
 ) -> TransportWater:
     """Builds the task.
 
@@ -99,6 +101,7 @@ def transport_water(
         action_repeat: sim steps per env step.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
             "out_of_distribution", or a dict of parameters, as in `Domain`.
+        **actor_settings: as in `CupActorSettings`.
     """
     scenes = TransportScenes()
     scene = scenes.scene(0)
@@ -107,7 +110,7 @@ def transport_water(
         SettledWater(scenes, LIQUID, fidelity),
         make_water(actor, LIQUID, scene.resolution(fidelity), draw),
         cup,
-        make_cup_actor(actor, cup, MAX_STEP, LIMITS, base_x=BASE_X),
+        make_cup_actor(actor, cup, MAX_STEP, LIMITS, base_x=BASE_X, **actor_settings),
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,

@@ -106,8 +106,11 @@ class WaterTask(DeformableTask):
         return self._water.positions()
 
     def tool_state(self) -> np.ndarray:
-        cups = [cup.state() for cup in self._cups]
-        return np.concatenate([*cups, self._actor.proprioception()])
+        return np.concatenate([self.containers_state(), self._actor.proprioception()])
+
+    def containers_state(self) -> np.ndarray:
+        """What the full state tells of the cups."""
+        return np.concatenate([cup.state() for cup in self._cups])
 
     @abc.abstractmethod
     def water_state(self) -> np.ndarray:
