@@ -1,7 +1,8 @@
 """The bodies of arms in a scene, and the same arms alone, for kinematics."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import mujoco
 import numpy as np
@@ -36,7 +37,11 @@ def home(arm: ArmModel) -> np.ndarray:
 
 
 def add_arms(
-    root: mjcf.RootElement, arm: ArmModel, stands: Sequence[Stand], visual: str = "primitive"
+    root: mjcf.RootElement,
+    arm: ArmModel,
+    stands: Sequence[Stand],
+    pad_contact: Mapping[str, object] = MappingProxyType({}),
+    visual: str = "primitive",
 ) -> None:
     """Adds an arm for each stand to a model; hands and fingers collide with objects.
 
@@ -44,6 +49,7 @@ def add_arms(
         root: the model.
         arm: the kind of arm.
         stands: where the arms stand.
+        pad_contact: attributes of the pads' geoms that say how they touch.
         visual: what they look like: "primitive", our own shapes, or "menagerie".
 
     Raises:
@@ -55,6 +61,8 @@ def add_arms(
         model = _load(arm, name)
         for geom in hand_geoms(model, arm):
             geom.contype, geom.conaffinity, geom.condim, geom.priority = GRIPPER_CONTACT, 0, 3, 1
+        for pad in arm.pad_geoms:
+            model.find("geom", pad).set_attributes(**pad_contact)
         if visual == "menagerie":
             menagerie.dress(model, arm)
         _attach(root, model, stand)
@@ -66,8 +74,11 @@ def add_arms(
             )  # fmt: skip
 
 
-def kinematic_model(arm: ArmModel, stands: Sequence[Stand]) -> mujoco.MjModel:
-    """The arms alone, with open fingers: seven joints each, what may meet, and the floor."""
+def kinematic_model(arm: ArmModel, stands: Sequence[Stand], tips: float = 0.0) -> mujoco.MjModel:
+    """The arms alone, with open fingers: seven joints each, what may meet, and the floor.
+
+    The pads lack the last `tips` [m], which may come nearer to the floor than the rest.
+    """
     root = mjcf.RootElement(model="kinematics")
     root.worldbody.add("geom", name=FLOOR, type="plane", size=[1.0, 1.0, 1.0])
     for name, stand in zip(names(arm, len(stands)), stands, strict=True):
@@ -79,6 +90,8 @@ def kinematic_model(arm: ArmModel, stands: Sequence[Stand]) -> mujoco.MjModel:
                 geom.remove()
             else:
                 geom.contype = geom.conaffinity = 1  # What mink keeps apart must be able to touch.
+        for pad in arm.pad_geoms:
+            _shorten(model.find("geom", pad), tips)
         for kind in ("actuator", "equality"):
             for element in model.find_all(kind):
                 element.remove()
@@ -152,6 +165,12 @@ def _open(finger: mjcf.Element, position: float) -> None:
     quaternion = np.array([1.0, 0.0, 0.0, 0.0] if body.quat is None else body.quat)
     mujoco.mju_rotVecQuat(way, position * axis, quaternion)
     body.pos = body.pos + way
+
+
+def _shorten(pad: mjcf.Element, length: float) -> None:
+    """Takes `length` [m] off the far end of a pad."""
+    shape, along = pad.dclass.geom, np.array([0.0, 0.0, length / 2])
+    pad.size, pad.pos = shape.size - along, shape.pos - along
 
 
 def _attach(root: mjcf.RootElement, model: mjcf.RootElement, stand: Stand) -> None:

@@ -1,30 +1,25 @@
 """`Arms`: one or two robot arms whose hands hold vertices of a flex.
 
-The arms are led by their tool points, the points between the fingers. What a hand has taken is held
-as pickers hold it (see `Holding`), but follows the real tool point, wherever the joints are.
+The arms are led by their tool points, the points between the fingers. How the fingers hold is up to
+a `Grasp`: attached to the real tool point, wherever the joints are, or by friction.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 from dm_control import mjcf
 
-from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.exceptions import check_count
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cartesian import PERIOD, CartesianController
+from softgym_mj.robots.grasps import PICK_DISTANCE, AttachGrasp, Fingers, FrictionGrasp, Grasp
 from softgym_mj.robots.gripper import Workspace
-from softgym_mj.robots.holding import Holding, HoldingGripper
+from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS, ArmModel
 from softgym_mj.robots.stands import Stand, facing_each_other
 
-# [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
-PICK_DISTANCE = 0.03
-DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
-OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
-TIP_CLEARANCE = 0.015  # [m] Of the finger tips over the floor, of which a jerk may take it all.
 SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
 # Distance [m] of the bases from the middle; `inner` and `outer` of their stands. Measured with the
 # tool down, up to 80 degrees to a side: a Franka gets to within 1 mm up to 0.8 m from its axis at
@@ -40,19 +35,17 @@ SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacemen
 LEAD = 0.06  # [m] By which the commanded point may be ahead of what the arm follows.
 
 
-class Arms(HoldingGripper):
+class Arms(HoldingGripper[Grasp]):
     """One or two arms of a kind that hold vertices of an object.
 
     The action is that of pickers: (dx, dy, dz) of the commanded tool point and grip. A commanded
     point stays within the workspace and the arm's reach. The arm follows as fast as its joints can,
     and no nearer to the other arm than some centimetres; the commanded point waits where the arm
-    falls behind. As with pickers, every hand whose grip is off first lets go; then, in order, a
-    hand that grips and holds nothing takes the vertex nearest to its tool point within the pick
-    distance. Its fingers close and draw the vertex in between them. Hands and open fingers push the
-    object; closed fingers and the links of the arms pass through it.
+    falls behind. Grips are those of the `Grasp`. Hands and open fingers push the object; the links
+    of the arms pass through it.
     """
 
-    hold_height = 0.0
+    grasp: type[Grasp] = AttachGrasp
     least_distance = 0.15  # Measured: 0.14 m side by side (Franka), 0.08 m face to face.
     camera_suffix = "_arms"
 
@@ -84,9 +77,14 @@ class Arms(HoldingGripper):
             stands = facing_each_other(num_arms, *PLACES[arm.name], height=base_height)
         self._arm, self._stands = arm, tuple(stands)
         self._mjcf_root = mjcf.RootElement(model=name)
-        arm_bodies.add_arms(self._mjcf_root, arm, self._stands, visual=visual)
+        self._holding = self.grasp(num_arms)
+        self.hold_height = self._holding.hold_height
+        arm_bodies.add_arms(
+            self._mjcf_root, arm, self._stands, self._holding.pad_contact, visual=visual
+        )
         names = arm_bodies.names(arm, num_arms)
-        model = arm_bodies.kinematic_model(arm, self._stands)
+        tips = AttachGrasp.tip_clearance - self._holding.tip_clearance
+        model = arm_bodies.kinematic_model(arm, self._stands, tips)
         self._tools = [f"{prefix}/{arm.tcp_site}" for prefix in names]
         limits = zip(arm.arm_joints, arm.velocity_limits, strict=True)
         self._controller = CartesianController(
@@ -99,12 +97,10 @@ class Arms(HoldingGripper):
         )
         self._kinematics, self._posture = model, mujoco.MjData(model)
         self._sites = [model.site(tool).id for tool in self._tools]
-        self._holding = Holding(num_arms)
         self._centre = np.zeros((num_arms, 3))  # Commanded tool points [m].
         self._guide = np.zeros((num_arms, 3))  # What the controller follows [m],
         self._step = np.zeros((num_arms, 3))  # and its displacement in the current sim step [m].
         self._phase = 0  # Sim steps since the controller's last solution.
-        self._solid = np.ones(num_arms, bool)  # Whether the fingers push the object.
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     @property
@@ -128,8 +124,8 @@ class Arms(HoldingGripper):
         return PICK_DISTANCE
 
     def after_compile(self, physics, random_state):
-        self._model, self._data = physics.model.ptr, physics.data.ptr
-        model, arm = self._model, self._arm
+        model, arm = physics.model.ptr, self._arm
+        self._data = physics.data.ptr
         prefixes = [
             f"{self._mjcf_root.model}/{name}" for name in arm_bodies.names(arm, self.num_grippers)
         ]
@@ -142,10 +138,18 @@ class Arms(HoldingGripper):
         self._positions_at = model.jnt_qposadr[joints]
         self._speeds_at = model.jnt_dofadr[joints]
         self._fingers_at = model.jnt_qposadr[fingers]
-        self._finger_speeds_at = model.jnt_dofadr[fingers]
         self._motors = ids(model.actuator, arm.arm_joints).ravel()
-        self._finger_motors = ids(model.actuator, arm.finger_joints)
-        self._pads = ids(model.geom, arm.pad_geoms)
+        self._holding.use(
+            Fingers(
+                arm,
+                model,
+                physics.data.ptr,
+                self._fingers_at,
+                model.jnt_dofadr[fingers],
+                ids(model.actuator, arm.finger_joints),
+                ids(model.geom, arm.pad_geoms),
+            )
+        )
         inertia = arm_bodies.inertia(self._kinematics, self._controller.home)
         torques = np.tile(arm.torque_limits, self.num_grippers)
         self._lag = arm_bodies.tune(model, self._motors, inertia, torques)
@@ -174,7 +178,6 @@ class Arms(HoldingGripper):
         self._centre = self._controller.within_lead(self._centre)
         self._guide = self._centre.copy()
         self._step[:] = 0.0
-        self._solid[:] = True
         self._phase = SOLVE_EVERY - 1  # The next sim step begins with a solution.
         data = self._data
         data.qpos[self._positions_at] = self._controller.configuration
@@ -182,35 +185,21 @@ class Arms(HoldingGripper):
         data.ctrl[self._motors] = self._controller.configuration
         self._goal = data.ctrl[self._motors]
         self._start = self._goal.copy()
-        data.qpos[self._fingers_at] = self._arm.finger_range[1]
-        data.qvel[self._finger_speeds_at] = 0.0
-        data.ctrl[self._finger_motors] = self._arm.finger_commands[1]
 
     def _set_workspace(self, workspace: Workspace):
         self._workspace = workspace
         self._low, self._high = np.array(workspace.low), np.array(workspace.high)
-        self._low[2] = max(self._low[2], self._arm.pad_reach + TIP_CLEARANCE)
+        self._low[2] = max(self._low[2], self._arm.pad_reach + self._holding.tip_clearance)
 
     def take(self, vertices: Sequence[int]) -> None:
         for i, (vertex, tool) in enumerate(zip(vertices, self.positions(), strict=True)):
-            self._holding.take(i, vertex, self._target.vertex(vertex) - tool)
-            closed = self._arm.finger_range[0]
-            self._data.qpos[self._fingers_at[i]] = closed
-            self._data.ctrl[self._finger_motors[i]] = self._arm.finger_commands[0]
+            self._holding.take_at(i, vertex, tool)
 
     # ------------------------------------------------------------------ motion
 
     def plan(self) -> None:
-        held = self._holding.vertices
-        for i, grip in enumerate(self._grips):
-            if not grip and held[i] >= 0:
-                self._holding.release(i)
         self._advance()
-        tools = self.positions()
-        for i, grip in enumerate(self._grips):
-            if grip and held[i] < 0:
-                self._holding.pick(i, tools[i], PICK_DISTANCE)
-        self._grip(tools)
+        self._holding.plan(self._grips, self.positions())
         self._phase = (self._phase + 1) % SOLVE_EVERY
         if self._phase == 0:
             # The guide is taken to go on as it does until the controller's next solution.
@@ -234,33 +223,20 @@ class Arms(HoldingGripper):
         self._step = guide - self._guide
         self._guide = guide
 
-    def _grip(self, tools: np.ndarray) -> None:
-        """Commands the fingers, with the tool points (num_arms, 3) [m] at `tools`.
-
-        Closing fingers are not solid, as they would squeeze the object out; they are so again when
-        they have opened and what they have let go of is out of their way.
-        """
-        closed, opened = self._arm.finger_commands
-        half = sum(self._arm.finger_range) / 2
-        for i, grip in enumerate(self._grips):
-            self._data.ctrl[self._finger_motors[i]] = closed if grip else opened
-            if grip:
-                self._solid[i] = False
-            elif not self._solid[i] and self._data.qpos[self._fingers_at[i]].min() > half:
-                offsets = self._target.offsets(tools[i])
-                self._solid[i] = np.vecdot(offsets, offsets).min() > OUT_OF_THE_WAY**2
-            self._model.geom_contype[self._pads[i]] = GRIPPER_CONTACT if self._solid[i] else 0
-
     def move(self, fraction: float, timestep: float) -> None:
         way = (self._phase + fraction) / SOLVE_EVERY
         self._data.ctrl[self._motors] = (1.0 - way) * self._start + way * self._goal
-        if any(vertex >= 0 for vertex in self._holding.vertices):
-            offsets = self._holding.offsets
-            distance = np.maximum(np.sqrt(np.vecdot(offsets, offsets)), 1e-9)[:, None]
-            offsets *= np.maximum(1.0 - DRAW_SPEED * timestep / distance, 0.0)
-            # Where the tools will be, but for what the joints speed up: 1 to 3 mm in a jerk.
-            tools = self.positions() + timestep * self._velocities()
-            self._holding.drive(tools, timestep)
+        self._holding.move(self._ahead, timestep)
+
+    def after_substep(self, physics, random_state):
+        self._holding.sense(self._grips, self.positions)
+
+    def _ahead(self, timestep: float) -> np.ndarray:
+        """Where the tool points (num_grippers, 3) [m] will be after `timestep` [s].
+
+        But for what the joints speed up by: 1 to 3 mm in a jerk.
+        """
+        return self.positions() + timestep * self._velocities()
 
     def positions(self) -> np.ndarray:
         """Tool points (num_grippers, 3) [m], where they are, not where they are commanded to be."""
@@ -326,7 +302,6 @@ class Arms(HoldingGripper):
             "guide": np.array([self._guide, self._step]),
             "workspace": np.array([self._workspace.low, self._workspace.high]),
             "phase": np.array(self._phase),
-            "solid": self._solid.copy(),
             "servo": np.array([self._start, self._goal]),
         }
 
@@ -338,7 +313,6 @@ class Arms(HoldingGripper):
         low, high = state["workspace"]
         self._set_workspace(Workspace(tuple(low), tuple(high)))
         self._phase = int(state["phase"])
-        self._solid = state["solid"].copy()
         self._start, self._goal = state["servo"].copy()
 
 
@@ -350,7 +324,23 @@ class SawyerArms(Arms):
     """Arms of Sawyer."""
 
 
+class FrankaFrictionArms(FrankaArms):
+    """Arms of Franka that hold by friction."""
+
+    grasp = FrictionGrasp
+
+
+class SawyerFrictionArms(SawyerArms):
+    """Arms of Sawyer that hold by friction."""
+
+    grasp = FrictionGrasp
+
+
 KINDS = {"franka": FrankaArms, "sawyer": SawyerArms}
+GRASPS: dict[str, Mapping[str, type[Arms]]] = {
+    "attach": KINDS,
+    "friction": {"franka": FrankaFrictionArms, "sawyer": SawyerFrictionArms},
+}
 
 
 def drawn_in(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:

@@ -1,5 +1,7 @@
 """`Holding`: the vertices of a flex that grippers hold, shared by pickers and arms."""
 
+from typing import Generic, TypeVar
+
 import numpy as np
 from dm_control import composer, mjcf
 
@@ -9,8 +11,21 @@ from softgym_mj.robots.gripper import Gripper
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 
 
-class Holding:
-    """Which vertex each gripper holds, and where that is relative to the gripper's centre.
+class Held:
+    """Which vertex each gripper holds, -1 for none, and how often one was let go."""
+
+    def __init__(self, num_grippers: int):
+        """All of `num_grippers` grippers hold nothing."""
+        self.vertices = [-1] * num_grippers  # A list: it is read several times in every sim step.
+        self.dropped = 0
+
+    def manipulate(self, target: Flex) -> None:
+        """Chooses the object whose vertices are held."""
+        self._target = target
+
+
+class Holding(Held):
+    """Vertices attached to grippers, each where it is relative to the gripper's centre.
 
     A held vertex keeps its offset to the centre, except that it is never pushed below its resting
     height on the floor.
@@ -18,13 +33,8 @@ class Holding:
 
     def __init__(self, num_grippers: int):
         """All of `num_grippers` grippers hold nothing."""
-        self.vertices = [-1] * num_grippers  # A list: it is read several times in every sim step.
+        super().__init__(num_grippers)
         self.offsets = np.zeros((num_grippers, 3))
-        self.dropped = 0
-
-    def manipulate(self, target: Flex) -> None:
-        """Chooses the object whose vertices are held."""
-        self._target = target
 
     def reset(self) -> None:
         """Starts an episode: nothing is held."""
@@ -92,14 +102,17 @@ class Holding:
                 self._target.hold(vertex)
 
 
-class HoldingGripper(composer.Entity, Gripper):
+H = TypeVar("H", bound=Held)
+
+
+class HoldingGripper(composer.Entity, Gripper, Generic[H]):
     """Grippers in a model of their own that move by displacement within `limits` and hold vertices.
 
     A subclass's `_build` sets `_mjcf_root` and `_holding`; its `place` sets `_low` and `_high`.
     """
 
     _mjcf_root: mjcf.RootElement
-    _holding: Holding
+    _holding: H
     _low: np.ndarray
     _high: np.ndarray
 

@@ -1,0 +1,277 @@
+"""How the fingers of arms hold vertices of a flex: attached to the hand, or by friction alone."""
+
+import abc
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from softgym_mj.entities.flex import GRIPPER_CONTACT
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.holding import Held, Holding
+from softgym_mj.robots.models import ArmModel
+
+# [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
+PICK_DISTANCE = 0.03
+DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
+OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
+# [m/s] Of each finger's command where what is to be held must not slip away.
+CLOSING_SPEED = 0.1
+PRESSING = 0.7  # Least cosine between a pad's push and its closing direction in a grip.
+
+
+@dataclasses.dataclass(frozen=True)
+class Fingers:
+    """The fingers of n arms in a compiled scene.
+
+    Attributes:
+        arm: the kind of arm.
+        model, data: the scene.
+        positions_at, speeds_at: addresses (n, 2) of their joints in qpos and qvel.
+        motors: their actuators (n, 2).
+        pads: geoms (n, 2) of their pads.
+    """
+
+    arm: ArmModel
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    positions_at: np.ndarray
+    speeds_at: np.ndarray
+    motors: np.ndarray
+    pads: np.ndarray
+
+    def open(self) -> None:
+        """Puts all of them where they are open, at rest."""
+        self.data.qpos[self.positions_at] = self.arm.finger_range[1]
+        self.data.qvel[self.speeds_at] = 0.0
+        self.data.ctrl[self.motors] = self.arm.finger_commands[1]
+
+    def close(self, i: int, position: float) -> None:
+        """Puts those of arm `i` at `position` [m], closing with their whole force."""
+        self.data.qpos[self.positions_at[i]] = position
+        self.data.ctrl[self.motors[i]] = self.arm.finger_commands[0]
+
+    def clear(self, i: int, offsets: np.ndarray) -> bool:
+        """Whether those of arm `i` are open, with vertices at `offsets` (n, 3) [m] out of the way.
+
+        Offsets are from the tool point.
+        """
+        opened = self.data.qpos[self.positions_at[i]].min() > sum(self.arm.finger_range) / 2
+        return bool(opened and np.vecdot(offsets, offsets).min() > OUT_OF_THE_WAY**2)
+
+    def set_solid(self, i: int, solid: bool) -> None:
+        """Makes the pads of arm `i` push the object, or pass through it."""
+        self.model.geom_contype[self.pads[i]] = GRIPPER_CONTACT if solid else 0
+
+
+class Grasp(Held, abc.ABC):
+    """What the hands of arms hold, and what their fingers do for it.
+
+    In a sim step: `plan`, then `move` in every physics step, then `sense`.
+    """
+
+    tip_clearance: float  # [m] Of the finger tips over the floor at the lowest command.
+    hold_height: float  # [m] Of the tool point above a vertex that hangs from it.
+    pad_contact: Mapping[str, object]  # Contact attributes of the pads' geoms.
+
+    def use(self, fingers: Fingers) -> None:
+        """Chooses the fingers, once the scene is compiled."""
+        self._fingers = fingers
+
+    @abc.abstractmethod
+    def reset(self) -> None:
+        """Starts an episode: fingers open, nothing is held."""
+
+    @abc.abstractmethod
+    def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
+        """Closes hand `i`, whose tool point is at `tool` (3,) [m], on a vertex."""
+
+    @abc.abstractmethod
+    def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
+        """Starts a sim step with grips on or off and tool points at `tools` (n, 3) [m]."""
+
+    @abc.abstractmethod
+    def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
+        """Starts a physics step of `timestep` [s].
+
+        `ahead(timestep)` is where the tool points (n, 3) [m] will be at its end.
+        """
+
+    @abc.abstractmethod
+    def sense(self, grips: Sequence[bool], positions: Callable[[], np.ndarray]) -> None:
+        """Ends a sim step; `positions()` are the tool points (n, 3) [m]."""
+
+    @abc.abstractmethod
+    def get_state(self) -> dict[str, np.ndarray]:
+        """What the grasp remembers, for snapshots."""
+
+    @abc.abstractmethod
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restores what `get_state` returned."""
+
+
+class AttachGrasp(Holding, Grasp):
+    """Holds as pickers do: what is taken is attached to the tool point.
+
+    A hand that grips and holds nothing takes the vertex nearest to its tool point within the pick
+    distance; its fingers close and draw the vertex in between them. Closed fingers pass through the
+    object.
+    """
+
+    tip_clearance = 0.015  # Of which a jerk may take it all.
+    hold_height = 0.0
+    pad_contact: Mapping[str, object] = {}
+
+    def use(self, fingers: Fingers) -> None:
+        super().use(fingers)
+        self._solid = np.ones(len(self.vertices), bool)  # Whether the fingers push the object.
+
+    def reset(self) -> None:
+        super().reset()
+        self._solid[:] = True
+        self._fingers.open()
+
+    def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
+        self.take(i, vertex, self._target.vertex(vertex) - tool)
+        self._fingers.close(i, self._fingers.arm.finger_range[0])
+
+    def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
+        for i, grip in enumerate(grips):
+            if not grip and self.vertices[i] >= 0:
+                self.release(i)
+        for i, grip in enumerate(grips):
+            if grip and self.vertices[i] < 0:
+                self.pick(i, tools[i], PICK_DISTANCE)
+        self._grip(grips, tools)
+
+    def _grip(self, grips: Sequence[bool], tools: np.ndarray) -> None:
+        """Commands the fingers.
+
+        Closing fingers are not solid, as they would squeeze the object out; they are so again when
+        they have opened and what they have let go of is out of their way.
+        """
+        fingers = self._fingers
+        closed, opened = fingers.arm.finger_commands
+        for i, grip in enumerate(grips):
+            fingers.data.ctrl[fingers.motors[i]] = closed if grip else opened
+            if grip:
+                self._solid[i] = False
+            elif not self._solid[i]:
+                self._solid[i] = fingers.clear(i, self._target.offsets(tools[i]))
+            fingers.set_solid(i, self._solid[i])
+
+    def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
+        if any(vertex >= 0 for vertex in self.vertices):
+            offsets = self.offsets
+            distance = np.maximum(np.sqrt(np.vecdot(offsets, offsets)), 1e-9)[:, None]
+            offsets *= np.maximum(1.0 - DRAW_SPEED * timestep / distance, 0.0)
+            self.drive(ahead(timestep), timestep)
+
+    def sense(self, grips: Sequence[bool], positions: Callable[[], np.ndarray]) -> None:
+        pass  # It knows what it holds.
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return {**super().get_state(), "solid": self._solid.copy()}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        super().set_state(state)
+        self._solid = state["solid"].copy()
+
+
+class FrictionGrasp(Grasp):
+    """Holds by contact alone: solid pads press on the object from both sides.
+
+    A hand counts as holding a vertex of an element (triangle of a cloth, piece of a rope) that both
+    pads press on towards each other while its grip is on: the one nearest to the tool point when it
+    closes, and the same as long as the pads press there. `dropped` counts how often this ended,
+    whether the grip was opened or the object slipped away.
+    """
+
+    # The pads must get down to the side of a sheet that is 10 mm thick.
+    tip_clearance = 0.003
+    hold_height = -0.005  # More of the pads is on the object.
+    # With MuJoCo's default softness the pads would pass through the light vertices of a cloth.
+    pad_contact: Mapping[str, object] = {
+        "condim": 4,
+        "friction": (1.5, 0.05, 0.001),
+        "solref": (0.005, 1.0),
+        "solimp": (0.99, 0.9999, 0.004),
+    }
+
+    def use(self, fingers: Fingers) -> None:
+        super().use(fingers)
+        self._solid = np.ones(len(self.vertices), bool)  # Whether the fingers push the object.
+
+    def reset(self) -> None:
+        self.vertices[:] = [-1] * len(self.vertices)
+        self.dropped = 0
+        self._solid[:] = True
+        self._fingers.open()
+
+    def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
+        self.vertices[i] = vertex
+        self._fingers.close(i, self._target.radius)
+
+    def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
+        fingers = self._fingers
+        closed, opened = fingers.arm.finger_commands
+        for i, grip in enumerate(grips):
+            command = fingers.data.ctrl[fingers.motors[i]]
+            closer = np.maximum(command - CLOSING_SPEED * SIM_STEP, closed)
+            fingers.data.ctrl[fingers.motors[i]] = closer if grip else opened
+            if grip:
+                self._solid[i] = True
+            elif not self._solid[i] or command.min() < opened:
+                self._solid[i] = fingers.clear(i, self._target.offsets(tools[i]))
+            fingers.set_solid(i, self._solid[i])
+
+    def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
+        pass  # Contact does it.
+
+    def sense(self, grips: Sequence[bool], positions: Callable[[], np.ndarray]) -> None:
+        tools = positions() if any(grips) else np.zeros((0, 3))
+        for i, grip in enumerate(grips):
+            before = self.vertices[i]
+            self.vertices[i] = self._nearest(self._pinched(i), tools[i], before) if grip else -1
+            if before >= 0 > self.vertices[i]:
+                self.dropped += 1
+
+    def _nearest(self, vertices: np.ndarray, tool: np.ndarray, before: int) -> int:
+        """The one of `vertices` that is held: the same as `before`, or the nearest to a tool."""
+        if not len(vertices):
+            return -1
+        if before in vertices:
+            return before
+        offsets = self._target.offsets(tool)[vertices]
+        return int(vertices[np.vecdot(offsets, offsets).argmin()])
+
+    def _pinched(self, i: int) -> np.ndarray:
+        """Vertices of the elements that both pads of arm `i` pressed on in the last step."""
+        contact = self._fingers.data.contact
+        active = contact.efc_address >= 0
+        pinched = np.arange(self._target.num_vertices)
+        for pad in self._fingers.pads[i]:
+            inward = -self._fingers.data.geom_xmat[pad].reshape(3, 3)[:, 1]
+            towards = contact.frame[:, :3] @ inward > PRESSING
+            mine = active & (contact.geom[:, 0] == pad) & towards
+            pinched = np.intersect1d(pinched, self._corners(contact.elem[mine, 1]))
+        return pinched
+
+    def _corners(self, elements: np.ndarray) -> np.ndarray:
+        """Vertices (n, 2 or 3) of the elements (n,) of the object, the only flex in the scene."""
+        model = self._fingers.model
+        corners = model.flex_dim[0] + 1
+        return model.flex_elem[: corners * model.flex_elemnum[0]].reshape(-1, corners)[elements]
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return {
+            "held": np.array(self.vertices),
+            "dropped": np.array(self.dropped),
+            "solid": self._solid.copy(),
+        }
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self.vertices[:] = [int(vertex) for vertex in state["held"]]
+        self.dropped = int(state["dropped"])
+        self._solid = state["solid"].copy()
