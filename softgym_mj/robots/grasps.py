@@ -16,8 +16,7 @@ from softgym_mj.robots.models import ArmModel
 PICK_DISTANCE = 0.03
 DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
 OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
-# [m/s] Of each finger's command where what is to be held must not slip away.
-CLOSING_SPEED = 0.1
+CLOSING_SPEED = 0.1  # [m/s] Of each finger's command in a grip by friction: cloth slips if faster.
 PRESSING = 0.7  # Least cosine between a pad's push and its closing direction in a grip.
 
 
@@ -47,10 +46,10 @@ class Fingers:
         self.data.qvel[self.speeds_at] = 0.0
         self.data.ctrl[self.motors] = self.arm.finger_commands[1]
 
-    def close(self, i: int, position: float) -> None:
-        """Puts those of arm `i` at `position` [m], closing with their whole force."""
+    def put(self, i: int, position: float, command: float) -> None:
+        """Puts those of arm `i` at `position` [m], commanded to be at `command` [m]."""
         self.data.qpos[self.positions_at[i]] = position
-        self.data.ctrl[self.motors[i]] = self.arm.finger_commands[0]
+        self.data.ctrl[self.motors[i]] = command
 
     def clear(self, i: int, offsets: np.ndarray) -> bool:
         """Whether those of arm `i` are open, with vertices at `offsets` (n, 3) [m] out of the way.
@@ -134,7 +133,8 @@ class AttachGrasp(Holding, Grasp):
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
         self.take(i, vertex, self._target.vertex(vertex) - tool)
-        self._fingers.close(i, self._fingers.arm.finger_range[0])
+        arm = self._fingers.arm
+        self._fingers.put(i, arm.finger_range[0], arm.finger_commands[0])
 
     def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
         for i, grip in enumerate(grips):
@@ -182,16 +182,21 @@ class AttachGrasp(Holding, Grasp):
 class FrictionGrasp(Grasp):
     """Holds by contact alone: solid pads press on the object from both sides.
 
-    A hand counts as holding a vertex of an element (triangle of a cloth, piece of a rope) that both
-    pads press on towards each other while its grip is on: the one nearest to the tool point when it
-    closes, and the same as long as the pads press there. `dropped` counts how often this ended,
-    whether the grip was opened or the object slipped away.
+    While its grip is on, a hand counts as holding a vertex of the elements (triangles of a cloth,
+    pieces of a rope) that both pads press on, towards each other: the one nearest to the tool point
+    at first, and the same as long as the pads press there. `dropped` counts how often that ended,
+    whether the grip was opened or the object slipped away. Opening pads are not solid, so that the
+    object does not stay hooked to them; they are so again when what they have let go of is out of
+    their way, or when they close.
     """
 
-    # The pads must get down to the side of a sheet that is 10 mm thick.
+    # The pads must get down to the side of a sheet that is 10 mm thick; of this, too, a jerk may
+    # take it all: fingers pass through the floor.
     tip_clearance = 0.003
-    hold_height = -0.005  # More of the pads is on the object.
-    # With MuJoCo's default softness the pads would pass through the light vertices of a cloth.
+    hold_height = -0.012  # At the object's end, the pads are on the object from here on.
+    # With MuJoCo's default softness the pads would pass through the light vertices of a cloth. With
+    # an impedance of 0.9999 at once, a pad that comes down on a sheet presses it through the floor,
+    # and its edge slips under the other pad.
     pad_contact: Mapping[str, object] = {
         "condim": 4,
         "friction": (1.5, 0.05, 0.001),
@@ -211,11 +216,13 @@ class FrictionGrasp(Grasp):
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
         self.vertices[i] = vertex
-        self._fingers.close(i, self._target.radius)
+        radius = self._target.radius  # The pads touch the object and begin to close.
+        self._fingers.put(i, radius, radius)
 
     def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
         fingers = self._fingers
-        closed, opened = fingers.arm.finger_commands
+        # Where the pads meet, not beyond: some newtons hold, the whole force pierces a cloth.
+        closed, opened = fingers.arm.finger_range
         for i, grip in enumerate(grips):
             command = fingers.data.ctrl[fingers.motors[i]]
             closer = np.maximum(command - CLOSING_SPEED * SIM_STEP, closed)
