@@ -224,6 +224,23 @@ def test_fingers_get_down_beside_a_sheet_and_not_into_the_floor(arm):
     assert env.info()["ik_failures"] == 0
 
 
+@arms
+def test_random_actions_leave_the_simulation_sound(arm):
+    env = load("fold_cloth", arm, fidelity="fast")
+    env.reset(805)
+    actor, target = env.task.actor, env.task.target
+    random, held = np.random.default_rng(0), 0
+    for i in range(60):
+        if i % 5 == 0:
+            action = np.clip(random.uniform(-1.5, 1.5, 8) - np.tile([0, 0, 0.6, 0], 2), -1, 1)
+        env.step(action)
+        held += np.count_nonzero(actor.held >= 0)
+        assert np.abs(target.edge_strain()).max() < 1.0
+    assert held > 0
+    info = env.info()
+    assert info["physics_warnings"] == info["ik_failures"] == 0
+
+
 def test_wrong_names_and_grasps_of_pickers_are_refused():
     with pytest.raises(UnknownNameError, match="'attach', 'friction'"):
         softgym_mj.load("fold_cloth", actor="franka", grasp="glue")

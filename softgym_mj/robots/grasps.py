@@ -190,8 +190,8 @@ class FrictionGrasp(Grasp):
     their way, or when they close.
     """
 
-    # The pads must get down to the side of a sheet that is 10 mm thick; of this, too, a jerk may
-    # take it all: fingers pass through the floor.
+    # The pads must get down beside a sheet that is 10 mm thick. A jerk may take them 2 mm into the
+    # floor, which they do not touch.
     tip_clearance = 0.003
     hold_height = -0.012  # At the object's end, the pads are on the object from here on.
     # With MuJoCo's default softness the pads would pass through the light vertices of a cloth. With
