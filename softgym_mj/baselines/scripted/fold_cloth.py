@@ -16,16 +16,34 @@ class FoldCloth(ClothExpert):
 
     def _episode(self) -> Iterator[np.ndarray]:
         cloth, grips = self._env.task.cloth, [False, False]
-        p1, p2, p3, p4 = cloth.corners.tolist()
-        mirror = {p1: p3, p2: p4}
-        wanted = self._matched([p1, p2])
+        wanted, mirrors = self._pairs()
         yield from self._take(dict(enumerate(wanted)), grips)
-        ends = np.array([cloth.vertex(mirror[v]) for v in wanted])
-        ways = ends - [cloth.vertex(v) for v in wanted]
+        ends = cloth.vertices()[mirrors]
+        ways = ends - cloth.vertices()[wanted]
         ends -= SHORT * ways / np.linalg.norm(ways, axis=1, keepdims=True)
         yield from self._swing(ends + [0.0, 0.0, LAYER])
         while True:
             yield self._rest(OPEN)
+
+    def _pairs(self) -> tuple[list[int], list[int]]:
+        """The vertices that each gripper takes, and their mirrors.
+
+        They are the corners of column 0, or as near to these as the gripper reaches both.
+        """
+        cloth, wanted, mirrors = self._env.task.cloth, [], []
+        rows, columns = cloth.shape
+        vertices = np.arange(rows * columns).reshape(rows, columns)
+        half = slice(0, columns // 2)
+        upper, lower = vertices[:, half].ravel(), vertices[:, ::-1][:, half].ravel()
+        flat = cloth.flat()
+        for i, corner in enumerate(self._matched(cloth.corners[:2].tolist())):
+            order = np.argsort(np.linalg.norm(flat[upper] - flat[corner], axis=1), kind="stable")
+            pairs = list(zip(upper[order].tolist(), lower[order].tolist(), strict=True))
+            reached = (pair for pair in pairs if all(self._can_reach(i, v) for v in pair))
+            vertex, mirror = next(reached, pairs[0])
+            wanted.append(vertex)
+            mirrors.append(mirror)
+        return wanted, mirrors
 
     def _swing(self, ends: np.ndarray) -> Iterator[np.ndarray]:
         """Carries what both pickers hold to `ends` (2, 3) [m] in half a circle and lets go."""

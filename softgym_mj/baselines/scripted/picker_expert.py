@@ -1,4 +1,4 @@
-"""`PickerExpert`: moves two pickers and finds how to take a vertex."""
+"""`PickerExpert`: moves two pickers, or the hands of two arms, and finds how to take a vertex."""
 
 from collections.abc import Iterator, Sequence
 
@@ -13,6 +13,8 @@ OPEN, CLOSED = (False, False), (True, True)  # Grips of the two pickers.
 ARRIVED = 0.003  # [m] Distance along every axis at which a goal counts as reached.
 PASSED = 0.05  # [m] The same for a point on the way.
 SLOW = 0.5  # Fraction of full speed at which something held is moved gently.
+PROGRESS = 0.002  # [m] By which a gripper that is on its way comes nearer in an env step at least.
+PATIENCE = 3  # Env steps without progress after which a goal is given up: something is in the way.
 CLEAR = 0.003  # [m] Clearance from which a vertex counts as fully exposed.
 
 
@@ -50,14 +52,33 @@ class PickerExpert(Expert):
     def _step(self, goals: np.ndarray, grips: Sequence[bool], speed: float = 1.0) -> np.ndarray:
         """Action (8,) that moves the pickers straight towards `goals` (2, 3) [m] at `speed`."""
         commanded = self._actor.commanded_positions()
-        delta = (np.clip(goals, *self._actor.limits) - commanded) / self._stride
+        delta = (self._within_reach(goals) - commanded) / self._stride
         delta *= speed / max(np.abs(delta).max(), speed)
         return np.column_stack([delta, np.where(grips, 1.0, -1.0)]).ravel()
 
+    def _within_reach(self, goals: np.ndarray) -> np.ndarray:
+        """The points (2, 3) [m] nearest to `goals` (2, 3) that the grippers can go to."""
+        clipped = np.clip(goals, *self._actor.limits)
+        return np.array([self._actor.within_reach(i, goal) for i, goal in enumerate(clipped)])
+
+    def _can_reach(self, i: int, vertex: int) -> bool:
+        """Whether gripper `i` gets to where a vertex is taken from."""
+        centre = self._grasp(vertex)[0]
+        return bool(np.linalg.norm(self._actor.within_reach(i, centre) - centre) < ARRIVED)
+
     def _move(self, goals, grips, speed=1.0, near=ARRIVED) -> Iterator[np.ndarray]:
-        """Actions until both pickers are within `near` [m] of `goals`, clipped to the workspace."""
-        goals = np.clip(goals, *self._actor.limits)
-        while np.abs(goals - self._actor.positions()).max() >= near:
+        """Actions until both grippers are within `near` [m] of `goals`, as far as they can go.
+
+        Arms that get in each other's way end it early.
+        """
+        goals = self._within_reach(goals)
+        nearest, waited = np.full(2, np.inf), 0
+        while (left := np.abs(goals - self._actor.positions()).max(axis=1)).max() >= near:
+            gained = left < nearest - PROGRESS
+            nearest = np.where(gained, left, nearest)
+            waited = 0 if gained.any() else waited + 1
+            if waited > PATIENCE:
+                return
             yield self._step(goals, grips, speed)
 
     def _raised(self, height: float) -> np.ndarray:
@@ -71,7 +92,13 @@ class PickerExpert(Expert):
         return self._step(self._actor.commanded_positions(), grips)
 
     def _matched(self, vertices: Sequence[int]) -> list[int]:
-        """Two vertices in the order of the pickers that reaches them on the shorter ways."""
+        """Two vertices in the order of the grippers.
+
+        That of the shorter ways, but grippers that must keep apart stay on their sides.
+        """
+        if self._actor.least_distance > 0.0:
+            order = self._actor.order(self._target.vertices()[list(vertices)])
+            return [vertices[i] for i in order]
         starts, goals = self._actor.positions(), self._target.vertices()[list(vertices)]
         direct = np.linalg.norm(starts - goals, axis=1).sum()
         crossed = np.linalg.norm(starts - goals[::-1], axis=1).sum()

@@ -1,5 +1,7 @@
 """The expert of StraightenRope: takes both ends, pulls them apart, lays the rope down."""
 
+from collections.abc import Generator, Iterator, Sequence
+
 import numpy as np
 
 from softgym_mj.baselines.scripted.picker_expert import CLOSED, OPEN, PASSED, SLOW, PickerExpert
@@ -9,26 +11,24 @@ from softgym_mj.entities.rope import LENGTH
 ROPE_APPROACH, ROPE_LIFT, ROPE_LAID = 0.1, 0.1, 0.04
 ROPE_TOLERANCE = 0.001  # [m] Error of the end distance at which pulling stops.
 ROPE_SPEED = 0.3  # Fraction of full speed at which the rope is pulled.
+# Where grippers have no room to take both ends at once [m]: how much more than the room one end is
+# drawn away from the other, how far the other hand stands aside, how far an end is carried across.
+DRAWN, ASIDE, ACROSS = 0.01, 0.25, 0.2
+FAR = 1.0  # [m] More than any workspace.
 
 
 class StraightenRope(PickerExpert):
-    """Takes both ends from above, pulls them apart and lays the rope down."""
+    """Takes both ends from above, pulls them apart and lays the rope down.
+
+    Where the ends are too close together for both grippers, one of them is drawn aside first; where
+    one is out of a gripper's reach, the grippers change ends.
+    """
 
     margin = 0.006  # A thinner rope lies lower.
 
     def _episode(self):
         rope = self._env.task.rope
-        ends = self._matched(rope.ends)
-        while True:
-            yield from self._move(self._raised(ROPE_APPROACH), OPEN, near=PASSED)
-            for lift in (ROPE_APPROACH, 0.0):
-                goals = np.array([self._grasp(end)[0] for end in ends])
-                goals[:, 2] = np.maximum(goals[:, 2], lift)
-                yield from self._move(goals, OPEN, SLOW if lift == 0.0 else 1.0)
-            yield self._rest(CLOSED)
-            if np.all(np.isin(self._actor.held, ends)):
-                break
-            yield from self._move(self._raised(ROPE_LIFT), CLOSED)  # What covers an end.
+        ends = yield from self._take_both()
         yield from self._move(self._raised(ROPE_LIFT), CLOSED, SLOW)
         centre = np.mean(self._actor.limits, axis=0)
         while abs(error := LENGTH - rope.end_distance()) > ROPE_TOLERANCE:
@@ -41,3 +41,82 @@ class StraightenRope(PickerExpert):
         yield from self._move(self._raised(ROPE_LAID), CLOSED, ROPE_SPEED)
         while True:
             yield self._rest(CLOSED)
+
+    def _take_both(self) -> Generator[np.ndarray, None, list[int]]:
+        """Takes both ends; the value is which one each gripper holds."""
+        rope = self._env.task.rope
+        while True:
+            ends = self._matched(rope.ends)
+            short = [i for i, end in enumerate(ends) if not self._can_reach(i, end)]
+            if short:
+                yield from self._take_alone(ends, 1 - short[0])
+            else:
+                if rope.end_distance() < self._actor.least_distance:
+                    yield from self._draw_aside(ends)
+                yield from self._take(ends, np.flatnonzero(self._actor.held < 0).tolist())
+            taken = np.isin(self._actor.held, ends)
+            if taken.all():
+                return ends
+            # The grippers change ends: one brings its own to where the other reaches it.
+            yield from self._carry_across(ends, int(np.argmax(taken)))
+
+    def _take(self, ends: Sequence[int], takers: Sequence[int]) -> Iterator[np.ndarray]:
+        """The grippers `takers` take their ends from above; the others keep what they hold.
+
+        They try it until they have them or these are out of their reach.
+        """
+        before = self._actor.held >= 0
+        after = before | np.isin([0, 1], takers)
+        while True:
+            yield from self._move(self._raised(ROPE_APPROACH), before, near=PASSED)
+            for lift in (ROPE_APPROACH, 0.0):
+                goals = self._actor.positions()
+                for i in takers:
+                    goals[i] = self._grasp(ends[i])[0]
+                    goals[i, 2] = max(goals[i, 2], lift)
+                yield from self._move(goals, before, SLOW if lift == 0.0 else 1.0)
+            yield self._rest(after)
+            if np.all(np.isin(self._actor.held[takers], ends)):
+                return
+            if not all(self._can_reach(i, ends[i]) for i in takers):
+                return
+            yield from self._move(self._raised(ROPE_LIFT), after)  # What covers an end.
+
+    def _sides(self) -> np.ndarray:
+        """The directions along Y (2,) in which the grippers' own sides are."""
+        y = self._actor.positions()[:, 1]
+        return np.sign(y - y[::-1])
+
+    def _take_alone(self, ends: Sequence[int], taker: int) -> Iterator[np.ndarray]:
+        """One gripper takes its end; the other one makes room."""
+        goals = self._raised(ROPE_APPROACH)
+        goals[1 - taker, 1] = self._target.vertex(ends[taker])[1] + self._sides()[1 - taker] * ASIDE
+        yield from self._move(goals, OPEN, near=PASSED)
+        yield from self._take(ends, [taker])
+
+    def _draw_aside(self, ends: Sequence[int]) -> Iterator[np.ndarray]:
+        """One gripper takes its end and draws it away from the other, towards its own side.
+
+        It is the one that has less of its reach left, as the other end may come along.
+        """
+        points, sides = self._target.vertices()[list(ends)], self._sides()
+        furthest = self._within_reach(points - sides[:, None] * [0.0, FAR, 0.0])
+        first = int(np.argmin(np.linalg.norm(furthest - points, axis=1)))
+        yield from self._take_alone(ends, first)
+        goals = self._raised(ROPE_LIFT)
+        goals[first, 1] += sides[first] * FAR
+        for action in self._move(goals, self._actor.held >= 0, SLOW):
+            if self._env.task.rope.end_distance() > self._actor.least_distance + DRAWN:
+                return
+            yield action
+
+    def _carry_across(self, ends: Sequence[int], holder: int) -> Iterator[np.ndarray]:
+        """A gripper lays its end down on the other side of the other end."""
+        grips = np.array([holder == 0, holder == 1])
+        goals, side = self._raised(ROPE_LIFT), self._sides()[1 - holder]
+        goals[holder, 1] = self._target.vertex(ends[1 - holder])[1] + side * ACROSS
+        goals[1 - holder, 1] = goals[holder, 1] + side * ASIDE
+        yield from self._move(goals, grips, SLOW, PASSED)
+        goals[:, 2] = ROPE_LAID
+        yield from self._move(goals, grips, SLOW, PASSED / 5)
+        yield self._rest(OPEN)
