@@ -47,6 +47,18 @@ class RenderingUnavailableError(SoftGymError, RuntimeError):
     """No working OpenGL backend for off-screen rendering or no display for the viewer."""
 
 
+class WorkersLostError(SoftGymError, RuntimeError):
+    """Worker processes that end again and again before they have done anything."""
+
+
+class PolicyFileError(SoftGymError, ValueError):
+    """A file or function that is not a policy."""
+
+
+class ResultError(SoftGymError, ValueError):
+    """Results that are damaged, of another protocol or of another configuration."""
+
+
 class PluginUnavailableError(SoftGymError, RuntimeError):
     """The library with the MuJoCo plugins is missing, broken or built for another MuJoCo."""
 

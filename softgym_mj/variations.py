@@ -6,17 +6,14 @@ and whatever was generated before. States that take simulation to settle are kep
 first the set shipped in the package, then the user's cache, one file a variation.
 """
 
-import concurrent.futures
 import functools
 import hashlib
 import io
 import json
 import logging
-import multiprocessing
 import os
 import pathlib
 import secrets
-import threading
 import time
 import zipfile
 import zlib
@@ -33,6 +30,7 @@ from softgym_mj.exceptions import (
     UnknownNameError,
     check_count,
 )
+from softgym_mj.workers import Here, Workers
 
 NUM_VARIATIONS = 1000
 SPLITS = {
@@ -168,20 +166,19 @@ class VariationStore:
     def generate_missing(
         self,
         indices: Iterable[int],
-        jobs: int = 1,
+        workers: Workers | None = None,
         progress: Callable[[int], None] = lambda _: None,
     ) -> int:
-        """Generates what is missing or corrupt, in `jobs` processes; may be killed and resumed.
+        """Generates what is missing or corrupt; may be killed and resumed.
 
         Args:
             indices: variation indices.
-            jobs: number of worker processes, 1 or more; the files do not depend on it.
+            workers: who generates; None for this process. The files do not depend on it.
             progress: called with each index when its file is there.
 
         Returns:
             How many variations were generated.
         """
-        check_count("jobs", jobs, 1)
         self._remove_abandoned()
         missing = []
         for index in indices:
@@ -189,23 +186,10 @@ class VariationStore:
                 progress(index)
             else:
                 missing.append(index)
-        if jobs == 1 or len(missing) < 2:
-            for index in missing:
-                self.generate(index)
-                progress(index)
-            return len(missing)
-        context = multiprocessing.get_context("spawn")
-        with concurrent.futures.ProcessPoolExecutor(
-            jobs, context, initializer=_exit_with_parent, initargs=(os.getpid(),)
-        ) as pool:
-            futures = {pool.submit(self.generate, index): index for index in missing}
-            try:
-                for future in concurrent.futures.as_completed(futures):
-                    future.result()
-                    progress(futures[future])
-            except BaseException:
-                pool.shutdown(wait=True, cancel_futures=True)  # What has started is finished.
-                raise
+        calls = [(index,) for index in missing]
+        for i, state in (workers or Here()).results(self._initializer.generate, calls):
+            self.save(missing[i], state)
+            progress(missing[i])
         return len(missing)
 
     def _remove_abandoned(self):
@@ -223,17 +207,6 @@ class VariationStore:
 
     def _shipped(self) -> list[np.ndarray] | None:
         return _shipped_states(self._initializer.name, self._specification)
-
-
-def _exit_with_parent(parent: int) -> None:
-    """Ends a worker whose parent was killed; it would wait for work for ever."""
-
-    def watch():
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 @functools.cache

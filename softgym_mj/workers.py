@@ -1,0 +1,242 @@
+"""Where independent calls are computed: here, in processes of this machine, or on a Ray cluster.
+
+Whatever the workers, every call is made with the same arguments and its result is used once: a
+worker that is lost has its calls made again by another.
+"""
+
+import abc
+import concurrent.futures
+import contextlib
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+from softgym_mj.exceptions import WorkersLostError, check_count
+
+MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
+
+
+class Workers(abc.ABC):
+    """Makes calls side by side; a context manager."""
+
+    @property
+    @abc.abstractmethod
+    def number(self) -> int:
+        """How many calls can be made at the same time."""
+
+    @abc.abstractmethod
+    def results(
+        self, function: Callable, calls: Sequence[tuple[Any, ...]]
+    ) -> Iterator[tuple[int, Any]]:
+        """Makes calls; yields (index, result) of each as soon as it is there.
+
+        The error of a call comes when the calls that had begun are finished and yielded.
+
+        Args:
+            function: of a module, so that other processes find it.
+            calls: positional arguments of each call, picklable.
+
+        Raises:
+            WorkersLostError: if workers are lost again and again.
+        """
+
+    def all(self, function: Callable, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """The results of calls, in their order."""
+        found = dict(self.results(function, calls))
+        return [found[index] for index in range(len(calls))]
+
+    @abc.abstractmethod
+    def close(self) -> None:
+        """Ends the workers; calls that run are finished."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.close()
+
+
+class Here(Workers):
+    """One call after the other, in this thread."""
+
+    @property
+    def number(self) -> int:
+        return 1
+
+    def results(self, function, calls):
+        for index, call in enumerate(calls):
+            yield index, function(*call)
+
+    def close(self):
+        pass
+
+
+class Processes(Workers):
+    """Processes on this machine. They end with their parent, even if it is killed."""
+
+    def __init__(self, number: int):
+        """Starts `number` processes, 1 or more, when they are first needed."""
+        self._number = check_count("jobs", number, 1)
+        self._pool: concurrent.futures.ProcessPoolExecutor | None = None
+
+    @property
+    def number(self) -> int:
+        return self._number
+
+    def _running(self) -> concurrent.futures.ProcessPoolExecutor:
+        if self._pool is None:
+            # A forked child would share the locks and OpenGL contexts of its parent.
+            self._pool = concurrent.futures.ProcessPoolExecutor(
+                self._number,
+                multiprocessing.get_context("spawn"),
+                initializer=_exit_with_parent,
+                initargs=(os.getpid(),),
+            )
+        return self._pool
+
+    def results(self, function, calls):
+        left, losses = dict(enumerate(calls)), 0
+        while left:
+            try:
+                for index, result in self._once(function, left):
+                    del left[index]
+                    losses = 0
+                    yield index, result
+            except BrokenProcessPool as error:
+                self._pool = None
+                losses += 1
+                if losses == MAX_LOSSES:
+                    raise WorkersLostError(
+                        f"{losses} times in a row a worker process ended before its first result "
+                        "(killed, or out of memory?); what was finished is kept"
+                    ) from error
+
+    def _once(self, function, calls: Mapping[int, tuple]) -> Iterator[tuple[int, Any]]:
+        """Makes calls by index as long as no process is lost."""
+        pool, failure = self._running(), None
+        futures: dict[concurrent.futures.Future, int] = {}
+        try:
+            for index, call in list(calls.items()):
+                futures[pool.submit(function, *call)] = index
+            for future in concurrent.futures.as_completed(futures):
+                if future.cancelled():
+                    continue
+                error = future.exception()
+                if isinstance(error, BrokenProcessPool):
+                    raise error
+                if error is None:
+                    yield futures[future], future.result()
+                else:
+                    failure = failure or error
+                    _cancel(futures)
+        finally:
+            _cancel(futures)
+        if failure is not None:
+            raise failure
+
+    def close(self):
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+
+class RayCluster(Workers):
+    """The cores of a Ray cluster. Ray makes the calls of a lost worker or machine again."""
+
+    def __init__(self, address: str | None = None, number: int | None = None):
+        """Connects to a cluster.
+
+        Args:
+            address: of a running cluster, "auto" for the one that this machine belongs to; None
+                starts a cluster of this machine alone.
+            number: cores of that new cluster; None for all.
+
+        Raises:
+            ImportError: if Ray is missing.
+        """
+        try:
+            import ray
+        except ImportError as error:
+            raise ImportError(
+                "Ray is missing: install it with `pip install 'softgym_mj[cluster]'`"
+            ) from error
+        self._ray = ray
+        self._mine = not ray.is_initialized()
+        if self._mine:
+            cores = None if address else number
+            ray.init(address, num_cpus=cores, include_dashboard=False, log_to_driver=False)
+        # -1: as often as it takes; an error of the call itself is not tried again.
+        self._call = ray.remote(max_retries=-1, retry_exceptions=False)(_call)
+
+    @property
+    def number(self) -> int:
+        return int(self._ray.cluster_resources().get("CPU", 1))
+
+    def results(self, function, calls):
+        index = {self._call.remote(function, call): i for i, call in enumerate(calls)}
+        failure: Exception | None = None
+        try:
+            while index:
+                (done,), _ = self._ray.wait(list(index), num_returns=1)
+                place = index.pop(done)
+                try:
+                    result = self._ray.get(done)
+                except self._ray.exceptions.TaskCancelledError:
+                    continue
+                except self._ray.exceptions.RayTaskError as error:
+                    if failure is None:
+                        failure = error.as_instanceof_cause()
+                        self._cancel(index)
+                    continue
+                yield place, result
+        finally:
+            self._cancel(index)
+        if failure is not None:
+            raise failure
+
+    def _cancel(self, references: Iterable[Any]) -> None:
+        for reference in references:
+            with contextlib.suppress(self._ray.exceptions.RayError):
+                self._ray.cancel(reference)
+
+    def close(self):
+        if self._mine:
+            self._ray.shutdown()
+
+
+def make_workers(jobs: int = 1, ray: str | None = None) -> Workers:
+    """Workers by number.
+
+    Args:
+        jobs: number of processes; 1 works in this one.
+        ray: None; "local" for a Ray cluster of `jobs` cores on this machine, or the address of a
+            running cluster.
+    """
+    check_count("jobs", jobs, 1)
+    if ray is not None:
+        return RayCluster(None, jobs) if ray == "local" else RayCluster(ray)
+    return Here() if jobs == 1 else Processes(jobs)
+
+
+def _cancel(futures: Iterable[concurrent.futures.Future]) -> None:
+    for future in futures:
+        future.cancel()
+
+
+def _call(function: Callable, arguments: tuple[Any, ...]) -> Any:
+    return function(*arguments)
+
+
+def _exit_with_parent(parent: int) -> None:
+    """Ends a worker whose parent was killed; it would wait for work for ever."""
+
+    def watch():
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
