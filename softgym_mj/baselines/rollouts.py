@@ -1,0 +1,71 @@
+"""`Rollouts`: returns of many action sequences from one state, computed by any workers.
+
+A snapshot restores an episode exactly, so that the returns do not depend on who computes them.
+"""
+
+import functools
+import json
+from collections.abc import Mapping
+
+import numpy as np
+
+from softgym_mj import registry
+from softgym_mj.environment import Environment, Snapshot
+from softgym_mj.workers import Workers
+
+# Calls for each worker at a time: enough to even out sequences that take longer than others.
+CALLS_PER_WORKER = 3
+
+
+class Rollouts:
+    """Plays action sequences in copies of an environment."""
+
+    def __init__(self, task: str, settings: Mapping[str, object], workers: Workers):
+        """Chooses what is played.
+
+        Args:
+            task: task name.
+            settings: keyword arguments of the task that JSON can hold.
+            workers: who plays.
+        """
+        self._key = task, json.dumps(dict(settings), sort_keys=True)
+        self._workers = workers
+
+    def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
+        """Undiscounted returns (n,) of action sequences (n, horizon, size) from a state.
+
+        A sequence counts up to the end of the episode.
+        """
+        number = min(len(sequences), CALLS_PER_WORKER * self._workers.number)
+        if self._workers.number == 1:
+            number = 1
+        parts = np.array_split(sequences, number)
+        calls = [(*self._key, snapshot, part) for part in parts]
+        return np.concatenate(self._workers.all(play_sequences, calls))
+
+
+def play_sequences(
+    task: str, settings: str, snapshot: Snapshot, sequences: np.ndarray
+) -> np.ndarray:
+    """Returns (n,) of sequences (n, horizon, size), in an environment that is kept."""
+    env = kept_environment(task, settings)
+    returns = np.zeros(len(sequences))
+    for i, actions in enumerate(sequences):
+        env.set_state(snapshot)
+        for action in actions:
+            timestep = env.step(action)
+            returns[i] += timestep.reward
+            if timestep.last():
+                break
+    return returns
+
+
+@functools.lru_cache(maxsize=1)
+def kept_environment(task: str, settings: str) -> Environment:
+    """This process's environment of a task: to be used for one thing at a time.
+
+    Args:
+        task: task name.
+        settings: keyword arguments as JSON.
+    """
+    return registry.load(task, split="all", observation="reduced", **json.loads(settings))
