@@ -1,4 +1,4 @@
-"""The command line: softgym-mj list | demo | rollout | oracle | generate | view."""
+"""The command line: softgym-mj list | demo | rollout | oracle | evaluate | plot | ..."""
 
 import contextlib
 import dataclasses
@@ -14,31 +14,21 @@ import rich.table
 import typer
 
 import softgym_mj
+from softgym_mj import cli_evaluation
+from softgym_mj.baselines.policies import SIMPLE, make_policy
 from softgym_mj.exceptions import RenderingUnavailableError, SoftGymError, check_name
 from softgym_mj.rendering import CameraView, has_display
+from softgym_mj.workers import make_workers
 
 app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
+app.command()(cli_evaluation.evaluate)
+app.command()(cli_evaluation.plot)
 _console = rich.console.Console()
-
-POLICIES = ("scripted", "random", "zero")
 
 Task = Annotated[str, typer.Argument(help="Task name, see `softgym-mj list`.")]
 Actor = Annotated[
     str | None, typer.Option(help="What acts, such as picker or franka; else the task's own.")
 ]
-
-
-def _policy(name: str, env, seed: int) -> Callable:
-    check_name("policy", name, POLICIES)
-    size = env.task.actor.action_size
-    if name == "scripted":
-        from softgym_mj.baselines.scripted import make_policy
-
-        return make_policy(env)
-    if name == "zero":
-        return lambda timestep: np.zeros(size)
-    random = np.random.default_rng(seed)
-    return lambda timestep: random.uniform(-1.0, 1.0, size)
 
 
 def _load(task: str, split: str, filmed: bool, actor: str | None = None):
@@ -112,7 +102,7 @@ def demo(
 @app.command()
 def rollout(
     task: Task,
-    policy: Annotated[str, typer.Option(help=f"One of {', '.join(POLICIES)}.")] = "scripted",
+    policy: Annotated[str, typer.Option(help=f"One of {', '.join(SIMPLE)}.")] = "scripted",
     actor: Actor = None,
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
     episodes: Annotated[int, typer.Option(min=1)] = 5,
@@ -185,7 +175,7 @@ def _play(
     env, policy: str, variation: int, seed: int = 0, video: _Video | None = None
 ) -> Iterator[float]:
     """Plays one episode; yields the normalised performance after every env step."""
-    act = _policy(policy, env, seed)
+    act = make_policy(policy, env, seed)
     timestep = env.reset(variation)
     with contextlib.ExitStack() as stack:
         film = stack.enter_context(_film(env, video)) if video else lambda: None
@@ -236,6 +226,10 @@ def generate(
     start: Annotated[int, typer.Option(help="First variation.")] = 0,
     num: Annotated[int, typer.Option(help="Number of variations.")] = 1000,
     jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
+    ray: Annotated[
+        str | None,
+        typer.Option(help="Ray cluster: its address, auto, or local for one of --jobs cores."),
+    ] = None,
     fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
     pack: Annotated[
         pathlib.Path | None, typer.Option(help="Also write all 1000 into this file.")
@@ -246,10 +240,10 @@ def generate(
     record = softgym_mj.TASKS[task]
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
     store = record.build(**settings).store
-    with _progress() as progress:
+    with make_workers(jobs, ray) as workers, _progress() as progress:
         bar = progress.add_task(f"{task} variations", total=num)
         made = store.generate_missing(
-            range(start, start + num), jobs, lambda index: progress.advance(bar)
+            range(start, start + num), workers, lambda index: progress.advance(bar)
         )
     _console.print(f"{made} generated, {num - made} were there, in {store.folder}")
     if pack is not None:
@@ -260,7 +254,7 @@ def generate(
 @app.command()
 def view(
     task: Task,
-    policy: Annotated[str, typer.Option(help=f"One of {', '.join(POLICIES)}.")] = "scripted",
+    policy: Annotated[str, typer.Option(help=f"One of {', '.join(SIMPLE)}.")] = "scripted",
     actor: Actor = None,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
 ) -> None:
@@ -275,7 +269,7 @@ def view(
 
     env = _load(task, "all", filmed=False, actor=actor)
     timestep = env.reset(variation)
-    act = _policy(policy, env, seed=0)
+    act = make_policy(policy, env)
     model, data = env.physics.model.ptr, env.physics.data.ptr
     with mujoco.viewer.launch_passive(model, data) as window:
         while window.is_running():

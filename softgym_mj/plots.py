@@ -1,0 +1,139 @@
+"""Figures of results: bars of policies for each task, curves over a setting of the planner."""
+
+import pathlib
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from softgym_mj.evaluation import PROTOCOL, read_json
+from softgym_mj.exceptions import ResultError, check_name
+
+AXES = ("horizon", "budget", "replan_every")
+_NEEDED = ("protocol", "task", "policy", "settings", "planning", "summary", "episodes")
+_BAR, _INCHES, _DPI = 0.8, 1.9, 150  # Width of a group of bars; inches of a task; dots per inch.
+
+
+def read_results(files: Sequence[pathlib.Path]) -> list[dict]:
+    """Results of evaluations.
+
+    Raises:
+        ResultError: for what is no result, is of another protocol version, or for none at all.
+    """
+    if not files:
+        raise ResultError("there are no results to plot; name the result.json of evaluations")
+    results = []
+    for file in files:
+        result = read_json(file / "result.json" if file.is_dir() else file)
+        missing = [key for key in _NEEDED if key not in result]
+        if missing:
+            raise ResultError(f"{file} is not the result of an evaluation: no {missing[0]!r}")
+        results.append(result)
+    versions = {str(file): result["protocol"] for file, result in zip(files, results, strict=True)}
+    if set(versions.values()) != {PROTOCOL}:
+        raise ResultError(
+            f"results of protocol versions {sorted(set(versions.values()))} cannot be compared "
+            f"with this one, {PROTOCOL}: {versions}; evaluate again"
+        )
+    return results
+
+
+def labels(results: Sequence[Mapping]) -> list[str]:
+    """A name for each result: its policy, and what tells it from others of the same policy."""
+    names = []
+    for result in results:
+        rivals = [other for other in results if other["policy"] == result["policy"]]
+        details = []
+        for part in ("settings", "planning"):
+            own = result[part] or {}
+            for key, value in own.items():
+                # Horizons differ from task to task; what counts is whether they do within one.
+                values = {
+                    str((other[part] or {}).get(key))
+                    for other in rivals
+                    if other["task"] == result["task"]
+                }
+                if len(values) > 1:
+                    details.append(f"{key}={value}")
+        names.append(" ".join([result["policy"], *details]))
+    return names
+
+
+def spread(result: Mapping) -> tuple[float, float, float]:
+    """Median and quartiles: over seeds, or over variations where there is one seed only."""
+    if len(result["seeds"]) > 1:
+        kinds = ("median", "percentile_25", "percentile_75")
+        median, low, high = (result["summary"][kind] for kind in kinds)
+        return median, low, high
+    scores = [episode["normalized_performance"] for episode in result["episodes"]]
+    low, median, high = np.percentile(scores, [25, 50, 75]).tolist()
+    return median, low, high
+
+
+def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
+    """Draws a group of bars for each task: medians, with the quartiles as whiskers."""
+    pyplot = _pyplot()
+    names = labels(results)
+    groups = sorted(set(names), key=names.index)
+    tasks = sorted({result["task"] for result in results}, key=[r["task"] for r in results].index)
+    figure, axes = pyplot.subplots(figsize=(max(4.0, _INCHES * len(tasks)), 3.6))
+    width = _BAR / len(groups)
+    for i, group in enumerate(groups):
+        own = {r["task"]: r for r, name in zip(results, names, strict=True) if name == group}
+        places = [tasks.index(task) + (i - (len(groups) - 1) / 2) * width for task in own]
+        numbers = np.array([spread(result) for result in own.values()])
+        whiskers = np.abs(numbers[:, 1:].T - numbers[:, 0])
+        axes.bar(places, numbers[:, 0], width, yerr=whiskers, label=group, capsize=2)
+    axes.set_xticks(range(len(tasks)), [task.replace("_", "\n") for task in tasks])
+    axes.axhline(1.0, color="0.6", linewidth=0.8, linestyle=":")
+    axes.axhline(0.0, color="0.3", linewidth=0.8)
+    axes.set_ylabel("normalised performance")
+    axes.legend(fontsize="small", ncols=min(len(groups), 4), loc="lower center",
+                bbox_to_anchor=(0.5, 1.0), frameon=False)  # fmt: skip
+    _save(figure, file)
+
+
+def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
+    """Draws a curve for each task and planner over a setting of the planner, one of `AXES`.
+
+    Raises:
+        UnknownNameError: if there is no such setting.
+        ResultError: for results of policies that do not plan.
+    """
+    check_name("x", axis, AXES)
+    lines: dict[tuple[str, str], list[tuple[float, ...]]] = {}
+    for result in results:
+        if result["planning"] is None:
+            raise ResultError(f"{result['policy']!r} does not plan: it has no {axis}")
+        key = result["task"], result["policy"]
+        lines.setdefault(key, []).append((result["planning"][axis], *spread(result)))
+    pyplot = _pyplot()
+    figure, axes = pyplot.subplots(figsize=(5.0, 3.4))
+    for (task, policy), points in lines.items():
+        x, median, low, high = np.array(sorted(points)).T
+        (line,) = axes.plot(x, median, marker="o", label=f"{task}, {policy}")
+        axes.fill_between(x, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
+    axes.set_xlabel(f"planning {axis} [env steps]")
+    axes.set_ylabel("normalised performance")
+    axes.legend(fontsize="small", frameon=False)
+    _save(figure, file)
+
+
+def _pyplot():
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise ImportError(
+            "Matplotlib is missing: install it with `pip install 'softgym_mj[notebooks]'`"
+        ) from error
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    return pyplot
+
+
+def _save(figure, file: pathlib.Path) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    for axes in figure.axes:
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(file, dpi=_DPI, bbox_inches="tight")
+    _pyplot().close(figure)
