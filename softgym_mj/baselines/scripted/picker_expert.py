@@ -15,6 +15,7 @@ PASSED = 0.05  # [m] The same for a point on the way.
 SLOW = 0.5  # Fraction of full speed at which something held is moved gently.
 PROGRESS = 0.002  # [m] By which a gripper that is on its way comes nearer in an env step at least.
 PATIENCE = 3  # Env steps without progress after which a goal is given up: something is in the way.
+ASIDE = 0.25  # [m] Along Y, how far a hand that has nothing to do keeps away from the other one.
 CLEAR = 0.003  # [m] Clearance from which a vertex counts as fully exposed.
 
 
@@ -65,6 +66,19 @@ class PickerExpert(Expert):
         """Whether gripper `i` gets to where a vertex is taken from."""
         centre = self._grasp(vertex)[0]
         return bool(np.linalg.norm(self._actor.within_reach(i, centre) - centre) < ARRIVED)
+
+    def _sides(self) -> np.ndarray:
+        """The directions along Y (2,) in which the grippers' own sides are."""
+        y = self._actor.positions()[:, 1]
+        return np.sign(y - y[::-1])
+
+    def _aside(self, goals: np.ndarray, i: int) -> np.ndarray:
+        """Goals (2, 3) [m] where gripper `i` is out of the way of the other one, on its side."""
+        goals = goals.copy()
+        if self._actor.least_distance > 0.0:
+            side = self._sides()[i]
+            goals[i, 1] = side * max(side * goals[i, 1], side * goals[1 - i, 1] + ASIDE)
+        return goals
 
     def _move(self, goals, grips, speed=1.0, near=ARRIVED) -> Iterator[np.ndarray]:
         """Actions until both grippers are within `near` [m] of `goals`, as far as they can go.

@@ -32,47 +32,71 @@ class RopeConfiguration(PickerExpert):
         errors = [np.linalg.norm(vertices - g, axis=1).sum() for g in (goal, goal[::-1])]
         return goal if errors[0] <= errors[1] else goal[::-1]
 
-    def _chosen(self) -> dict[int, np.ndarray]:
-        """Up to two vertices that lie wrong, with their places (3,) [m]."""
+    def _chosen(self) -> dict[int, tuple[int, np.ndarray]]:
+        """By gripper, up to two vertices that lie wrong and where they belong (3,) [m]."""
         goal, vertices = self._goal(), self._target.vertices()
         error = np.linalg.norm(goal - vertices, axis=1)
-        chosen: dict[int, np.ndarray] = {}
+        room = max(ROOM, self._actor.least_distance)
+        chosen: list[int] = []
         for v in np.argsort(-error).tolist():
             if error[v] < GOOD or len(chosen) == 2:
                 break
             free = all(
                 abs(v - w) >= APART
-                and np.linalg.norm(vertices[v] - vertices[w]) > ROOM
-                and np.linalg.norm(goal[v] - goal[w]) > ROOM
+                and np.linalg.norm(vertices[v] - vertices[w]) > room
+                and np.linalg.norm(goal[v] - goal[w]) > room
                 for w in chosen
             )
-            if free and self._grasp(v)[2] > 0.0:
-                chosen[v] = goal[v]
-        return chosen
+            if free and self._grasp(v)[2] > 0.0 and self._takers([*chosen, v], goal):
+                chosen.append(v)
+        return {i: (v, goal[v]) for i, v in self._takers(chosen, goal).items()}
 
-    def _put(self, places: dict[int, np.ndarray]) -> Iterator[np.ndarray]:
-        """Takes vertices from above and puts them down at their places."""
-        vertices = list(places)
+    def _takers(self, vertices: list[int], goal: np.ndarray) -> dict[int, int]:
+        """Which gripper can carry which vertex to where it belongs in `goal` (41, 3) [m].
+
+        Nothing if they cannot carry all of them.
+        """
+        able = [[v for v in vertices if self._can_carry(i, v, goal[v])] for i in range(2)]
         if len(vertices) == 2:
-            wanted = dict(enumerate(self._matched(vertices)))
-        else:
-            offsets = self._actor.positions() - self._target.vertex(vertices[0])
-            wanted = {int(np.argmin(np.linalg.norm(offsets, axis=1))): vertices[0]}
+            matched = self._matched(vertices)
+            crossing = self._actor.order(goal[matched]) != [0, 1]
+            if crossing or any(v not in able[i] for i, v in enumerate(matched)):
+                return {}
+            return dict(enumerate(matched))
+        for vertex in vertices:
+            offsets = np.linalg.norm(self._actor.positions() - self._target.vertex(vertex), axis=1)
+            for i in np.argsort(offsets, kind="stable").tolist():
+                if vertex in able[i]:
+                    return {i: vertex}
+        return {}
+
+    def _can_carry(self, i: int, vertex: int, place: np.ndarray) -> bool:
+        """Whether gripper `i` reaches both a vertex and where it belongs (3,) [m]."""
+        above = place * [1.0, 1.0, 0.0] + [0.0, 0.0, LAID]
+        return self._can_reach(i, vertex) and np.allclose(self._actor.within_reach(i, above), above)
+
+    def _put(self, places: dict[int, tuple[int, np.ndarray]]) -> Iterator[np.ndarray]:
+        """Takes vertices from above and puts them down at their places."""
         goals = self._raised(TRAVEL)
-        for i, vertex in wanted.items():
+        for i, (vertex, _) in places.items():
             goals[i, :2] = self._grasp(vertex)[0][:2]
+        idle = [i for i in range(2) if i not in places]
+        for i in idle:
+            goals = self._aside(goals, i)
         yield from self._move(self._raised(TRAVEL), OPEN, near=PASSED / 2)
         yield from self._move(goals, OPEN, near=PASSED / 5)
-        for i, vertex in wanted.items():
+        for i, (vertex, _) in places.items():
             goals[i] = self._grasp(vertex)[0]
         yield from self._move(goals, OPEN)
-        grips = [i in wanted for i in range(2)]
+        grips = [i in places for i in range(2)]
         yield self._step(self._actor.positions(), grips)
         goals = self._raised(CARRY)
-        for i, vertex in wanted.items():
-            goals[i] += (places[vertex] - self._target.vertex(vertex)) * [1.0, 1.0, 0.0]
+        for i, (vertex, place) in places.items():
+            goals[i] += (place - self._target.vertex(vertex)) * [1.0, 1.0, 0.0]
+        for i in idle:
+            goals = self._aside(goals, i)
         yield from self._move(goals, grips, PUTTING, near=PASSED / 5)
-        for i in wanted:
+        for i in places:
             goals[i, 2] = LAID
         yield from self._move(goals, grips, PUTTING, near=ARRIVED)
         yield self._rest(OPEN)

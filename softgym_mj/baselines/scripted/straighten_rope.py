@@ -12,8 +12,8 @@ ROPE_APPROACH, ROPE_LIFT, ROPE_LAID = 0.1, 0.1, 0.04
 ROPE_TOLERANCE = 0.001  # [m] Error of the end distance at which pulling stops.
 ROPE_SPEED = 0.3  # Fraction of full speed at which the rope is pulled.
 # Where grippers have no room to take both ends at once [m]: how much more than the room one end is
-# drawn away from the other, how far the other hand stands aside, how far an end is carried across.
-DRAWN, ASIDE, ACROSS = 0.01, 0.25, 0.2
+# drawn away from the other, how far an end is carried across.
+DRAWN, ACROSS = 0.01, 0.2
 FAR = 1.0  # [m] More than any workspace.
 
 
@@ -82,15 +82,11 @@ class StraightenRope(PickerExpert):
                 return
             yield from self._move(self._raised(ROPE_LIFT), after)  # What covers an end.
 
-    def _sides(self) -> np.ndarray:
-        """The directions along Y (2,) in which the grippers' own sides are."""
-        y = self._actor.positions()[:, 1]
-        return np.sign(y - y[::-1])
-
     def _take_alone(self, ends: Sequence[int], taker: int) -> Iterator[np.ndarray]:
         """One gripper takes its end; the other one makes room."""
         goals = self._raised(ROPE_APPROACH)
-        goals[1 - taker, 1] = self._target.vertex(ends[taker])[1] + self._sides()[1 - taker] * ASIDE
+        goals[taker, :2] = self._target.vertex(ends[taker])[:2]
+        goals = self._aside(goals, 1 - taker)
         yield from self._move(goals, OPEN, near=PASSED)
         yield from self._take(ends, [taker])
 
@@ -115,7 +111,7 @@ class StraightenRope(PickerExpert):
         grips = np.array([holder == 0, holder == 1])
         goals, side = self._raised(ROPE_LIFT), self._sides()[1 - holder]
         goals[holder, 1] = self._target.vertex(ends[1 - holder])[1] + side * ACROSS
-        goals[1 - holder, 1] = goals[holder, 1] + side * ASIDE
+        goals = self._aside(goals, 1 - holder)
         yield from self._move(goals, grips, SLOW, PASSED)
         goals[:, 2] = ROPE_LAID
         yield from self._move(goals, grips, SLOW, PASSED / 5)
