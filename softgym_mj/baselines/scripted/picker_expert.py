@@ -67,7 +67,7 @@ class PickerExpert(Expert):
         centre = self._grasp(vertex)[0]
         return bool(np.linalg.norm(self._actor.within_reach(i, centre) - centre) < ARRIVED)
 
-    def _sides(self) -> np.ndarray:
+    def _own_sides(self) -> np.ndarray:
         """The directions along Y (2,) in which the grippers' own sides are."""
         y = self._actor.positions()[:, 1]
         return np.sign(y - y[::-1])
@@ -76,7 +76,7 @@ class PickerExpert(Expert):
         """Goals (2, 3) [m] where gripper `i` is out of the way of the other one, on its side."""
         goals = goals.copy()
         if self._actor.least_distance > 0.0:
-            side = self._sides()[i]
+            side = self._own_sides()[i]
             goals[i, 1] = side * max(side * goals[i, 1], side * goals[1 - i, 1] + ASIDE)
         return goals
 

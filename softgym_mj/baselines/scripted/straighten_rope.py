@@ -95,7 +95,7 @@ class StraightenRope(PickerExpert):
 
         It is the one that has less of its reach left, as the other end may come along.
         """
-        points, sides = self._target.vertices()[list(ends)], self._sides()
+        points, sides = self._target.vertices()[list(ends)], self._own_sides()
         furthest = self._within_reach(points - sides[:, None] * [0.0, FAR, 0.0])
         first = int(np.argmin(np.linalg.norm(furthest - points, axis=1)))
         yield from self._take_alone(ends, first)
@@ -109,7 +109,7 @@ class StraightenRope(PickerExpert):
     def _carry_across(self, ends: Sequence[int], holder: int) -> Iterator[np.ndarray]:
         """A gripper lays its end down on the other side of the other end."""
         grips = np.array([holder == 0, holder == 1])
-        goals, side = self._raised(ROPE_LIFT), self._sides()[1 - holder]
+        goals, side = self._raised(ROPE_LIFT), self._own_sides()[1 - holder]
         goals[holder, 1] = self._target.vertex(ends[1 - holder])[1] + side * ACROSS
         goals = self._aside(goals, 1 - holder)
         yield from self._move(goals, grips, SLOW, PASSED)
