@@ -13,9 +13,10 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.rope import Rope
 from softgym_mj.robots import arm_bodies, cartesian
-from softgym_mj.robots.arms import ACCELERATION, LEAD, PLACES, Arms
+from softgym_mj.robots.arms import PLACES, Arms
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace
+from softgym_mj.robots.guide import ACCELERATION, LEAD
 from softgym_mj.robots.models import ARMS
 from softgym_mj.robots.stands import Stand, facing_each_other
 
@@ -69,10 +70,10 @@ class Scene:
 
     def torque(self) -> np.ndarray:
         """What the motors deliver (n,) [N m]: after the step, as the servos are implicit."""
-        motors, arms = self.arms._motors, self.arms
+        motors, arms = self.arms.servos.motors, self.arms
         kp, kv = self.model.actuator_gainprm[motors, 0], -self.model.actuator_biasprm[motors, 2]
-        gap = self.data.ctrl[motors] - self.data.qpos[arms._positions_at]
-        return kp * gap - kv * self.data.qvel[arms._speeds_at]
+        gap = self.data.ctrl[motors] - self.data.qpos[arms.servos.positions_at]
+        return kp * gap - kv * self.data.qvel[arms.servos.speeds_at]
 
 
 def waypoints(seconds: float, distance: float) -> np.ndarray:
@@ -114,7 +115,7 @@ def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
     scene.start(path[0])
     for _ in range(10):
         scene.towards(path[:1])
-    low, high = scene.model.jnt_range[scene.model.actuator_trnid[arms._motors, 0]].T
+    low, high = scene.model.jnt_range[scene.model.actuator_trnid[arms.servos.motors, 0]].T
     errors, lags, torques, velocities = [], [], [], []
     for point in path:
         scene.towards(point[None])
@@ -122,8 +123,8 @@ def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
         errors.append(np.linalg.norm(tool - arms.reference_positions()[0]))
         lags.append(np.linalg.norm(tool - point))
         torques.append(np.abs(scene.torque()) / data.torque_limits)
-        velocities.append(np.abs(arms._controller.velocity) / data.velocity_limits)
-        joints = scene.data.qpos[arms._positions_at]
+        velocities.append(np.abs(arms.controller.velocity) / data.velocity_limits)
+        joints = scene.data.qpos[arms.servos.positions_at]
         assert np.all((low <= joints) & (joints <= high))
     assert np.mean(errors) < 0.003
     assert np.max(errors) < 0.015
@@ -142,13 +143,13 @@ def test_an_unreachable_command_saturates_and_recovers(arm):
     scene = Scene.make("rope", arm)
     start = in_front(np.array([[0.45, 0.0, 0.2]]), PLACES[arm][0])
     scene.start(start)
-    low, high = scene.model.jnt_range[scene.model.actuator_trnid[scene.arms._motors, 0]].T
+    low, high = scene.model.jnt_range[scene.model.actuator_trnid[scene.arms.servos.motors, 0]].T
     for direction in ([0.0, 1.0, 1.0], [1.0, 0.5, -1.0], [-1.0, -1.0, 1.0]):
         for _ in range(150):
             scene.step(np.array([[*direction, -1.0]]))
             gap = scene.arms.positions() - scene.arms.commanded_positions()
             assert np.linalg.norm(gap) < LEAD + cartesian.LEAD + 0.03
-        joints = scene.data.qpos[scene.arms._positions_at]
+        joints = scene.data.qpos[scene.arms.servos.positions_at]
         assert np.all((low <= joints) & (joints <= high))
         for _ in range(200):
             scene.towards(start)
@@ -169,7 +170,7 @@ def test_the_start_is_where_it_is_wanted_and_at_rest(arm):
             scene.step(np.tile([0.0, 0.0, 0.0, -1.0], (2, 1)))
         np.testing.assert_allclose(scene.arms.positions(), points, atol=1e-3)
         # The tools point down, to a degree.
-        down = scene.arms._posture.site_xmat[scene.arms._sites].reshape(-1, 3, 3)[:, 2, 2]
+        down = scene.arms.servos.rotations()[:, 2, 2]
         assert np.all(down < -math.cos(math.radians(2.0)))
 
 
@@ -177,7 +178,7 @@ def test_without_a_solution_the_reference_stands_still(monkeypatch):
     scene = Scene.make("rope", "franka")
     scene.start(np.array([0.0, -0.2, 0.3]))
     scene.towards(np.array([[0.1, -0.2, 0.3]]))
-    before = scene.arms._controller.configuration
+    before = scene.arms.controller.configuration
 
     def fail(*args, **kwargs):
         raise mink.NoSolutionFound("daqp")
@@ -186,7 +187,7 @@ def test_without_a_solution_the_reference_stands_still(monkeypatch):
         patch.setattr(mink, "solve_ik", fail)
         for _ in range(4):
             scene.towards(np.array([[0.1, -0.2, 0.3]]))
-    np.testing.assert_array_equal(scene.arms._controller.configuration, before)
+    np.testing.assert_array_equal(scene.arms.controller.configuration, before)
     assert scene.arms.diagnostics()["ik_failures"] == 2
     for _ in range(100):
         scene.towards(np.array([[0.1, -0.2, 0.3]]))

@@ -116,16 +116,6 @@ def hand_geoms(model: mjcf.RootElement, arm: ArmModel) -> list[mjcf.Element]:
     return [*pads, *(geom for geom in hand.geom if geom.dclass.dclass == "collision")]
 
 
-def inertia(model: mujoco.MjModel, configuration: np.ndarray) -> np.ndarray:
-    """Inertia (nv,) [kg m^2] that each joint of a kinematic model feels, with its armature."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = configuration
-    mujoco.mj_forward(model, data)
-    matrix = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, matrix)
-    return np.diag(matrix).copy()
-
-
 def tune(
     model: mujoco.MjModel, motors: np.ndarray, inertias: np.ndarray, torques: np.ndarray
 ) -> np.ndarray:

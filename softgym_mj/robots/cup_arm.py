@@ -85,22 +85,12 @@ class CupArm(composer.Entity, CupMover):
         self._mjcf_root = mjcf.RootElement(model="arms")
         stand = Stand((base_x, GRIP[1] + STANDOFF, 0.0), -math.pi / 2, 0.0, 1.0)
         arm_bodies.add_arms(self._mjcf_root, arm, [stand], visual=visual)
-        (name,) = self._names = arm_bodies.names(arm, 1)
-        model = arm_bodies.kinematic_model(arm, [stand])
-        tools = [f"{name}/{arm.tcp_site}"]
-        limits = zip(arm.arm_joints, arm.velocity_limits, strict=True)
-        self._controller = CartesianController(
-            model,
-            tools,
-            np.array(HOMES[arm.name]),
-            {f"{name}/{joint}": limit for joint, limit in limits},
-            arm_bodies.outer_geoms(model, self._names),
-            model.geom(arm_bodies.FLOOR).id,
-            ORIENTATION_COST,
-        )
-        self._servos = Servos(model, self._controller, tools)
+        home = np.array(HOMES[arm.name])
+        self._servos = Servos(arm, [stand], home, orientation_cost=ORIENTATION_COST)
+        self._controller = self._servos.controller
         self._guide = Guide(1, clipped)
-        tool = self._mjcf_root.find("site", tools[0])
+        (self._name,) = arm_bodies.names(arm, 1)
+        tool = self._mjcf_root.find("site", f"{self._name}/{arm.tcp_site}")
         site = tool.parent.add("site", name="grip", pos=tool.pos, quat=_grip_quaternion(tool))
         self.cup.join_hand(self, site)
 
@@ -127,9 +117,9 @@ class CupArm(composer.Entity, CupMover):
 
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
-        prefixes = [f"{self._mjcf_root.model}/{name}" for name in self._names]
-        self._servos.bind(model, data, self._arm, prefixes)
-        fingers = [f"{prefixes[0]}/{finger}" for finger in self._arm.finger_joints]
+        prefix = f"{self._mjcf_root.model}/{self._name}"
+        self._servos.bind(model, data, [prefix])
+        fingers = [f"{prefix}/{finger}" for finger in self._arm.finger_joints]
         at = model.jnt_qposadr[[model.joint(finger).id for finger in fingers]]
         motors = [model.actuator(finger).id for finger in fingers]
         self._data, self._fingers_at, self._finger_motors = data, at, motors

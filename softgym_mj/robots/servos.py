@@ -1,4 +1,4 @@
-"""`Servos`: drives the joints of arms in a scene along a `CartesianController`'s reference."""
+"""`Servos`: the joints of arms in a scene, led along the reference of a `CartesianController`."""
 
 from collections.abc import Callable, Sequence
 
@@ -7,69 +7,93 @@ import numpy as np
 
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.cartesian import PERIOD, CartesianController
+from softgym_mj.robots.cartesian import ORIENTATION_COST, PERIOD, CartesianController
 from softgym_mj.robots.models import ArmModel
+from softgym_mj.robots.stands import Stand
 
 SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
 
 
 class Servos:
-    """The joint servos of one or more arms, led from one solution of the controller to the next."""
+    """The joint servos of one or more arms, led from one solution of the controller to the next.
+
+    Attributes:
+        controller: what leads them.
+        motors: their actuators in the scene (7 n,).
+        positions_at, speeds_at: addresses (7 n,) of the joints in qpos and qvel.
+    """
 
     def __init__(
-        self, kinematics: mujoco.MjModel, controller: CartesianController, tools: Sequence[str]
+        self,
+        arm: ArmModel,
+        stands: Sequence[Stand],
+        home: np.ndarray,
+        tips: float = 0.0,
+        orientation_cost: float = ORIENTATION_COST,
     ):
-        """Binds the servos.
+        """Sets up the controller.
 
         Args:
-            kinematics: the arms alone.
-            controller: what the servos follow.
-            tools: sites of `kinematics`, one an arm.
+            arm: the kind of the arms.
+            stands: where they stand.
+            home: joint angles (7,) [rad] that are kept where nothing else matters.
+            tips: as in `arm_bodies.kinematic_model`.
+            orientation_cost: as in `CartesianController`.
         """
-        self._kinematics, self._controller = kinematics, controller
-        self._posture = mujoco.MjData(kinematics)
-        self._sites = [kinematics.site(tool).id for tool in tools]
+        self._arm, number = arm, len(stands)
+        names = arm_bodies.names(arm, number)
+        tools = [f"{name}/{arm.tcp_site}" for name in names]
+        limits = zip(arm.arm_joints, arm.velocity_limits, strict=True)
+        self._kinematics = model = arm_bodies.kinematic_model(arm, stands, tips)
+        self.controller = CartesianController(
+            model,
+            tools,
+            np.tile(home, number),
+            {f"{name}/{joint}": limit for joint, limit in limits for name in names},
+            arm_bodies.outer_geoms(model, names),
+            model.geom(arm_bodies.FLOOR).id,
+            orientation_cost,
+        )
+        self._posture = mujoco.MjData(model)
+        self._sites = [model.site(tool).id for tool in tools]
         self._phase = 0  # Sim steps since the controller's last solution.
 
-    def bind(
-        self, model: mujoco.MjModel, data: mujoco.MjData, arm: ArmModel, prefixes: Sequence[str]
-    ) -> None:
+    def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefixes: Sequence[str]) -> None:
         """Finds the joints of the arms in a scene and tunes their servos.
 
         Args:
             model, data: the scene.
-            arm: the kind of the arms.
             prefixes: of the names of each arm's elements.
         """
         self._data = data
 
         def ids(find):
-            return [find(f"{p}/{joint}").id for p in prefixes for joint in arm.arm_joints]
+            return [find(f"{p}/{joint}").id for p in prefixes for joint in self._arm.arm_joints]
 
-        joints, self._motors = ids(model.joint), np.array(ids(model.actuator))
-        self._positions_at = model.jnt_qposadr[joints]
-        self._speeds_at = model.jnt_dofadr[joints]
-        torques = np.tile(arm.torque_limits, len(prefixes))
-        self._lag = arm_bodies.tune(model, self._motors, self._inertias(model), torques)
+        joints, self.motors = ids(model.joint), np.array(ids(model.actuator))
+        self.positions_at = model.jnt_qposadr[joints]
+        self.speeds_at = model.jnt_dofadr[joints]
+        torques = np.tile(self._arm.torque_limits, len(prefixes))
+        self._lag = arm_bodies.tune(model, self.motors, self._inertias(model), torques)
 
     def _inertias(self, model: mujoco.MjModel) -> np.ndarray:
         """Inertia (7 n,) [kg m^2] that each joint feels at home, with its armature and its load."""
         data = mujoco.MjData(model)
-        data.qpos[self._positions_at] = self._controller.home
+        data.qpos[self.positions_at] = self.controller.home
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_crb(model, data)
         # The diagonal ends each row of the lower triangle.
-        rows = self._speeds_at
+        rows = self.speeds_at
         return data.M[model.M_rowadr[rows] + model.M_rownnz[rows] - 1]
 
     def reset(self) -> None:
         """Puts the arms at rest where the controller's reference is."""
         data = self._data
-        data.qpos[self._positions_at] = self._controller.configuration
-        data.qvel[self._speeds_at] = 0.0
-        data.ctrl[self._motors] = self._controller.configuration
-        self._goal = data.ctrl[self._motors]
+        data.qpos[self.positions_at] = self.controller.configuration
+        data.qvel[self.speeds_at] = 0.0
+        data.ctrl[self.motors] = self.controller.configuration
+        self._goal = data.ctrl[self.motors]
         self._start = self._goal.copy()
         self._phase = SOLVE_EVERY - 1  # The next sim step begins with a solution.
 
@@ -84,16 +108,16 @@ class Servos:
         if self._phase == 0:
             follow(SOLVE_EVERY - 1)
             self._start = self._goal
-            self._goal = self._controller.configuration + self._lag * self._controller.velocity
+            self._goal = self.controller.configuration + self._lag * self.controller.velocity
 
     def move(self, fraction: float) -> None:
         """Commands the physics step that ends with a `fraction` (0..1] of the sim step."""
         way = (self._phase + fraction) / SOLVE_EVERY
-        self._data.ctrl[self._motors] = (1.0 - way) * self._start + way * self._goal
+        self._data.ctrl[self.motors] = (1.0 - way) * self._start + way * self._goal
 
     def points(self) -> np.ndarray:
         """Where the tools are (n, 3) [m]."""
-        self._posture.qpos[:] = self._data.qpos[self._positions_at]
+        self._posture.qpos[:] = self._data.qpos[self.positions_at]
         mujoco.mj_kinematics(self._kinematics, self._posture)
         return self._posture.site_xpos[self._sites]
 
@@ -104,7 +128,7 @@ class Servos:
     def velocities(self) -> np.ndarray:
         """Velocities (n, 3) [m/s] of the tools, after `points`."""
         mujoco.mj_comPos(self._kinematics, self._posture)
-        speeds = self._data.qvel[self._speeds_at]
+        speeds = self._data.qvel[self.speeds_at]
         jacobian = np.empty((3, self._kinematics.nv))
         velocities = np.empty((len(self._sites), 3))
         for i, site in enumerate(self._sites):
@@ -128,8 +152,8 @@ class Servos:
             parts += [
                 quaternion.copy(),
                 openings[i : i + 1],
-                self._data.qpos[self._positions_at[seven]],
-                self._data.qvel[self._speeds_at[seven]],
+                self._data.qpos[self.positions_at[seven]],
+                self._data.qvel[self.speeds_at[seven]],
             ]
         return np.concatenate(parts)
 
