@@ -1,38 +1,61 @@
 """The expert of DropCloth: swings the cloth to and fro and lets go when it is stretched out.
 
-The cloth trails behind while the pickers move towards +X; it swings forward when they turn back,
+The cloth trails behind while the grippers move towards +X; it swings forward when they turn back,
 and is let go when its lower edge flies towards +X and the held one towards -X. The numbers were
 found by random search on training variations, with the coarse cloth.
 """
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
 
 from softgym_mj.baselines.scripted.picker_expert import CLOSED, OPEN, PickerExpert
+from softgym_mj.robots.picker import Picker
 
-START = -0.12  # [m] X of the pickers before the swing.
-CLEARANCE = 0.05  # [m] Of the lower edge above the floor there, if the workspace allows.
+
+@dataclasses.dataclass(frozen=True)
+class Swing:
+    """How the cloth is swung.
+
+    Attributes:
+        start: X of the grippers before the swing [m].
+        clearance: of the lower edge above the floor there, if the workspace allows [m].
+        forward, forward_speed: way [m] and fraction of full speed towards +X.
+        back, back_speed: the same on the way back.
+        sinking: fraction of full speed downwards on the way back.
+    """
+
+    start: float
+    clearance: float
+    forward: float
+    forward_speed: float
+    back: float
+    back_speed: float
+    sinking: float
+
+
+PICKER_SWING = Swing(-0.12, 0.05, 0.46, 0.743, 0.117, 0.973, 0.2)
+# Arms speed up less than pickers, which change their speed at once.
+ARM_SWING = Swing(0.04, 0.11, 0.29, 1.0, 0.18, 1.0, 0.28)
 WAITING = 3  # Env steps for the cloth to come to rest.
 APPROACH = 0.5  # Fraction of full speed at which the start is approached.
-FORWARD, FORWARD_SPEED = 0.46, 0.743  # Way [m] and fraction of full speed towards +X,
-BACK, BACK_SPEED = 0.117, 0.973  # and back.
-SINKING = 0.2  # Fraction of full speed downwards on the way back.
-RISE = 0.3  # Fraction of full speed at which the pickers then get out of the way.
+RISE = 0.3  # Fraction of full speed at which the grippers then get out of the way.
 
 
 class DropCloth(PickerExpert):
     """Swings the cloth once."""
 
     def _episode(self) -> Iterator[np.ndarray]:
+        swing = PICKER_SWING if isinstance(self._actor, Picker) else ARM_SWING
         goals = self._actor.positions()
-        goals[:, 0] = START
-        goals[:, 2] = self._env.task.cloth.size[0] + CLEARANCE
+        goals[:, 0] = swing.start
+        goals[:, 2] = self._env.task.cloth.size[0] + swing.clearance
         yield from self._move(goals, CLOSED, APPROACH)
         for _ in range(WAITING):
             yield self._rest(CLOSED)
-        yield from self._go(FORWARD, FORWARD_SPEED, 0.0)
-        yield from self._go(-BACK, BACK_SPEED, -SINKING)
+        yield from self._go(swing.forward, swing.forward_speed, 0.0)
+        yield from self._go(-swing.back, swing.back_speed, -swing.sinking)
         while True:
             yield self._step(self._raised(1.0), OPEN, RISE)
 
