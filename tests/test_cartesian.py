@@ -16,7 +16,7 @@ from softgym_mj.robots import arm_bodies, cartesian
 from softgym_mj.robots.arms import PLACES, Arms
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace
-from softgym_mj.robots.guide import ACCELERATION, LEAD
+from softgym_mj.robots.guide import LEAD
 from softgym_mj.robots.models import ARMS
 from softgym_mj.robots.stands import Stand, facing_each_other
 
@@ -89,8 +89,9 @@ def waypoints(seconds: float, distance: float) -> np.ndarray:
 
 
 def lissajous(seconds: float, distance: float) -> np.ndarray:
-    """A closed curve that fills the box, at up to `SPEED` (n, 3), one point a sim step."""
-    time = np.arange(round(seconds / SIM_STEP))[:, None] * SIM_STEP
+    """A curve that fills the box, at up to `SPEED` (n, 3), one point a sim step, from rest."""
+    steps = np.arange(round(seconds / SIM_STEP))
+    time = np.cumsum(np.minimum(steps / 50, 1.0))[:, None] * SIM_STEP
     middle, half = BOX.mean(axis=0), (BOX[1] - BOX[0]) / 2
     rate = np.array([1.5, 0.9, 1.2])
     rate *= SPEED / np.linalg.norm(rate * half)
@@ -116,20 +117,17 @@ def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
     for _ in range(10):
         scene.towards(path[:1])
     low, high = scene.model.jnt_range[scene.model.actuator_trnid[arms.servos.motors, 0]].T
-    errors, lags, torques, velocities = [], [], [], []
+    errors, torques, velocities = [], [], []
     for point in path:
         scene.towards(point[None])
         tool = arms.positions()[0]
-        errors.append(np.linalg.norm(tool - arms.reference_positions()[0]))
-        lags.append(np.linalg.norm(tool - point))
+        errors.append(np.linalg.norm(tool - point))
         torques.append(np.abs(scene.torque()) / data.torque_limits)
         velocities.append(np.abs(arms.controller.velocity) / data.velocity_limits)
         joints = scene.data.qpos[arms.servos.positions_at]
         assert np.all((low <= joints) & (joints <= high))
     assert np.mean(errors) < 0.003
     assert np.max(errors) < 0.015
-    # Behind the command by the way that it takes to come to rest.
-    assert np.max(lags) < SPEED**2 / (2 * ACCELERATION) + 0.015
     assert np.max(torques) < 1.0
     assert np.max(velocities) < 1.0 + 1e-6
     assert arms.diagnostics()["ik_failures"] == 0
