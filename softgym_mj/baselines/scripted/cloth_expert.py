@@ -11,7 +11,9 @@ from softgym_mj.baselines.scripted.picker_expert import (
     SLOW,
     PickerExpert,
 )
+from softgym_mj.environment import Environment
 
+ARM_REACH = 0.018  # [m] From which hands take a vertex: further off, others of a heap are nearer.
 LAYER = 0.01  # [m] By which an upper layer lies higher.
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
 TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
@@ -25,6 +27,12 @@ LIFT = 0.8  # Fraction of full speed at which cloth is carried.
 
 class ClothExpert(PickerExpert):
     """Knows the sheet's grid, where a flat sheet would lie, and how to take a vertex."""
+
+    def __init__(self, env: Environment):
+        """Binds the expert, as `PickerExpert`."""
+        super().__init__(env)
+        if self._actor.least_distance > 0.0:
+            self._reach = ARM_REACH
 
     def _steps(self, a: int, b: int) -> int:
         """Grid steps between two vertices, diagonal ones counted once."""
@@ -55,11 +63,25 @@ class ClothExpert(PickerExpert):
             fits.append((np.log(0.02 + residual).sum(), placed))
         return min(fits, key=lambda fit: fit[0])[1]
 
-    def _exposed_near(self, goals: Sequence[int]) -> int:
-        """The free vertex that can be taken and is the fewest grid steps from one of `goals`."""
+    def _clearance(self, i: int, vertex: int) -> float:
+        """That with which gripper `i` can take a vertex [m], negative if it cannot."""
+        return self._grasp(vertex)[2] if self._can_reach(i, vertex) else -1.0
+
+    def _exposed_near(self, goals: Sequence[int], taker: int | None = None) -> int:
+        """The free vertex that can be taken and is the fewest grid steps from one of `goals`.
+
+        By the gripper `taker`, or whichever is nearest.
+        """
         free = np.setdiff1d(np.arange(self._target.num_vertices), self._actor.held).tolist()
         free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
-        return next((v for v in free if self._grasp(v)[2] > 0.0), free[0])
+        return next(
+            (
+                v
+                for v in free
+                if self._clearance(self._nearest_picker(v) if taker is None else taker, v) > 0.0
+            ),
+            free[0],
+        )
 
     def _take(self, wanted: dict[int, int], grips: list[bool]) -> Iterator[np.ndarray]:
         """Takes vertices, `wanted` by picker, and lifts off; sets `grips` where it succeeds."""
@@ -74,6 +96,9 @@ class ClothExpert(PickerExpert):
                 goals[i] = centre + STANDOFF * direction * (stage != "grasp")
                 if stage == "over":
                     goals[i, 2] = max(goals[i, 2], up[i, 2])
+            for i in range(2):
+                if i not in wanted and not grips[i]:
+                    goals = self._aside(goals, i)
             yield from self._move(goals, grips, near=near)
         for i in wanted:
             grips[i] = True
@@ -99,8 +124,13 @@ class ClothExpert(PickerExpert):
         ends = sorted({vertex for a, b, _ in pairs for vertex in (a, b)})
         clear = {v: self._grasp(v)[2] for v in ends}
         a, b, _ = max(pairs, key=lambda pair: (min(clear[pair[0]], clear[pair[1]]), pair[2]))
-        if min(clear[a], clear[b]) > 0.0:
-            yield from self._take(dict(enumerate(self._matched([a, b]))), grips)
+        wanted = dict(enumerate(self._matched([a, b])))
+        apart = np.linalg.norm(self._target.vertex(a) - self._target.vertex(b))
+        if (
+            apart >= self._actor.least_distance
+            and min(self._clearance(i, v) for i, v in wanted.items()) > 0.0
+        ):
+            yield from self._take(wanted, grips)
         for trial in range(6):
             at_end = [self._nearest(int(held), ends) is not None for held in self._actor.held]
             if all(grips):
@@ -118,16 +148,18 @@ class ClothExpert(PickerExpert):
                 side = low[1] if goals[1 - holding, 1] < goals[holding, 1] else high[1]
                 goals[1 - holding, 1:] = side, TRAVEL_HEIGHT
                 goals[holding] = [*(low + high)[:2] / 2, high[2]]
+                goals[holding, 1] += self._actor.least_distance * self._own_sides()[holding]
                 yield from self._move(goals, grips, LIFT, PASSED)
                 yield self._step(goals, grips)
             end = self._nearest(int(self._actor.held[holding]), ends)
             near = {v: 0.0 for v in ends}
             if end is not None:
                 near = {a if b == end else b: n for a, b, n in pairs if end in (a, b)}
-            vertex = max(near, key=lambda v: (self._grasp(v)[2], near[v]))
-            if self._grasp(vertex)[2] <= 0.0:
-                vertex = self._exposed_near(list(near))
-            yield from self._take({1 - holding: vertex}, grips)
+            other = 1 - holding
+            vertex = max(near, key=lambda v: (self._clearance(other, v), near[v]))
+            if self._clearance(other, vertex) <= 0.0:
+                vertex = self._exposed_near(list(near), other)
+            yield from self._take({other: vertex}, grips)
 
     def _misplaced(self, placed: np.ndarray) -> dict[int, np.ndarray]:
         """Up to two vertices far from their places (n, 3) that can be taken, with goals [m]."""
