@@ -1,0 +1,87 @@
+"""Workers: order, errors, and what happens when one of them is killed."""
+
+import os
+import pathlib
+import signal
+import time
+
+import pytest
+
+from softgym_mj.exceptions import OutOfRangeError, WorkersLostError
+from softgym_mj.workers import Here, Processes, RayCluster, Workers, make_workers
+
+
+@pytest.fixture(name="workers", params=["here", "processes", "ray"], scope="module")
+def _workers(request):
+    kinds = {"here": Here, "processes": lambda: Processes(2), "ray": lambda: RayCluster(number=2)}
+    with kinds[request.param]() as workers:
+        yield workers
+
+
+def square(value: int) -> int:
+    return value * value
+
+
+def note(folder: str, name: object) -> int:
+    """Leaves a file for this call; returns how many it has left."""
+    files = pathlib.Path(folder)
+    (files / f"{name}_{time.time_ns()}_{os.getpid()}").touch()
+    return len(list(files.glob(f"{name}_*")))
+
+
+def die_once(folder: str, index: int) -> int:
+    """Kills its process at the first try of call 3."""
+    if note(folder, index) == 1 and index == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 10 * index
+
+
+def die(index: int) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def fail_at_two(folder: str, index: int) -> int:
+    if index == 2:
+        raise ArithmeticError("call 2 fails")
+    time.sleep(0.1)
+    note(folder, index)
+    return index
+
+
+def test_results_come_in_order_whoever_computes_them(workers: Workers):
+    assert workers.all(square, [(i,) for i in range(9)]) == [i * i for i in range(9)]
+    assert sorted(workers.results(square, [(2,), (3,)])) == [(0, 4), (1, 9)]
+    assert workers.all(square, []) == []
+
+
+def test_the_error_of_a_call_comes_after_what_had_begun(workers: Workers, tmp_path):
+    found = []
+    with pytest.raises(ArithmeticError, match="call 2 fails"):
+        for index, value in workers.results(fail_at_two, [(str(tmp_path), i) for i in range(6)]):
+            assert index == value
+            found.append(index)
+    done = {int(file.name.split("_")[0]) for file in tmp_path.iterdir()}
+    assert done == set(found)
+    assert workers.all(square, [(4,)]) == [16]  # They are still good.
+
+
+@pytest.mark.parametrize("kind", ["processes", "ray"])
+def test_a_killed_worker_is_replaced_and_nothing_counts_twice(kind, tmp_path):
+    with Processes(2) if kind == "processes" else RayCluster(number=2) as workers:
+        calls = [(str(tmp_path), i) for i in range(8)]
+        found = list(workers.results(die_once, calls))
+        assert sorted(found) == [(i, 10 * i) for i in range(8)]
+    assert len(list(tmp_path.glob("3_*"))) == 2  # The lost call was made again.
+
+
+def test_workers_that_always_die_are_an_error():
+    with Processes(1) as workers, pytest.raises(WorkersLostError, match="3 times in a row"):
+        workers.all(die, [(0,)])
+
+
+def test_numbers():
+    assert make_workers().number == 1 and isinstance(make_workers(), Here)
+    assert make_workers(3).number == 3
+    for jobs in (0, -2, 1.5):
+        with pytest.raises(OutOfRangeError, match=f"jobs={jobs}"):
+            make_workers(jobs)
