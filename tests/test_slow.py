@@ -96,7 +96,7 @@ def test_the_scripted_expert_solves_the_evaluation_variations(task, mean):
 @pytest.mark.parametrize("actor", ["franka", "sawyer"])
 @pytest.mark.parametrize(
     ("task", "mean", "least"),
-    [("straighten_rope", 0.98, 0.95), ("fold_cloth", 0.88, 0.8), ("drop_cloth", 0.9, 0.8)],
+    [("straighten_rope", 0.95, 0.7), ("fold_cloth", 0.88, 0.8), ("drop_cloth", 0.9, 0.8)],
 )
 def test_the_scripted_expert_solves_the_evaluation_variations_with_arms(task, mean, least, actor):
     scores = scores_of_the_expert(task, actor=actor)

@@ -80,7 +80,9 @@ class StraightenRope(PickerExpert):
                 return
             if not all(self._can_reach(i, ends[i]) for i in takers):
                 return
-            yield from self._move(self._raised(ROPE_LIFT), after)  # What covers an end.
+            goals = self._raised(ROPE_LIFT)  # What covers an end: hands lay it aside.
+            goals[takers, 1] += self._actor.least_distance * self._own_sides()[takers]
+            yield from self._move(goals, after)
 
     def _take_alone(self, ends: Sequence[int], taker: int) -> Iterator[np.ndarray]:
         """One gripper takes its end; the other one makes room."""
