@@ -8,6 +8,7 @@ import json
 from collections.abc import Mapping
 
 import numpy as np
+from dm_control.rl.control import PhysicsError
 
 from softgym_mj import registry
 from softgym_mj.environment import Environment, Snapshot
@@ -47,16 +48,22 @@ class Rollouts:
 def play_sequences(
     task: str, settings: str, snapshot: Snapshot, sequences: np.ndarray
 ) -> np.ndarray:
-    """Returns (n,) of sequences (n, horizon, size), in an environment that is kept."""
+    """Returns (n,) of sequences (n, horizon, size), in an environment that is kept.
+
+    Nothing is worse than a sequence with which the simulation diverges.
+    """
     env = kept_environment(task, settings)
     returns = np.zeros(len(sequences))
     for i, actions in enumerate(sequences):
         env.set_state(snapshot)
-        for action in actions:
-            timestep = env.step(action)
-            returns[i] += timestep.reward
-            if timestep.last():
-                break
+        try:
+            for action in actions:
+                timestep = env.step(action)
+                returns[i] += timestep.reward
+                if timestep.last():
+                    break
+        except PhysicsError:
+            returns[i] = -np.inf
     return returns
 
 

@@ -61,7 +61,7 @@ class Fidelity:
 
 
 FIDELITIES = {
-    "fast": Fidelity(spacing=0.04, iterations=150),
+    "fast": Fidelity(spacing=0.04, iterations=250),
     "default": Fidelity(spacing=0.03, iterations=200),
     "accurate": Fidelity(spacing=0.02, iterations=300),
 }
