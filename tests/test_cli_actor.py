@@ -3,12 +3,12 @@
 import contextlib
 import json
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
 from softgym_mj import cli
+from softgym_mj.baselines.policies import make_policy
 
 COMMANDS = ("rollout", "oracle", "view")
 
@@ -19,9 +19,9 @@ def test_a_rollout_is_played_by_the_actor():
     assert result.exit_code == 0, result.output
     line = json.loads(result.output)
     env = softgym_mj.load("straighten_rope", actor="sawyer", split="evaluate")
-    timestep, random = env.reset(800), np.random.default_rng(3)
+    timestep, policy = env.reset(800), make_policy("random", env, 3)
     while not timestep.last():
-        timestep = env.step(random.uniform(-1.0, 1.0, 8))
+        timestep = env.step(policy(timestep))
     assert line["actor"] == "sawyer"
     assert line["normalized_performance"] == env.info()["normalized_performance"]
 
