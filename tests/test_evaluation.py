@@ -186,6 +186,37 @@ def test_a_policy_from_a_module(tmp_path):
     assert make_policy("tests.test_evaluation:middle", env)(None)[2] == 0.5
 
 
+def exported(file, size, actions):
+    """Writes a linear policy of observations of `size` entries; returns its weights."""
+    import torch
+
+    torch.manual_seed(0)
+    module = torch.nn.Linear(size, actions)
+    program = torch.export.export(module, (torch.zeros(1, size),))
+    torch.export.save(program, file)
+    return module.weight.detach().numpy(), module.bias.detach().numpy()
+
+
+def test_an_exported_policy_acts_on_the_observation(tmp_path):
+    file = tmp_path / "policy.pt2"
+    env = softgym_mj.load("straighten_rope", split="all", **SHORT)
+    timestep = env.reset(800)
+    weight, bias = exported(file, 36, 8)
+    action = make_policy(str(file), env)(timestep)
+    expected = np.clip(weight @ timestep.observation["reduced"] + bias, -1.0, 1.0)
+    np.testing.assert_allclose(action, expected, atol=1e-5)
+    evaluate(Configuration("straighten_rope", str(file), (800,), (0,), SHORT), tmp_path / "run")
+    exported(file, 36, 3)
+    with pytest.raises(PolicyFileError, match="gives 3 numbers; an action has 8"):
+        make_policy(str(file), env)(timestep)
+    exported(file, 20, 8)
+    with pytest.raises(PolicyFileError, match=r"does not take an observation of shape \(1, 36\)"):
+        make_policy(str(file), env)(timestep)
+    file.write_bytes(file.read_bytes()[:-500])
+    with pytest.raises(PolicyFileError):
+        make_policy(str(file), env)
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
