@@ -77,10 +77,19 @@ class Grasp(Held, abc.ABC):
     def use(self, fingers: Fingers) -> None:
         """Chooses the fingers, once the scene is compiled."""
         self._fingers = fingers
+        self._solid = np.ones(len(self.vertices), bool)  # Whether the fingers push the object.
 
-    @abc.abstractmethod
     def reset(self) -> None:
-        """Starts an episode: fingers open, nothing is held."""
+        super().reset()
+        self._solid[:] = True
+        self._fingers.open()
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return {**super().get_state(), "solid": self._solid.copy()}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        super().set_state(state)
+        self._solid = state["solid"].copy()
 
     @abc.abstractmethod
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
@@ -101,16 +110,8 @@ class Grasp(Held, abc.ABC):
     def sense(self, grips: Sequence[bool], positions: Callable[[], np.ndarray]) -> None:
         """Ends a sim step; `positions()` are the tool points (n, 3) [m]."""
 
-    @abc.abstractmethod
-    def get_state(self) -> dict[str, np.ndarray]:
-        """What the grasp remembers, for snapshots."""
 
-    @abc.abstractmethod
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned."""
-
-
-class AttachGrasp(Holding, Grasp):
+class AttachGrasp(Grasp, Holding):
     """Holds as pickers do: what is taken is attached to the tool point.
 
     A hand that grips and holds nothing takes the vertex nearest to its tool point within the pick
@@ -121,15 +122,6 @@ class AttachGrasp(Holding, Grasp):
     tip_clearance = 0.015  # Of which a jerk may take it all.
     hold_height = 0.0
     pad_contact: Mapping[str, object] = {}
-
-    def use(self, fingers: Fingers) -> None:
-        super().use(fingers)
-        self._solid = np.ones(len(self.vertices), bool)  # Whether the fingers push the object.
-
-    def reset(self) -> None:
-        super().reset()
-        self._solid[:] = True
-        self._fingers.open()
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
         self.take(i, vertex, self._target.vertex(vertex) - tool)
@@ -171,13 +163,6 @@ class AttachGrasp(Holding, Grasp):
     def sense(self, grips: Sequence[bool], positions: Callable[[], np.ndarray]) -> None:
         pass  # It knows what it holds.
 
-    def get_state(self) -> dict[str, np.ndarray]:
-        return {**super().get_state(), "solid": self._solid.copy()}
-
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        super().set_state(state)
-        self._solid = state["solid"].copy()
-
 
 class FrictionGrasp(Grasp):
     """Holds by contact alone: solid pads press on the object from both sides.
@@ -206,16 +191,6 @@ class FrictionGrasp(Grasp):
         "solref": (0.005, 1.0),
         "solimp": (0.99, 0.9999, 0.004),
     }
-
-    def use(self, fingers: Fingers) -> None:
-        super().use(fingers)
-        self._solid = np.ones(len(self.vertices), bool)  # Whether the fingers push the object.
-
-    def reset(self) -> None:
-        self.vertices[:] = [-1] * len(self.vertices)
-        self.dropped = 0
-        self._solid[:] = True
-        self._fingers.open()
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
         self.vertices[i] = vertex
@@ -273,15 +248,3 @@ class FrictionGrasp(Grasp):
         model = self._fingers.model
         corners = model.flex_dim[0] + 1
         return model.flex_elem[: corners * model.flex_elemnum[0]].reshape(-1, corners)[elements]
-
-    def get_state(self) -> dict[str, np.ndarray]:
-        return {
-            "held": np.array(self.vertices),
-            "dropped": np.array(self.dropped),
-            "solid": self._solid.copy(),
-        }
-
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        self.vertices[:] = [int(vertex) for vertex in state["held"]]
-        self.dropped = int(state["dropped"])
-        self._solid = state["solid"].copy()

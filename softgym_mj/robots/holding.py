@@ -23,6 +23,20 @@ class Held:
         """Chooses the object whose vertices are held."""
         self._target = target
 
+    def reset(self) -> None:
+        """Starts an episode: nothing is held."""
+        self.vertices[:] = [-1] * len(self.vertices)
+        self.dropped = 0
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """What is held, for snapshots."""
+        return {"held": np.array(self.vertices), "dropped": np.array(self.dropped)}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restores what `get_state` returned."""
+        self.vertices[:] = [int(vertex) for vertex in state["held"]]
+        self.dropped = int(state["dropped"])
+
 
 class Holding(Held):
     """Vertices attached to grippers, each where it is relative to the gripper's centre.
@@ -37,10 +51,8 @@ class Holding(Held):
         self.offsets = np.zeros((num_grippers, 3))
 
     def reset(self) -> None:
-        """Starts an episode: nothing is held."""
         self._target.release_all()
-        self.vertices[:] = [-1] * len(self.vertices)
-        self.dropped = 0
+        super().reset()
 
     def release(self, i: int) -> None:
         """Lets go of what gripper `i` holds."""
@@ -84,18 +96,11 @@ class Holding(Held):
         return goals
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """What is held, for snapshots."""
-        return {
-            "held": np.array(self.vertices),
-            "dropped": np.array(self.dropped),
-            "offset": self.offsets.copy(),
-        }
+        return {**super().get_state(), "offset": self.offsets.copy()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned."""
         self._target.release_all()
-        self.vertices[:] = [int(vertex) for vertex in state["held"]]
-        self.dropped = int(state["dropped"])
+        super().set_state(state)
         self.offsets[:] = state["offset"]
         for vertex in self.vertices:
             if vertex >= 0:
