@@ -57,8 +57,12 @@ def evaluate(
         _parsed(settings),
         planning if policy in PLANNERS else None,
     )
-    with _Bar(configuration) as bar, make_workers(jobs, ray) as workers:
-        result = evaluation.evaluate(configuration, out, workers, bar.progress())
+    try:
+        with _Bar(configuration) as bar, make_workers(jobs, ray) as workers:
+            result = evaluation.evaluate(configuration, out, workers, bar.progress())
+    except KeyboardInterrupt:
+        _console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
+        raise typer.Exit(130) from None
     _console.print(
         f"{task}, {policy}: median {result['summary']['median']:.3f}, "
         f"mean {result['summary']['mean']:.3f} (min {result['summary']['min']:.3f}); "

@@ -6,7 +6,6 @@ import pathlib
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -126,20 +125,31 @@ def test_kill_and_resume(name, count, left, tmp_path):
     assert len(told) == left
 
 
-def test_a_worker_that_is_killed_costs_nothing(tmp_path):
-    evaluate(SIMPLE, tmp_path / "whole")
-    with Processes(2) as workers:
-        victims = []
+def deadly(env):
+    """`middle`, but the first process that gets to the third step of variation 801 is killed."""
+    act, flag = middle(env), pathlib.Path(os.environ["DEADLY_FLAG"])
 
-        def kill_one(episode):
-            if not victims:
-                victims.append(next(iter(workers._pool._processes)))
-                os.kill(victims[0], signal.SIGKILL)
-                time.sleep(0.2)
+    def policy(timestep):
+        if env.task.variation == 801 and env.step_count == 2 and not flag.exists():
+            flag.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return act(timestep)
 
-        evaluate(SIMPLE, tmp_path / "killed", workers, evaluation.Progress(kill_one))
-    assert victims
-    assert (tmp_path / "killed" / "result.json").read_bytes() == (
+    return policy
+
+
+@pytest.mark.parametrize("kind", ["processes", "ray"])
+def test_a_worker_that_is_killed_costs_nothing(kind, tmp_path, monkeypatch):
+    flag = tmp_path / "killed"
+    monkeypatch.setenv("DEADLY_FLAG", str(flag))
+    configuration = Configuration(
+        "straighten_rope", "tests.test_evaluation:deadly", (800, 801, 802), (0, 1), SHORT
+    )
+    with Processes(2) if kind == "processes" else RayCluster(number=2) as workers:
+        evaluate(configuration, tmp_path / "killed_once", workers)
+    assert flag.exists()
+    evaluate(configuration, tmp_path / "whole")
+    assert (tmp_path / "killed_once" / "result.json").read_bytes() == (
         tmp_path / "whole" / "result.json"
     ).read_bytes()
 
@@ -288,7 +298,7 @@ def test_results_of_other_protocols_are_not_mixed(tmp_path):
         plots.read_results([])
 
 
-def test_the_command_line_evaluates(tmp_path):
+def test_the_command_line_evaluates(tmp_path, monkeypatch):
     arguments = ["evaluate", "straighten_rope", "--policy", "cem", "--horizon", "3", "--budget"]
     arguments += ["60", "--iterations", "2", "--replan-every", "3", "--episodes", "1"]
     arguments += ["--settings", '{"horizon": 6}', "--out", str(tmp_path / "run")]
@@ -296,6 +306,13 @@ def test_the_command_line_evaluates(tmp_path):
     assert output.exit_code == 0, output.output
     result = json.loads((tmp_path / "run" / "result.json").read_text())
     assert result["planning"] == {"horizon": 3, "budget": 60, "iterations": 2, "replan_every": 3}
+
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation, "evaluate", interrupt)
+    stopped = CliRunner().invoke(cli.app, arguments)
+    assert stopped.exit_code == 130 and "the same command goes on" in stopped.output
     failed = CliRunner().invoke(cli.app, ["evaluate", "straighten_rope", "--settings", "[1]"])
     assert isinstance(failed.exception, OutOfRangeError)
     assert "settings='[1]'" in str(failed.exception)
