@@ -69,6 +69,20 @@ def spread(result: Mapping) -> tuple[float, float, float]:
     return median, low, high
 
 
+def markdown(results: Sequence[Mapping]) -> str:
+    """A table of tasks and policies: mean, and least score of an episode."""
+    names = labels(results)
+    groups = sorted(set(names), key=names.index)
+    scores = {(r["task"], name): r["summary"] for r, name in zip(results, names, strict=True)}
+    tasks = sorted({task for task, _ in scores}, key=[r["task"] for r in results].index)
+    lines = ["| task | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
+    for task in tasks:
+        own = [scores.get((task, group)) for group in groups]
+        cells = ["" if s is None else f"{s['mean']:.2f} ({s['min']:.2f})" for s in own]
+        lines.append(f"| `{task}` | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
     """Draws a group of bars for each task: medians, with the quartiles as whiskers."""
     pyplot = _pyplot()
