@@ -14,21 +14,17 @@ import rich.table
 import typer
 
 import softgym_mj
-from softgym_mj import cli_evaluation
+from softgym_mj import cli_data, cli_evaluation
 from softgym_mj.baselines.policies import SIMPLE, make_policy
+from softgym_mj.console import Actor, Task, console, progress_bar
 from softgym_mj.exceptions import RenderingUnavailableError, SoftGymError, check_name
 from softgym_mj.rendering import CameraView, has_display
-from softgym_mj.workers import make_workers
 
 app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
 app.command()(cli_evaluation.evaluate)
 app.command()(cli_evaluation.plot)
-_console = rich.console.Console()
-
-Task = Annotated[str, typer.Argument(help="Task name, see `softgym-mj list`.")]
-Actor = Annotated[
-    str | None, typer.Option(help="What acts, such as picker or franka; else the task's own.")
-]
+app.command()(cli_data.generate)
+app.command()(cli_data.record)
 
 
 def _load(task: str, split: str, filmed: bool, actor: str | None = None):
@@ -39,17 +35,6 @@ def _load(task: str, split: str, filmed: bool, actor: str | None = None):
     if actor is not None:
         settings["actor"] = actor
     return softgym_mj.load(task, split=split, **settings)
-
-
-def _progress() -> rich.progress.Progress:
-    return rich.progress.Progress(
-        rich.progress.TextColumn("{task.description}"),
-        rich.progress.BarColumn(),
-        rich.progress.MofNCompleteColumn(),
-        rich.progress.TimeElapsedColumn(),
-        rich.progress.TimeRemainingColumn(),
-        console=_console,
-    )
 
 
 @app.command("list")
@@ -65,7 +50,7 @@ def list_tasks() -> None:
             str(record.action_repeat),
             record.summary,
         )
-    _console.print(table)
+    console.print(table)
 
 
 @app.command()
@@ -81,7 +66,7 @@ def demo(
     And `tasks.png`: the start, the middle and the end of all of them.
     """
     strips = []
-    with _progress() as progress:
+    with progress_bar() as progress:
         for name in softgym_mj.TASKS:
             video = _Video(out / f"{name}.mp4", size)
             env = _load(name, "all", filmed=True)
@@ -96,7 +81,7 @@ def demo(
             )
             strips.append(_strip(video.file))
     _write_sheet(strips, out / "tasks.png")
-    _console.print(f"wrote {out / 'tasks.png'}")
+    console.print(f"wrote {out / 'tasks.png'}")
 
 
 @app.command()
@@ -143,7 +128,7 @@ def oracle(
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
     env = _load(task, split, filmed=True, actor=actor)
     scores: dict[int, float] = {}
-    with _progress() as progress:
+    with progress_bar() as progress:
         variations = list(env.variations)[:episodes]
         bar = progress.add_task(task, total=len(variations))
         for index in variations:
@@ -157,7 +142,7 @@ def oracle(
                "normalized_performance": scores}  # fmt: skip
     file = out / f"{task}.json"
     file.write_text(json.dumps(summary, indent=2))
-    _console.print(
+    console.print(
         f"{task}: mean {summary['mean']:.3f}, min {min(values):.3f}, max {max(values):.3f} of "
         f"{len(values)}; wrote {file} and {out / task}.mp4"
     )
@@ -218,37 +203,6 @@ def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:
     sheet = np.vstack(rows)
     quarters = [sheet[i::2, j::2].astype(int) for i in range(2) for j in range(2)]
     imageio.imwrite(file, (np.sum(quarters, axis=0) // 4).astype(np.uint8))
-
-
-@app.command()
-def generate(
-    task: Task,
-    start: Annotated[int, typer.Option(help="First variation.")] = 0,
-    num: Annotated[int, typer.Option(help="Number of variations.")] = 1000,
-    jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
-    ray: Annotated[
-        str | None,
-        typer.Option(help="Ray cluster: its address, auto, or local for one of --jobs cores."),
-    ] = None,
-    fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
-    pack: Annotated[
-        pathlib.Path | None, typer.Option(help="Also write all 1000 into this file.")
-    ] = None,
-) -> None:
-    """Generates settled initial states into the cache; may be killed and run again."""
-    check_name("task", task, softgym_mj.TASKS)
-    record = softgym_mj.TASKS[task]
-    settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
-    store = record.build(**settings).store
-    with make_workers(jobs, ray) as workers, _progress() as progress:
-        bar = progress.add_task(f"{task} variations", total=num)
-        made = store.generate_missing(
-            range(start, start + num), workers, lambda index: progress.advance(bar)
-        )
-    _console.print(f"{made} generated, {num - made} were there, in {store.folder}")
-    if pack is not None:
-        store.pack(pack)
-        _console.print(f"packed into {pack} ({pack.stat().st_size / 1e6:.2f} MB)")
 
 
 @app.command()

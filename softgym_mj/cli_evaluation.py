@@ -5,20 +5,18 @@ import pathlib
 import time
 from typing import Annotated, Any
 
-import rich.console
 import rich.progress
 import rich.table
 import typer
 
 from softgym_mj.baselines.cem import BUDGET, ITERATIONS, PLANNERS, Plan
+from softgym_mj.console import Ray, Task, console, progress_bar
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.registry import TASKS
 
-_console = rich.console.Console()
-
 
 def evaluate(
-    task: Annotated[str, typer.Argument(help="Task name, see `softgym-mj list`.")],
+    task: Task,
     policy: Annotated[
         str,
         typer.Option(help="scripted, random, zero, cem, icem, FILE.pt2 or MODULE:FUNCTION."),
@@ -36,10 +34,7 @@ def evaluate(
         typer.Option(help='Arguments of the task as JSON: \'{"actor": "franka"}\'.'),
     ] = "{}",
     jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
-    ray: Annotated[
-        str | None,
-        typer.Option(help="Ray cluster: its address, auto, or local for one of --jobs cores."),
-    ] = None,
+    ray: Ray = None,
     out: Annotated[pathlib.Path, typer.Option(help="Folder of this evaluation.")] = pathlib.Path(
         "evaluation"
     ),
@@ -61,9 +56,9 @@ def evaluate(
         with _Bar(configuration) as bar, make_workers(jobs, ray) as workers:
             result = evaluation.evaluate(configuration, out, workers, bar.progress())
     except KeyboardInterrupt:
-        _console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
+        console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
         raise typer.Exit(130) from None
-    _console.print(
+    console.print(
         f"{task}, {policy}: median {result['summary']['median']:.3f}, "
         f"mean {result['summary']['mean']:.3f} (min {result['summary']['min']:.3f}); "
         f"wrote {out / 'result.json'}"
@@ -91,8 +86,8 @@ def plot(
     for result, name in zip(read, plots.labels(read), strict=True):
         numbers = [f"{value:.3f}" for value in (*plots.spread(result), result["summary"]["mean"])]
         table.add_row(result["task"], name, *numbers, str(len(result["episodes"])))
-    _console.print(table)
-    _console.print(f"wrote {out}")
+    console.print(table)
+    console.print(f"wrote {out}")
 
 
 def _parsed(settings: str) -> dict[str, Any]:
@@ -110,15 +105,7 @@ class _Bar:
 
     def __init__(self, configuration):
         self._configuration = configuration
-        self._bar = rich.progress.Progress(
-            rich.progress.TextColumn("{task.description}"),
-            rich.progress.BarColumn(),
-            rich.progress.MofNCompleteColumn(),
-            rich.progress.TimeElapsedColumn(),
-            rich.progress.TimeRemainingColumn(),
-            rich.progress.TextColumn("{task.fields[note]}"),
-            console=_console,
-        )
+        self._bar = progress_bar(rich.progress.TextColumn("{task.fields[note]}"))
         planning, settings = configuration.planning, configuration.settings
         steps = settings.get("horizon") or TASKS[configuration.task].horizon
         # Of an episode.

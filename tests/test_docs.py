@@ -72,9 +72,16 @@ def commands():
     return [line.split("#")[0].strip() for line in lines if line.startswith("softgym-mj")]
 
 
+@pytest.fixture(name="folder", scope="module")
+def _folder(tmp_path_factory):
+    """Where the commands run, one after the other."""
+    return tmp_path_factory.mktemp("commands")
+
+
 @pytest.mark.parametrize("command", commands())
-def test_commands_run(command, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
+def test_commands_run(command, monkeypatch, folder):
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     result = CliRunner().invoke(cli.app, shlex.split(command)[1:])
@@ -86,10 +93,10 @@ def test_commands_run(command, monkeypatch, tmp_path):
     if " list" in command:
         assert all(name[:10] in result.output for name in registry.TASKS)
     if " oracle " in command:
-        scores = json.loads((tmp_path / "oracle" / "straighten_rope.json").read_text())
+        scores = json.loads((folder / "oracle" / "straighten_rope.json").read_text())
         assert list(scores["normalized_performance"]) == ["800", "801"]
         assert scores["min"] <= scores["mean"] <= scores["max"]
-        assert (tmp_path / "oracle" / "straighten_rope.mp4").stat().st_size > 10_000
+        assert (folder / "oracle" / "straighten_rope.mp4").stat().st_size > 10_000
     if " rollout " in command:
         assert result.output.count('"normalized_performance"') == 2
 
