@@ -39,6 +39,21 @@ class Evaluation:
         return sum(self.reward_terms.values())
 
 
+@dataclasses.dataclass(frozen=True)
+class Entries:
+    """Consecutive entries of a state.
+
+    Attributes:
+        name: what they are, in their order.
+        number: how many there are.
+        unit: their unit, "" for none.
+    """
+
+    name: str
+    number: int
+    unit: str
+
+
 class DeformableTask(composer.Task, abc.ABC):
     """A task on one deformable object, be it a flex or water, with one actor.
 
@@ -117,6 +132,11 @@ class DeformableTask(composer.Task, abc.ABC):
         return self._domain
 
     @property
+    def success_threshold(self) -> float:
+        """Normalised performance from which the goal counts as reached."""
+        return self._success
+
+    @property
     def action_repeat(self) -> int:
         """Sim steps per env step."""
         return self._action_repeat
@@ -150,6 +170,16 @@ class DeformableTask(composer.Task, abc.ABC):
     @abc.abstractmethod
     def reduced_state(self) -> np.ndarray:
         """The few numbers that describe the state."""
+
+    @property
+    @abc.abstractmethod
+    def reduced_entries(self) -> tuple[Entries, ...]:
+        """What the reduced state lists, up to what the actor senses of itself."""
+
+    @property
+    def tool_entries(self) -> tuple[Entries, ...]:
+        """What the full state lists between the points and what the actor senses of itself."""
+        return ()
 
     @property
     @abc.abstractmethod

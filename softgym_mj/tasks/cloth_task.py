@@ -6,6 +6,7 @@ import numpy as np
 
 from softgym_mj.entities.cloth import Cloth, grid_shape
 from softgym_mj.robots.gripper import Gripper
+from softgym_mj.tasks.base import Entries
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.variations import Initializer, VariationStore
 
@@ -69,6 +70,10 @@ class ClothTask(FlexTask):
 
     def key_points(self) -> np.ndarray:
         return self._cloth.vertices()[self._cloth.corners]
+
+    @property
+    def reduced_entries(self) -> tuple[Entries, ...]:
+        return tuple(Entries(f"corner p{i + 1} (x, y, z)", 3, "m") for i in range(4))
 
     def diagnostics(self) -> dict[str, float | int]:
         diagnostics = super().diagnostics()

@@ -32,10 +32,10 @@ from softgym_mj.fluid import Liquid, Water
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.cup_mover import CupMover, KeepClear
 from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
-from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import PourScenes
-from softgym_mj.tasks.water_task import WaterTask
+from softgym_mj.tasks.water_task import WaterTask, pose_entries
 from softgym_mj.variations import generator
 
 ACTION_REPEAT = 8  # Facts 1.2.
@@ -43,6 +43,11 @@ MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] in a sim step: 1 m/s and 1.5 rad/s
 BASE_X = 0.5  # [m] Of an arm.
 SUCCESS = 0.95  # Ours: a twentieth of the water may be spilled or stay in the cup,
 AMOUNT_SUCCESS = 0.9  # or a tenth of the share be missing or too much.
+
+GOAL_ENTRIES = (
+    Entries("height of the red bar", 1, "m"),
+    Entries("share t to be poured", 1, ""),
+)
 
 # SoftGym's contrast of 20 in viscosity and 5 in cohesion to TransportWater (facts 1.3; 5, row 46),
 # at values with which the water leaves the lip as a jet and splashes little.
@@ -105,6 +110,16 @@ class PourWater(WaterTask):
             ]
         )
 
+    @property
+    def reduced_entries(self) -> tuple[Entries, ...]:
+        return (
+            *pose_entries("cup"),
+            Entries("target x", 1, "m"),
+            Entries("target height, inner length, inner width", 3, "m"),
+            Entries("height of the highest particle", 1, "m"),
+            Entries("fraction in the target's box, fraction in the cup's", 2, ""),
+        )
+
 
 class PourWaterAmount(PourWater):
     """See the module docstring."""
@@ -162,6 +177,14 @@ class PourWaterAmount(PourWater):
     def containers_state(self) -> np.ndarray:
         """The cups, then the height of the red bar [m] and t."""
         return np.array([*super().containers_state(), self._level, self._share])
+
+    @property
+    def reduced_entries(self) -> tuple[Entries, ...]:
+        return (*super().reduced_entries, *GOAL_ENTRIES)
+
+    @property
+    def tool_entries(self) -> tuple[Entries, ...]:
+        return (*super().tool_entries, *GOAL_ENTRIES)
 
 
 def goal_share(variation: int) -> float:

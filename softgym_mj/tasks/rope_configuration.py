@@ -28,7 +28,7 @@ from softgym_mj.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB, Seen
 from softgym_mj.rendering import CameraView, refresh_poses
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
 from softgym_mj.tasks.letters import LETTERS, letter
@@ -133,6 +133,19 @@ class RopeConfiguration(FlexTask):
     def key_points(self) -> np.ndarray:
         keys = self._rope.key_points
         return np.concatenate([self._rope.vertices()[keys], self._goal[keys]])
+
+    @property
+    def reduced_entries(self) -> tuple[Entries, ...]:
+        number = len(self._rope.key_points)
+        return (
+            Entries(f"{number} key points of the rope (x, y, z each)", 3 * number, "m"),
+            Entries(f"{number} key points of the goal (x, y, z each)", 3 * number, "m"),
+        )
+
+    @property
+    def tool_entries(self) -> tuple[Entries, ...]:
+        number = len(self._goal)
+        return (Entries(f"{number} vertices of the goal (x, y, z each)", 3 * number, "m"),)
 
     def tool_state(self) -> np.ndarray:
         return np.concatenate([self._goal.ravel(), self._actor.proprioception()])

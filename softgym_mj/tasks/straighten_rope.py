@@ -21,7 +21,7 @@ from softgym_mj.entities.rope import LENGTH, Rope
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
 from softgym_mj.variations import VariationStore
@@ -69,6 +69,11 @@ class StraightenRope(FlexTask):
 
     def key_points(self) -> np.ndarray:
         return self._rope.vertices()[self._rope.key_points]
+
+    @property
+    def reduced_entries(self) -> tuple[Entries, ...]:
+        number = len(self._rope.key_points)
+        return (Entries(f"{number} key points (x, y, z each)", 3 * number, "m"),)
 
 
 def straighten_rope(

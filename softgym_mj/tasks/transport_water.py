@@ -23,7 +23,7 @@ from softgym_mj.fluid import Liquid, Water
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.cup_mover import CupMover, Track
 from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
-from softgym_mj.tasks.base import Evaluation
+from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import TransportScenes
 from softgym_mj.tasks.water_task import WaterTask
@@ -76,6 +76,15 @@ class TransportWater(WaterTask):
                 inside,
                 1.0 - inside,
             ]
+        )
+
+    @property
+    def reduced_entries(self) -> tuple[Entries, ...]:
+        return (
+            Entries("cup x", 1, "m"),
+            Entries("cup inner length, width, height", 3, "m"),
+            Entries("height of the highest particle", 1, "m"),
+            Entries("fraction in the cup, fraction outside", 2, ""),
         )
 
 

@@ -9,12 +9,21 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.fluid import Water
 from softgym_mj.robots.cup_mover import CupMover
-from softgym_mj.tasks.base import DeformableTask
+from softgym_mj.tasks.base import DeformableTask, Entries
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import LARGEST_COUNT, Scene, num_particles
 from softgym_mj.variations import VariationStore
 
 MIDDLE = 0.6  # [m] Cups move and stand between x = -0.25 and 1.4.
+
+
+def pose_entries(name: str) -> tuple[Entries, ...]:
+    """The entries of `Cup.state`."""
+    return (
+        Entries(f"{name} x, z", 2, "m"),
+        Entries(f"{name} theta", 1, "rad"),
+        Entries(f"{name} inner length, width, height", 3, "m"),
+    )
 
 
 class WaterTask(DeformableTask):
@@ -111,6 +120,11 @@ class WaterTask(DeformableTask):
     def containers_state(self) -> np.ndarray:
         """What the full state tells of the cups."""
         return np.concatenate([cup.state() for cup in self._cups])
+
+    @property
+    def tool_entries(self) -> tuple[Entries, ...]:
+        names = [cup.mjcf_model.model for cup in self._cups]
+        return tuple(entry for name in names for entry in pose_entries(name))
 
     @abc.abstractmethod
     def water_state(self) -> np.ndarray:
