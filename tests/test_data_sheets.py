@@ -1,0 +1,92 @@
+"""Data sheets say what the tasks are: they equal what is generated, their entries add up."""
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.robots.models import ARMS
+from tools import data_sheets, sheet_entries
+
+CASES = [
+    *((task, {}) for task in softgym_mj.TASKS),
+    *((task, {"actor": "franka"}) for task in softgym_mj.TASKS),
+    ("straighten_rope", {"actor": "sawyer", "arms": 1}),
+    ("transport_water", {"actor": "sawyer"}),
+    ("straighten_rope", {"actor": "picker", "num_pickers": 3}),
+    ("straighten_rope", {"actor": "pixel_pick_and_place"}),
+]
+
+
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_sheets_are_up_to_date(task):
+    written = (data_sheets.FOLDER / f"{task}.md").read_text()
+    assert written == data_sheets.sheet(task), "run `make sheets`"
+
+
+def test_there_is_a_sheet_for_every_task_and_no_other():
+    assert {path.stem for path in data_sheets.FOLDER.iterdir()} == set(softgym_mj.TASKS)
+
+
+@pytest.mark.parametrize("name", softgym_mj.TASKS)
+def test_every_entry_of_an_action_is_listed(name):
+    tasks = data_sheets.actors_of(softgym_mj.TASKS[name])
+    assert set(ARMS) < set(tasks)
+    for task in tasks.values():
+        assert len(sheet_entries.action_entries(task)) == task.actor.action_size
+
+
+@pytest.mark.parametrize(("name", "settings"), CASES, ids=str)
+def test_entries_of_the_states_add_up(name, settings):
+    env = softgym_mj.load(name, observation=("full", "reduced", "full_mask"), **settings)
+    spec, task = env.observation_spec(), env.task
+    sensed = sheet_entries.sensed_entries(task)
+    points = sheet_entries.point_entries(env)
+    for observation, entries in (
+        ("reduced", (*task.reduced_entries, *sensed)),
+        ("full", (points, *task.tool_entries, *sensed)),
+    ):
+        assert spec[observation].shape == (sum(entry.number for entry in entries),)
+
+
+def named(state, entries):
+    """The numbers of a state by the names of its entries."""
+    ends = np.cumsum([entry.number for entry in entries])
+    return dict(zip((e.name for e in entries), np.split(state, ends[:-1]), strict=True))
+
+
+@pytest.mark.parametrize("name", ["straighten_rope", "pour_water"])
+def test_arms_sense_what_the_sheet_says(name):
+    env = softgym_mj.load(name, actor="franka")
+    env.reset(800)
+    entries = sheet_entries.sensed_entries(env.task)
+    seen = named(env.task.actor.proprioception(), entries)
+    for key, values in seen.items():
+        if "quaternion" in key:
+            assert np.linalg.norm(values) == pytest.approx(1.0)
+        if "opening" in key:
+            assert 0.0 <= values[0] <= 0.08  # What a Franka's hand opens to.
+    joints = np.concatenate([values for key, values in seen.items() if "positions" in key])
+    data = env.physics.data.ptr
+    assert np.isin(joints, data.qpos).all()
+    points = np.array([values for key, values in seen.items() if "tool point" in key])
+    model = env.physics.model.ptr
+    sites = [
+        i for i in range(model.nsite) if model.site(i).name.endswith(env.task.actor.arm.tcp_site)
+    ]
+    np.testing.assert_allclose(points, data.site_xpos[sites], atol=1e-6)
+
+
+def test_the_reduced_state_of_cups_is_what_the_sheet_says():
+    env = softgym_mj.load("pour_water_amount")
+    env.reset(812)
+    task = env.task
+    seen = named(task.reduced_state(), task.reduced_entries)
+    cup, target = task.cup.size, task.target.size
+    assert seen["cup inner length, width, height"] == pytest.approx(
+        [cup.length, cup.width, cup.height]
+    )
+    assert seen["target height, inner length, inner width"] == pytest.approx(
+        [target.height, target.length, target.width]
+    )
+    assert seen["target x"] == pytest.approx(task.target.pose[0])
+    assert seen["share t to be poured"] == pytest.approx(task.share)

@@ -1,0 +1,271 @@
+"""The data sheets in docs/tasks: what a task is, read from the task itself.
+
+`python -m tools.data_sheets` (`make sheets`) writes them; tests/test_data_sheets.py compares them.
+"""
+
+import inspect
+import pathlib
+import re
+from collections.abc import Iterable, Iterator, Sequence
+
+from softgym_mj.environment import Environment
+from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.observations import GOAL_RGB, OBSERVATIONS
+from softgym_mj.registry import TASKS, TaskRecord, load
+from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
+from softgym_mj.robots.holding import HoldingGripper
+from softgym_mj.robots.models import ARMS
+from softgym_mj.tasks.base import DeformableTask, Entries
+from softgym_mj.variations import SPLITS
+from tools.sheet_entries import INFO, action_entries, point_entries, sensed_entries
+
+FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "tasks"
+ACTORS = tuple(dict.fromkeys((*GRIPPERS, *CUP_ACTORS)))
+VARIATIONS = (800, 801)  # Two, so that what differs between variations can be told.
+
+GOAL_SUMMARY = "uint8 image (height, width, 3): `rgb` with the goal reached"
+_LABELS = ("Goal", "Reward", "Bounds", "Reduced state", "Full state", "Start", "End")
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines) + "\n"
+
+
+def numbers(*values: float, digits: int = 4) -> str:
+    """Numbers with no more digits than they need, without a negative zero."""
+    return ", ".join(f"{round(float(value), digits) + 0.0:g}" for value in values)
+
+
+def actors_of(record: TaskRecord) -> dict[str, DeformableTask]:
+    """The task with each actor that it can have, the usual one first."""
+    tasks = {}
+    usual = inspect.signature(record.resolve()).parameters["actor"].default
+    for actor in (usual, *(name for name in ACTORS if name != usual)):
+        try:
+            tasks[actor] = record.build(actor=actor)
+        except UnknownNameError:
+            continue
+    return tasks
+
+
+# ---------------------------------------------------------------------- actions
+
+
+def actions(
+    env: Environment, tasks: dict[str, DeformableTask], record: TaskRecord
+) -> Iterator[str]:
+    """The actors, then their actions; actors with the same entries share a table."""
+    yield table(
+        ("actor", "entries", "env steps", "sim steps in an env step"),
+        (
+            (
+                f"`{name}`",
+                task.actor.action_size,
+                task.actor.horizon or record.horizon,
+                "as many as it takes" if task.actor.horizon else task.action_repeat,
+            )
+            for name, task in tasks.items()
+        ),
+    )
+    if isinstance(env.task.actor, HoldingGripper):
+        low, high = env.task.actor.limits
+        yield (
+            f"A gripper is a picker or the hand of an arm. The workspace of a picker's centre is "
+            f"{numbers(high[0] - low[0])} m long (X), {numbers(high[1] - low[1])} m wide (Y) and "
+            f"reaches from Z = {numbers(low[2])} to {numbers(high[2])} m.\n"
+        )
+    groups: dict[tuple, list[str]] = {}
+    for name, task in tasks.items():
+        groups.setdefault(tuple(action_entries(task)), []).append(f"`{name}`")
+    for entries, names in groups.items():
+        yield f"### {', '.join(names)}\n"
+        yield table(
+            ("entry", "what", "unit", "range", "scale"),
+            ((i, name, unit, "-1 to 1", scale) for i, (name, unit, scale) in enumerate(entries)),
+        )
+
+
+# ---------------------------------------------------------------------- observations
+
+
+def entry_table(entries: Iterable[Entries], start: int = 0) -> str:
+    """Which entries of a state are what, from index `start`."""
+    rows = []
+    for entry in entries:
+        end = start + entry.number - 1
+        rows.append((start if end == start else f"{start} to {end}", entry.name, entry.unit))
+        start = end + 1
+    return table(("entries", "what", "unit"), rows)
+
+
+def observations(env: Environment, arms: DeformableTask, remarks: Sequence[str]) -> Iterator[str]:
+    """All observations, then the entries of the states."""
+    task = env.task
+    yield table(
+        ("observation", "shape", "dtype", "what"),
+        (
+            (f"`{name}`", spec.shape, spec.dtype, {**OBSERVATIONS, GOAL_RGB: GOAL_SUMMARY}[name])
+            for name, spec in env.observation_spec().items()
+        ),
+    )
+    sensed = sensed_entries(task)
+    yield "### `reduced`\n"
+    yield entry_table((*task.reduced_entries, *sensed))
+    yield from remarks
+    yield "### `full`\n"
+    yield entry_table((point_entries(env), *task.tool_entries, *sensed))
+    number, spec = sum(entry.number for entry in sensed), env.observation_spec()
+    reduced, full = (spec[name].shape[0] - number for name in ("reduced", "full"))
+    yield (
+        f"With {' or '.join(f'`{name}`' for name in ARMS)}, from entry {reduced} of `reduced` and "
+        f"{full} of `full` on, what the arms sense of themselves; counted from there:\n"
+    )
+    yield entry_table(sensed_entries(arms))
+
+
+# ---------------------------------------------------------------------- the rest
+
+
+def paragraphs(record: TaskRecord) -> dict[str, list[str]]:
+    """The docstring of the task's module as Markdown paragraphs by their label."""
+    module = inspect.getmodule(record.resolve())
+    text = re.sub(r" \(facts [^)]*\)", "", inspect.getdoc(module) or "")
+    start = rf"\n(?=(?:{'|'.join(_LABELS)})\b)|\n\n|(?<=\.) (?=End:)"
+    found: dict[str, list[str]] = {}
+    for paragraph in re.split(start, text):
+        match = re.match("|".join(_LABELS), paragraph)
+        label = match.group() if match else ""
+        marked = f"**{label}**{paragraph[len(label) :]}" if label else paragraph
+        found.setdefault(label, []).append(marked.strip() + "\n")
+    return found
+
+
+def bounds(env: Environment) -> tuple[str, str]:
+    """Lower and upper bound of the performance, in words where they depend on the variation."""
+    seen = []
+    for variation in VARIATIONS:
+        env.reset(variation)
+        seen.append((env.task.initial_performance, *env.task.bounds()))
+    (first, *one), (second, *other) = seen
+
+    def said(a: float, b: float) -> str:
+        if a == b:
+            return f"{a + 0.0:g}"
+        if (a, b) == (first, second):
+            return "the performance at reset"
+        return " and ".join(
+            f"{value:.4g} in variation {variation}"
+            for value, variation in zip((a, b), VARIATIONS, strict=True)
+        )
+
+    lower, upper = (said(a, b) for a, b in zip(one, other, strict=True))
+    return lower, upper
+
+
+def cameras(env: Environment, arms: Environment) -> str:
+    """The cameras of the compiled models."""
+    rows = []
+    for label, each in (("", env), (" (with arms)", arms)):
+        model = each.physics.model.ptr
+        for name in ("task", "overview"):
+            camera = model.camera(name)
+            place, turn = numbers(*camera.pos), numbers(*camera.quat)
+            rows.append((f"`{name}`{label}", place, turn, numbers(*camera.fovy)))
+    return table(
+        ("camera", "position [m]", "quaternion (w, x, y, z)", "vertical field of view [deg]"), rows
+    )
+
+
+def domain(task: DeformableTask) -> str:
+    """The domain parameters."""
+    rows = [
+        (
+            f"`{p.name}`", p.unit, f"{p.nominal:.3g}",
+            *(f"{low:.3g} to {high:.3g}" for low, high in (p.usual, p.valid)), p.summary,
+        )
+        for p in task.domain.parameters
+    ]  # fmt: skip
+    return table(("parameter", "unit", "nominal", "usual", "valid", "what it is"), rows)
+
+
+def info(env: Environment, tasks: dict[str, DeformableTask], record: TaskRecord) -> str:
+    """The keys of info."""
+    rows = []
+    for key in env.info():
+        rows.append((f"`{key}`", "term of the reward" if key.startswith("reward_") else INFO[key]))
+    own: dict[str, list[str]] = {}  # What only some actors tell.
+    for name, task in tasks.items():
+        for key in task.actor.diagnostics():
+            if key not in env.info():
+                own.setdefault(key, []).append(f"`{name}`")
+    rows += [(f"`{key}`", f"with {', '.join(names)}: {INFO[key]}") for key, names in own.items()]
+    if "count_intersections" in record.arguments:
+        meaning = "with `count_intersections=True`: where the cloth passes through itself"
+        rows.append(("`intersections`", meaning))
+    rows.append(("`domain_*`", "value of each domain parameter that varies"))
+    return table(("key", "what"), rows)
+
+
+def sheet(name: str) -> str:
+    """The data sheet of a task as Markdown.
+
+    Args:
+        name: of the task, one of `TASKS`.
+    """
+    record = TASKS[name]
+    tasks = actors_of(record)
+    usual, arm = next(iter(tasks)), next(actor for actor in tasks if actor in ARMS)
+    with_goal = (GOAL_RGB,) if GOAL_RGB in tasks[usual].task_observables else ()
+    env = load(name, observation=(*OBSERVATIONS, *with_goal))
+    arms = load(name, actor=arm)
+    lower, upper = bounds(env)
+    text, task = paragraphs(record), env.task
+    facts = table(
+        ("", ""),
+        (
+            ("name", f"`{name}`"),
+            ("Gymnasium id", f"`{record.gymnasium_id}`"),
+            ("kind", ", ".join(record.tags)),
+            ("horizon", f"{record.horizon} env steps"),
+            ("action repeat", f"{task.action_repeat} sim steps of 0.01 s in an env step"),
+            ("physics step", f"{env.physics.timestep():g} s"),
+            ("performance that counts as 0", lower),
+            ("performance that counts as 1", upper),
+            ("success from", f"{task.success_threshold:g} (normalised)"),
+        ),
+    )
+    splits = ", ".join(f"`{key}` {part[0]} to {part[-1]}" for key, part in SPLITS.items())
+    parts = [
+        f"# {name}\n",
+        f"{record.summary}\n",
+        facts,
+        "## Goal and reward\n",
+        *(line for label in ("", "Goal", "Reward", "Bounds", "End") for line in text[label]),
+        "## Actions\n",
+        *actions(env, tasks, record),
+        "## Observations\n",
+        *observations(env, arms.task, text["Reduced state"]),
+        "## Variations\n",
+        f"Indices of the splits: {splits}.\n",
+        *text["Start"],
+        "## Domain parameters\n",
+        domain(task),
+        "## Cameras\n",
+        cameras(env, arms),
+        "## info\n",
+        info(env, tasks, record),
+    ]
+    return "\n".join(parts)
+
+
+def main() -> None:
+    """Writes all sheets."""
+    FOLDER.mkdir(exist_ok=True)
+    for name in TASKS:
+        (FOLDER / f"{name}.md").write_text(sheet(name))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""What the entries of actions and states and the keys of info mean, for the data sheets."""
+
+from softgym_mj.environment import Environment
+from softgym_mj.robots.cup_mover import NAMES, CupMover
+from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.holding import MAX_DISPLACEMENT
+from softgym_mj.robots.pick_and_place import LARGEST_OFFSET, PickAndPlace, PixelPickAndPlace
+from softgym_mj.tasks.base import DeformableTask, Entries
+
+# What the keys of info mean; "reward_*" and "domain_*" are explained apart.
+INFO = {
+    "performance": "the task's metric",
+    "normalized_performance": "the same, 0 at the lower and 1 at the upper bound",
+    "success": "whether `normalized_performance` is at least the threshold above",
+    "variation": "index of the variation",
+    "physics_warnings": "MuJoCo's warnings in this episode",
+    "max_edge_strain": "largest elongation of an edge, as a share of its length",
+    "picks_held": "grippers that hold something",
+    "dropped": "how often a gripper has let go in this episode",
+    "rejected_moves": "sim steps of the last env step in which the cup was not allowed to move",
+    "end_point_distance": "distance of the two ends [m]",
+    "initial_normalized_performance": "`normalized_performance` at reset",
+    "distance_to_target": "distance of the cup from its goal [m]",
+    "spilled": "fraction of the particles that are in no cup",
+    "fraction_in_cup": "fraction of the particles in the box of the cup that is moved",
+    "fraction_in_target": "fraction of the particles in the box of the target cup",
+    "pair_distance": "mean distance of the pairs [m]",
+    "displacement": "mean distance of the second half from its place [m]",
+    "poured": "fraction of the particles in the target cup and not in the other",
+    "share": "fraction that ought to be poured",
+    "sim_steps": "sim steps that the last action took",
+    "ik_failures": "control steps for which the arm's controller found no joint speeds",
+}
+
+
+def action_entries(task: DeformableTask) -> list[tuple[str, str, str]]:
+    """Name, unit and meaning of each entry of an action."""
+    actor = task.actor
+    if isinstance(actor, CupMover):
+        return [
+            (name, unit, f"±1 is {step:g} {unit} in a sim step")
+            for name, unit, step in zip(NAMES, ("m", "m", "rad"), actor.max_step, strict=True)
+            if step
+        ]
+    if isinstance(actor, PixelPickAndPlace):
+        reach = f"{LARGEST_OFFSET:g} m"
+        return [
+            ("pixel right", "", "-1 is the left edge of the image, 1 the right one"),
+            ("pixel down", "", "-1 is the upper edge of the image, 1 the lower one"),
+            ("dX of the place from the pick point", "m", f"±1 is {reach}"),
+            ("dY of the place from the pick point", "m", f"±1 is {reach}"),
+            ("dZ of the place from the pick point", "m", f"-1 is 0, 1 is {reach}"),
+        ]
+    if not isinstance(actor, Gripper):
+        raise TypeError(f"no description of the actions of {type(actor).__name__}")
+    entries = []
+    for i in range(actor.num_grippers):
+        for axis in "xyz":
+            if isinstance(actor, PickAndPlace):
+                ends = "-1 and 1 are the ends of the workspace"
+                entries.append((f"gripper {i}, target {axis}", "m", ends))
+            else:
+                step = f"±1 is {MAX_DISPLACEMENT:g} m in a sim step"
+                entries.append((f"gripper {i}, d{axis}", "m", step))
+        entries.append((f"gripper {i}, grip", "", "above 0 closes, else opens"))
+    return entries
+
+
+def sensed_entries(task: DeformableTask) -> tuple[Entries, ...]:
+    """What the actor senses of itself, at the end of the full and the reduced state."""
+    actor = task.actor
+    if actor.camera_suffix:  # Arms.
+        number = actor.num_grippers if isinstance(actor, Gripper) else 1
+        points = tuple(Entries(f"arm {i}, tool point (x, y, z)", 3, "m") for i in range(number))
+        own = (
+            ("quaternion of the tool (w, x, y, z)", 4, ""),
+            ("opening between the fingers", 1, "m"),
+            ("joint positions", 7, "rad"),
+            ("joint velocities", 7, "rad/s"),
+        )
+        return points + tuple(
+            Entries(f"arm {i}, {name}", size, unit)
+            for i in range(number)
+            for name, size, unit in own
+        )
+    if isinstance(actor, Gripper):
+        return tuple(Entries(f"gripper {i} (x, y, z)", 3, "m") for i in range(actor.num_grippers))
+    return ()
+
+
+def point_entries(env: Environment) -> Entries:
+    """The points of the full state."""
+    number = env.observation_spec()["full_mask"].shape[0]
+    return Entries(
+        f"{number} points (x, y, z each), zeros from the last that exists", 3 * number, "m"
+    )
