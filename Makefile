@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint bench native clean
+.PHONY: demo test test-all lint bench sheets docs native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
@@ -25,6 +25,14 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/throughput.py --out benchmarks/throughput.json
 	$(BIN)/python benchmarks/fluid.py --out benchmarks/fluid.json
 	$(BIN)/python benchmarks/cloth_contact.py --out benchmarks/cloth_contact.json
+
+# Writes the tasks' data sheets, docs/tasks, anew: after a change to a task.
+sheets: $(VENV)/.installed
+	$(BIN)/python -m tools.data_sheets
+
+# Builds the documentation site into build/site; a warning is an error.
+docs: $(VENV)/.installed
+	$(BIN)/mkdocs build --strict
 
 NATIVE = softgym_mj/fluid/plugin
 # Rebuilds the installed plugins after a change to their sources. It has no prerequisite: that would

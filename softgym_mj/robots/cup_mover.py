@@ -21,7 +21,7 @@ Rule = Callable[[np.ndarray], np.ndarray | None]
 
 @dataclasses.dataclass(frozen=True)
 class Track:
-    """Rule: x is clipped to [low, high] [m]."""
+    """Rule: x [m] is clipped to [low, high]."""
 
     low: float
     high: float

@@ -1,0 +1,45 @@
+"""A hook of MkDocs: pages of the site that live outside docs/, with their links adapted.
+
+Links between them stay as they are in the repository, where they are read as well.
+"""
+
+import os.path
+import pathlib
+import re
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+ROOT = pathlib.Path(__file__).parent.parent
+# Files of the repository and the pages they become.
+PAGES = {
+    "README.md": "index.md",
+    "softgym_mj/fluid/plugin/README.md": "fluid.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+}
+_LINK = re.compile(r"(\]\()(?!https?:|#)([^)#\s]+)")
+
+
+def page(source: str) -> str:
+    """A file as a page of the site.
+
+    Args:
+        source: path within the repository, one of `PAGES`.
+    """
+    folder = os.path.dirname(source)
+
+    def adapted(link: re.Match) -> str:
+        target = os.path.normpath(os.path.join(folder, link[2]))
+        if target not in PAGES:  # Anything else that is linked is in docs/.
+            return link[1] + os.path.relpath(target, "docs")
+        return link[1] + PAGES[target]
+
+    return _LINK.sub(adapted, (ROOT / source).read_text(encoding="utf-8"))
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Adds the pages."""
+    for source, target in PAGES.items():
+        files.append(File.generated(config, target, content=page(source)))
+    return files
