@@ -10,6 +10,7 @@ from softgym_mj.exceptions import ResultError, check_name
 
 AXES = ("horizon", "budget", "replan_every")
 _NEEDED = ("protocol", "task", "policy", "settings", "planning", "summary", "episodes")
+_LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
 _BAR, _INCHES, _DPI = 0.8, 1.9, 150  # Width of a group of bars; inches of a task; dots per inch.
 
 
@@ -85,11 +86,11 @@ def markdown(results: Sequence[Mapping]) -> str:
 
 def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
     """Draws a group of bars for each task: medians, with the quartiles as whiskers."""
-    pyplot = _pyplot()
+    plt = pyplot()
     names = labels(results)
     groups = sorted(set(names), key=names.index)
     tasks = sorted({result["task"] for result in results}, key=[r["task"] for r in results].index)
-    figure, axes = pyplot.subplots(figsize=(max(4.0, _INCHES * len(tasks)), 3.6))
+    figure, axes = plt.subplots(figsize=(max(4.0, _INCHES * len(tasks)), 3.6))
     width = _BAR / len(groups)
     for i, group in enumerate(groups):
         own = {r["task"]: r for r, name in zip(results, names, strict=True) if name == group}
@@ -97,6 +98,10 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
         numbers = np.array([spread(result) for result in own.values()])
         whiskers = np.abs(numbers[:, 1:].T - numbers[:, 0])
         axes.bar(places, numbers[:, 0], width, yerr=whiskers, label=group, capsize=2)
+        for place, median in zip(places, numbers[:, 0], strict=True):
+            if median < _LOWEST:  # The bar leaves the picture: its value stands at its end.
+                axes.text(place, _LOWEST, f"{median:.1f}", ha="center", va="bottom", rotation=90)
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], _LOWEST))
     axes.set_xticks(range(len(tasks)), [task.replace("_", "\n") for task in tasks])
     axes.axhline(1.0, color="0.6", linewidth=0.8, linestyle=":")
     axes.axhline(0.0, color="0.3", linewidth=0.8)
@@ -120,8 +125,8 @@ def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
             raise ResultError(f"{result['policy']!r} does not plan: it has no {axis}")
         key = result["task"], result["policy"]
         lines.setdefault(key, []).append((result["planning"][axis], *spread(result)))
-    pyplot = _pyplot()
-    figure, axes = pyplot.subplots(figsize=(5.0, 3.4))
+    plt = pyplot()
+    figure, axes = plt.subplots(figsize=(5.0, 3.4))
     for (task, policy), points in lines.items():
         x, median, low, high = np.array(sorted(points)).T
         (line,) = axes.plot(x, median, marker="o", label=f"{task}, {policy}")
@@ -132,7 +137,12 @@ def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
     _save(figure, file)
 
 
-def _pyplot():
+def pyplot():
+    """Matplotlib's pyplot, without a display.
+
+    Raises:
+        ImportError: if it is missing.
+    """
     try:
         import matplotlib
     except ImportError as error:
@@ -150,4 +160,4 @@ def _save(figure, file: pathlib.Path) -> None:
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(file, dpi=_DPI, bbox_inches="tight")
-    _pyplot().close(figure)
+    pyplot().close(figure)

@@ -8,7 +8,7 @@ import shlex
 import pytest
 from typer.testing import CliRunner
 
-from softgym_mj import cli, compat, registry
+from softgym_mj import cli, compat, plots, registry
 
 ROOT = pathlib.Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -140,3 +140,19 @@ def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
     assert np.abs(frames[0].astype(int) - frames[-1]).max() > 100
     picture = imageio.imread(tmp_path / "straighten_rope.png")
     assert picture.shape == (96, 96, 3)
+
+
+def test_the_results_are_those_of_the_files():
+    results = plots.read_results(sorted((ROOT / "docs" / "results").glob("*.json")))
+    page = (ROOT / "docs" / "results.md").read_text()
+    table = page.split("\n\n")[2].splitlines()
+    columns = [cell.strip() for cell in table[0].split("|")[2:-1]]
+    # Horizons are compared on the same page, with settings of their own.
+    compared = [r for r in results if len(r["variations"]) == 5 and r["policy"] in columns]
+    rows = {line.split("`")[1]: line for line in table[2:]}
+    assert set(rows) == set(registry.TASKS)
+    for task, line in rows.items():
+        for policy, cell in zip(columns, line.split("|")[2:-1], strict=True):
+            own = [r for r in compared if (r["task"], r["policy"]) == (task, policy)]
+            found = {f"{r['summary']['mean']:.2f} ({r['summary']['min']:.2f})" for r in own}
+            assert cell.strip() in found
