@@ -155,4 +155,4 @@ def test_the_results_are_those_of_the_files():
         for policy, cell in zip(columns, line.split("|")[2:-1], strict=True):
             own = [r for r in compared if (r["task"], r["policy"]) == (task, policy)]
             found = {f"{r['summary']['mean']:.2f} ({r['summary']['min']:.2f})" for r in own}
-            assert cell.strip() in found
+            assert cell.strip() in (found or {""})
