@@ -127,12 +127,13 @@ def oracle(
 ) -> None:
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
     env = _load(task, split, filmed=True, actor=actor)
+    name = task if actor is None else f"{task}-{actor}"
     scores: dict[int, float] = {}
     with progress_bar() as progress:
         variations = list(env.variations)[:episodes]
         bar = progress.add_task(task, total=len(variations))
         for index in variations:
-            video = _Video(out / f"{task}.mp4") if index == variations[0] else None
+            video = _Video(out / f"{name}.mp4") if index == variations[0] else None
             *_, scores[index] = _play(env, "scripted", index, video=video)
             progress.advance(bar)
     values = list(scores.values())
@@ -140,11 +141,11 @@ def oracle(
                "version": softgym_mj.__version__, "mean": float(np.mean(values)),
                "min": min(values), "max": max(values),
                "normalized_performance": scores}  # fmt: skip
-    file = out / f"{task}.json"
+    file = out / f"{name}.json"
     file.write_text(json.dumps(summary, indent=2))
     console.print(
         f"{task}: mean {summary['mean']:.3f}, min {min(values):.3f}, max {max(values):.3f} of "
-        f"{len(values)}; wrote {file} and {out / task}.mp4"
+        f"{len(values)}; wrote {file} and {out / name}.mp4"
     )
 
 

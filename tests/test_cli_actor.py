@@ -32,7 +32,7 @@ def test_scores_name_the_actor(tmp_path, monkeypatch):
     command = ["oracle", "straighten_rope", "--episodes", "1", "--actor", "franka"]
     result = CliRunner().invoke(cli.app, [*command, "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
-    scores = json.loads((tmp_path / "straighten_rope.json").read_text())
+    scores = json.loads((tmp_path / "straighten_rope-franka.json").read_text())
     assert scores["actor"] == "franka"
     assert scores["mean"] > 0.9  # Variation 800.
 
