@@ -10,13 +10,13 @@ export OMP_NUM_THREADS ?= 1
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
 
-test: $(VENV)/.installed
+test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
 
-test-all: $(VENV)/.installed
+test-all: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m "slow or not slow"
 
-lint: $(VENV)/.installed
+lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -27,11 +27,11 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/cloth_contact.py --out benchmarks/cloth_contact.json
 
 # Writes the tasks' data sheets, docs/tasks, anew: after a change to a task.
-sheets: $(VENV)/.installed
+sheets: $(VENV)/.installed-dev
 	$(BIN)/python -m tools.data_sheets
 
 # Builds the documentation site into build/site; a warning is an error.
-docs: $(VENV)/.installed
+docs: $(VENV)/.installed-dev
 	$(BIN)/mkdocs build --strict
 
 NATIVE = softgym_mj/fluid/plugin
@@ -42,6 +42,11 @@ native:
 
 $(VENV)/.installed: pyproject.toml $(wildcard $(NATIVE)/*.cc $(NATIVE)/*.h $(NATIVE)/CMakeLists.txt)
 	PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup.sh
+	touch $@
+
+# What tests, checks and documentation need, PyTorch and Ray among it, is some gigabytes.
+$(VENV)/.installed-dev: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
 
 clean:

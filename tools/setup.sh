@@ -1,5 +1,5 @@
 #!/bin/sh
-# Creates the virtual environment $VENV and installs the package with its development tools.
+# Creates the virtual environment $VENV and installs the package.
 # OpenGL libraries come from apt when this runs as root; otherwise it says what to run.
 set -eu
 
@@ -28,4 +28,4 @@ fi
 
 "$PYTHON" -m venv "$VENV"
 "$VENV/bin/python" -m pip install --quiet --upgrade pip
-"$VENV/bin/python" -m pip install --quiet --editable '.[dev]'
+"$VENV/bin/python" -m pip install --quiet --editable .
