@@ -41,7 +41,7 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     """The expert for the task of an environment.
 
     Args:
-        env: environment with the task's default actor.
+        env: environment with two pickers or arms, or with one actor for the cup.
 
     Raises:
         UnknownNameError: if the task has no expert.
