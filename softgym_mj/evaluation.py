@@ -7,10 +7,8 @@ and run again; its result is the same file, byte for byte.
 
 import dataclasses
 import json
-import os
 import pathlib
 import platform
-import secrets
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -24,6 +22,7 @@ from softgym_mj.baselines.model_predictive import ModelPredictivePolicy
 from softgym_mj.baselines.policies import SIMPLE, is_saved, make_policy
 from softgym_mj.baselines.rollouts import Rollouts, kept_environment
 from softgym_mj.exceptions import ResultError, UnknownNameError, check_count, check_name
+from softgym_mj.files import write_whole
 from softgym_mj.variations import check_variation, split_indices
 from softgym_mj.workers import Here, Workers
 
@@ -281,17 +280,7 @@ def _claim(folder: pathlib.Path, written: dict) -> None:
 
 def write_json(file: pathlib.Path, content: dict) -> None:
     """Writes a file whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(f".{file.name}.{secrets.token_hex(8)}.partial")
-    try:
-        with open(partial, "w") as stream:
-            json.dump(content, stream, indent=2)
-            stream.write("\n")
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(partial, file)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(file, (json.dumps(content, indent=2) + "\n").encode())
 
 
 def read_json(file: pathlib.Path) -> dict:

@@ -1,5 +1,6 @@
 """Figures of results: bars of policies for each task, curves over a setting of the planner."""
 
+import importlib
 import pathlib
 from collections.abc import Mapping, Sequence
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from softgym_mj.evaluation import PROTOCOL, read_json
 from softgym_mj.exceptions import ResultError, check_name
+from softgym_mj.extras import import_extra
 
 AXES = ("horizon", "budget", "replan_every")
 _NEEDED = ("protocol", "task", "policy", "settings", "planning", "summary", "episodes")
@@ -143,16 +145,8 @@ def pyplot():
     Raises:
         ImportError: if it is missing.
     """
-    try:
-        import matplotlib
-    except ImportError as error:
-        raise ImportError(
-            "Matplotlib is missing: install it with `pip install 'softgym_mj[notebooks]'`"
-        ) from error
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    return pyplot
+    import_extra("matplotlib", "Matplotlib", "notebooks").use("Agg")
+    return importlib.import_module("matplotlib.pyplot")
 
 
 def _save(figure, file: pathlib.Path) -> None:

@@ -14,6 +14,7 @@ import gymnasium
 from softgym_mj import registry
 from softgym_mj.baselines.policies import Policy, make_policy
 from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.extras import import_extra
 from softgym_mj.variations import check_variation
 
 if TYPE_CHECKING:
@@ -56,12 +57,7 @@ def record(
         check_variation(variation)
     if not variations:
         raise OutOfRangeError("variations", variations, "at least one")
-    try:
-        import minari
-    except ImportError as error:
-        raise ImportError(
-            "Minari is missing: install it with `pip install 'softgym_mj[datasets]'`"
-        ) from error
+    minari = import_extra("minari", "Minari", "datasets")
     name = dataset_name(task, policy) if dataset is None else dataset
     if name in minari.list_local_datasets():
         raise OutOfRangeError(

@@ -13,7 +13,6 @@ import json
 import logging
 import os
 import pathlib
-import secrets
 import time
 import zipfile
 import zlib
@@ -30,6 +29,7 @@ from softgym_mj.exceptions import (
     UnknownNameError,
     check_count,
 )
+from softgym_mj.files import PARTIAL, write_whole
 from softgym_mj.workers import Here, Workers
 
 NUM_VARIATIONS = 1000
@@ -194,7 +194,7 @@ class VariationStore:
 
     def _remove_abandoned(self):
         """Removes what a killed process left of a file it was writing."""
-        for file in self._folder.glob(".*.partial"):
+        for file in self._folder.glob(PARTIAL.format("*", "*")):
             if time.time() - file.stat().st_mtime > _ABANDONED:
                 file.unlink(missing_ok=True)
 
@@ -251,16 +251,7 @@ def write_states(file: pathlib.Path, states: list[np.ndarray], specification: st
         counts=counts,
         vertices=vertices,
     )
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(f".{file.name}.{secrets.token_hex(8)}.partial")
-    try:
-        with open(partial, "wb") as stream:
-            stream.write(buffer.getvalue())
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(partial, file)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_whole(file, buffer.getvalue())
 
 
 def read_states(file: pathlib.Path, specification: str) -> list[np.ndarray]:

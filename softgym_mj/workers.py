@@ -16,6 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from softgym_mj.exceptions import WorkersLostError, check_count
+from softgym_mj.extras import import_extra
 
 MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
 
@@ -158,13 +159,7 @@ class RayCluster(Workers):
         Raises:
             ImportError: if Ray is missing.
         """
-        try:
-            import ray
-        except ImportError as error:
-            raise ImportError(
-                "Ray is missing: install it with `pip install 'softgym_mj[cluster]'`"
-            ) from error
-        self._ray = ray
+        self._ray = ray = import_extra("ray", "Ray", "cluster")
         self._mine = not ray.is_initialized()
         if self._mine:
             cores = None if address else number

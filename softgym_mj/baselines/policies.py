@@ -10,6 +10,7 @@ import numpy as np
 
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import PolicyFileError, check_name
+from softgym_mj.extras import import_extra
 
 Policy = Callable[[dm_env.TimeStep], np.ndarray]
 
@@ -72,12 +73,7 @@ def _exported(file: pathlib.Path, env: Environment) -> Policy:
             f"policy={str(file)!r} is not what torch.export.save(torch.export.export(module, "
             "(observation,)), file) writes"
         )
-    try:
-        import torch
-    except ImportError as error:
-        raise ImportError(
-            "PyTorch is missing: install it with `pip install 'softgym_mj[rl]'`"
-        ) from error
+    torch = import_extra("torch", "PyTorch", "rl")
     try:
         module = torch.export.load(file).module()
     except Exception as error:  # torch raises whatever its reader happens to meet.

@@ -15,11 +15,8 @@ _WALLS = ("floor", "left", "right", "back", "front")
 # [m] Where a handle is held: along Y from the cup's frame and above it. All cups are narrower. An
 # arm's wrist may be 9 cm lower than its fingers when they point ahead.
 GRIP = (0.0, 0.28, 0.2)
-_THICK, _TALL, _END = (
-    0.02,
-    0.05,
-    0.015,
-)  # [m] Of the handle: along X, its bar upwards; behind the grip.
+# [m] Of the handle: along X, its bar upwards, beyond the grip.
+_THICK, _TALL, _END = 0.02, 0.05, 0.015
 HELD_WALL_MASS = 0.06  # [kg] Of each of five walls of a cup that an arm holds: hard foam.
 
 

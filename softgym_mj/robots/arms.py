@@ -203,7 +203,7 @@ class Arms(HoldingGripper[Grasp]):
     def reference_positions(self) -> np.ndarray:
         """Tool points (num_grippers, 3) [m] that the joints are led along.
 
-        They go after the commanded ones, as fast as they can so as to come to rest there.
+        They go after the commanded ones, see `Guide`.
         """
         return self._guide.points.copy()
 
@@ -255,8 +255,7 @@ class SawyerFrictionArms(SawyerArms):
     grasp = FrictionGrasp
 
 
-KINDS = {"franka": FrankaArms, "sawyer": SawyerArms}
 GRASPS: dict[str, Mapping[str, type[Arms]]] = {
-    "attach": KINDS,
+    "attach": {"franka": FrankaArms, "sawyer": SawyerArms},
     "friction": {"franka": FrankaFrictionArms, "sawyer": SawyerFrictionArms},
 }

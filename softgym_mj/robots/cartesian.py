@@ -13,6 +13,8 @@ import mink
 import mujoco
 import numpy as np
 
+from softgym_mj.robots.guide import drawn_in
+
 PERIOD = 0.02  # [s] From one solution to the next: 50 Hz.
 # Costs of the tasks [1/m, 1/rad]. A firm orientation makes a Panda jump near singular poses.
 POSITION_COST, ORIENTATION_COST = 1.0, 0.05
@@ -121,10 +123,7 @@ class CartesianController:
 
     def within_lead(self, points: np.ndarray) -> np.ndarray:
         """Commanded points (n, 3) [m], drawn in to `LEAD` of where the reference is."""
-        reference = self.points()
-        offset = points - reference
-        distance = np.sqrt(np.vecdot(offset, offset))[:, None]
-        return reference + offset * (LEAD / np.maximum(distance, LEAD))
+        return drawn_in(points, self.points(), LEAD)
 
     def turn(self, rotations: np.ndarray) -> None:
         """Chooses the orientation of the tools from now on, as matrices (n, 3, 3)."""
