@@ -1,10 +1,8 @@
 """The command line: softgym-mj list | demo | rollout | oracle | evaluate | plot | ..."""
 
-import contextlib
-import dataclasses
+import functools
 import json
 import pathlib
-from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,16 +13,19 @@ import typer
 
 import softgym_mj
 from softgym_mj import cli_data, cli_evaluation
+from softgym_mj.baselines.episodes import Episode, play
 from softgym_mj.baselines.policies import SIMPLE, make_policy
 from softgym_mj.console import Actor, Task, console, progress_bar
 from softgym_mj.exceptions import RenderingUnavailableError, SoftGymError, check_name
-from softgym_mj.rendering import CameraView, has_display
+from softgym_mj.rendering import has_display
 
 app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
 app.command()(cli_evaluation.evaluate)
 app.command()(cli_evaluation.plot)
 app.command()(cli_data.generate)
 app.command()(cli_data.record)
+
+_VIDEO_SIZE = 480  # Side of a video [pixels].
 
 
 def _load(task: str, split: str, filmed: bool, actor: str | None = None):
@@ -58,7 +59,7 @@ def demo(
     out: Annotated[
         pathlib.Path, typer.Option(help="Folder for videos and pictures.")
     ] = pathlib.Path("demo"),
-    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = 480,
+    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = _VIDEO_SIZE,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
 ) -> None:
     """Plays every task with its scripted policy; writes a video and a picture of each.
@@ -68,18 +69,17 @@ def demo(
     strips = []
     with progress_bar() as progress:
         for name in softgym_mj.TASKS:
-            video = _Video(out / f"{name}.mp4", size)
+            file = out / f"{name}.mp4"
             env = _load(name, "all", filmed=True)
             bar = progress.add_task(name, total=env.horizon)
-            scores = []
-            for score in _play(env, "scripted", variation, video=video):
-                scores.append(score)
-                progress.advance(bar)
+            advance = functools.partial(progress.advance, bar)
+            episode = play(env, "scripted", variation, size=size, on_step=advance)
+            _write(episode, file)
             progress.console.print(
-                f"{name}: normalized performance {scores[-1]:.3f}; "
-                f"wrote {video.file} and {video.file.with_suffix('.png')}"
+                f"{name}: normalized performance {_score(episode):.3f}; "
+                f"wrote {file} and {file.with_suffix('.png')}"
             )
-            strips.append(_strip(video.file))
+            strips.append(_strip(episode))
     _write_sheet(strips, out / "tasks.png")
     console.print(f"wrote {out / 'tasks.png'}")
 
@@ -99,8 +99,9 @@ def rollout(
     """Runs a policy on the first variations of a split; prints one JSON line an episode."""
     env = _load(task, split, filmed=video is not None, actor=actor)
     for index in list(env.variations)[:episodes]:
-        file = None if video is None else _Video(video / f"{task}_{index:04d}.mp4")
-        *_, score = _play(env, policy, index, seed, file)
+        episode = _filmed(env, policy, index, video is not None, seed)
+        if video is not None:
+            _write(episode, video / f"{task}_{index:04d}.mp4")
         typer.echo(
             json.dumps(
                 {
@@ -108,8 +109,8 @@ def rollout(
                     "actor": actor,
                     "policy": policy,
                     "variation": index,
-                    "normalized_performance": score,
-                    "success": env.info()["success"],
+                    "normalized_performance": _score(episode),
+                    "success": bool(episode.info["success"][-1]),
                 }
             )
         )
@@ -133,8 +134,11 @@ def oracle(
         variations = list(env.variations)[:episodes]
         bar = progress.add_task(task, total=len(variations))
         for index in variations:
-            video = _Video(out / f"{name}.mp4") if index == variations[0] else None
-            *_, scores[index] = _play(env, "scripted", index, video=video)
+            first = index == variations[0]
+            episode = _filmed(env, "scripted", index, first)
+            if first:
+                _write(episode, out / f"{name}.mp4")
+            scores[index] = _score(episode)
             progress.advance(bar)
     values = list(scores.values())
     summary = {"task": task, "actor": actor, "policy": "scripted",
@@ -149,49 +153,28 @@ def oracle(
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class _Video:
-    """Where a video goes; its last frame becomes a PNG beside it."""
-
-    file: pathlib.Path
-    size: int = 480  # Image side [pixels].
+def _filmed(env, policy: str, variation: int, filmed: bool, seed: int = 0) -> Episode:
+    """Plays an episode; pictures, which take most of the time, only if they are wanted."""
+    camera = "task" if filmed else None
+    return play(env, policy, variation, seed=seed, camera=camera, size=_VIDEO_SIZE)
 
 
-def _play(
-    env, policy: str, variation: int, seed: int = 0, video: _Video | None = None
-) -> Iterator[float]:
-    """Plays one episode; yields the normalised performance after every env step."""
-    act = make_policy(policy, env, seed)
-    timestep = env.reset(variation)
-    with contextlib.ExitStack() as stack:
-        film = stack.enter_context(_film(env, video)) if video else lambda: None
-        while not timestep.last():
-            timestep = env.step(act(timestep))
-            film()
-            yield env.info()["normalized_performance"]
+def _score(episode: Episode) -> float:
+    """Normalised performance at the end."""
+    return float(episode.info["normalized_performance"][-1])
 
 
-@contextlib.contextmanager
-def _film(env, video: _Video) -> Iterator[Callable[[], None]]:
-    """Yields a function that adds the current frame to the video."""
+def _write(episode: Episode, file: pathlib.Path) -> None:
+    """Writes the video, and the last picture as a PNG beside it."""
     import imageio.v2 as imageio
 
-    view = CameraView("task", video.size, video.size)
-    first = view.rgb(env.physics)  # Fails before a file is made if there is no OpenGL.
-    video.file.parent.mkdir(parents=True, exist_ok=True)
-    fps = round(1 / env.control_timestep())
-    writer: Any  # imageio annotates the base class, which lacks append_data.
-    with imageio.get_writer(video.file, fps=fps, macro_block_size=8, quality=8) as writer:
-        writer.append_data(first)
-        yield lambda: writer.append_data(view.rgb(env.physics))
-    imageio.imwrite(video.file.with_suffix(".png"), view.rgb(env.physics))
+    episode.video.write(file)
+    imageio.imwrite(file.with_suffix(".png"), episode.frames[-1])
 
 
-def _strip(file: pathlib.Path) -> np.ndarray:
-    """The first, the middle and the last frame of a video, beside each other."""
-    import imageio.v2 as imageio
-
-    frames = imageio.mimread(file, memtest=False)
+def _strip(episode: Episode) -> np.ndarray:
+    """The first, the middle and the last picture, beside each other."""
+    frames = episode.frames
     return np.hstack([frames[0], frames[len(frames) // 2], frames[-1]])
 
 

@@ -1,4 +1,4 @@
-"""Figures of results: bars of policies for each task, curves over a setting of the planner."""
+"""Figures: pictures beside each other; of results, bars of policies and curves over a setting."""
 
 import importlib
 import pathlib
@@ -7,13 +7,51 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from softgym_mj.evaluation import PROTOCOL, read_json
-from softgym_mj.exceptions import ResultError, check_name
+from softgym_mj.exceptions import OutOfRangeError, ResultError, check_name
 from softgym_mj.extras import import_extra
 
 AXES = ("horizon", "budget", "replan_every")
 _NEEDED = ("protocol", "task", "policy", "settings", "planning", "summary", "episodes")
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
+_PICTURE, _TITLE = 2.4, 0.3  # Heights of a picture of `show` and of its title [inches].
 _BAR, _INCHES, _DPI = 0.8, 1.9, 150  # Width of a group of bars; inches of a task; dots per inch.
+
+
+def show(
+    pictures: Sequence[np.ndarray],
+    titles: Sequence[str],
+    *,
+    columns: int | None = None,
+    height: float = _PICTURE,
+) -> None:
+    """Shows pictures beside each other, as a figure of pyplot: in a notebook, below the cell.
+
+    Args:
+        pictures: images (h, w, 3) uint8, or (h, w) of numbers, which are drawn as colours from
+            their least (dark) to their largest (light); NaN stays white.
+        titles: one for each.
+        columns: pictures in a row; None for all of them.
+        height: of a picture [inches].
+
+    Raises:
+        OutOfRangeError: unless there are as many titles as pictures, and at least one.
+        ImportError: without Matplotlib.
+    """
+    if not len(pictures) or len(titles) != len(pictures):
+        raise OutOfRangeError("titles", titles, f"one for each of {len(pictures)} pictures")
+    plt = import_extra("matplotlib.pyplot", "Matplotlib", "notebooks")
+    columns = min(columns or len(pictures), len(pictures))
+    rows = -(-len(pictures) // columns)
+    width = height * max(picture.shape[1] / picture.shape[0] for picture in pictures)
+    size = (width * columns, (height + _TITLE) * rows)
+    figure, grid = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    for axes in grid.flat:
+        axes.axis("off")
+    for axes, picture, title in zip(grid.flat, pictures, titles, strict=False):
+        axes.imshow(picture)
+        axes.set_title(title, fontsize="medium")
+    plt.show()
+    plt.close(figure)
 
 
 def read_results(files: Sequence[pathlib.Path]) -> list[dict]:

@@ -1,19 +1,27 @@
-"""Off-screen rendering: the choice of an OpenGL backend, and cached camera views."""
+"""Off-screen rendering: the choice of an OpenGL backend, cached camera views, and videos."""
 
+import base64
 import ctypes.util
+import dataclasses
 import os
+import pathlib
 import sys
 from typing import Any
 
 import numpy as np
 
-from softgym_mj.exceptions import RenderingUnavailableError, check_image_size
+from softgym_mj.exceptions import OutOfRangeError, RenderingUnavailableError, check_image_size
 
 INSTALL_COMMAND = "apt-get install -y libegl1 libgl1-mesa-dri"
 
 LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
 
 _MAX_GEOMS = 20000  # In a scene: the surface of water is drawn as some thousand triangles.
+
+_rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
+
+_QUALITY = 8  # Of videos, 0..10: no blocks are seen on the cloth.
+_BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
 
 # The flex is drawn by its skins (group 0); its own triangles and sites stay hidden.
 _FLEX_GROUP = 4
@@ -49,6 +57,28 @@ def unavailable(reason: object) -> RenderingUnavailableError:
         f"{reason}. Install software OpenGL with `{INSTALL_COMMAND}`, unset MUJOCO_GL (or set it "
         "to egl, osmesa or glfw) and start Python again."
     )
+
+
+def has_rendered() -> bool:
+    """Whether this process, or the one that it was forked from, has rendered."""
+    return _rendered_in is not None
+
+
+def _claim() -> None:
+    """Notes that this process renders.
+
+    Raises:
+        RenderingUnavailableError: if it was forked from one that has: OpenGL would wait forever.
+    """
+    global _rendered_in  # noqa: PLW0603 - a fact about the process.
+    if _rendered_in not in (None, os.getpid()):
+        raise RenderingUnavailableError(
+            "this process was forked from one that has rendered, and OpenGL does not survive a "
+            'fork: start processes with the method "forkserver" or "spawn", for example '
+            'gymnasium.make_vec(..., vectorization_mode="async", '
+            'vector_kwargs={"context": "forkserver"})'
+        )
+    _rendered_in = os.getpid()
 
 
 def refresh_poses(physics) -> None:
@@ -88,6 +118,7 @@ class CameraView:
         import mujoco
         from dm_control.mujoco import engine, wrapper
 
+        _claim()
         data = physics.data.ptr
         refresh_poses(physics)
         try:
@@ -101,3 +132,51 @@ class CameraView:
             return self._view.render(scene_option=self._option, **options)
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
             raise unavailable(error) from error
+
+
+@dataclasses.dataclass(frozen=True)
+class Video:
+    """Pictures as a video; a notebook shows it inline.
+
+    Attributes:
+        frames: pictures (n, height, width, 3) uint8, n at least 1.
+        fps: pictures in a second.
+
+    Raises:
+        OutOfRangeError: for frames of another shape or kind, or none at all.
+    """
+
+    frames: np.ndarray = dataclasses.field(repr=False)
+    fps: float
+
+    def __post_init__(self):
+        frames = np.asarray(self.frames)
+        if frames.ndim != 4 or frames.shape[-1] != 3 or frames.dtype != np.uint8 or not len(frames):
+            raise OutOfRangeError(
+                "frames", f"{frames.dtype}{frames.shape}", "uint8(n, height, width, 3), n >= 1"
+            )
+        object.__setattr__(self, "frames", frames)
+
+    def write(self, file: pathlib.Path | str) -> None:
+        """Writes `file.mp4` (H.264); makes its folder."""
+        encoded = self.encoded()  # First: if it fails, no file is made.
+        file = pathlib.Path(file)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(encoded)
+
+    def encoded(self) -> bytes:
+        """The bytes of an mp4 file."""
+        import imageio.v2 as imageio
+
+        return imageio.mimwrite(
+            "<bytes>", list(self.frames), "mp4", fps=self.fps, quality=_QUALITY,
+            macro_block_size=_BLOCK,
+        )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        data = base64.b64encode(self.encoded()).decode()
+        height, width = self.frames.shape[1:3]
+        return (
+            f'<video controls autoplay loop muted playsinline width="{width}" height="{height}" '
+            f'src="data:video/mp4;base64,{data}"></video>'
+        )
