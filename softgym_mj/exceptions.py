@@ -12,15 +12,32 @@ class UnknownNameError(SoftGymError, ValueError):
     """A name (task, actor, observation, fidelity, split, ...) that does not exist."""
 
     def __init__(self, argument: str, value: object, valid: Iterable[object]):
+        super().__init__(argument, value, tuple(valid))  # What pickle makes it anew from.
+
+    def __str__(self):
+        argument, value, valid = self.args
         choices = ", ".join(repr(name) for name in valid)
-        super().__init__(f"{argument}={value!r} is unknown; valid choices: {choices}.")
+        return f"{argument}={value!r} is unknown; valid choices: {choices}."
+
+
+class UnexpectedArgumentError(SoftGymError, TypeError):
+    """A keyword argument that does not exist.
+
+    As Python's own error of this kind it is a TypeError and says "unexpected keyword argument":
+    TorchRL looks for that to find out what an environment takes. Gymnasium raises it anew with a
+    message of its own.
+    """
 
 
 class OutOfRangeError(SoftGymError, ValueError):
     """A number outside its documented range."""
 
     def __init__(self, argument: str, value: object, valid: str):
-        super().__init__(f"{argument}={value!r} is out of range; valid: {valid}.")
+        super().__init__(argument, value, valid)
+
+    def __str__(self):
+        argument, value, valid = self.args
+        return f"{argument}={value!r} is out of range; valid: {valid}."
 
 
 class InvalidActionError(SoftGymError, ValueError):

@@ -7,7 +7,7 @@ import typing
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from softgym_mj.exceptions import UnknownNameError, check_name
+from softgym_mj.exceptions import UnexpectedArgumentError, check_name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,10 +59,14 @@ class TaskRecord:
         return tuple(names)
 
     def build(self, **task_kwargs) -> "DeformableTask":
-        """Builds the task; an unknown keyword argument is an `UnknownNameError`."""
+        """Builds the task; an unknown keyword argument is an `UnexpectedArgumentError`."""
         for key in task_kwargs:
             if key not in self.arguments:
-                raise UnknownNameError("keyword argument", key, self.arguments)
+                choices = ", ".join(repr(name) for name in self.arguments)
+                raise UnexpectedArgumentError(
+                    f"{self.name} got an unexpected keyword argument {key!r}; "
+                    f"valid choices: {choices}."
+                )
         return self.resolve()(**task_kwargs)
 
 
@@ -171,7 +175,7 @@ def load(
         **task_kwargs: keyword arguments of the task's constructor, such as `observation`.
 
     Raises:
-        UnknownNameError, OutOfRangeError: for a bad name or value.
+        UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
     """
     check_name("task", task, TASKS)
     record = TASKS[task]

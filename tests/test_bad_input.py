@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import pathlib
+import pickle
 import re
 import subprocess
 import sys
@@ -43,8 +44,6 @@ UNKNOWN_NAMES = [
     (ROPE, {"observation": ["full", "full"]}, "observation", "['full', 'full']", ("'rgb'",)),
     (ROPE, {"observation": []}, "observation", "[]", ("'full'", "'reduced'", "'rgb'")),
     (ROPE, {"split": "test"}, "split", "'test'", ("'train'", "'evaluate'", "'all'")),
-    (ROPE, {"number_of_pickers": 2}, "keyword argument", "'number_of_pickers'", ("'num_pickers'",)),
-    (ROPE, {"sizes": (60, 80)}, "keyword argument", "'sizes'", ("'actor'", "'observation'")),
     (ROPE, {"fidelity": "ultra"}, "fidelity", "'ultra'", ("'fast'", "'default'", "'accurate'")),
     (CLOTH, {"fidelity": "ultra"}, "fidelity", "'ultra'", ("'fast'", "'default'", "'accurate'")),
     (CLOTH, {"self_contact": "sdf"}, "self_contact", "'sdf'", ("'plugin'", "'mujoco'", "'none'")),
@@ -109,6 +108,32 @@ def test_unknown_name(build, task, settings, argument, value, choices):
     with pytest.raises(exceptions.UnknownNameError) as error:
         build(task, **settings)
     assert_says(error, f"{argument}={value}", *choices)
+
+
+@pytest.mark.parametrize(
+    ("argument", "choices"),
+    [("number_of_pickers", ("'num_pickers'",)), ("sizes", ("'actor'", "'observation'"))],
+)
+def test_unexpected_argument(build, argument, choices):
+    with pytest.raises(exceptions.UnexpectedArgumentError) as error:
+        build(ROPE, **{argument: 2})
+    assert isinstance(error.value, TypeError)
+    for word in (f"{ROPE} got an unexpected keyword argument '{argument}'", *choices):
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "raised",
+    [
+        exceptions.UnknownNameError("actor", "hand", {"picker": 1}.keys()),
+        exceptions.OutOfRangeError("horizon", 0, "1 or more"),
+        exceptions.UnexpectedArgumentError("an unexpected keyword argument"),
+    ],
+    ids=lambda raised: type(raised).__name__,
+)
+def test_errors_travel_between_processes(raised):
+    received = pickle.loads(pickle.dumps(raised))
+    assert type(received) is type(raised) and str(received) == str(raised)
 
 
 @each("task, settings, argument, value, choices", OUT_OF_RANGE)
