@@ -90,6 +90,17 @@ def test_shipped_states_are_what_the_generator_makes():
         np.testing.assert_allclose(store.load(index), made, atol=1e-6)
 
 
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_an_episode_starts_at_every_fidelity_with_a_rope_of_full_length(fidelity):
+    env = softgym_mj.load("straighten_rope", fidelity=fidelity)
+    env.reset(3)
+    vertices = env.task.rope.vertices()
+    assert len(vertices) == FIDELITIES[fidelity]
+    lengths = np.linalg.norm(np.diff(vertices, axis=0), axis=1)
+    assert lengths.sum() == pytest.approx(0.5, abs=0.01)
+    assert len(np.unique(vertices[:, 1])) == len(vertices)  # Not the straight rope.
+
+
 def test_shipped_states_stay_where_they_are(env):
     for index in (3, 500, 999):
         start = env.reset(index)

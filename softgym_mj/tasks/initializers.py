@@ -99,7 +99,8 @@ class TwistedRope:
 
     @property
     def parameters(self) -> dict[str, object]:
-        return {"version": 2, "rope": Rope(self.fidelity).physical_parameters}
+        rope = Rope(self.fidelity).physical_parameters
+        return {"version": 2, "fidelity": self.fidelity, "rope": rope}
 
     def generate(self, index: int) -> np.ndarray:
         """Settled vertex positions (n, 3) [m]."""
