@@ -11,6 +11,7 @@ from dm_control import composer
 from dm_control.composer import observation
 
 from softgym_mj.exceptions import SnapshotError, check_count
+from softgym_mj.observations import blank_images
 from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.variations import check_variation, split_indices
 
@@ -85,7 +86,8 @@ class Environment(composer.Environment):
         )
 
     def _recompile_physics_and_update_observables(self):
-        super()._recompile_physics_and_update_observables()
+        with blank_images():
+            super()._recompile_physics_and_update_observables()
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
         self._timestep = self._model.opt.timestep
         physics_steps = self._n_sub_steps // self._task.action_repeat

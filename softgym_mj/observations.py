@@ -1,6 +1,8 @@
 """Observation presets as data, and the observables of the task's camera."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import contextlib
+import contextvars
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -26,6 +28,7 @@ GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can 
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 LABELS = ("background", "object", "actor", "container", "goal")
 NUM_CLOUD_POINTS = 1024
+_blank = contextvars.ContextVar("blank", default=False)
 EDGE_DEPTH = 0.01  # [m] By which the depth of a point of the cloud may differ from its neighbours'.
 
 
@@ -136,12 +139,29 @@ def _neighbours(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.
     return np.array([padded[rows + i, columns + j] for i in range(3) for j in range(3)])
 
 
+@contextlib.contextmanager
+def blank_images() -> Iterator[None]:
+    """Images are zeros inside.
+
+    dm_control evaluates all observations when it compiles a model and throws them away. A process
+    that has rendered can no longer be forked: one that has only made an environment should.
+    """
+    token = _blank.set(True)
+    try:
+        yield
+    finally:
+        _blank.reset(token)
+
+
 class Seen(observable.Generic):
     """An observable with a given specification: without one, it would be rendered to find out."""
 
     def __init__(self, look: Callable, spec: specs.Array):
         self._spec = spec
-        super().__init__(look)
+        super().__init__(lambda physics: self._zeros() if _blank.get() else look(physics))
+
+    def _zeros(self) -> np.ndarray:
+        return np.zeros(self._spec.shape, self._spec.dtype)
 
     @property
     def array_spec(self) -> specs.Array:
