@@ -6,11 +6,15 @@ from softgym_mj.registry import TASKS
 
 
 def register() -> None:
-    """Registers one id per task. The time limit is the environment's own `horizon`."""
+    """Registers one id per task, for `make` and `make_vec`.
+
+    The time limit is the environment's own `horizon`.
+    """
     for record in TASKS.values():
         if record.gymnasium_id not in gymnasium.registry:
             gymnasium.register(
                 id=record.gymnasium_id,
                 entry_point="softgym_mj.gymnasium_env:SoftGymEnv",
+                vector_entry_point="softgym_mj.vector_env:make_vector_env",
                 kwargs={"task": record.name},
             )

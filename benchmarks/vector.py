@@ -1,0 +1,83 @@
+"""Env steps a second of vector environments with one, two and more processes.
+
+Random actions, episodes from end to end with their resets. Rounds take turns, so that a busy
+machine slows all alike; rates and gains are medians over the rounds.
+
+    OMP_NUM_THREADS=1 python benchmarks/vector.py --processes 1 2 --out vector.json
+"""
+
+import argparse
+import json
+import pathlib
+import statistics
+import time
+
+import gymnasium
+import numpy as np
+
+import softgym_mj
+
+TASKS = ("straighten_rope", "spread_cloth", "transport_water")
+OBSERVATIONS = ("reduced", "rgb")
+WARM_UP = 3  # Steps before the clock runs: the first renders compile shaders.
+
+
+class Crowd:
+    """A vector environment with random actions."""
+
+    def __init__(self, task: str, observation: str, num_envs: int):
+        record = softgym_mj.TASKS[task]
+        self.envs = gymnasium.make_vec(
+            record.gymnasium_id, num_envs=num_envs, observation=observation
+        )
+        self.envs.reset(seed=0)
+        size = (record.horizon + 1, *self.envs.action_space.shape)
+        self.actions = np.random.default_rng(0).uniform(-1, 1, size).astype(np.float32)
+        self.count = 0
+        for _ in range(WARM_UP):
+            self.step()
+
+    def step(self) -> None:
+        self.envs.step(self.actions[self.count % len(self.actions)])
+        self.count += 1
+
+    def rate(self, seconds: float) -> float:
+        """Env steps a second, of all together."""
+        first, start = self.count, time.perf_counter()
+        while time.perf_counter() - start < seconds:
+            self.step()
+        return (self.count - first) * self.envs.num_envs / (time.perf_counter() - start)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tasks", nargs="+", default=TASKS, choices=softgym_mj.TASKS)
+    parser.add_argument("--observations", nargs="+", default=OBSERVATIONS)
+    parser.add_argument("--processes", nargs="+", type=int, default=[1, 2])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--seconds", type=float, default=6.0, help="of a turn")
+    parser.add_argument("--out", type=pathlib.Path)
+    arguments = parser.parse_args()
+    rows = []
+    for task in arguments.tasks:
+        for observation in arguments.observations:
+            crowds = {n: Crowd(task, observation, n) for n in arguments.processes}
+            rates: dict[int, list[float]] = {n: [] for n in crowds}
+            for _ in range(arguments.rounds):
+                for number, crowd in crowds.items():
+                    rates[number].append(crowd.rate(arguments.seconds))
+            least = min(rates)
+            for number, crowd in crowds.items():
+                gains = [a / b for a, b in zip(rates[number], rates[least], strict=True)]
+                row = {"task": task, "observation": observation, "processes": number,
+                       "env_steps_per_second": round(statistics.median(rates[number]), 1),
+                       "gain": round(statistics.median(gains), 2)}  # fmt: skip
+                rows.append(row)
+                print(json.dumps(row), flush=True)
+                crowd.envs.close()
+    if arguments.out:
+        arguments.out.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()

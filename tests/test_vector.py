@@ -1,0 +1,178 @@
+"""Vector environments: against single ones in a loop, all ways to reset, images, processes."""
+
+import multiprocessing
+
+import gymnasium
+import numpy as np
+import pytest
+
+from softgym_mj.exceptions import (
+    InvalidActionError,
+    OutOfRangeError,
+    RenderingUnavailableError,
+    UnknownNameError,
+)
+from softgym_mj.gymnasium_env import SoftGymEnv
+from softgym_mj.rendering import CameraView
+
+ROPE, WATER = "softgym_mj/StraightenRope-v0", "softgym_mj/TransportWater-v0"
+HORIZON, SEED, NUM_ENVS = 3, 7, 2
+
+
+def make(task=ROPE, **kwargs):
+    return gymnasium.make_vec(task, num_envs=NUM_ENVS, horizon=HORIZON, **kwargs)
+
+
+def singles(task="straighten_rope", **kwargs):
+    """The environments that `make` has, one by one, reset as it resets them."""
+    envs = [SoftGymEnv(task, horizon=HORIZON, **kwargs) for _ in range(NUM_ENVS)]
+    return envs, [env.reset(seed=SEED + i) for i, env in enumerate(envs)]
+
+
+def actions_of(envs, count, seed=0):
+    """Random actions (count, NUM_ENVS, n)."""
+    size = (count, *envs.action_space.shape)
+    return np.random.default_rng(seed).uniform(-1, 1, size).astype(np.float32)
+
+
+def same_info(batch, i, single):
+    """Whether entry i of a vector info is the info of a single environment."""
+    return all(batch[key][i] == value and batch[f"_{key}"][i] for key, value in single.items())
+
+
+@pytest.mark.parametrize("task", ["straighten_rope", "transport_water"])
+def test_the_next_step_resets(task):
+    """A step after the last one of an episode starts the next one, with reward 0."""
+    envs = make({"straighten_rope": ROPE, "transport_water": WATER}[task])
+    oracle, starts = singles(task)
+    observations, infos = envs.reset(seed=SEED)
+    for i, (observation, info) in enumerate(starts):
+        assert np.array_equal(observations[i], observation) and same_info(infos, i, info)
+    for step, actions in enumerate(actions_of(envs, 2 * HORIZON + 2)):
+        observations, rewards, terminated, truncated, infos = envs.step(actions)
+        resets, ends = step % (HORIZON + 1) == HORIZON, step % (HORIZON + 1) == HORIZON - 1
+        for i, env in enumerate(oracle):
+            if resets:
+                observation, info = env.reset()
+                reward = 0.0
+            else:
+                observation, reward, _, _, info = env.step(actions[i])
+            assert np.array_equal(observations[i], observation) and rewards[i] == reward
+            assert same_info(infos, i, info)
+        assert not terminated.any() and (truncated == ends).all()
+    envs.close()
+
+
+def test_the_same_step_resets():
+    """The last step returns the start of the next episode, and what it was itself in info."""
+    envs = make(autoreset_mode="SameStep")
+    oracle, _ = singles()
+    envs.reset(seed=SEED)
+    for step, actions in enumerate(actions_of(envs, 2 * HORIZON)):
+        observations, rewards, _, truncated, infos = envs.step(actions)
+        ends = step % HORIZON == HORIZON - 1
+        assert (truncated == ends).all()
+        for i, env in enumerate(oracle):
+            observation, reward, _, _, info = env.step(actions[i])
+            assert rewards[i] == reward
+            if ends:
+                assert np.array_equal(infos["final_obs"][i], observation)
+                assert same_info(infos["final_info"], i, info)
+                observation, info = env.reset()
+            assert np.array_equal(observations[i], observation) and same_info(infos, i, info)
+    envs.close()
+
+
+def test_nothing_resets_by_itself():
+    envs = make(autoreset_mode="Disabled")
+    oracle, _ = singles()
+    envs.reset(seed=SEED)
+    for actions in actions_of(envs, HORIZON):
+        *_, truncated, _ = envs.step(actions)
+    assert truncated.all()
+    only_second = {"reset_mask": np.array([False, True]), "variation": 3}
+    observations, _ = envs.reset(options=only_second)
+    for step_actions in actions_of(envs, HORIZON):
+        last = oracle[0].step(step_actions[0])[0]
+    assert np.array_equal(observations[0], last)
+    assert np.array_equal(observations[1], oracle[1].reset(options={"variation": 3})[0])
+    with pytest.raises(Exception, match="call reset"):
+        envs.step(actions)  # The first has ended.
+    envs.close(terminate=True)
+
+
+def test_images_come_through_shared_memory():
+    """As they are in a single environment; also after this process has rendered."""
+    kwargs = {"observation": ["rgb", "reduced"], "image_size": (48, 64)}
+    oracle, starts = singles(**kwargs)  # Renders here: forked processes could not.
+    envs = make(render_mode="rgb_array", render_size=(32, 32), **kwargs)
+    assert envs.shared_memory and envs.observation_space["rgb"].shape == (NUM_ENVS, 48, 64, 3)
+    observations, _ = envs.reset(seed=SEED)
+    (actions,) = actions_of(envs, 1)
+    for expected in (
+        [observation for observation, _ in starts],
+        [env.step(action)[0] for env, action in zip(oracle, actions, strict=True)],
+    ):
+        for name in ("rgb", "reduced"):
+            assert np.array_equal(observations[name], [single[name] for single in expected])
+        observations, *_ = envs.step(actions)
+    assert [image.shape for image in envs.render()] == [(32, 32, 3)] * NUM_ENVS
+    envs.close()
+
+
+def _render_in_fork(queue):
+    try:
+        env = SoftGymEnv("straighten_rope", observation="rgb")
+        queue.put(env.reset(seed=0)[0].shape)
+    except RenderingUnavailableError as error:
+        queue.put(str(error))
+
+
+def _fork(rendered, queue):
+    """In a fresh process: makes an environment with images, renders or not, and forks."""
+    env = SoftGymEnv("straighten_rope", observation="rgb")
+    if rendered:
+        CameraView("task", 16, 16).rgb(env.dm_env.physics)
+    child = multiprocessing.get_context("fork").Process(target=_render_in_fork, args=(queue,))
+    child.start()
+    child.join()
+
+
+@pytest.mark.skipif(
+    "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
+)
+@pytest.mark.parametrize("rendered", [False, True])
+def test_a_fork_renders_or_says_why_not(rendered):
+    spawn = multiprocessing.get_context("spawn")
+    queue = spawn.Queue()
+    parent = spawn.Process(target=_fork, args=(rendered, queue))
+    parent.start()
+    answer = queue.get(timeout=120)
+    parent.join()
+    if rendered:
+        assert "forked" in answer and '"forkserver"' in answer
+    else:
+        assert answer == (128, 128, 3)
+
+
+def test_errors_keep_their_type():
+    envs = make()
+    envs.reset(seed=SEED)
+    with pytest.raises(InvalidActionError, match="finite"):
+        envs.step(np.full(envs.action_space.shape, np.nan, np.float32))
+    envs.close(terminate=True)
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "error"),
+    [
+        ("num_envs", 0, OutOfRangeError),
+        ("autoreset_mode", "sometimes", UnknownNameError),
+        ("context", "thread", UnknownNameError),
+        ("max_concurrency", 0, OutOfRangeError),
+        ("observation", "smell", UnknownNameError),
+    ],
+)
+def test_bad_arguments(argument, value, error):
+    with pytest.raises(error, match=f"{argument}={value!r}"):
+        gymnasium.make_vec(ROPE, **{"num_envs": 2, argument: value})
