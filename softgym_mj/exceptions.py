@@ -11,8 +11,13 @@ class SoftGymError(Exception):
 class UnknownNameError(SoftGymError, ValueError):
     """A name (task, actor, observation, fidelity, split, ...) that does not exist."""
 
-    def __init__(self, argument: str, value: object, valid: Iterable[object]):
-        super().__init__(argument, value, tuple(valid))  # What pickle makes it anew from.
+    def __init__(
+        self, argument: "str | UnknownNameError", value: object = None, valid: Iterable[object] = ()
+    ):
+        # Pickle makes it anew from all three, Gymnasium's vector environments from its predecessor.
+        if isinstance(argument, UnknownNameError):
+            argument, value, valid = argument.args
+        super().__init__(argument, value, tuple(valid))
 
     def __str__(self):
         argument, value, valid = self.args
@@ -32,7 +37,9 @@ class UnexpectedArgumentError(SoftGymError, TypeError):
 class OutOfRangeError(SoftGymError, ValueError):
     """A number outside its documented range."""
 
-    def __init__(self, argument: str, value: object, valid: str):
+    def __init__(self, argument: "str | OutOfRangeError", value: object = None, valid: str = ""):
+        if isinstance(argument, OutOfRangeError):  # As above.
+            argument, value, valid = argument.args
         super().__init__(argument, value, valid)
 
     def __str__(self):

@@ -155,12 +155,20 @@ def test_a_fork_renders_or_says_why_not(rendered):
         assert answer == (128, 128, 3)
 
 
-def test_errors_keep_their_type():
+def test_errors_of_a_process_keep_type_and_message():
     envs = make()
     envs.reset(seed=SEED)
     with pytest.raises(InvalidActionError, match="finite"):
         envs.step(np.full(envs.action_space.shape, np.nan, np.float32))
     envs.close(terminate=True)
+    for options, error, message in (
+        ({"variation": 1000}, OutOfRangeError, "variation=1000 is out of range; valid: "),
+        ({"smell": 1}, UnknownNameError, "'smell' is unknown; valid choices: 'variation'"),
+    ):
+        envs = make()
+        with pytest.raises(error, match=message):
+            envs.reset(options=options)
+        envs.close(terminate=True)
 
 
 @pytest.mark.parametrize(
