@@ -9,14 +9,8 @@ import pytest
 import softgym_mj
 from softgym_mj.domain import Domain, scaled, shifted, turned
 from softgym_mj.entities.arena import Arena
-from softgym_mj.entities.cloth import (
-    BEND_STIFFNESS,
-    DEFAULT_DIMS,
-    POISSON,
-    STRETCH_STIFFNESS,
-    YOUNG,
-    Cloth,
-)
+from softgym_mj.entities.cloth import DEFAULT_DIMS, Cloth
+from softgym_mj.entities.sheet import BEND_STIFFNESS, POISSON, STRETCH_STIFFNESS, YOUNG
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError, UnknownNameError
 
 TASKS = ("straighten_rope", "spread_cloth", "pour_water")  # One of each kind of object.

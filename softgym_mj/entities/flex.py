@@ -1,4 +1,4 @@
-"""`Flex`: a deformable object made of point-mass vertices, the base of `Cloth` and `Rope`."""
+"""`Flex`: a deformable object made of point-mass vertices, the base of `Sheet` and `Rope`."""
 
 import abc
 from collections.abc import Mapping, Sequence
@@ -8,6 +8,7 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj.domain import Parameter
+from softgym_mj.entities.contact import FlexContact, keep_apart
 from softgym_mj.exceptions import OutOfRangeError
 
 # Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
@@ -44,6 +45,11 @@ class Flex(composer.Entity):
     """
 
     _self_contact = "mujoco"
+    _contact: FlexContact | None = None
+
+    def _share(self, contact: FlexContact) -> None:
+        """To be called before the flexcomp is added, if it shares its contact with others."""
+        self._contact, self._self_contact = contact, "plugin"
 
     def _start_model(self, name: str) -> None:
         """To be called first in a subclass's `_build`."""
@@ -89,6 +95,11 @@ class Flex(composer.Entity):
         return self._self_contact
 
     @property
+    def contact(self) -> FlexContact | None:
+        """The contact that it shares with other flexes, None if it does not."""
+        return self._contact
+
+    @property
     @abc.abstractmethod
     def timestep(self) -> float:
         """Physics step [s] this object needs; it divides the sim step of 0.01 s."""
@@ -111,6 +122,9 @@ class Flex(composer.Entity):
         )
         flexcomp.contact.contype = OBJECT_CONTACT
         flexcomp.contact.conaffinity = OBJECT_CONTACT | GRIPPER_CONTACT
+        if self._contact is not None:
+            flexcomp.contact.contype = 0  # Or MuJoCo would collide those that share it as well.
+            keep_apart(flexcomp, self._contact.instance)
         return flexcomp
 
     @property
