@@ -16,6 +16,11 @@ from softgym_mj.registry import TASKS, load
 __version__ = "0.1.0"
 __all__ = ["TASKS", "__version__", "exceptions", "load", "registry"]
 
+
+def __dir__() -> list[str]:
+    return __all__  # Completion offers what is public.
+
+
 rendering.choose_backend()
 suite.register()
 gymnasium_registration.register()

@@ -163,7 +163,7 @@ class OldEnv:
         self.action_space.seed(seed)
 
     def reset(self, config_id: int | None = None) -> np.ndarray:
-        """Starts an episode with a variation, or one that is drawn; returns the observation."""
+        """Starts an episode with a variation, or a drawn one; returns the observation (n,)."""
         if config_id is None:
             config_id = self._draw()
         elif not 0 <= check_count("config_id", config_id, 0) < self._num_variations:
@@ -178,7 +178,7 @@ class OldEnv:
         return low if self._deterministic else int(self._random.integers(low, max(high, low + 1)))
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, dict]:
-        """Applies a normalised action; returns observation, reward, done and info."""
+        """Applies a normalised action (n,); returns observation (m,), reward, done and info."""
         action = np.asarray(action, float)
         if not self._water and action.shape == self.action_space.shape:
             parts = action.reshape(-1, 4)

@@ -233,5 +233,5 @@ class Environment(composer.Environment):
         self._observation_updater.reset(self._physics_proxy, self._random_state)
 
     def observation(self) -> dict[str, np.ndarray]:
-        """The current observation, for example after `set_state`."""
+        """The current observation (of `observation_spec()`), for example after `set_state`."""
         return self._observation_updater.get_observation()

@@ -132,7 +132,12 @@ def evaluation_variations(number: int) -> tuple[int, ...]:
 
 @dataclasses.dataclass
 class Progress:
-    """What the listener of an evaluation may want to show. All methods do nothing by default."""
+    """What the listener of an evaluation may want to show; nothing is called by default.
+
+    Attributes:
+        on_episode: called with each episode's result, as `play_episode` returns it.
+        on_decision: called with each plan of a planner.
+    """
 
     on_episode: Callable[[dict], None] = lambda episode: None
     on_decision: Callable[[Plan], None] = lambda plan: None

@@ -57,7 +57,8 @@ class Initializer(Protocol):
     """Produces the initial states of a family of variations; picklable."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Of the set of states; part of file names."""
 
     @property
     def parameters(self) -> dict[str, object]:

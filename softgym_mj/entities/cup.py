@@ -84,6 +84,7 @@ class Cup(composer.Entity):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
+        """Its MJCF."""
         return self._mjcf_root
 
     @property
@@ -116,6 +117,7 @@ class Cup(composer.Entity):
 
     @property
     def size(self) -> CupSize:
+        """Its inner measures."""
         return self._size
 
     def resize(self, size: CupSize) -> bool:

@@ -38,6 +38,7 @@ class GoalLine(composer.Entity):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
+        """Its MJCF."""
         return self._mjcf_root
 
     def after_compile(self, physics, random_state):
@@ -75,6 +76,7 @@ class LevelMark(composer.Entity):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
+        """Its MJCF."""
         return self._mjcf_root
 
     def after_compile(self, physics, random_state):

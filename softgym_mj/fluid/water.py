@@ -136,6 +136,7 @@ class Water(composer.Entity):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
+        """Its MJCF."""
         return self._mjcf_root
 
     @property
@@ -145,6 +146,7 @@ class Water(composer.Entity):
 
     @property
     def num_particles(self) -> int:
+        """Number of particles."""
         return self._resolution.count
 
     @property

@@ -96,6 +96,7 @@ class CupArm(composer.Entity, CupMover):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
+        """Its MJCF."""
         return self._mjcf_root
 
     @property

@@ -123,6 +123,7 @@ class HoldingGripper(composer.Entity, Gripper, Generic[H]):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
+        """Its MJCF."""
         return self._mjcf_root
 
     @property

@@ -36,6 +36,7 @@ class Evaluation:
 
     @property
     def reward(self) -> float:
+        """The sum of its terms."""
         return sum(self.reward_terms.values())
 
 
@@ -119,6 +120,7 @@ class DeformableTask(composer.Task, abc.ABC):
 
     @property
     def actor(self) -> Actor:
+        """What acts."""
         return self._actor
 
     @property
@@ -165,11 +167,11 @@ class DeformableTask(composer.Task, abc.ABC):
 
     @abc.abstractmethod
     def tool_state(self) -> np.ndarray:
-        """What the full state tells of grippers or cups, behind the points."""
+        """What the full state tells of grippers or cups, behind the points: numbers (n,)."""
 
     @abc.abstractmethod
     def reduced_state(self) -> np.ndarray:
-        """The few numbers that describe the state."""
+        """The few numbers (n,) that describe the state."""
 
     @property
     @abc.abstractmethod
@@ -265,7 +267,7 @@ class DeformableTask(composer.Task, abc.ABC):
         return state
 
     def full_mask(self) -> np.ndarray:
-        """1 for each of the `max_points` of `full_state` that exists, uint8."""
+        """1 for each of the points of `full_state` that exists, else 0: (max_points,) uint8."""
         return (np.arange(self._max_points) < len(self.points())).astype(np.uint8)
 
     # ------------------------------------------------------------------ snapshots

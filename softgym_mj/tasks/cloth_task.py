@@ -15,7 +15,8 @@ class ClothInitializer(Initializer, Protocol):
     """Produces cloths of many sizes."""
 
     @property
-    def fidelity(self) -> str: ...
+    def fidelity(self) -> str:
+        """Of the cloth: one of `Cloth`'s."""
 
     @property
     def largest(self) -> int:
@@ -63,6 +64,7 @@ class ClothTask(FlexTask):
 
     @property
     def cloth(self) -> Cloth:
+        """The cloth."""
         return self._cloth
 
     def resize(self, variation: int) -> bool:

@@ -81,6 +81,7 @@ class FlexTask(DeformableTask):
 
     @property
     def actor(self) -> Gripper:
+        """The grippers."""
         return self._actor
 
     @property

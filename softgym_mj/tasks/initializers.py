@@ -99,6 +99,7 @@ class TwistedRope:
 
     @property
     def parameters(self) -> dict[str, object]:
+        """What the states depend on."""
         rope = Rope(self.fidelity).physical_parameters
         return {"version": 2, "fidelity": self.fidelity, "rope": rope}
 

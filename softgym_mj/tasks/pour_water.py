@@ -175,7 +175,7 @@ class PourWaterAmount(PourWater):
         return np.array([*super().water_state(), self._level, self._share])
 
     def containers_state(self) -> np.ndarray:
-        """The cups, then the height of the red bar [m] and t."""
+        """The cups (12,), then the height of the red bar [m] and t."""
         return np.array([*super().containers_state(), self._level, self._share])
 
     @property

@@ -72,6 +72,7 @@ class RopeConfiguration(FlexTask):
 
     @property
     def rope(self) -> Rope:
+        """The rope."""
         return self._rope
 
     def _place(self, name: str) -> np.ndarray:

@@ -49,10 +49,12 @@ class SettledWater:
 
     @property
     def name(self) -> str:
+        """Of the set: that of the scenes."""
         return self.scenes.name
 
     @property
     def parameters(self) -> dict[str, object]:
+        """What the states depend on, besides the scenes."""
         liquid = dataclasses.asdict(self.liquid)
         return {"version": 3, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
 

@@ -49,6 +49,7 @@ class StraightenRope(FlexTask):
 
     @property
     def rope(self) -> Rope:
+        """The rope."""
         return self._rope
 
     def evaluate(self) -> Evaluation:

@@ -79,10 +79,12 @@ class WaterTask(DeformableTask):
 
     @property
     def actor(self) -> CupMover:
+        """What moves the first cup."""
         return self._actor
 
     @property
     def water(self) -> Water:
+        """The water."""
         return self._water
 
     @property
@@ -118,7 +120,7 @@ class WaterTask(DeformableTask):
         return np.concatenate([self.containers_state(), self._actor.proprioception()])
 
     def containers_state(self) -> np.ndarray:
-        """What the full state tells of the cups."""
+        """What the full state tells of the cups: `Cup.state` (6,) of each."""
         return np.concatenate([cup.state() for cup in self._cups])
 
     @property
@@ -128,7 +130,7 @@ class WaterTask(DeformableTask):
 
     @abc.abstractmethod
     def water_state(self) -> np.ndarray:
-        """The few numbers that describe water and cups."""
+        """The few numbers (n,) that describe water and cups, as in the task's docstring."""
 
     def reduced_state(self) -> np.ndarray:
         return np.concatenate([self.water_state(), self._actor.proprioception()])

@@ -122,6 +122,6 @@ class PourWaterAmount(PourWater):
 
 
 def phase(duration: float, step: float) -> np.ndarray:
-    """Fractions of a duration [s] at the ends of its env steps [s]."""
+    """Fractions (n,) of a duration [s] at the ends of its env steps [s]."""
     count = round(duration / step)
     return (np.arange(count) + 1) / count
