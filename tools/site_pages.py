@@ -9,6 +9,7 @@ import re
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 ROOT = pathlib.Path(__file__).parent.parent
 # Files of the repository and the pages they become.
@@ -43,3 +44,16 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for source, target in PAGES.items():
         files.append(File.generated(config, target, content=page(source)))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Makes links of docs/ to files outside of it lead to the pages they have become."""
+    if page.file.src_uri in PAGES.values():
+        return markdown  # Adapted when it was added.
+    folder = os.path.dirname(page.file.src_uri)
+
+    def adapted(link: re.Match) -> str:
+        target = os.path.normpath(os.path.join("docs", folder, link[2]))
+        return link[1] + os.path.relpath(PAGES[target], folder) if target in PAGES else link[0]
+
+    return _LINK.sub(adapted, markdown)
