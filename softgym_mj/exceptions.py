@@ -55,8 +55,16 @@ class EpisodeEndedError(SoftGymError, RuntimeError):
     """A Gymnasium step without a running episode: call `reset()` first."""
 
 
+class EnvironmentClosedError(SoftGymError, RuntimeError):
+    """A Gymnasium environment that is used after `close()`: make a new one."""
+
+
 class SettlingError(SoftGymError, RuntimeError):
     """A generated initial state did not come to rest."""
+
+
+class MeshError(SoftGymError, ValueError):
+    """A file that is missing, is no mesh or has a mesh that cannot be a sheet."""
 
 
 class CorruptStoreError(SoftGymError, RuntimeError):

@@ -10,7 +10,13 @@ from gymnasium.utils import EzPickle
 
 from softgym_mj import registry
 from softgym_mj.environment import Snapshot
-from softgym_mj.exceptions import EpisodeEndedError, UnknownNameError, check_image_size, check_name
+from softgym_mj.exceptions import (
+    EnvironmentClosedError,
+    EpisodeEndedError,
+    UnknownNameError,
+    check_image_size,
+    check_name,
+)
 from softgym_mj.rendering import LARGEST_IMAGE, CameraView
 
 _OPTIONS = ("variation",)
@@ -100,7 +106,9 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         Raises:
             UnknownNameError: for an unknown option.
             OutOfRangeError: for a variation that does not exist.
+            EnvironmentClosedError: after `close()`, as of all methods but `close()`.
         """
+        self._check_open()
         super().reset(seed=seed)
         options = options or {}
         for key in options:
@@ -124,6 +132,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             EpisodeEndedError: if no episode is running.
             InvalidActionError: for a bad action.
         """
+        self._check_open()
         if not self._running:
             raise EpisodeEndedError("no episode is running: call reset() before step()")
         timestep = self._env.step(action)
@@ -136,6 +145,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def render(self) -> np.ndarray | None:
         """An image (height, width, 3) uint8 or depths (height, width) float32 [m]."""
+        self._check_open()
         if self.render_mode == "rgb_array":
             return self._view.rgb(self._env.physics)
         if self.render_mode == "depth_array":
@@ -150,15 +160,21 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def get_state(self) -> tuple[Snapshot, Mapping[str, Any]]:
         """A snapshot for `set_state`, with the generator that draws variations."""
+        self._check_open()
         return self._env.get_state(), self.np_random.bit_generator.state
 
     def set_state(self, state: tuple[Snapshot, Mapping[str, Any]]):
         """Restores a snapshot; returns observation and info."""
+        self._check_open()
         snapshot, generator = state
         self._env.set_state(snapshot)
         self.np_random.bit_generator.state = generator
         self._running = not snapshot.ended
         return self._convert(self._env.observation()), self._env.info()
+
+    def _check_open(self):
+        if self._closed:
+            raise EnvironmentClosedError("this environment was closed: make a new one")
 
     def _convert(self, observation: dict[str, np.ndarray]):
         converted = {

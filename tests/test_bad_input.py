@@ -411,6 +411,27 @@ def test_failed_reset_does_not_start_an_episode():
         gym.unwrapped.step(np.zeros(8))
 
 
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda gym, _: gym.reset(),
+        lambda gym, _: gym.step(np.zeros(8)),
+        lambda gym, _: gym.render(),
+        lambda gym, _: gym.get_state(),
+        lambda gym, state: gym.set_state(state),
+    ],
+    ids=["reset", "step", "render", "get_state", "set_state"],
+)
+def test_use_after_close(use):
+    gym = make(ROPE_ID).unwrapped
+    gym.reset(options={"variation": 3})
+    state = gym.get_state()
+    gym.close()
+    with pytest.raises(exceptions.EnvironmentClosedError, match="closed: make a new one"):
+        use(gym, state)
+    gym.close()
+
+
 # ---------------------------------------------------------------- separate processes
 
 
