@@ -12,18 +12,18 @@ import rich.table
 import typer
 
 import softgym_mj
-from softgym_mj import cli_data, cli_evaluation
+from softgym_mj import cli_data, cli_evaluation, cli_view
 from softgym_mj.baselines.episodes import Episode, play
-from softgym_mj.baselines.policies import SIMPLE, make_policy
+from softgym_mj.baselines.policies import SIMPLE
 from softgym_mj.console import Actor, Task, console, progress_bar
-from softgym_mj.exceptions import RenderingUnavailableError, SoftGymError, check_name
-from softgym_mj.rendering import has_display
+from softgym_mj.exceptions import SoftGymError, check_name
 
 app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
 app.command()(cli_evaluation.evaluate)
 app.command()(cli_evaluation.plot)
 app.command()(cli_data.generate)
 app.command()(cli_data.record)
+app.command()(cli_view.view)
 
 _VIDEO_SIZE = 480  # Side of a video [pixels].
 
@@ -187,35 +187,6 @@ def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:
     sheet = np.vstack(rows)
     quarters = [sheet[i::2, j::2].astype(int) for i in range(2) for j in range(2)]
     imageio.imwrite(file, (np.sum(quarters, axis=0) // 4).astype(np.uint8))
-
-
-@app.command()
-def view(
-    task: Task,
-    policy: Annotated[str, typer.Option(help=f"One of {', '.join(SIMPLE)}.")] = "scripted",
-    actor: Actor = None,
-    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
-) -> None:
-    """Plays a task in MuJoCo's viewer; needs a display."""
-    check_name("task", task, softgym_mj.TASKS)
-    if not has_display():
-        raise RenderingUnavailableError(
-            "the viewer needs a display and neither DISPLAY nor WAYLAND_DISPLAY is set; "
-            f"make a video instead: softgym-mj rollout {task} --video videos"
-        )
-    import mujoco.viewer
-
-    env = _load(task, "all", filmed=False, actor=actor)
-    timestep = env.reset(variation)
-    act = make_policy(policy, env)
-    model, data = env.physics.model.ptr, env.physics.data.ptr
-    with mujoco.viewer.launch_passive(model, data) as window:
-        while window.is_running():
-            if timestep.last():
-                timestep = env.reset(variation)
-            timestep = env.step(act(timestep))
-            mujoco.mj_forward(model, data)
-            window.sync()
 
 
 def main() -> None:

@@ -83,9 +83,13 @@ def _claim() -> None:
 
 def refresh_poses(physics) -> None:
     """Computes what is drawn from qpos: `mj_step` leaves it one step behind."""
+    refresh(physics.model.ptr, physics.data.ptr)
+
+
+def refresh(model, data) -> None:
+    """Does what `refresh_poses` does for an MjModel and its MjData."""
     import mujoco
 
-    model, data = physics.model.ptr, physics.data.ptr
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)

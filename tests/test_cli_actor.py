@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj import cli
+from softgym_mj import cli, cli_view
 from softgym_mj.baselines.policies import make_policy
 
 COMMANDS = ("rollout", "oracle", "view")
@@ -37,7 +37,7 @@ def test_scores_name_the_actor(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_unknown_actor_is_one_line(command, capsys, monkeypatch):
-    monkeypatch.setattr(cli, "has_display", lambda: True)
+    monkeypatch.setattr(cli_view, "has_display", lambda: True)
     monkeypatch.setattr("sys.argv", ["softgym-mj", command, "straighten_rope", "--actor", "hand"])
     with pytest.raises(SystemExit) as exit_info:
         cli.main()

@@ -1,0 +1,171 @@
+"""What keys and the mouse do in MuJoCo's viewer: they move targets, and start and stop episodes.
+
+The viewer reports that a key was pressed, neither for how long nor again while it is held, so a
+press moves a target by a step. All letters, 0 to 5 and F1 to F7 have a meaning in the viewer.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from softgym_mj.viewing.session import TELEOPERATE, Session
+from softgym_mj.viewing.teleoperation import Teleoperation
+
+STEPS = (0.01, 0.02, 0.05, 0.1, 0.2)  # [m] By which a press may move a target.
+_FIRST_STEP = 2
+TURN = np.deg2rad(5.0)  # [rad] By which a press turns a cup.
+
+
+@dataclasses.dataclass(frozen=True)
+class Key:
+    """A key, or a group of them.
+
+    Attributes:
+        codes: of GLFW.
+        label: what is on it.
+        use: what it does.
+    """
+
+    codes: tuple[int, ...]
+    label: str
+    use: str
+
+
+MOVE = Key((263, 262, 265, 264), "arrows", "move along the floor, as seen")
+LIFT = Key((61, 45), "= -", "move up, down")
+TIP = Key((56, 57), "8 9", "tip the cup")
+GRIP = Key((257,), "Enter", "close or open the grip")
+OTHER = Key((46,), ".", "drive the other one, or both")
+STEP = Key((54, 55), "6 7", "shorter, longer steps")
+PAUSE = Key((32,), "Space", "pause, go on")
+RESET = Key((259,), "Backspace", "start again")
+NEXT = Key((267,), "Page Down", "next variation")
+EXPERT = Key((297,), "F8", "the expert plays, or you")
+HELP = Key((298,), "F9", "hide these lines, or show them")
+MOUSE = Key((), "mouse", "double-click it, then drag with Ctrl and the right button")
+
+
+def keys_of(teleoperation: Teleoperation | None) -> list[Key]:
+    """The keys that do something while `teleoperation`, or a policy, drives."""
+    keys = []
+    if teleoperation is not None:
+        keys += [MOVE, LIFT]
+        keys += [TIP] if teleoperation.turns else []
+        keys += [GRIP] if teleoperation.can_grip else []
+        keys += [OTHER] if len(teleoperation.names) > 1 else []
+        keys += [STEP, MOUSE]
+    return keys + [PAUSE, RESET, NEXT, EXPERT, HELP]
+
+
+def ground_axes(right: np.ndarray) -> np.ndarray:
+    """The world's axes (2, 3) that point to the right of a picture and away from its viewer, best.
+
+    Args:
+        right: the direction (3,) to the right of the picture.
+    """
+    axis = int(abs(right[1]) > abs(right[0]))
+    to_right = np.zeros(3)
+    to_right[axis] = 1.0 if right[axis] >= 0.0 else -1.0
+    return np.array([to_right, [-to_right[1], to_right[0], 0.0]])
+
+
+class Keyboard:
+    """Turns presses of keys into targets and commands of a session.
+
+    Attributes:
+        driven: parts that the keys drive.
+        helping: whether people want to be told of the keys.
+    """
+
+    def __init__(self, session: Session, right: Callable[[], np.ndarray]):
+        """Binds it.
+
+        Args:
+            session: what is played.
+            right: gives the direction (3,) to the right of the picture.
+        """
+        self._session, self._right = session, right
+        self._step, self.driven = _FIRST_STEP, [0]
+        self.helping = True
+
+    @property
+    def step(self) -> float:
+        """Length of a step [m]."""
+        return STEPS[self._step]
+
+    def press(self, code: int) -> None:
+        """Has the session do what a key means; may be called from any thread."""
+        self._session.post(lambda: self._do(code))
+
+    def _do(self, code: int) -> None:
+        session = self._session
+        if code in PAUSE.codes:
+            session.paused = not session.paused
+        elif code in RESET.codes:
+            session.play()
+        elif code in NEXT.codes:
+            session.play_next()
+        elif code in EXPERT.codes:
+            session.play(TELEOPERATE if session.teleoperation is None else "scripted")
+        elif code in HELP.codes:
+            self.helping = not self.helping
+        elif session.teleoperation is not None:
+            self._drive(code, session.teleoperation)
+
+    def _drive(self, code: int, teleoperation: Teleoperation) -> None:
+        change = np.zeros(4)
+        if code in MOVE.codes:
+            right, away = self.step * ground_axes(self._right())
+            change[:3] = dict(zip(MOVE.codes, (-right, right, away, -away), strict=True))[code]
+        elif code in LIFT.codes:
+            change[2] = self.step if code == LIFT.codes[0] else -self.step
+        elif code in TIP.codes:
+            change[3] = -TURN if code == TIP.codes[0] else TURN
+        elif code in GRIP.codes:
+            closed = all(teleoperation.grips[part] for part in self.driven)
+            for part in self.driven:
+                teleoperation.grips[part] = not closed
+        elif code in OTHER.codes:
+            self._drive_other(len(teleoperation.names))
+        elif code in STEP.codes:
+            self._step += 1 if code == STEP.codes[1] else -1
+            self._step = min(max(self._step, 0), len(STEPS) - 1)
+        if change.any():
+            for part in self.driven:
+                teleoperation.shift(part, change)
+
+    def _drive_other(self, number: int) -> None:
+        """One part after the other, then all."""
+        if self.driven == [number - 1] and number > 1:
+            self.driven = list(range(number))
+        else:
+            self.driven = [(self.driven[0] + 1) % number if len(self.driven) == 1 else 0]
+
+
+class Mouse:
+    """Has a part follow the mouse while MuJoCo's viewer drags one of its bodies."""
+
+    def __init__(self, keyboard: Keyboard):
+        """Binds it: what is double-clicked is what the keys drive, too."""
+        self._keyboard = keyboard
+        self._selected = 0
+        self._offset: np.ndarray | None = None
+
+    def follow(self, perturb: Any, model: Any, teleoperation: Teleoperation) -> None:
+        """Takes over what the viewer's `mujoco.MjvPerturb` says now."""
+        part = None
+        if perturb.select > 0:
+            part = teleoperation.part_of(model.body(perturb.select).name)
+        if part is not None and perturb.select != self._selected:
+            self._keyboard.driven = [part]
+        self._selected = perturb.select
+        if part is None or not perturb.active:
+            self._offset = None
+            return
+        turn = 2.0 * np.arctan2(perturb.refquat[2], perturb.refquat[0])
+        dragged = np.array([*perturb.refpos, turn])
+        if self._offset is None:
+            self._offset = teleoperation.targets[part] - dragged
+        teleoperation.aim(part, dragged + self._offset)

@@ -1,0 +1,191 @@
+"""MuJoCo's own viewer as a window to a `Session`; needs a display."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import mujoco.viewer
+import numpy as np
+
+from softgym_mj.exceptions import RenderingUnavailableError
+from softgym_mj.rendering import refresh
+from softgym_mj.robots.picker import Picker
+from softgym_mj.viewing.keys import Keyboard, Mouse, keys_of
+from softgym_mj.viewing.session import Session
+
+TEXT_INTERVAL = 0.2  # [s] Between changes of the text: each waits for the window to be drawn.
+# [m] Of the balls that show targets, or that much times a picker, whose shell they are.
+TARGET_RADIUS, SHELL = 0.012, 1.15
+# Of targets that the keys drive, and of others.
+DRIVEN_COLOR, OTHER_COLOR = (0.1, 0.9, 0.3, 0.4), (0.9, 0.9, 0.2, 0.2)
+LOOK_AT_HEIGHT = 0.1  # [m] Of the point that the camera turns around.
+_SHORTEST_VIEW = 0.3  # [m] Distance of that point from the camera, at least.
+
+
+def orbit(position: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, float]:
+    """Point (3,) [m] that a camera looks at, near the floor, and how far it is [m].
+
+    Args:
+        position: of the camera (3,) [m].
+        rotation: its axes as columns (3, 3): right, up, backward.
+    """
+    forward = -rotation[:, 2]
+    distance = max((LOOK_AT_HEIGHT - position[2]) / min(forward[2], -0.1), _SHORTEST_VIEW)
+    return position + distance * forward, distance
+
+
+def place_camera(camera: Any, position: np.ndarray, rotation: np.ndarray) -> None:
+    """Gives a free `mujoco.MjvCamera` the pose of another one, as in `orbit`."""
+    forward, up = -rotation[:, 2], rotation[:, 1]
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat[:], camera.distance = orbit(position, rotation)
+    # Straight down, the picture's upward direction tells where the camera turns to.
+    ahead = forward if np.hypot(*forward[:2]) > 1e-3 else up
+    camera.azimuth = np.rad2deg(np.arctan2(ahead[1], ahead[0]))
+    camera.elevation = np.rad2deg(np.arcsin(np.clip(forward[2], -1.0, 1.0)))
+
+
+def check_display() -> None:
+    """Opens the display.
+
+    Raises:
+        RenderingUnavailableError: if that fails.
+    """
+    import glfw
+
+    if not glfw.init():
+        raise RenderingUnavailableError(
+            "the display cannot be opened: is it there, and may this user draw on it? "
+            "Otherwise look on in a browser, with --browser"
+        )
+    glfw.terminate()
+
+
+class Window:
+    """Shows a session in MuJoCo's viewer until its window is closed.
+
+    The viewer sees a copy of the state: what it does there, such as pulling at bodies, leaves the
+    episode alone.
+    """
+
+    def __init__(self, session: Session, launch: Callable[..., Any] = mujoco.viewer.launch_passive):
+        """Binds it.
+
+        Args:
+            session: what is shown.
+            launch: opens the viewer, as `mujoco.viewer.launch_passive`.
+        """
+        self._session, self._launch = session, launch
+        self._keyboard = Keyboard(session, self._right)
+        self._mouse = Mouse(self._keyboard)
+        self._texts: Any = None
+        self._text_due = 0.0
+
+    def run(self) -> None:
+        """Plays until the window is closed; a model of another size opens another window.
+
+        Raises:
+            RenderingUnavailableError: on macOS, unless Python was started as mjpython.
+        """
+        while self._show():
+            pass
+
+    def _show(self) -> bool:
+        """Shows one model; whether there is another one to show."""
+        session = self._session
+        physics = session.env.physics
+        self._model = model = physics.model.ptr
+        self._data = mujoco.MjData(model)
+        self._copy_state()
+        try:
+            window = self._launch(
+                model,
+                self._data,
+                key_callback=self._keyboard.press,
+                show_left_ui=False,
+                show_right_ui=False,
+            )
+        except RuntimeError as error:
+            raise RenderingUnavailableError(f"{error}; or look on with --browser") from error
+        with window:
+            self._window, self._texts = window, None
+            view = model.camera("task").id
+            with window.lock():
+                place_camera(
+                    window.cam, self._data.cam_xpos[view], self._data.cam_xmat[view].reshape(3, 3)
+                )
+            session.on_frame = self._frame
+            while window.is_running() and session.env.physics.model.ptr is model:
+                session.advance()
+            return window.is_running()
+
+    def _copy_state(self) -> None:
+        mujoco.mj_copyData(self._data, self._model, self._session.env.physics.data.ptr)
+        refresh(self._model, self._data)
+
+    def _right(self) -> np.ndarray:
+        """Direction (3,) to the right of the picture."""
+        camera = self._window.cam
+        if camera.type == mujoco.mjtCamera.mjCAMERA_FIXED:
+            return self._data.cam_xmat[camera.fixedcamid].reshape(3, 3)[:, 0]
+        azimuth = np.deg2rad(camera.azimuth)
+        return np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
+
+    def _frame(self) -> None:
+        session, window = self._session, self._window
+        teleoperation = session.teleoperation
+        with window.lock():
+            self._copy_state()
+            if teleoperation is not None:
+                self._mouse.follow(window.perturb, self._model, teleoperation)
+            self._draw_targets(window.user_scn)
+        if time.monotonic() >= self._text_due:
+            self._text_due = time.monotonic() + TEXT_INTERVAL
+            self._write()
+        window.sync()
+
+    def _draw_targets(self, scene: Any) -> None:
+        teleoperation = self._session.teleoperation
+        targets = np.zeros((0, 4)) if teleoperation is None else teleoperation.targets
+        actor = self._session.env.task.actor
+        radius = SHELL * actor.radius if isinstance(actor, Picker) else TARGET_RADIUS
+        scene.ngeom = len(targets)
+        for i, target in enumerate(targets):
+            color = DRIVEN_COLOR if i in self._keyboard.driven else OTHER_COLOR
+            mujoco.mjv_initGeom(
+                scene.geoms[i],
+                mujoco.mjtGeom.mjGEOM_SPHERE,
+                np.full(3, radius),
+                target[:3],
+                np.eye(3).ravel(),
+                np.array(color, np.float32),
+            )
+
+    def _write(self) -> None:
+        """Shows the status and the keys, if they have changed."""
+        session = self._session
+        rows = session.status.rows()
+        teleoperation = session.teleoperation
+        if teleoperation is not None:
+            driven = " and ".join(teleoperation.names[part] for part in self._keyboard.driven)
+            grips = "".join(
+                f", {name} {'closed' if closed else 'open'}"
+                for name, closed in zip(teleoperation.names, teleoperation.grips, strict=True)
+                if teleoperation.can_grip
+            )
+            rows.append(("keys drive", f"{driven}, {100 * self._keyboard.step:.0f} cm a press"))
+            rows += [("grips", grips[2:])] if grips else []
+        texts = [(None, mujoco.mjtGridPos.mjGRID_TOPRIGHT, *_columns(rows))]
+        if self._keyboard.helping:
+            keys = _columns((key.label, key.use) for key in keys_of(teleoperation))
+            texts.append((None, mujoco.mjtGridPos.mjGRID_BOTTOMLEFT, *keys))
+        if texts != self._texts:
+            self._texts = texts
+            self._window.set_texts(texts)
+
+
+def _columns(rows) -> tuple[str, str]:
+    """Two columns of text."""
+    left, right = zip(*rows, strict=True)
+    return "\n".join(left), "\n".join(right)
