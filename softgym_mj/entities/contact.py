@@ -1,4 +1,4 @@
-"""`FlexContact`: what keeps the flexes of a scene from passing through themselves and each other."""
+"""`FlexContact`: keeps the flexes of a scene from passing through themselves and each other."""
 
 from collections.abc import Mapping
 

@@ -1,8 +1,8 @@
-"""`Sheet`: a two-dimensional MuJoCo flex with two coloured sides, the base of `Cloth` and `Garment`."""
+"""`Sheet`: a two-dimensional flex with two coloured sides, the base of `Cloth` and `Garment`."""
 
 import abc
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -92,7 +92,7 @@ class Sheet(Flex):
         self_contact: str | contact.FlexContact,
         fabric: Fabric,
         iterations: int,
-        colors: dict[str, Sequence[float]],
+        colors: Mapping[str, Sequence[float]],
     ) -> None:
         """To be called first in a subclass's `_build`.
 

@@ -1,0 +1,154 @@
+"""`Garment`: a sheet of any shape, read from a mesh file."""
+
+import os
+import pathlib
+from collections.abc import Iterator, Sequence
+from xml.sax.saxutils import quoteattr
+
+import mujoco
+import numpy as np
+
+from softgym_mj.entities.contact import FlexContact
+from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, RADIUS, Fabric, Sheet
+from softgym_mj.exceptions import MeshError, OutOfRangeError
+
+# Solver iterations that converge with edges of 2 to 4 cm, as those of `cloth.FIDELITIES`.
+ITERATIONS = 300
+# Accepted lengths of edges in contact radii. Below, the solver does not converge in a time step and
+# edges stretch by a third; above, folds are coarse. Cloths have 4 to 8.
+SHORTEST_EDGE, LONGEST_EDGE = 3.0, 12.0
+# Least height of a triangle over its longest edge: slimmer ones are as stiff as wire.
+LEAST_HEIGHT = 0.1
+
+# Compiled only to be read. Without edge constraints MuJoCo would warn of a flex without forces.
+_READER = """<mujoco><worldbody>
+<flexcomp name="mesh" type="mesh" dim="2" file={file} scale="{scale} {scale} {scale}" mass="1">
+<edge equality="true"/></flexcomp></worldbody></mujoco>"""
+
+
+def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices (n, 3) [m] and triangles (m, 3) of a mesh file, as MuJoCo reads it.
+
+    MuJoCo reads OBJ, STL and MSH files; of an OBJ the first object only. It splits polygons into
+    triangles, joins vertices at the same place and leaves out those that no triangle has.
+
+    Args:
+        file: the mesh.
+        scale: metres in a unit of the file.
+
+    Raises:
+        MeshError: if there is no such file or it has no triangles.
+        OutOfRangeError: for a bad scale.
+    """
+    if not 0.0 < scale < np.inf:
+        raise OutOfRangeError("scale", scale, "finite and above 0")
+    path = pathlib.Path(file).resolve()
+    if not path.is_file():
+        raise MeshError(f"file={str(file)!r} does not exist; expected an OBJ, STL or MSH file.")
+    try:
+        xml = _READER.format(file=quoteattr(str(path)), scale=scale)
+        model = mujoco.MjModel.from_xml_string(xml)
+    except ValueError as error:
+        raise MeshError(f"MuJoCo cannot read file={str(file)!r}: {error}") from error
+    return model.body_pos[model.flex_vertbodyid], model.flex_elem.reshape(-1, 3).copy()
+
+
+def check_mesh(points: np.ndarray, triangles: np.ndarray, radius: float) -> None:
+    """Raises `MeshError` unless a mesh can be a sheet of contact radius `radius` [m]."""
+    sides = points[np.roll(triangles, -1, axis=1)] - points[triangles]
+    lengths = np.linalg.norm(sides, axis=2)
+    heights = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / lengths.max(axis=1)
+    slim = np.flatnonzero(heights < LEAST_HEIGHT * lengths.max(axis=1))
+    if len(slim):
+        raise MeshError(
+            f"triangle {slim[0]}, of vertices {triangles[slim[0]].tolist()}, is degenerate: it is "
+            f"{heights[slim[0]]:.2g} m high on a side of {lengths[slim[0]].max():.2g} m; expected "
+            f"{LEAST_HEIGHT:.0%} of it at least. {len(slim)} of {len(triangles)} are."
+        )
+    low, high = SHORTEST_EDGE * radius, LONGEST_EDGE * radius
+    if lengths.min() < low or lengths.max() > high:
+        raise MeshError(
+            f"edges are {lengths.min():.3g} to {lengths.max():.3g} m long; with radius={radius} m "
+            f"expected {low:.3g} to {high:.3g} m: change the scale, the radius or the mesh."
+        )
+    pairs = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2))
+    edges, counts = np.unique(pairs, axis=0, return_counts=True)
+    if counts.max() > 2:
+        raise MeshError(
+            f"the edge of vertices {edges[counts.argmax()].tolist()} belongs to {counts.max()} "
+            "triangles; expected 1 or 2."
+        )
+
+
+class Garment(Sheet):
+    """A sheet with the vertices and triangles of a mesh file, drawn in two colours.
+
+    The shape in the file is the one in which no edge is stretched; bending forces flatten it. Parts
+    that are not connected are allowed.
+    """
+
+    def _build(
+        self,
+        file: str | os.PathLike,
+        *,
+        scale: float = 1.0,
+        fabric: Fabric | None = None,
+        radius: float = RADIUS,
+        self_contact: str | FlexContact = "plugin",
+        colors: tuple[Sequence[float], Sequence[float]] = (FRONT_COLOR, BACK_COLOR),
+        name: str = "garment",
+    ):
+        """Builds the garment.
+
+        Args:
+            file: an OBJ, STL or MSH file, as in `read_mesh`. Layers that lie upon each other have
+                to be two radii apart, but where they are sewn together.
+            scale: metres in a unit of the file.
+            fabric: what it is made of; None for cotton.
+            radius: contact radius [m]: edges have to be 3 to 12 times as long.
+            self_contact: "plugin", "mujoco" or "none", or a shared contact, as in `Cloth`.
+            colors: (r, g, b, a) in 0..1 of the side on which triangles are counter-clockwise, and
+                of the other side.
+            name: model name.
+
+        Raises:
+            MeshError: if the file is missing, no mesh, or none that can be a sheet.
+            UnknownNameError, OutOfRangeError: for a bad self_contact, scale or radius.
+        """
+        if not 0.0 < radius < np.inf:
+            raise OutOfRangeError("radius", radius, "finite and above 0 [m]")
+        points, triangles = read_mesh(file, scale)
+        check_mesh(points, triangles, radius)
+        corners = points[triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self._area = float(np.linalg.norm(normals, axis=1).sum() / 2)
+        outside, inside = colors
+        fabric = Fabric() if fabric is None else fabric
+        sides = {"outside": outside, "inside": inside}
+        self._start_sheet(name, self_contact, fabric, ITERATIONS, sides)
+        self._set_mesh(points, triangles, radius)
+
+    @property
+    def area(self) -> float:
+        """Area [m^2] of all its triangles."""
+        return self._area
+
+    def laid(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
+        """Vertex positions (num_vertices, 3) [m] in the shape of the file, on the floor.
+
+        Args:
+            centre: (X, Y) [m] of the middle of its bounding box before it is turned.
+            angle: rotation about +Z [rad].
+        """
+        low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        upright = self._rest_points - [*(low + high)[:2] / 2, low[2]]
+        return upright @ turn + [*centre, self.radius]
+
+    def _mass(self, density: float) -> float:
+        return density * self._area
+
+    def _skins(self) -> Iterator[tuple[str, str, np.ndarray]]:
+        yield "outside", "outside", self._triangles
+        yield "inside", "inside", self._triangles[:, ::-1]
