@@ -89,6 +89,10 @@ class Flex(composer.Entity):
         """Contact radius [m]: the height of the vertices of an object that lies on the floor."""
         return self._radius
 
+    def resting_height(self, index: int) -> float:
+        """Height [m] at which a vertex rests on the floor."""
+        return self._radius
+
     @property
     def self_contact(self) -> str:
         """What keeps the object from passing through itself: "plugin", "mujoco" or "none"."""

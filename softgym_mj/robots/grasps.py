@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.entities.flex import GRIPPER_CONTACT
+from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.holding import Held, Holding
 from softgym_mj.robots.models import ArmModel
@@ -191,6 +192,11 @@ class FrictionGrasp(Grasp):
         "solref": (0.005, 1.0),
         "solimp": (0.99, 0.9999, 0.004),
     }
+
+    def use(self, fingers: Fingers) -> None:
+        if fingers.model.nflex > 1:
+            raise OutOfRangeError("grasp", "friction", "'attach' in a scene of several flexes")
+        super().use(fingers)
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
         self.vertices[i] = vertex

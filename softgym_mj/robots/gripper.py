@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.robots.base import Actor
 
 
@@ -53,8 +54,8 @@ class Gripper(Actor):
         """Names of the models that segmented images show as the actor."""
 
     @abc.abstractmethod
-    def manipulate(self, target: Flex) -> None:
-        """Chooses the object whose vertices the grippers hold."""
+    def manipulate(self, target: Flex | FlexGroup) -> None:
+        """Chooses the object, or several as one, whose vertices the grippers hold."""
 
     @abc.abstractmethod
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:

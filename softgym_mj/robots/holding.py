@@ -6,6 +6,7 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.robots.gripper import Gripper
 
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
@@ -19,7 +20,7 @@ class Held:
         self.vertices = [-1] * num_grippers  # A list: it is read several times in every sim step.
         self.dropped = 0
 
-    def manipulate(self, target: Flex) -> None:
+    def manipulate(self, target: Flex | FlexGroup) -> None:
         """Chooses the object whose vertices are held."""
         self._target = target
 
@@ -85,14 +86,17 @@ class Holding(Held):
         for i, vertex in enumerate(self.vertices):
             if vertex >= 0:
                 goal = centres[i] + self.offsets[i]
-                goal[2] = max(goal[2], self._target.radius)
+                goal[2] = max(goal[2], self._target.resting_height(vertex))
                 self._target.drive(vertex, goal, timestep)
 
     def places(self, centres: np.ndarray) -> np.ndarray:
         """Where held vertices belong (n, 3) [m] with grippers at `centres`; NaN if none is held."""
         goals = centres + self.offsets
-        goals[:, 2] = np.maximum(goals[:, 2], self._target.radius)
-        goals[np.array(self.vertices) < 0] = np.nan
+        for goal, vertex in zip(goals, self.vertices, strict=True):
+            if vertex >= 0:
+                goal[2] = max(goal[2], self._target.resting_height(vertex))
+            else:
+                goal[:] = np.nan
         return goals
 
     def get_state(self) -> dict[str, np.ndarray]:
@@ -150,7 +154,7 @@ class HoldingGripper(composer.Entity, Gripper, Generic[H]):
     def join(self, arena: composer.Arena) -> None:
         arena.attach(self)
 
-    def manipulate(self, target: Flex) -> None:
+    def manipulate(self, target: Flex | FlexGroup) -> None:
         self._target = target
         self._holding.manipulate(target)
 

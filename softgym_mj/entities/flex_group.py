@@ -1,0 +1,84 @@
+"""`FlexGroup`: several flexes as one, for what handles vertices whatever they belong to."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softgym_mj.entities.flex import Flex
+from softgym_mj.exceptions import OutOfRangeError
+
+
+class FlexGroup:
+    """Flexes whose vertices are numbered on from one to the next."""
+
+    def __init__(self, flexes: Sequence[Flex]):
+        """Joins flexes that are, or will be, in the same scene.
+
+        Args:
+            flexes: one or more.
+
+        Raises:
+            OutOfRangeError: if there is none.
+        """
+        if not flexes:
+            raise OutOfRangeError("flexes", list(flexes), "at least one")
+        self._flexes = tuple(flexes)
+
+    @property
+    def flexes(self) -> tuple[Flex, ...]:
+        """The flexes, in the order of their vertices."""
+        return self._flexes
+
+    @property
+    def num_vertices(self) -> int:
+        return sum(flex.num_vertices for flex in self._flexes)
+
+    @property
+    def radius(self) -> float:
+        """Largest contact radius [m]."""
+        return max(flex.radius for flex in self._flexes)
+
+    def owner(self, index: int) -> tuple[Flex, int]:
+        """The flex that a vertex belongs to, and its index there."""
+        for flex in self._flexes:
+            if index < flex.num_vertices:
+                return flex, index
+            index -= flex.num_vertices
+        raise OutOfRangeError("index", index + self.num_vertices, f"0..{self.num_vertices - 1}")
+
+    def resting_height(self, index: int) -> float:
+        """Height [m] at which a vertex rests on the floor."""
+        flex, index = self.owner(index)
+        return flex.resting_height(index)
+
+    def vertices(self) -> np.ndarray:
+        """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""
+        return np.concatenate([flex.vertices() for flex in self._flexes])
+
+    def offsets(self, point: np.ndarray) -> np.ndarray:
+        """Vertex positions (num_vertices, 3) [m] relative to a point (3,)."""
+        return np.concatenate([flex.offsets(point) for flex in self._flexes])
+
+    def vertex(self, index: int) -> np.ndarray:
+        """Current position (3,) [m] of one vertex."""
+        flex, index = self.owner(index)
+        return flex.vertex(index)
+
+    def hold(self, index: int) -> None:
+        """Makes a vertex follow `drive` alone: physics no longer moves it."""
+        flex, index = self.owner(index)
+        flex.hold(index)
+
+    def release(self, index: int) -> None:
+        """Gives a held vertex its own mass back; it keeps the velocity it was driven at."""
+        flex, index = self.owner(index)
+        flex.release(index)
+
+    def release_all(self) -> None:
+        for flex in self._flexes:
+            flex.release_all()
+
+    def drive(self, index: int, target: np.ndarray, duration: float) -> None:
+        """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s]."""
+        flex, index = self.owner(index)
+        flex.drive(index, target, duration)
