@@ -30,6 +30,7 @@ LABELS = ("background", "object", "actor", "container", "goal")
 NUM_CLOUD_POINTS = 1024
 _blank = contextvars.ContextVar("blank", default=False)
 EDGE_DEPTH = 0.01  # [m] By which the depth of a point of the cloud may differ from its neighbours'.
+LAYER_DEPTH = 0.5  # [m] By which it may lie behind the nearest: two pixels of the sky would agree.
 
 
 def enabled_names(
@@ -111,6 +112,7 @@ class TaskCamera:
         # Where the object ends, a pixel may have the label of one surface and the depth of another.
         around = _neighbours(image, rows, columns)
         sure = np.abs(depth - np.nanmedian(around, axis=0)) < EDGE_DEPTH
+        sure &= depth - np.nanmin(around, axis=0) < LAYER_DEPTH
         rows, columns, depth = rows[sure], columns[sure], depth[sure]
         model, data = physics.model.ptr, physics.data.ptr
         camera = model.camera("task").id

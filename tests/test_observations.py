@@ -58,6 +58,15 @@ def test_cloud_points_lie_on_the_object(task, spacing):
         assert np.percentile(distance.min(axis=0), 95) < 0.025
 
 
+def test_clouds_have_no_point_of_the_sky():
+    env = softgym_mj.load(
+        "drop_cloth", observation="point_cloud", split="evaluate", fidelity="fast"
+    )
+    cloud = env.reset(806).observation["point_cloud"]  # Two pixels of the sky at the cloth's edge.
+    distance = np.linalg.norm(cloud[:, None, :3] - env.task.points(), axis=2)
+    assert distance.min(axis=1)[cloud[:, 3] == 1.0].max() < 0.04
+
+
 def test_depth_is_metric_and_square_to_the_camera():
     """The rope's camera looks straight down from 0.85 m."""
     env, observation = look("straighten_rope")
