@@ -71,7 +71,8 @@ class Parameter:
         except (TypeError, ValueError):
             low, high = math.nan, math.nan
         if not self.valid[0] <= low <= high <= self.valid[1]:
-            valid = f"a number or (low, high) within {self.valid} {self.unit}, or a preset"
+            unit = f" {self.unit}" if self.unit else ""
+            valid = f"a number or (low, high) within {self.valid}{unit}, or a preset"
             raise OutOfRangeError(self.name, setting, f"{valid}: {', '.join(PRESETS)}")
         return ((low, high),)
 

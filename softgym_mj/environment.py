@@ -10,7 +10,7 @@ import numpy as np
 from dm_control import composer
 from dm_control.composer import observation
 
-from softgym_mj.exceptions import SnapshotError, check_count
+from softgym_mj.exceptions import OutOfRangeError, SnapshotError, check_count
 from softgym_mj.observations import blank_images
 from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.variations import check_variation, split_indices
@@ -68,9 +68,15 @@ class Environment(composer.Environment):
             random_state: seed or generator that draws the variations.
 
         Raises:
-            UnknownNameError, OutOfRangeError: for a bad split or horizon.
+            UnknownNameError, OutOfRangeError: for a bad split, horizon or random state.
         """
         check_count("horizon", horizon, 1)
+        if not isinstance(random_state, np.random.RandomState):
+            try:
+                random_state = np.random.RandomState(random_state)
+            except (TypeError, ValueError):
+                valid = "None, a seed in 0..4294967295 or a numpy RandomState"
+                raise OutOfRangeError("random_state", random_state, valid) from None
         self._variations = split_indices(split)
         self._name, self._horizon = name, horizon
         self._step_count = 0
@@ -212,8 +218,10 @@ class Environment(composer.Environment):
         recompilation if the object's size differs.
 
         Raises:
-            SnapshotError: if it was taken from another task or other settings.
+            SnapshotError: if it was taken from another task or other settings, or is none.
         """
+        if not isinstance(snapshot, Snapshot):
+            raise SnapshotError(f"expected what `get_state` returned, not {snapshot!r}")
         if snapshot.task_name != self._name:
             raise SnapshotError(
                 f"the snapshot is of task {snapshot.task_name!r}, this one is {self._name!r}"

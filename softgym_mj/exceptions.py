@@ -52,7 +52,7 @@ class InvalidActionError(SoftGymError, ValueError):
 
 
 class EpisodeEndedError(SoftGymError, RuntimeError):
-    """A Gymnasium step without a running episode: call `reset()` first."""
+    """A step or a question without a running episode: call `reset()` first."""
 
 
 class EnvironmentClosedError(SoftGymError, RuntimeError):
@@ -71,12 +71,20 @@ class CorruptStoreError(SoftGymError, RuntimeError):
     """A stored initial state that is truncated, altered or of another specification."""
 
 
+class CacheUnavailableError(SoftGymError, OSError):
+    """The folder for generated initial states cannot be written."""
+
+
 class SnapshotError(SoftGymError, ValueError):
-    """A snapshot that does not belong to this environment."""
+    """A snapshot that does not belong to this environment, or none at all."""
 
 
 class RenderingUnavailableError(SoftGymError, RuntimeError):
     """No working OpenGL backend for off-screen rendering or no display for the viewer."""
+
+
+class AddressUnavailableError(SoftGymError, OSError):
+    """An address or port at which nothing can listen: taken, not ours or not allowed."""
 
 
 class WorkersLostError(SoftGymError, RuntimeError):

@@ -6,6 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from dm_env import specs
+from gymnasium import logger
 from gymnasium.utils import EzPickle
 
 from softgym_mj import registry
@@ -144,12 +145,13 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         return observation, float(timestep.reward), terminated, ended and not terminated, info
 
     def render(self) -> np.ndarray | None:
-        """An image (height, width, 3) uint8 or depths (height, width) float32 [m]."""
+        """An image (height, width, 3) uint8 or depths (height, width) float32 [m]; else None."""
         self._check_open()
         if self.render_mode == "rgb_array":
             return self._view.rgb(self._env.physics)
         if self.render_mode == "depth_array":
             return self._view.depth(self._env.physics)
+        logger.warn('render() needs a render_mode: make the environment with "rgb_array"')
         return None
 
     def close(self) -> None:

@@ -24,6 +24,7 @@ import numpy as np
 
 from softgym_mj import assets
 from softgym_mj.exceptions import (
+    CacheUnavailableError,
     CorruptStoreError,
     OutOfRangeError,
     UnknownNameError,
@@ -138,6 +139,7 @@ class VariationStore:
 
         Raises:
             CorruptStoreError: if the file is truncated, altered or of another specification.
+            CacheUnavailableError: if it has to be generated and cannot be written.
         """
         states = self._shipped()
         if states is not None:
@@ -153,8 +155,18 @@ class VariationStore:
         self.save(index, self._initializer.generate(index))
 
     def save(self, index: int, points: np.ndarray) -> None:
-        """Stores `points` (n, 3) [m] as a variation: its file is written whole or not at all."""
-        write_states(self.file(index), [points.astype(np.float32)], self._specification)
+        """Stores `points` (n, 3) [m] as a variation: its file is written whole or not at all.
+
+        Raises:
+            CacheUnavailableError: if it cannot be written.
+        """
+        try:
+            write_states(self.file(index), [points.astype(np.float32)], self._specification)
+        except OSError as error:
+            raise CacheUnavailableError(
+                f"{self.file(index)} cannot be written: {error}. Let {CACHE_VARIABLE} name a "
+                "folder with space that can be written."
+            ) from error
 
     def is_stored(self, index: int) -> bool:
         """Whether a valid file of this variation is in the cache."""

@@ -143,6 +143,24 @@ def test_out_of_range(build, task, settings, argument, value, choices):
     assert_says(error, f"{argument}={value}", *choices)
 
 
+@pytest.mark.parametrize("seed", ["a", -1, 2**32, 0.5])
+def test_bad_random_state(seed):
+    with pytest.raises(exceptions.OutOfRangeError) as error:
+        softgym_mj.load(ROPE, random_state=seed)
+    assert_says(error, f"random_state={seed!r}", "0..4294967295")
+
+
+def test_cache_that_cannot_be_written(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path / "file" / "below"))
+    env = softgym_mj.load(ROPE, fidelity="fast")
+    with pytest.raises(exceptions.CacheUnavailableError) as error:
+        env.reset(3)
+    assert isinstance(error.value, OSError)
+    for word in (str(tmp_path), "SOFTGYM_MJ_CACHE"):
+        assert word in str(error.value)
+
+
 @each("task, settings, argument, value", WRONG_TYPES)
 def test_wrong_type(task, settings, argument, value):
     with pytest.raises(exceptions.SoftGymError) as error:
@@ -359,6 +377,11 @@ def test_snapshot_of_another_task(env):
     assert_refused(env, cloth.get_state(), "'straighten_rope'", "'spread_cloth'")
 
 
+@pytest.mark.parametrize("snapshot", [None, 3, {"task_name": ROPE}], ids=str)
+def test_no_snapshot_at_all(env, snapshot):
+    assert_refused(env, snapshot, "get_state", repr(snapshot))
+
+
 @pytest.mark.parametrize("variation", [3, 4])
 def test_snapshot_of_another_number_of_pickers(env, variation):
     other = softgym_mj.load(ROPE, num_pickers=1)
@@ -383,6 +406,11 @@ def test_snapshot_in_gymnasium():
 
 
 # ---------------------------------------------------------------- order of calls
+
+
+def test_info_before_reset():
+    with pytest.raises(exceptions.EpisodeEndedError, match=r"reset\(\)"):
+        softgym_mj.load(ROPE).info()
 
 
 def test_step_before_reset():

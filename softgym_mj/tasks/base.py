@@ -13,7 +13,7 @@ from dm_env import specs
 from softgym_mj import metrics
 from softgym_mj.domain import Adjustable, Domain
 from softgym_mj.entities.arena import Arena
-from softgym_mj.exceptions import check_count, check_image_size
+from softgym_mj.exceptions import EpisodeEndedError, check_count, check_image_size
 from softgym_mj.observations import TaskCamera, enabled_names
 from softgym_mj.rendering import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
@@ -234,7 +234,7 @@ class DeformableTask(composer.Task, abc.ABC):
     def last_evaluation(self) -> Evaluation:
         """Evaluation of the state after the last env step or reset."""
         if self._evaluation is None:
-            raise RuntimeError("no episode has started: call reset() first")
+            raise EpisodeEndedError("no episode has started: call reset() first")
         return self._evaluation
 
     @property
