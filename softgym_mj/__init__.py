@@ -1,13 +1,21 @@
-"""SoftGym's deformable-object tasks on MuJoCo.
+"""SoftGym's deformable-object manipulation tasks on MuJoCo.
 
-import softgym_mj
-env = softgym_mj.load("spread_cloth", observation="reduced", split="train")
+As a dm_control environment:
 
-from dm_control import suite
-env = suite.load("softgym", "spread_cloth")
+    import softgym_mj
+    env = softgym_mj.load("spread_cloth", observation="reduced", split="train")
 
-import gymnasium
-env = gymnasium.make("softgym_mj/SpreadCloth-v0", observation="rgb")
+    from dm_control import suite
+    env = suite.load("softgym", "spread_cloth")
+
+As a Gymnasium environment, or many:
+
+    import gymnasium
+    env = gymnasium.make("softgym_mj/SpreadCloth-v0", observation="rgb")
+    envs = gymnasium.make_vec("softgym_mj/SpreadCloth-v0", num_envs=8)
+
+`softgym_mj.TASKS` has the tasks by name; `help(softgym_mj.TASKS["spread_cloth"].resolve())` lists the
+keyword arguments of one, and the docstring of its module, in `softgym_mj.tasks`, defines it.
 """
 
 from softgym_mj import exceptions, gymnasium_registration, registry, rendering, suite

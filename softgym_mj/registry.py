@@ -172,7 +172,11 @@ def load(
         split: "train" (variations 0..799), "evaluate" (800..999), "all" or a sequence of indices.
         horizon: env steps in an episode; None for the task's own, 20 with pick-and-place actions.
         random_state: seed or generator that draws the variations.
-        **task_kwargs: keyword arguments of the task's constructor, such as `observation`.
+        **task_kwargs: keyword arguments of the task's constructor, such as `observation`;
+            `TASKS[task].arguments` has their names, `help(TASKS[task].resolve())` what they are.
+
+    Returns:
+        The environment; actions are (n,) in [-1, 1], observations arrays by name.
 
     Raises:
         UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
