@@ -14,8 +14,8 @@ As a Gymnasium environment, or many:
     env = gymnasium.make("softgym_mj/SpreadCloth-v0", observation="rgb")
     envs = gymnasium.make_vec("softgym_mj/SpreadCloth-v0", num_envs=8)
 
-`softgym_mj.TASKS` has the tasks by name; `help(softgym_mj.TASKS["spread_cloth"].resolve())` lists the
-keyword arguments of one, and the docstring of its module, in `softgym_mj.tasks`, defines it.
+`softgym_mj.TASKS` has the tasks by name; `help(softgym_mj.TASKS["spread_cloth"].resolve())` lists
+the keyword arguments of one, and the docstring of its module, in `softgym_mj.tasks`, defines it.
 """
 
 from softgym_mj import exceptions, gymnasium_registration, registry, rendering, suite

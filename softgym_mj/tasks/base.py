@@ -87,7 +87,7 @@ class DeformableTask(composer.Task, abc.ABC):
             success: normalised performance from which the goal counts as reached.
             max_points: most points of any variation; the full state is zero-padded to it.
             adjustable: what of the scene has domain parameters, besides the arena.
-            observation: "full", "reduced", "rgb" or a sequence of these.
+            observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
             image_size: (height, width) of image observations [pixels].
             action_repeat: sim steps of 0.01 s per env step.
             domain: what varies besides the initial state, as in `Domain`.

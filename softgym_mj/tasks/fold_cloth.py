@@ -95,7 +95,7 @@ def fold_cloth(
 
     Args:
         actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
-        observation: "full", "reduced", "rgb" or a sequence of these.
+        observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
         self_contact: "plugin", "mujoco" or "none", as in `Cloth`.

@@ -221,7 +221,7 @@ def pour_water(
 
     Args:
         actor: "cup", "franka" or "sawyer".
-        observation: "full", "reduced", "rgb" or a sequence of these.
+        observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
         image_size: (height, width) of images [pixels].
         fidelity: number of particles: "fast", "default" or "accurate".
         draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles" or "none".

@@ -167,7 +167,7 @@ def rope_configuration(
 
     Args:
         actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
-        observation: "full", "reduced", "rgb" or a sequence of these.
+        observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
         image_size: (height, width) of images [pixels].
         fidelity: number of vertices: "fast", "default" or "accurate".
         matching: what the reward matches: 10 "key_points" or all "vertices".

@@ -91,7 +91,7 @@ def straighten_rope(
 
     Args:
         actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
-        observation: "full", "reduced", "rgb" or a sequence of these.
+        observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
         image_size: (height, width) of images [pixels].
         fidelity: number of vertices: "fast", "default" or "accurate".
         action_repeat: sim steps per env step; None for the usual number.
