@@ -5,10 +5,14 @@ BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint bench sheets docs native clean
+.PHONY: demo notebooks test test-all lint bench sheets docs native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
+
+# Opens the notebooks in a browser, from the first one on.
+notebooks: $(VENV)/.installed-notebooks
+	$(BIN)/jupyter lab notebooks/01_quickstart.ipynb
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
@@ -42,6 +46,10 @@ native:
 
 $(VENV)/.installed: pyproject.toml $(wildcard $(NATIVE)/*.cc $(NATIVE)/*.h $(NATIVE)/CMakeLists.txt)
 	PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup.sh
+	touch $@
+
+$(VENV)/.installed-notebooks: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --editable '.[notebooks]'
 	touch $@
 
 # What tests, checks and documentation need, PyTorch and Ray among it, is some gigabytes.
