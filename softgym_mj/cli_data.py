@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from softgym_mj.console import Actor, Ray, Task, console, progress_bar
-from softgym_mj.exceptions import check_name
+from softgym_mj.exceptions import OutOfRangeError, check_name
 from softgym_mj.registry import TASKS
 from softgym_mj.variations import split_indices
 from softgym_mj.workers import make_workers
@@ -27,7 +27,12 @@ def generate(
     check_name("task", task, TASKS)
     record = TASKS[task]
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
-    store = record.build(**settings).store
+    from softgym_mj.tasks.stored_task import StoredTask  # dm_control takes a second to import.
+
+    built = record.build(**settings)
+    if not isinstance(built, StoredTask):
+        raise OutOfRangeError("task", task, "a task that keeps its initial states")
+    store = built.store
     with make_workers(jobs, ray) as workers, progress_bar() as progress:
         bar = progress.add_task(f"{task} variations", total=num)
         made = store.generate_missing(

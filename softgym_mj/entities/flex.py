@@ -1,6 +1,7 @@
 """`Flex`: a deformable object made of point-mass vertices, the base of `Sheet` and `Rope`."""
 
 import abc
+import functools
 from collections.abc import Mapping, Sequence
 
 import mujoco
@@ -34,6 +35,13 @@ def slide_views(model, data, bodies: Sequence[int]) -> tuple[np.ndarray, np.ndar
         data.qpos[qpos[0] : qpos[0] + count].reshape(-1, 3),
         data.qvel[qvel[0] : qvel[0] + count].reshape(-1, 3),
     )
+
+
+def _mean_mass(model: mujoco.MjModel, flex: int) -> float:
+    """Mean mass [kg] of the vertices of a flex."""
+    first, count = model.flex_vertadr[flex], model.flex_vertnum[flex]
+    bodies = model.flex_vertbodyid[first : first + count]
+    return model.dof_M0[model.body_dofadr[bodies]].mean()
 
 
 class Flex(composer.Entity):
@@ -166,8 +174,8 @@ class Flex(composer.Entity):
         self._origin = np.array(model.body_pos[bodies])
         self._qpos, self._qvel = slide_views(model, data, bodies)
         self._dof_mass = model.dof_M0
-        # The solver's tolerance is relative to the mean inertia: heavy actors must not loosen it.
-        model.stat.meaninertia = self._dof_mass[self._dofs].mean()
+        # The solver's tolerance is relative to the mean inertia: heavy things must not loosen it.
+        model.stat.meaninertia = min(map(functools.partial(_mean_mass, model), range(model.nflex)))
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self._edges = np.array(model.flex_edge[edges])
         self._rest_lengths = np.array(model.flexedge_length0[edges])

@@ -4,6 +4,7 @@ import abc
 import collections
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import TypedDict
 
 import numpy as np
 from dm_control import composer
@@ -17,7 +18,7 @@ from softgym_mj.exceptions import EpisodeEndedError, check_count, check_image_si
 from softgym_mj.observations import TaskCamera, enabled_names
 from softgym_mj.rendering import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
-from softgym_mj.variations import VariationStore, check_variation
+from softgym_mj.variations import check_variation
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Evaluation:
 
     performance: float
     reward_terms: dict[str, float]
-    measures: dict[str, float]
+    measures: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def reward(self) -> float:
@@ -55,18 +56,26 @@ class Entries:
     unit: str
 
 
-class DeformableTask(composer.Task, abc.ABC):
-    """A task on one deformable object, be it a flex or water, with one actor.
+class TaskSettings(TypedDict, total=False):
+    """Keyword arguments that tasks pass on to `DeformableTask`, where they are described."""
 
-    `FlexTask` and `WaterTask` say what a state is; their subclasses what is measured and where
-    things start.
+    observation: str | Sequence[str]
+    image_size: tuple[int, int]
+    action_repeat: int
+    domain: str | Mapping[str, object]
+
+
+class DeformableTask(composer.Task, abc.ABC):
+    """A task on flexes or water with one actor.
+
+    `FlexTask`, `WaterTask` and `SceneTask` say what a state is; their subclasses what is measured
+    and where things start.
     """
 
     def __init__(
         self,
         arena: Arena,
         actor: Actor,
-        store: VariationStore,
         *,
         timestep: float,
         success: float,
@@ -82,7 +91,6 @@ class DeformableTask(composer.Task, abc.ABC):
         Args:
             arena: the scene, with everything in it.
             actor: what acts.
-            store: the initial states.
             timestep: physics step [s] that the object needs; it divides the sim step.
             success: normalised performance from which the goal counts as reached.
             max_points: most points of any variation; the full state is zero-padded to it.
@@ -95,7 +103,7 @@ class DeformableTask(composer.Task, abc.ABC):
         check_count("action_repeat", action_repeat, 1)
         image_size = check_image_size("image_size", image_size, LARGEST_IMAGE)
         self._domain = Domain(domain, (arena, *adjustable))
-        self._arena, self._actor, self._store = arena, actor, store
+        self._arena, self._actor = arena, actor
         self._success, self._max_points = success, max_points
         self._action_repeat = action_repeat
         self.set_timesteps(control_timestep=action_repeat * SIM_STEP, physics_timestep=timestep)
@@ -122,11 +130,6 @@ class DeformableTask(composer.Task, abc.ABC):
     def actor(self) -> Actor:
         """What acts."""
         return self._actor
-
-    @property
-    def store(self) -> VariationStore:
-        """Where the initial states come from."""
-        return self._store
 
     @property
     def domain(self) -> Domain:
@@ -158,12 +161,12 @@ class DeformableTask(composer.Task, abc.ABC):
         """(lower, upper) performance that normalise to 0 and 1 in this episode."""
 
     @abc.abstractmethod
-    def start(self, state: np.ndarray) -> None:
-        """Puts everything where the episode starts; `state` (n, 3) [m] is as stored."""
+    def begin(self) -> None:
+        """Puts everything where an episode of the current variation starts."""
 
     @abc.abstractmethod
     def points(self) -> np.ndarray:
-        """All points (n, 3) [m] of the object."""
+        """All points (n, 3) [m] of what deforms or flows."""
 
     @abc.abstractmethod
     def tool_state(self) -> np.ndarray:
@@ -214,7 +217,7 @@ class DeformableTask(composer.Task, abc.ABC):
         return self._domain.apply(self._variation) or resized
 
     def initialize_episode(self, physics, random_state):
-        self.start(self._store.load(self._variation))
+        self.begin()
         self._evaluation = self.evaluate()
         self._initial_performance = self._evaluation.performance
 

@@ -8,7 +8,7 @@ import numpy as np
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.flex import Flex
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import DeformableTask
+from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.variations import VariationStore
 
 
@@ -29,7 +29,7 @@ class Layout:
     success: float
 
 
-class FlexTask(DeformableTask):
+class FlexTask(StoredTask):
     """A task on one flex that grippers handle.
 
     Full state: all vertices, zero-padded, then what the actor senses of itself. Reduced state: the

@@ -9,8 +9,9 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.fluid import Water
 from softgym_mj.robots.cup_mover import CupMover
-from softgym_mj.tasks.base import DeformableTask, Entries
+from softgym_mj.tasks.base import Entries
 from softgym_mj.tasks.settled_water import SettledWater
+from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.tasks.water_scenes import LARGEST_COUNT, Scene, num_particles
 from softgym_mj.variations import VariationStore
 
@@ -26,7 +27,7 @@ def pose_entries(name: str) -> tuple[Entries, ...]:
     )
 
 
-class WaterTask(DeformableTask):
+class WaterTask(StoredTask):
     """A task on water in a cup that the actor moves, and perhaps further cups that stand still.
 
     Full state: all particles (x, y, z each [m]), zeros up to the largest sample of this fidelity
