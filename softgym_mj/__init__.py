@@ -16,13 +16,14 @@ As a Gymnasium environment, or many:
 
 `softgym_mj.TASKS` has the tasks by name; `help(softgym_mj.TASKS["spread_cloth"].resolve())` lists
 the keyword arguments of one, and the docstring of its module, in `softgym_mj.tasks`, defines it.
+`softgym_mj.register` adds one of yours: a `SceneTask` of `softgym_mj.tasks.scene_task`.
 """
 
 from softgym_mj import exceptions, gymnasium_registration, registry, rendering, suite
-from softgym_mj.registry import TASKS, load
+from softgym_mj.registry import TASKS, load, register
 
 __version__ = "0.1.0"
-__all__ = ["TASKS", "__version__", "exceptions", "load", "registry"]
+__all__ = ["TASKS", "__version__", "exceptions", "load", "register", "registry"]
 
 
 def __dir__() -> list[str]:

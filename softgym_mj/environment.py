@@ -68,8 +68,10 @@ class Environment(composer.Environment):
             random_state: seed or generator that draws the variations.
 
         Raises:
-            UnknownNameError, OutOfRangeError: for a bad split, horizon or random state.
+            UnknownNameError, OutOfRangeError: for a bad task, split, horizon or random state.
         """
+        if not isinstance(task, DeformableTask):
+            raise OutOfRangeError("task", task, "a DeformableTask, such as a SceneTask")
         check_count("horizon", horizon, 1)
         if not isinstance(random_state, np.random.RandomState):
             try:

@@ -41,7 +41,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def __init__(
         self,
-        task: str,
+        task: str | registry.TaskRecord,
         render_mode: str | None = None,
         *,
         render_size: tuple[int, int] = (480, 480),
@@ -53,7 +53,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         """Builds the environment.
 
         Args:
-            task: task name.
+            task: task name, or a record.
             render_mode: None, "rgb_array" (uint8) or "depth_array" (float32 metres).
             render_size: (height, width) of `render` [pixels].
             camera: camera of `render`: "task" or "overview".

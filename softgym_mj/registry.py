@@ -3,11 +3,17 @@
 import dataclasses
 import importlib
 import inspect
+import re
 import typing
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from softgym_mj.exceptions import UnexpectedArgumentError, check_name
+from softgym_mj.exceptions import (
+    OutOfRangeError,
+    UnexpectedArgumentError,
+    check_count,
+    check_name,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +28,7 @@ class TaskRecord:
 
     Attributes:
         name: snake_case name.
-        constructor: "module:function" that builds the task from keyword arguments.
+        constructor: what builds the task from keyword arguments, or "module:function".
         tags: difficulty and kind of object.
         horizon: env steps in an episode.
         action_repeat: sim steps of 0.01 s per env step.
@@ -30,7 +36,7 @@ class TaskRecord:
     """
 
     name: str
-    constructor: str
+    constructor: "str | Callable[..., DeformableTask]"
     tags: tuple[str, ...]
     horizon: int
     action_repeat: int
@@ -43,6 +49,8 @@ class TaskRecord:
 
     def resolve(self) -> Callable[..., "DeformableTask"]:
         """The constructor; imports its module."""
+        if not isinstance(self.constructor, str):
+            return self.constructor
         module, function = self.constructor.split(":")
         return getattr(importlib.import_module(module), function)
 
@@ -50,10 +58,9 @@ class TaskRecord:
     def arguments(self) -> tuple[str, ...]:
         """Names of the constructor's keyword arguments, those of the actor included."""
         names: list[str] = []
-        for parameter in inspect.signature(self.resolve()).parameters.values():
+        for parameter in inspect.signature(self.resolve(), eval_str=True).parameters.values():
             if parameter.kind is inspect.Parameter.VAR_KEYWORD:
-                (settings,) = typing.get_args(parameter.annotation)  # Unpack[...] of these.
-                names += typing.get_type_hints(settings)
+                names += typing.get_type_hints(_unpacked(parameter))
             else:
                 names.append(parameter.name)
         return tuple(names)
@@ -68,6 +75,21 @@ class TaskRecord:
                     f"valid choices: {choices}."
                 )
         return self.resolve()(**task_kwargs)
+
+
+def _unpacked(parameter: inspect.Parameter) -> type:
+    """The TypedDict that names what a parameter such as `**settings` takes.
+
+    Raises:
+        OutOfRangeError: if the parameter is not annotated with one.
+    """
+    if typing.get_origin(parameter.annotation) is not typing.Unpack:
+        valid = (
+            "keyword arguments with names: annotate it with a TypedDict, for example "
+            f"**{parameter.name}: Unpack[softgym_mj.tasks.base.TaskSettings]"
+        )
+        raise OutOfRangeError("constructor", f"...(**{parameter.name})", valid)
+    return typing.get_args(parameter.annotation)[0]
 
 
 TASKS = {
@@ -157,8 +179,59 @@ TASKS = {
 }
 
 
+_SHIPPED = frozenset(TASKS)
+_NAME = re.compile("[a-z][a-z0-9]*(_[a-z0-9]+)*")
+
+
+def register(
+    name: str,
+    constructor: "Callable[..., DeformableTask]",
+    *,
+    horizon: int,
+    tags: Sequence[str] = ("own",),
+    action_repeat: int = 8,
+    summary: str = "",
+) -> TaskRecord:
+    """Adds a task of your own to `TASKS`, Gymnasium's registry and dm_control's suite.
+
+    In this process; what is registered by this name is replaced, but no task of the package.
+
+    Args:
+        name: snake_case name: "soak_cloth" becomes "softgym_mj/SoakCloth-v0".
+        constructor: class or function that builds the task from keyword arguments. Those that it
+            passes on as `**settings` have to be named: `**settings: Unpack[TaskSettings]`, with
+            the `TaskSettings` of `softgym_mj.tasks.base` or another TypedDict.
+        horizon: env steps in an episode, 1 or more.
+        tags: words to find it by in dm_control's suite.
+        action_repeat: sim steps of 0.01 s per env step that it has by default.
+        summary: what is to be done.
+
+    Returns:
+        Its record.
+
+    Raises:
+        OutOfRangeError: for a bad name, constructor, horizon or action_repeat.
+    """
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        valid = "lower-case words joined by underscores, such as 'soak_cloth'"
+        raise OutOfRangeError("name", name, valid)
+    if name in _SHIPPED:
+        raise OutOfRangeError("name", name, f"none of the package's: {', '.join(sorted(_SHIPPED))}")
+    if not callable(constructor):
+        raise OutOfRangeError("constructor", constructor, "a class or function that builds a task")
+    check_count("horizon", horizon, 1)
+    check_count("action_repeat", action_repeat, 1)
+    record = TaskRecord(name, constructor, tuple(tags), horizon, action_repeat, summary)
+    _ = record.arguments  # Fails if they have no names.
+    TASKS[name] = record
+    from softgym_mj import gymnasium_registration
+
+    gymnasium_registration.register()
+    return record
+
+
 def load(
-    task: str,
+    task: str | TaskRecord,
     *,
     split: str | Sequence[int] = "train",
     horizon: int | None = None,
@@ -168,7 +241,7 @@ def load(
     """Builds the dm_env environment of a task.
 
     Args:
-        task: task name, one of `TASKS`.
+        task: task name, one of `TASKS`, or a record.
         split: "train" (variations 0..799), "evaluate" (800..999), "all" or a sequence of indices.
         horizon: env steps in an episode; None for the task's own, 20 with pick-and-place actions.
         random_state: seed or generator that draws the variations.
@@ -181,8 +254,11 @@ def load(
     Raises:
         UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
     """
-    check_name("task", task, TASKS)
-    record = TASKS[task]
+    if isinstance(task, TaskRecord):
+        record = task
+    else:
+        check_name("task", task, TASKS)
+        record = TASKS[task]
     from softgym_mj.environment import Environment
 
     built = record.build(**task_kwargs)
@@ -190,7 +266,7 @@ def load(
         horizon = built.actor.horizon or record.horizon
     return Environment(
         built,
-        name=task,
+        name=record.name,
         horizon=horizon,
         split=split,
         random_state=random_state,

@@ -1,6 +1,5 @@
 """The `softgym` domain of `dm_control.suite`."""
 
-import functools
 import importlib.abc
 import importlib.machinery
 import sys
@@ -21,7 +20,6 @@ def _constructor(name: str):
     return load
 
 
-@functools.cache
 def _tasks():
     from dm_control.utils import containers
 
@@ -32,7 +30,7 @@ def _tasks():
 
 
 def __getattr__(name: str):
-    if name == "SUITE":  # What dm_control.suite looks for in a domain; built on first use.
+    if name == "SUITE":  # What dm_control.suite looks for in a domain: built when asked for.
         return _tasks()
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

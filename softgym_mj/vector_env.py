@@ -8,6 +8,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 
 from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.gymnasium_env import SoftGymEnv
+from softgym_mj.registry import TASKS
 from softgym_mj.rendering import has_rendered
 
 
@@ -51,6 +52,8 @@ def make_vector_env(
         check_name("context", context, multiprocessing.get_all_start_methods())
     if max_concurrency is not None:
         check_count("max_concurrency", max_concurrency, 1)
+    if "task" in kwargs:  # Its record: other processes may not know a task of yours by name.
+        kwargs["task"] = TASKS.get(kwargs["task"], kwargs["task"])
     return AsyncVectorEnv(
         [functools.partial(SoftGymEnv, **kwargs)] * num_envs,
         context=context,

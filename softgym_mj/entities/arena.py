@@ -1,7 +1,7 @@
 """The scene every task plays in: a floor, a light and the cameras of SoftGym."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from dm_control import composer, mjcf
@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from softgym_mj import assets
 from softgym_mj.domain import Parameter, shifted
-from softgym_mj.exceptions import check_name
+from softgym_mj.exceptions import OutOfRangeError, check_name
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,6 +18,22 @@ class CameraPose:
 
     position: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
+
+    @classmethod
+    def looking(cls, position: Sequence[float], at: Sequence[float]) -> "CameraPose":
+        """The upright camera at `position` (3,) [m] with `at` (3,) [m] in the middle of its image.
+
+        Raises:
+            OutOfRangeError: if `at` lies straight above or below `position`, or at it.
+        """
+        back = np.subtract(position, at)
+        right = np.cross([0.0, 0.0, 1.0], back)
+        if not np.linalg.norm(right) > 0.0:
+            raise OutOfRangeError("at", tuple(at), f"not on the vertical through {tuple(position)}")
+        axes = np.column_stack([right, np.cross(back, right), back])
+        turn = Rotation.from_matrix(axes / np.linalg.norm(axes, axis=0))
+        x, y, z = map(float, position)
+        return cls((x, y, z), tuple(turn.as_quat(scalar_first=True).tolist()))
 
 
 # SoftGym's cameras in z-up coordinates (facts 1.4); all have a field of view of 45 degrees.
@@ -64,21 +80,25 @@ _BRIGHTNESS = Parameter(
 class Arena(composer.Arena):
     """Floor, key light, the task's camera (named "task") and an "overview" camera."""
 
-    def _build(self, camera: str, middle: float = 0.0, name: str = "arena"):
+    def _build(self, camera: str | CameraPose, middle: float = 0.0, name: str = "arena"):
         """Builds the scene.
 
         Args:
-            camera: name of the task's camera, one of `CAMERAS`.
+            camera: the task's camera, or its name in `CAMERAS`.
             middle: X [m] of the middle of what happens; shadows reach 1.5 m around it.
             name: model name.
         """
-        check_name("camera", camera, CAMERAS)
+        overview = OVERVIEW
+        if isinstance(camera, CameraPose):
+            self._pose = camera
+        else:
+            check_name("camera", camera, CAMERAS)
+            self._pose, overview = CAMERAS[camera], FAR_OVERVIEWS.get(camera, OVERVIEW)
         super()._build(name=name, xml_path=assets.path("arena.xml"))
         shift = np.array([middle, 0.0, 0.0])
         self._mjcf_root.find("light", "key").pos += shift
-        overview = FAR_OVERVIEWS.get(camera, OVERVIEW)
         overview = dataclasses.replace(overview, position=tuple(overview.position + shift))
-        for camera_name, pose in (("task", CAMERAS[camera]), ("overview", overview)):
+        for camera_name, pose in (("task", self._pose), ("overview", overview)):
             self._mjcf_root.worldbody.add(
                 "camera",
                 name=camera_name,
@@ -86,7 +106,6 @@ class Arena(composer.Arena):
                 quat=pose.quaternion,
                 fovy=FIELD_OF_VIEW,
             )
-        self._pose = CAMERAS[camera]
         self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
 
     @property

@@ -2,11 +2,12 @@
 
 import abc
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from softgym_mj.domain import Adjustable, Prefixed
-from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.arena import Arena, CameraPose
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import OutOfRangeError
@@ -30,8 +31,7 @@ class SceneTask(DeformableTask):
     Full state: all points (x, y, z each [m]) of the objects in their order, then what the actor
     senses of itself. Reduced state: `key_points`, then the same.
 
-    The physics step is the smallest that an object needs. Flexes feel each other if they have been
-    given the same `FlexContact`.
+    The physics step is the smallest that an object needs.
     """
 
     _actor: Gripper
@@ -41,7 +41,7 @@ class SceneTask(DeformableTask):
         objects: Sequence[Flex | Water],
         actor: Gripper,
         *,
-        camera: str = "cloth",
+        camera: str | CameraPose = "cloth",
         workspace: Workspace = WORKSPACE,
         grippers_at: tuple[float, float, float] = GRIPPERS_AT,
         success: float = SUCCESS,
@@ -54,9 +54,10 @@ class SceneTask(DeformableTask):
 
         Args:
             objects: what deforms or flows, at least one flex, with different model names; not yet
-                attached.
+                attached. If there are several flexes, all have been given the same `FlexContact`
+                as `self_contact`.
             actor: what acts, not yet attached.
-            camera: name of the task's camera, one of `arena.CAMERAS`.
+            camera: the task's camera, or its name in `arena.CAMERAS`.
             workspace: of the grippers.
             grippers_at: point [m] around which they start.
             success: normalised performance from which the goal counts as reached.
@@ -67,7 +68,8 @@ class SceneTask(DeformableTask):
                 object have its model name before theirs: "rope_friction".
 
         Raises:
-            OutOfRangeError: for objects without a flex, or two of the same name.
+            OutOfRangeError: for objects without a flex, flexes that do not share their contact, or
+                two of the same name.
             UnknownNameError: for a bad name.
         """
         self._objects = tuple(objects)
@@ -75,12 +77,20 @@ class SceneTask(DeformableTask):
         if not flexes:
             raise OutOfRangeError("objects", self._objects, "at least one rope, cloth or garment")
         self._flexes = FlexGroup(flexes)
-        contacts = {id(flex.contact): flex.contact for flex in flexes if flex.contact is not None}
-        parts = [*self._objects, *contacts.values()]
+        contact = flexes[0].contact
+        if any(flex.contact is not contact or contact is None for flex in flexes[1:]):
+            contacts = [
+                flex.self_contact if flex.contact is None else flex.contact.mjcf_model.model
+                for flex in flexes
+            ]
+            raise OutOfRangeError("self_contact", contacts, "one FlexContact that all flexes share")
+        parts: list[Any] = [*self._objects, *([] if contact is None else [contact])]
         names = [part.mjcf_model.model for part in parts]
         if len(set(names)) < len(names):
             raise OutOfRangeError("objects", names, "a different `name` for each of them")
         self._workspace, self._grippers_at = workspace, np.array(grippers_at, float)
+        if isinstance(camera, str):
+            camera += actor.camera_suffix
         arena = Arena(camera=camera)
         for part in parts:
             arena.attach(part)
