@@ -1,1 +1,21 @@
-"""Things in a scene, each an entity with an MJCF model: cloth, rope, cups, marks, the arena."""
+"""What is in a scene: the arena, ropes, cloths, garments, cups and marks."""
+
+from softgym_mj.entities.arena import Arena, CameraPose
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.contact import FlexContact
+from softgym_mj.entities.cup import Cup, CupSize
+from softgym_mj.entities.garment import Garment
+from softgym_mj.entities.rope import Rope
+from softgym_mj.entities.sheet import Fabric
+
+__all__ = [
+    "Arena",
+    "CameraPose",
+    "Cloth",
+    "Cup",
+    "CupSize",
+    "Fabric",
+    "FlexContact",
+    "Garment",
+    "Rope",
+]

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -64,6 +65,7 @@ class Rope(Flex):
         self,
         fidelity: str = "default",
         self_contact: FlexContact | None = None,
+        color: Sequence[float] = COLOR,
         name: str = "rope",
     ):
         """Builds the rope.
@@ -72,6 +74,7 @@ class Rope(Flex):
             fidelity: "fast", "default" or "accurate": 31, 41 or 61 vertices.
             self_contact: the contact that it shares with other flexes; None for MuJoCo's flex
                 self-collision, with which it does not feel other flexes.
+            color: (r, g, b, a) in 0..1.
             name: model name.
 
         Raises:
@@ -80,6 +83,7 @@ class Rope(Flex):
         check_name("fidelity", fidelity, FIDELITIES)
         count = FIDELITIES[fidelity]
         radius = min(RADIUS, LENGTH / (count - 1) / 2)
+        self._color = tuple(color)
         if self_contact is not None:
             self._share(self_contact)
         solver = SOLVERS[self._self_contact]
@@ -114,7 +118,7 @@ class Rope(Flex):
         flexcomp.elasticity.young = YOUNG * stiffer * (RADIUS / self.radius) ** 4
         flexcomp.mass = density * LENGTH
         flexcomp.contact.friction = [friction]
-        flexcomp.rgba = turned(COLOR, hue)
+        flexcomp.rgba = turned(self._color, hue)
 
     @property
     def timestep(self) -> float:

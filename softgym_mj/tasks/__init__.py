@@ -1,1 +1,6 @@
-"""The tasks, a module each, with what they share and where their initial states come from."""
+"""The tasks, and what they are made of."""
+
+from softgym_mj.tasks.base import DeformableTask, Entries, Evaluation, TaskSettings
+from softgym_mj.tasks.scene_task import SceneTask
+
+__all__ = ["DeformableTask", "Entries", "Evaluation", "SceneTask", "TaskSettings"]
