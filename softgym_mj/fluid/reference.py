@@ -10,6 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from softgym_mj.fluid.flex_reference import NO_FLEXES, Contact, Flexes, find_nearest
+
 # As in plugin/solver.cc, where the reasons are.
 SUPPORT = 1.83
 REST_DENSITY = 0.632
@@ -143,13 +145,25 @@ def _total(count: int, index: np.ndarray, values: np.ndarray) -> np.ndarray:
     return total
 
 
+def _filled(fluid: Fluid, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What lies behind walls at these distances fills of the kernels (n,), and its slope (n,)."""
+    u = np.clip(1 - distance / fluid.radius, 0.0, 1.0)
+    share = WALL_DENSITY / REST_DENSITY * u**5 * (1 / 20 - u / 30)
+    return share, WALL_DENSITY / 3 * u**4 * (1 / 4 - u / 5)
+
+
 def _wall_share(fluid: Fluid, wall: Wall, pose: Pose, positions: np.ndarray):
     """What a wall fills of the kernels (n,), its slope (n,) and the wall's normals (n, 3)."""
     distance, normal = wall.distance(pose.to_local(positions))
-    u = np.clip(1 - distance / fluid.radius, 0.0, 1.0)
-    share = WALL_DENSITY / REST_DENSITY * u**5 * (1 / 20 - u / 30)
-    slope = WALL_DENSITY / 3 * u**4 * (1 / 4 - u / 5)
-    return share, slope, normal @ pose.matrix.T
+    return *_filled(fluid, distance), normal @ pose.matrix.T
+
+
+def _flex_share(fluid: Fluid, flexes: Flexes, corners: np.ndarray, x: np.ndarray):
+    """The same of the nearest cloth, and which that is: a list of n."""
+    near = [find_nearest(fluid, flexes, corners, p) for p in x]
+    share, slope = _filled(fluid, np.array([n.distance for n in near]))
+    facing = np.array([n.facing for n in near])
+    return facing * share, facing * slope, np.array([n.normal for n in near]), near
 
 
 def _impulse(rate: float, positions: np.ndarray, changes: np.ndarray) -> np.ndarray:
@@ -157,7 +171,7 @@ def _impulse(rate: float, positions: np.ndarray, changes: np.ndarray) -> np.ndar
     return -rate * np.concatenate([changes.sum(axis=0), np.cross(positions, changes).sum(axis=0)])
 
 
-def _substep(fluid, h, gravity, walls, fractions, x, v, impulses):
+def _substep(fluid, h, gravity, walls, flexes, fractions, x, v, impulses):
     count, radius, scale = len(x), fluid.radius, fluid.radius / 3
     old = x
     v = v + h * gravity
@@ -166,11 +180,15 @@ def _substep(fluid, h, gravity, walls, fractions, x, v, impulses):
     x = x + h * v
     starts = [wall.at(fractions[0]) for wall in walls]
     ends = [wall.at(fractions[1]) for wall in walls]
+    before, after = flexes.at(fractions[0]), flexes.at(fractions[1])
 
     shares = [_wall_share(fluid, w, end, x) for w, end in zip(walls, ends, strict=True)]
     free = np.prod([1 - share for share, _, _ in shares] or [np.ones(count)], axis=0)
+    flex_share, flex_slope, flex_normal, near = _flex_share(fluid, flexes, after, x)
+    free = free * (1 - flex_share)
+    flex_slope *= free / (1 - flex_share)
     slopes = [slope * free / (1 - share) for share, slope, _ in shares]
-    gradient = np.zeros((count, 3))
+    gradient = flex_slope[:, None] * flex_normal
     for slope, (_, _, normal) in zip(slopes, shares, strict=True):
         gradient += slope[:, None] * normal
 
@@ -192,12 +210,17 @@ def _substep(fluid, h, gravity, walls, fractions, x, v, impulses):
     pull = -6.75 * fluid.cohesion * h**2 * q**2 * (1 - q)
     change += _total(count, i, (pull / length)[:, None] * offset)
 
+    contact = Contact(fluid, CONTACT * fluid.spacing, flexes, before, after)
+    pushes = factor * pressure * flex_slope
+    reached = [contact.collide(*a) for a in zip(old, x + change, near, pushes, strict=True)]
+    change = np.array(reached) - x
     for k, wall in enumerate(walls):
         push = factor * pressure * slopes[k]
         moved = _collide(fluid, wall, starts[k], ends[k], old, x + change, push)
         change = change + moved
         taken = moved + push[:, None] * shares[k][2]
         impulses[k] += _impulse(fluid.particle_mass / h, x + change, taken)
+    change = np.array([contact.guard(*a) for a in zip(old, x + change, strict=True)]) - x
     return x + change, v + change / h
 
 
@@ -221,7 +244,7 @@ def _collide(fluid, wall, start, end, old, x, pressure_push):
     return (local - after) @ end.matrix.T
 
 
-def _smooth(fluid, timestep, h, walls, fraction, x, v, impulses):
+def _smooth(fluid, timestep, h, walls, flexes, fraction, x, v, impulses):
     """Viscosity, once a step."""
     count, radius = len(x), fluid.radius
     total = fluid.viscosity * timestep / (LAPLACIAN * radius**2)
@@ -229,6 +252,8 @@ def _smooth(fluid, timestep, h, walls, fraction, x, v, impulses):
     viscosity = total / passes
     i, j, offset = _pairs(x, radius)
     weight = (1 - np.linalg.norm(offset, axis=1) / radius) ** 3
+    before, after = flexes.at(fraction), flexes.at(1.0)
+    flex_share, _, _, near = _flex_share(fluid, flexes, after, x)
     for _ in range(passes):
         v = v + _total(count, i, viscosity * weight[:, None] * (v[j] - v[i]))
         for k, wall in enumerate(walls):
@@ -243,6 +268,10 @@ def _smooth(fluid, timestep, h, walls, fraction, x, v, impulses):
             change = share[:, None] * (wall_velocity - v)
             v = v + change
             impulses[k] += _impulse(fluid.particle_mass, x, change)
+        for n in np.flatnonzero(flex_share):
+            moved = near[n].weights @ (after - before)[near[n].element]
+            share = min(viscosity * REST_DENSITY * flex_share[n], 1.0)
+            v[n] += share * (moved / h - v[n])
     return v
 
 
@@ -253,6 +282,7 @@ def step(
     walls: Sequence[Wall],
     positions: np.ndarray,
     velocities: np.ndarray,
+    flexes: Flexes = NO_FLEXES,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Advances particles by one step.
 
@@ -263,6 +293,7 @@ def step(
         walls: in the order of the geoms in the model; each moves from `start` to `end`.
         positions: (n, 3) [m].
         velocities: (n, 3) [m/s].
+        flexes: cloth and cords that hold particles back.
 
     Returns:
         Positions, velocities and impulses on the walls (len(walls), 6): linear [N s], then their
@@ -273,9 +304,8 @@ def step(
     h = timestep / fluid.substeps
     for s in range(fluid.substeps):
         fractions = (s / fluid.substeps, (s + 1) / fluid.substeps)
-        x, v = _substep(fluid, h, np.asarray(gravity), walls, fractions, x, v, impulses)
+        x, v = _substep(fluid, h, np.asarray(gravity), walls, flexes, fractions, x, v, impulses)
     if fluid.viscosity:
-        v = _smooth(
-            fluid, timestep, h, walls, (fluid.substeps - 1) / fluid.substeps, x, v, impulses
-        )
+        fraction = (fluid.substeps - 1) / fluid.substeps
+        v = _smooth(fluid, timestep, h, walls, flexes, fraction, x, v, impulses)
     return x, v, impulses

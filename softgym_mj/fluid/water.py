@@ -70,6 +70,7 @@ class Water(composer.Entity):
         resolution: Resolution,
         draw: str = "surface",
         two_way: bool = False,
+        flexes: bool = False,
         name: str = "water",
     ):
         """Builds the water; loads the plugin.
@@ -79,6 +80,7 @@ class Water(composer.Entity):
             resolution: number of particles.
             draw: "surface", "fine" (smooth, slower), "particles" or "none".
             two_way: whether bodies with joints feel the water.
+            flexes: whether cloth and cords of the scene hold it back; they do not feel it.
             name: model name.
 
         Raises:
@@ -94,6 +96,7 @@ class Water(composer.Entity):
         for key, value in {**dataclasses.asdict(liquid), "draw": draw}.items():
             self._configure(key, value)
         self._configure("two_way", str(two_way).lower())
+        self._configure("flexes", str(flexes).lower())
         self._configure("rgba", *COLOR)
         self._set_resolution(resolution)
         self._values = {parameter.name: parameter.nominal for parameter in self.parameters}

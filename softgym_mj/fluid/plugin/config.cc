@@ -9,7 +9,8 @@ namespace softgym_mj {
 
 const char* const kAttributes[] = {
     "count",    "spacing",  "columns", "corner", "viscosity", "cohesion",  "friction",
-    "density",  "substeps", "two_way", "world",  "max_speed", "draw",      "rgba",
+    "density",  "substeps", "two_way", "world",  "flexes",    "max_speed", "draw",
+    "rgba",
 };
 const int kNumAttributes = sizeof(kAttributes) / sizeof(kAttributes[0]);
 
@@ -59,6 +60,7 @@ std::string ParseConfig(const mjModel* m, int instance, FluidConfig* config) {
   read.Numbers("substeps", &parsed.substeps, 1, 0, kMaxSubsteps);
   read.Flag("two_way", &parsed.two_way);
   read.Flag("world", &parsed.world);
+  read.Flag("flexes", &parsed.flexes);
   read.Numbers("max_speed", &parsed.max_speed, 1, 0.01, 1e3);
   int draw = static_cast<int>(parsed.draw);
   read.Choice("draw", {"surface", "fine", "particles", "none"}, &draw);

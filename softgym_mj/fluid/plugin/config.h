@@ -24,6 +24,7 @@ struct FluidConfig {
   int substeps = 0;  // 0: from the number of layers.
   bool two_way = false;
   bool world = true;
+  bool flexes = false;
   double max_speed = 10;
   Draw draw = Draw::kSurface;
   float rgba[4] = {0.16f, 0.5f, 0.78f, 1.0f};

@@ -12,6 +12,7 @@
 #include "boundary.h"
 #include "config.h"
 #include "draw.h"
+#include "flex.h"
 #include "solver.h"
 
 namespace softgym_mj {
@@ -24,6 +25,7 @@ struct Workspace {
   FluidConfig config;
   std::vector<Wall> walls;
   std::vector<Pose> start, end;
+  FlexMotion flexes;
   std::vector<Impulse> impulses;
   std::vector<mjtNum> jacobian, solution;
   Solver solver;
@@ -35,7 +37,7 @@ Workspace& ThreadWorkspace() {
   return workspace;
 }
 
-// Parses the attributes and finds the walls. False, with the reason, if something is wrong.
+// Parses the attributes and finds the walls and flexes. False, with the reason, if something is wrong.
 bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t size) {
   std::string error, attributes = RawAttributes(m, instance);
   if (attributes != w->attributes) {
@@ -44,11 +46,13 @@ bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t siz
   }
   if (error.empty()) error = CollectWalls(m, instance, w->config.world, &w->walls);
   if (error.empty() && w->walls.size() > kMaxWalls) error = "there are too many walls.";
+  w->flexes.elements.clear();
+  if (error.empty() && w->config.flexes) error = CollectFlexes(m, &w->flexes.elements);
   std::snprintf(reason, size, "%s", error.c_str());
   return error.empty();
 }
 
-StateLayout Layout(const FluidConfig& config, size_t num_walls) {
+StateLayout Layout(const mjModel* m, const FluidConfig& config, size_t num_walls) {
   const int walls = static_cast<int>(num_walls);
   StateLayout layout;
   layout.known = 0;
@@ -57,7 +61,8 @@ StateLayout Layout(const FluidConfig& config, size_t num_walls) {
   layout.poses = layout.velocities + 3 * config.count;
   layout.forces = layout.poses + 7 * walls;
   layout.pending = layout.forces + (config.two_way ? 6 * walls : 0);
-  layout.size = layout.pending + (config.two_way ? 6 * walls : 0);
+  layout.vertices = layout.pending + (config.two_way ? 6 * walls : 0);
+  layout.size = layout.vertices + (config.flexes ? 3 * m->nflexvert : 0);
   return layout;
 }
 
@@ -66,7 +71,7 @@ Workspace& Open(const mjModel* m, int instance, StateLayout* layout) {
   char reason[512];
   Workspace& w = ThreadWorkspace();
   if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
-  *layout = Layout(w.config, w.walls.size());
+  *layout = Layout(m, w.config, w.walls.size());
   if (layout->size != m->plugin_statenum[instance]) {
     Fail(m, instance, "walls were added or removed, by contype, conaffinity or geom_type, after the "
                       "model was compiled.");
@@ -106,7 +111,7 @@ int NumState(const mjModel* m, int instance) {
                   "expected at most %g.", w.config.viscosity, most);
     Fail(m, instance, reason);
   }
-  return Layout(w.config, w.walls.size()).size;
+  return Layout(m, w.config, w.walls.size()).size;
 }
 
 int Init(const mjModel*, mjData* d, int instance) {
@@ -144,6 +149,19 @@ double Motion(const mjModel* m, const Wall& wall, const Pose& a, const Pose& b) 
   const double turn = 2 * std::acos(std::min(1.0, std::fabs(mju_dot(a.quaternion, b.quaternion, 4))));
   const double radius = wall.shape == Shape::kPlane ? 0 : m->geom_rbound[wall.geom];
   return mju_dist3(a.position, b.position) + turn * radius;
+}
+
+// Vertices move from where they were at the end of the last step, which is stored, unless that is
+// unknown or further than `reach`. Stores where they are now.
+void SweepVertices(bool known, double reach, mjtNum* stored, FlexMotion* flexes) {
+  const int size = static_cast<int>(flexes->end.size());
+  flexes->start = flexes->end;
+  for (int i = 0; i < size; i += 3) {
+    if (known && mju_dist3(stored + i, &flexes->end[i]) <= reach) {
+      mju_copy3(&flexes->start[i], stored + i);
+    }
+  }
+  mju_copy(stored, flexes->end.data(), size);
 }
 
 // Turns the impulses of this step into the forces of the next one. They follow the water with a lag
@@ -211,13 +229,17 @@ void Advance(const mjModel* m, mjData* d, int instance) {
     mju_copy4(old.quaternion, stored + 3);
     if (Motion(m, w.walls[i], old, w.end[i]) <= reach) w.start[i] = old;
   }
+  if (w.config.flexes) {
+    if (!FindVertices(m, d, &w.flexes.end)) return;
+    SweepVertices(state[layout.known] != 0, reach, state + layout.vertices, &w.flexes);
+  }
   StorePoses(w.end, state + layout.poses);
   state[layout.known] = 1;
   w.impulses.resize(walls);
   const mjtNum none[3] = {0, 0, 0};
   const mjtNum* gravity = m->opt.disableflags & mjDSBL_GRAVITY ? none : m->opt.gravity;
   w.solver.Step(w.config, m->opt.timestep, gravity, w.walls, w.start, w.end,
-                state + layout.positions, state + layout.velocities,
+                w.flexes, state + layout.positions, state + layout.velocities,
                 w.config.two_way ? w.impulses.data() : nullptr);
   if (w.config.two_way) HandOver(m, d, &w, state + layout.forces, state + layout.pending);
 }
@@ -230,8 +252,10 @@ void Compute(const mjModel* m, mjData* d, int instance, int) {
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   if (!state[layout.known]) {
     FindPoses(m, d, w.walls, &w.end);
-    if (std::all_of(w.end.begin(), w.end.end(), IsFinite)) {
+    const bool found = !w.config.flexes || FindVertices(m, d, &w.flexes.end);
+    if (found && std::all_of(w.end.begin(), w.end.end(), IsFinite)) {
       StorePoses(w.end, state + layout.poses);
+      if (w.config.flexes) mju_copy(state + layout.vertices, w.flexes.end.data(), 3 * m->nflexvert);
       state[layout.known] = 1;
     }
   }

@@ -152,18 +152,24 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
 
   std::fill(p_.wall_gradient, p_.wall_gradient + 4 * (count_ + 1), 0.0f);
   std::fill(p_.free_share, p_.free_share + count_ + 1, 1.0f);
+  flexes_.FindNear(p_, order_.get());
+  flexes_.FindShares(p_);
   for (const WallPairs& pairs : pairs_) kernels_->FindWallShare(fluid_, p_, pairs);
+  flexes_.MultiplyFreeShare(p_);
   for (const WallPairs& pairs : pairs_) kernels_->AddWallGradient(p_, pairs);
+  flexes_.AddGradient(p_);
   for (int i = 0; i < count_; ++i) {
     p_.wall_density[i] = fluid_.rest_density * (1.0f - p_.free_share[i]);
   }
   kernels_->FindPressure(fluid_, p_, neighbours_);
   kernels_->AddCorrection(fluid_, p_, neighbours_);
+  flexes_.Collide(p_, fluid_.relaxation * fluid_.rest_density * fluid_.radius / 3.0f);
   for (size_t w = 0; w < pairs_.size(); ++w) {
     double sums[6] = {};
     kernels_->Collide(fluid_, p_, pairs_[w], impulses ? sums : nullptr);
     if (impulses) AddImpulse(sums, mass_ / h, impulses + w);
   }
+  flexes_.Guard(p_);
   std::fill(p_.correction + 4 * count_, p_.correction + 4 * count_ + 4, 0.0f);
   const float rate = 1.0f / h;
   for (int i = 0; i < 4 * count_; ++i) {
@@ -181,10 +187,13 @@ void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse
   const int passes =
       std::clamp(static_cast<int>(std::ceil(total / kViscosityPass)), 1, kMaxPasses);
   const float viscosity = static_cast<float>(std::min(total / passes, kViscosityPass));
+  flexes_.FindNear(p_, order_.get());
+  flexes_.FindShares(p_);
   for (int pass = 0; pass < passes; ++pass) {
     kernels_->Smooth(fluid_, p_, neighbours_, viscosity);
     for (int i = 0; i < 4 * count_; ++i) p_.velocity[i] += p_.correction[i];
     DragAtWalls(viscosity, h, impulses);
+    flexes_.Drag(p_, viscosity, h);
   }
 }
 
@@ -235,8 +244,8 @@ void Solver::DragAtWalls(float viscosity, float h, Impulse* impulses) {
 
 void Solver::Step(const FluidConfig& config, double timestep, const double gravity[3],
                   const std::vector<Wall>& walls, const std::vector<Pose>& start,
-                  const std::vector<Pose>& end, double* positions, double* velocities,
-                  Impulse* impulses) {
+                  const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
+                  double* velocities, Impulse* impulses) {
   const int substeps = config.Substeps(timestep);
   const float h = static_cast<float>(timestep / substeps);
   Prepare(config, h, positions);
@@ -248,9 +257,12 @@ void Solver::Step(const FluidConfig& config, double timestep, const double gravi
   if (impulses) std::fill(impulses, impulses + walls.size(), Impulse());
   const float max_speed = static_cast<float>(MaxSpeed(config, timestep));
   PlaceWalls(start, end, 0);
+  flexes_.Begin(flexes, origin_, fluid_, p_, h * max_speed, substeps);
   for (int s = 0; s < substeps; ++s) {
     wall_start_ = wall_end_;
-    PlaceWalls(start, end, static_cast<double>(s + 1) / substeps);
+    const double fraction = static_cast<double>(s + 1) / substeps;
+    PlaceWalls(start, end, fraction);
+    flexes_.Place(fraction);
     Substep(h, gravity, max_speed, impulses);
   }
   Smooth(config, timestep, h, impulses);

@@ -9,6 +9,7 @@
 
 #include "boundary.h"
 #include "config.h"
+#include "flex_walls.h"
 #include "kernels.h"
 
 namespace softgym_mj {
@@ -57,11 +58,12 @@ class Buffer {
 class Solver {
  public:
   // Moves `count` particles (positions [m] and velocities [m/s], x y z each) by `timestep` seconds
-  // while the walls move from `start` to `end`. Fills `impulses`, one per wall, unless it is null.
+  // while the walls move from `start` to `end`, and the flexes. Fills `impulses`, one per wall, unless
+  // it is null.
   void Step(const FluidConfig& config, double timestep, const double gravity[3],
             const std::vector<Wall>& walls, const std::vector<Pose>& start,
-            const std::vector<Pose>& end, double* positions, double* velocities,
-            Impulse* impulses);
+            const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
+            double* velocities, Impulse* impulses);
 
   // Mass [kg] and moment about `centre` [kg m^2] of the particles that touch one of the walls
   // first..last-1 after the last step.
@@ -93,6 +95,7 @@ class Solver {
   double mass_;       // Of a particle [kg].
   double origin_[3];  // Single precision positions are relative to it.
 
+  FlexWalls flexes_;
   const std::vector<Wall>* walls_ = nullptr;
   std::vector<float> wall_start_, wall_end_, wall_built_;  // 12 numbers a wall: see WallPairs.
   std::vector<WallPairs> pairs_;

@@ -1,0 +1,30 @@
+// Which flexes hold particles back, and where their vertices are.
+
+#ifndef SOFTGYM_MJ_FLUID_FLEX_H_
+#define SOFTGYM_MJ_FLUID_FLEX_H_
+
+#include <string>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+namespace softgym_mj {
+
+// A triangle of a cloth or a segment of a cord.
+struct FlexElement {
+  int vertex[3];  // In the order of mjModel; a segment has its second one twice.
+  bool surface;   // A triangle.
+  double radius;  // Half the thickness [m].
+};
+
+// All elements of the model's flexes. Returns "" or a sentence that names a flex which is neither a
+// cord nor a cloth.
+std::string CollectFlexes(const mjModel* m, std::vector<FlexElement>* elements);
+
+// World positions (nflexvert, 3) of the vertices from qpos and mocap_pos: see BodyPose. False if one
+// is not finite.
+bool FindVertices(const mjModel* m, const mjData* d, std::vector<mjtNum>* positions);
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_FLEX_H_

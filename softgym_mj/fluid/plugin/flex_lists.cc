@@ -1,0 +1,210 @@
+// Which elements of flexes are near each particle. A particle keeps its list until it or the flexes have
+// moved too far; what is near a new place is looked up in a grid of the elements.
+
+#include <algorithm>
+#include <cmath>
+
+#include "flex_walls.h"
+
+namespace softgym_mj {
+namespace {
+
+// Elements in the lists are this much further away than they act, in spacings.
+constexpr double kSkin = 0.45;
+// A surface counts up to this share of the kernel's support: beyond it fills less than 0.2 %.
+constexpr double kReach = 0.75;
+// What positions and bounds in single precision may be wrong by, in spacings.
+constexpr double kSlack = 1e-3;
+// How far a particle may get in a substep besides by its velocity, in spacings.
+constexpr double kPushed = 1.0;
+constexpr int kCells = 16;  // Along an axis of the grid, which is wrapped.
+
+double Component(Vector a, int k) { return k == 0 ? a.x : k == 1 ? a.y : a.z; }
+
+int Wrapped(int x, int y, int z) {
+  constexpr int kMask = kCells - 1;
+  return (x & kMask) + kCells * ((y & kMask) + kCells * (z & kMask));
+}
+
+}  // namespace
+
+double FlexWalls::Reach() const { return kReach * fluid_.radius; }
+
+double FlexWalls::ListDistance(const FlexElement& e) const {
+  return e.radius + Reach() + kSkin * fluid_.spacing;
+}
+
+void FlexWalls::Begin(const FlexMotion& motion, const double origin[3], const FluidConstants& fluid,
+                      const Particles& p, double way, int substeps) {
+  motion_ = &motion;
+  fluid_ = fluid;
+  slack_ = static_cast<float>(kSlack * fluid.spacing);
+  near_.clear();
+  used_.clear();
+  active_ = false;
+  if (motion.elements.empty()) return;
+  fraction_ = furthest_ = 0;
+  const size_t count = motion.end.size() / 3;
+  from_.resize(count);
+  move_.resize(count);
+  start_.resize(count);
+  for (size_t v = 0; v < count; ++v) {
+    const Vector a = FromArray(&motion.start[3 * v]), b = FromArray(&motion.end[3 * v]);
+    from_[v] = a - FromArray(origin);
+    move_[v] = b - a;
+    furthest_ = std::max(furthest_, Norm(move_[v]));
+  }
+  end_ = from_;
+  // Where particles can get in this step.
+  const double most = substeps * (way + kPushed * fluid.spacing);
+  for (int k = 0; k < 3; ++k) {
+    float low = p.position[k], high = low;
+    for (int i = 1; i < p.count; ++i) {
+      low = std::min(low, p.position[4 * i + k]);
+      high = std::max(high, p.position[4 * i + k]);
+    }
+    low_[k] = low - most;
+    high_[k] = high + most;
+  }
+  FillGrid();
+  lists_.assign(active_ ? p.count : 0, {});
+  candidates_.clear();
+}
+
+// Puts the elements that particles can reach in this step into all cells from which they are in reach,
+// and shrinks the box to what is in their reach.
+void FlexWalls::FillGrid() {
+  const int num_elements = static_cast<int>(motion_->elements.size());
+  cell_ = Reach() + kSkin * fluid_.spacing;
+  bounds_.resize(num_elements);
+  is_used_.assign(num_elements, 0);
+  cells_.clear();
+  entries_.clear();
+  double box_low[3] = {kNowhere, kNowhere, kNowhere}, box_high[3] = {-kNowhere, -kNowhere, -kNowhere};
+  for (int element = 0; element < num_elements; ++element) {
+    const FlexElement& e = motion_->elements[element];
+    const double range = ListDistance(e) + furthest_;
+    int first[3], last[3];
+    double low[3], high[3];
+    bool apart = false;
+    for (int k = 0; k < 3; ++k) {
+      const double a = Component(from_[e.vertex[0]], k), b = Component(from_[e.vertex[1]], k),
+                   c = Component(from_[e.vertex[2]], k);
+      low[k] = std::max(std::min({a, b, c}) - range, low_[k]);
+      high[k] = std::min(std::max({a, b, c}) + range, high_[k]);
+      apart |= low[k] > high[k];
+    }
+    if (apart) continue;
+    for (int k = 0; k < 3; ++k) {
+      box_low[k] = std::min(box_low[k], low[k]);
+      box_high[k] = std::max(box_high[k], high[k]);
+      first[k] = static_cast<int>(std::floor(low[k] / cell_));
+      last[k] = std::min(static_cast<int>(std::floor(high[k] / cell_)), first[k] + kCells - 1);
+    }
+    const ElementBound bound = MakeBound(e);
+    const float most = static_cast<float>(range + 0.5 * std::sqrt(3.0) * cell_);
+    for (int z = first[2]; z <= last[2]; ++z) {
+      for (int y = first[1]; y <= last[1]; ++y) {
+        for (int x = first[0]; x <= last[0]; ++x) {
+          const float centre[3] = {static_cast<float>((x + 0.5) * cell_),
+                                   static_cast<float>((y + 0.5) * cell_),
+                                   static_cast<float>((z + 0.5) * cell_)};
+          if (bound.OutOfReach(centre, most, slack_)) continue;
+          cells_.push_back(Wrapped(x, y, z));
+          entries_.push_back(element);
+        }
+      }
+    }
+  }
+  active_ = !cells_.empty();
+  if (!active_) return;
+  std::copy(box_low, box_low + 3, low_);
+  std::copy(box_high, box_high + 3, high_);
+  cell_start_.assign(kCells * kCells * kCells + 2, 0);
+  for (int c : cells_) ++cell_start_[c + 2];
+  for (size_t c = 2; c < cell_start_.size(); ++c) cell_start_[c] += cell_start_[c - 1];
+  // cell_start_[c + 1] is where cell c is filled; afterwards it is where cell c ends.
+  in_cell_.resize(cells_.size());
+  for (size_t k = 0; k < cells_.size(); ++k) in_cell_[cell_start_[cells_[k] + 1]++] = entries_[k];
+}
+
+void FlexWalls::Place(double fraction) {
+  if (!active_) return;
+  std::swap(start_, end_);
+  for (size_t v = 0; v < end_.size(); ++v) end_[v] = from_[v] + fraction * move_[v];
+  longest_ = furthest_ * (fraction - fraction_);
+  fraction_ = fraction;
+  for (int element : used_) bounds_[element] = MakeBound(motion_->elements[element]);
+}
+
+ElementBound FlexWalls::MakeBound(const FlexElement& e) const {
+  const Vector a = end_[e.vertex[0]], b = end_[e.vertex[1]], c = end_[e.vertex[2]];
+  ElementBound bound = {};
+  const auto set = [&bound](int k, Vector normal, Vector point) {
+    bound.x[k] = static_cast<float>(normal.x);
+    bound.y[k] = static_cast<float>(normal.y);
+    bound.z[k] = static_cast<float>(normal.z);
+    bound.offset[k] = static_cast<float>(Dot(normal, point));
+  };
+  if (e.surface) {
+    const Vector normal = Unit(Cross(b - a, c - a));
+    set(0, normal, a);
+    set(1, Unit(Cross(b - a, normal)), a);
+    set(2, Unit(Cross(c - b, normal)), b);
+    set(3, Unit(Cross(a - c, normal)), c);
+  } else {
+    const Vector along = Unit(b - a);
+    set(1, along, b);
+    set(2, -1.0 * along, a);
+  }
+  return bound;
+}
+
+void FlexWalls::Look(const float x[3], List* list) {
+  for (int k = 0; k < 3; ++k) list->position[k] = x[k];
+  list->fraction = fraction_;
+  list->first = static_cast<int>(candidates_.size());
+  const int cell = Wrapped(static_cast<int>(std::floor(x[0] / cell_)),
+                           static_cast<int>(std::floor(x[1] / cell_)),
+                           static_cast<int>(std::floor(x[2] / cell_)));
+  for (int k = cell_start_[cell]; k < cell_start_[cell + 1]; ++k) {
+    const int element = in_cell_[k];
+    const FlexElement& e = motion_->elements[element];
+    if (!is_used_[element]) {
+      is_used_[element] = 1;
+      used_.push_back(element);
+      bounds_[element] = MakeBound(e);
+    }
+    const float most = static_cast<float>(ListDistance(e));
+    if (!bounds_[element].OutOfReach(x, most, slack_)) candidates_.push_back(element);
+  }
+  list->last = static_cast<int>(candidates_.size());
+}
+
+void FlexWalls::FindNear(const Particles& p, const int* order) {
+  near_.clear();
+  if (!active_) return;
+  for (int i = 0; i < p.count; ++i) {
+    const float* x = p.position + 4 * i;
+    if (x[0] < low_[0] || x[0] > high_[0] || x[1] < low_[1] || x[1] > high_[1] ||
+        x[2] < low_[2] || x[2] > high_[2]) {
+      continue;
+    }
+    List& list = lists_[order[i]];
+    double squared = 0;
+    for (int k = 0; k < 3; ++k) {
+      squared += (x[k] - list.position[k]) * (x[k] - list.position[k]);
+    }
+    const double left = kSkin * fluid_.spacing - furthest_ * (fraction_ - list.fraction);
+    if (list.fraction < 0 || left < 0 || squared > left * left) Look(x, &list);
+    if (list.first == list.last) continue;
+    Near near = {};
+    near.particle = i;
+    near.first = list.first;
+    near.last = list.last;
+    near.guess = &list.nearest;
+    near_.push_back(near);
+  }
+}
+
+}  // namespace softgym_mj
