@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo notebooks test test-all lint bench sheets docs native clean
+.PHONY: demo notebooks test test-all lint bench sheets gifs docs native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
@@ -33,6 +33,10 @@ bench: $(VENV)/.installed
 # Writes the tasks' data sheets, docs/tasks, anew: after a change to a task.
 sheets: $(VENV)/.installed-dev
 	$(BIN)/python -m tools.data_sheets
+
+# Plays the tasks for the README's moving pictures, docs/gifs.
+gifs: $(VENV)/.installed
+	$(BIN)/python -m tools.gifs
 
 # Builds the documentation site into build/site; a warning is an error.
 docs: $(VENV)/.installed-dev
