@@ -1,6 +1,7 @@
 """The notebooks run from top to bottom and are committed without outputs."""
 
 import pathlib
+import re
 
 import nbclient
 import nbformat
@@ -12,8 +13,12 @@ assert NOTEBOOKS
 notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 
 
+TRAINING_STEPS = 600  # Of the agent in 07_training, which learns from 20,000.
+
+
 @notebooks
-def test_notebook_runs(file):
+def test_notebook_runs(file, monkeypatch):
+    monkeypatch.setenv("SOFTGYM_MJ_NOTEBOOK_STEPS", str(TRAINING_STEPS))
     notebook = nbformat.read(file, as_version=4)
     nbclient.NotebookClient(notebook, timeout=300).execute()
     pictures = [
@@ -31,3 +36,11 @@ def test_notebook_is_committed_without_outputs(file):
     for cell in nbformat.read(file, as_version=4).cells:
         if cell.cell_type == "code":
             assert cell.outputs == [] and cell.execution_count is None
+
+
+@notebooks
+def test_links_lead_to_files(file):
+    cells = nbformat.read(file, as_version=4).cells
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    for target in re.findall(r"\]\((?!http)([^)#]+)\)", text):
+        assert (file.parent / target).exists(), target
