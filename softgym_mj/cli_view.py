@@ -20,15 +20,29 @@ def view(
     ] = TELEOPERATE,
     actor: Actor = None,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
+    browser: Annotated[bool, typer.Option("--browser", help="In a browser: no display.")] = False,
+    host: Annotated[
+        str, typer.Option(help="Address for browsers; 0.0.0.0 lets other machines in.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port for browsers; 0 for any free one.")] = 8080,
 ) -> None:
-    """Shows a task in MuJoCo's viewer; you play it by hand, or a policy does."""
+    """Shows a task in MuJoCo's viewer or in a browser; you play it by hand, or a policy does."""
     check_name("task", task, TASKS)
     check_variation(variation)
     settings: dict[str, Any] = {} if actor is None else {"actor": actor}
+    if browser:
+        from softgym_mj.viewing.browser import Browser, open_server
+
+        with open_server(host, port) as server:
+            session = Session(task, policy, variation, **settings)
+            console.print("Ctrl+C ends it")
+            Browser(session, server).run()
+        return
     if not has_display():
         raise RenderingUnavailableError(
             "the viewer needs a display and neither DISPLAY nor WAYLAND_DISPLAY is set; "
-            f"make a video: softgym-mj rollout {task} --video videos"
+            f"look on in a browser: softgym-mj view {task} --browser, "
+            f"or make a video: softgym-mj rollout {task} --video videos"
         )
     from softgym_mj.viewing.keys import keys_of
     from softgym_mj.viewing.window import Window, check_display

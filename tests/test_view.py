@@ -1,14 +1,18 @@
 """The viewers: keys and mouse become targets, and what is shown is what is simulated."""
 
 import contextlib
+import pathlib
+import sys
 import types
 
 import mujoco
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from softgym_mj.exceptions import RenderingUnavailableError
-from softgym_mj.viewing import keys, window
+from softgym_mj import cli, cli_view
+from softgym_mj.exceptions import OutOfRangeError, RenderingUnavailableError
+from softgym_mj.viewing import camera, keys, window
 from tests.test_teleoperation import unhurried
 
 # ---------------------------------------------------------------------- keys, mouse, window
@@ -147,7 +151,7 @@ def test_the_window_shows_the_state_and_takes_keys(monkeypatch):
     np.testing.assert_allclose(viewer.balls[-1], session.teleoperation.targets[:, :3])
     assert viewer.cam.azimuth == pytest.approx(90.0)
     assert viewer.cam.elevation == pytest.approx(-90.0)
-    np.testing.assert_allclose(viewer.cam.lookat, [0.0, 0.0, window.LOOK_AT_HEIGHT], atol=1e-9)
+    np.testing.assert_allclose(viewer.cam.lookat, [0.0, 0.0, camera.LOOK_AT_HEIGHT], atol=1e-9)
     (*_, names, values), (*_, labels, uses) = viewer.texts[-1]
     assert "normalized performance" in names and "picker 1 closed" in values
     assert labels.count("\n") == uses.count("\n") == len(keys.keys_of(session.teleoperation)) - 1
@@ -216,3 +220,50 @@ def test_a_viewer_that_cannot_start_points_to_the_browser():
 
     with pytest.raises(RenderingUnavailableError, match=r"mjpython.*--browser"):
         window.Window(unhurried("straighten_rope"), launch).run()
+
+
+# ---------------------------------------------------------------------- the command
+
+
+def test_without_a_display_the_command_points_to_the_browser(monkeypatch):
+    monkeypatch.setattr(cli_view, "has_display", lambda: False)
+    result = CliRunner().invoke(cli.app, ["view", "pour_water"])
+    assert isinstance(result.exception, RenderingUnavailableError)
+    assert "softgym-mj view pour_water --browser" in str(result.exception)
+    assert "softgym-mj rollout pour_water --video videos" in str(result.exception)
+
+
+def test_the_command_tells_of_the_keys_and_opens_the_window(monkeypatch):
+    played = []
+    monkeypatch.setattr(cli_view, "has_display", lambda: True)
+    monkeypatch.setattr(window, "check_display", lambda: None)
+    monkeypatch.setattr(window.Window, "run", lambda self: played.append(self._session))
+    command = "view straighten_rope --actor franka --variation 803"
+    result = CliRunner().invoke(cli.app, command.split())
+    assert result.exit_code == 0, result.output
+    (session,) = played
+    assert session.teleoperation.names == ("arm 1", "arm 2") and session.status.variation == 803
+    for key in keys.keys_of(session.teleoperation):
+        assert key.label in result.output and key.use in result.output
+
+
+@pytest.mark.parametrize("variation", ["-1", "1000"])
+def test_a_variation_that_does_not_exist_is_an_error(variation):
+    result = CliRunner().invoke(cli.app, ["view", "pour_water", "--variation", variation])
+    assert isinstance(result.exception, OutOfRangeError)
+
+
+def test_a_missing_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    result = CliRunner().invoke(cli.app, ["view", "pour_water", "--browser"])
+    assert isinstance(result.exception, ImportError)
+    assert "pip install 'softgym_mj[viewer]'" in str(result.exception)
+
+
+def test_the_page_lists_every_key():
+    page = (pathlib.Path(__file__).parent.parent / "docs" / "viewer.md").read_text()
+    labels = [
+        line.split("|")[1].replace("`", "").strip() for line in page.splitlines() if "|" in line
+    ]
+    hand = types.SimpleNamespace(turns=True, can_grip=True, names=("a", "b"))
+    assert labels[2:] == [key.label for key in keys.keys_of(hand) if key.codes]

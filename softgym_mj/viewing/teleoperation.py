@@ -33,11 +33,13 @@ class Teleoperation(abc.ABC):
         turns: whether the parts turn.
         grips: whether each part closes (n,); of no effect where `can_grip` is False.
         can_grip: whether the parts grip.
+        axes: whether the parts move along x, y and z.
     """
 
     names: tuple[str, ...]
     turns: bool
     can_grip: bool
+    axes: tuple[bool, bool, bool]
 
     def __init__(self, env: Environment):
         """Binds it to an environment; `start` has to be called after each of its resets."""
@@ -88,6 +90,7 @@ class GripperTeleoperation(Teleoperation):
 
     turns = False
     can_grip = True
+    axes = (True, True, True)
 
     def __init__(self, env: Environment, actor: HoldingGripper):
         """Binds it to an environment and its actor."""
@@ -134,6 +137,7 @@ class CupTeleoperation(Teleoperation):
         self._actor = actor
         self._moving = actor.max_step > 0.0
         self.turns = bool(self._moving[2])
+        self.axes = bool(self._moving[0]), False, bool(self._moving[1])
 
     def start(self) -> None:
         super().start()

@@ -11,6 +11,8 @@ import numpy as np
 from softgym_mj.exceptions import RenderingUnavailableError
 from softgym_mj.rendering import refresh
 from softgym_mj.robots.picker import Picker
+from softgym_mj.tasks.water_task import WaterTask
+from softgym_mj.viewing.camera import orbit, pose
 from softgym_mj.viewing.keys import Keyboard, Mouse, keys_of
 from softgym_mj.viewing.session import Session
 
@@ -19,27 +21,13 @@ TEXT_INTERVAL = 0.2  # [s] Between changes of the text: each waits for the windo
 TARGET_RADIUS, SHELL = 0.012, 1.15
 # Of targets that the keys drive, and of others.
 DRIVEN_COLOR, OTHER_COLOR = (0.1, 0.9, 0.3, 0.4), (0.9, 0.9, 0.2, 0.2)
-LOOK_AT_HEIGHT = 0.1  # [m] Of the point that the camera turns around.
-_SHORTEST_VIEW = 0.3  # [m] Distance of that point from the camera, at least.
 
 
-def orbit(position: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, float]:
-    """Point (3,) [m] that a camera looks at, near the floor, and how far it is [m].
-
-    Args:
-        position: of the camera (3,) [m].
-        rotation: its axes as columns (3, 3): right, up, backward.
-    """
-    forward = -rotation[:, 2]
-    distance = max((LOOK_AT_HEIGHT - position[2]) / min(forward[2], -0.1), _SHORTEST_VIEW)
-    return position + distance * forward, distance
-
-
-def place_camera(camera: Any, position: np.ndarray, rotation: np.ndarray) -> None:
-    """Gives a free `mujoco.MjvCamera` the pose of another one, as in `orbit`."""
-    forward, up = -rotation[:, 2], rotation[:, 1]
+def place_camera(camera: Any, position: np.ndarray, axes: np.ndarray) -> None:
+    """Gives a free `mujoco.MjvCamera` a pose, as in `camera.pose`."""
+    forward, up = -axes[:, 2], axes[:, 1]
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:], camera.distance = orbit(position, rotation)
+    camera.lookat[:], camera.distance = orbit(position, axes)
     # Straight down, the picture's upward direction tells where the camera turns to.
     ahead = forward if np.hypot(*forward[:2]) > 1e-3 else up
     camera.azimuth = np.rad2deg(np.arctan2(ahead[1], ahead[0]))
@@ -110,11 +98,10 @@ class Window:
             raise RenderingUnavailableError(f"{error}; or look on with --browser") from error
         with window:
             self._window, self._texts = window, None
-            view = model.camera("task").id
+            # Of pour_water's own camera, the cups move to and fro.
+            view = "overview" if isinstance(session.env.task, WaterTask) else "task"
             with window.lock():
-                place_camera(
-                    window.cam, self._data.cam_xpos[view], self._data.cam_xmat[view].reshape(3, 3)
-                )
+                place_camera(window.cam, *pose(physics, view))
             session.on_frame = self._frame
             while window.is_running() and session.env.physics.model.ptr is model:
                 session.advance()

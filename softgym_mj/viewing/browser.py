@@ -1,0 +1,257 @@
+"""A session in web browsers, by viser: for machines without a display."""
+
+import contextlib
+import socket
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from softgym_mj.entities.arena import FIELD_OF_VIEW
+from softgym_mj.exceptions import AddressUnavailableError, check_count
+from softgym_mj.extras import import_extra
+from softgym_mj.variations import NUM_VARIATIONS
+from softgym_mj.viewing.camera import orbit, pose
+from softgym_mj.viewing.scene import EXTRA, Scene
+from softgym_mj.viewing.session import TELEOPERATE, Session
+
+PICTURE_INTERVAL = 0.04  # [s] Between pictures: enough to look smooth, and lines may be slow.
+TEXT_INTERVAL = 0.25  # [s] Between changes of the text.
+GRIPPER_GIZMO, CUP_GIZMO = 0.12, 0.25  # [m] Size of what is dragged.
+BACK = 0.25  # Of its distance that the view is moved back: the panel hides a part of it.
+YOU = "you"  # What the panel calls who teleoperates.
+
+
+@contextlib.contextmanager
+def open_server(host: str = "127.0.0.1", port: int = 8080) -> Iterator[Any]:
+    """A `viser.ViserServer` that is stopped in the end.
+
+    Args:
+        host: address to listen at; "0.0.0.0" for all of this machine's.
+        port: 1..65535, or 0 for any free one.
+
+    Raises:
+        AddressUnavailableError: if it cannot listen there.
+        OutOfRangeError: for a port that does not exist.
+        ImportError: if viser is missing.
+    """
+    viser = import_extra("viser", "viser", EXTRA)
+    check_count("port", port, 0, 65535)
+    # viser would take the next free port instead, unnoticed behind a tunnel.
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise AddressUnavailableError(
+                f"cannot listen at {host}:{port}: {error.strerror}; "
+                "choose another --port, 0 for any free one, or --host"
+            ) from error
+        port = probe.getsockname()[1]
+    server = viser.ViserServer(host=host, port=port, label="softgym_mj", verbose=False)
+    try:
+        yield server
+    finally:
+        server.stop()
+
+
+class Browser:
+    """Shows a session to all browsers that look at a server; any of them may play.
+
+    A gizmo at every gripper or cup is dragged to where that is to go. Events are coroutines: viser
+    runs them in order, where functions go to a pool of threads.
+    """
+
+    def __init__(self, session: Session, server: Any):
+        """Builds scene and panel.
+
+        Args:
+            session: what is shown.
+            server: a `viser.ViserServer`.
+
+        Raises:
+            ImportError: if mjviser is missing.
+        """
+        self._session, self._server = session, server
+        self._picture_due = self._text_due = 0.0
+        self._shown: tuple[str, int, bool] | None = None
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._add_panel()
+        self._grips: list[Any] = []
+        self._rebuild()
+        self._place_camera()
+        session.on_frame = self._frame
+
+    def run(self) -> None:
+        """Plays until it is interrupted."""
+        with contextlib.suppress(KeyboardInterrupt):
+            while True:
+                self._session.advance()
+
+    # ------------------------------------------------------------------ scene
+
+    def _rebuild(self) -> None:
+        """Shows another model, or other parts to be driven."""
+        self._scene = Scene(self._server, self._session.env.physics)
+        self._driven_by = self._session.teleoperation
+        self._gizmos: list[Any] = []
+        self._dragged: set[int] = set()
+        self._shown_grips: list[bool] = []
+        self._grip_folder.visible = False
+        for box in self._grips:
+            box.remove()
+        self._grips = []
+        teleoperation = self._driven_by
+        if teleoperation is None:
+            return
+        for part, name in enumerate(teleoperation.names):
+            self._gizmos.append(self._add_gizmo(part))
+            if teleoperation.can_grip:
+                self._grip_folder.visible = True
+                self._grips.append(self._add_grip(part, name))
+
+    def _place_camera(self) -> None:
+        """Has browsers start behind the camera that sees it all."""
+        physics = self._session.env.physics
+        position, axes = pose(physics, "overview")
+        look_at, distance = orbit(position, axes)
+        camera = self._server.initial_camera
+        camera.position = position + BACK * distance * axes[:, 2]
+        camera.look_at, camera.fov = look_at, np.deg2rad(FIELD_OF_VIEW)
+
+    def _add_gizmo(self, part: int) -> Any:
+        teleoperation = self._driven_by
+        assert teleoperation is not None
+        axes = teleoperation.axes
+        gizmo = self._server.scene.add_transform_controls(
+            f"/targets/{part}",
+            scale=GRIPPER_GIZMO if teleoperation.can_grip else CUP_GIZMO,
+            active_axes=axes,
+            disable_rotations=not teleoperation.turns,
+            depth_test=False,
+        )
+
+        @gizmo.on_update
+        async def _(event: Any) -> None:
+            x, y, z = event.target.position
+            w, _, turn, _ = event.target.wxyz
+            target = np.array([x, y, z, 2.0 * np.arctan2(turn, w)])
+            phase = event.phase
+            self._session.post(lambda: self._drag(part, target, phase))
+
+        return gizmo
+
+    def _drag(self, part: int, target: np.ndarray, phase: str) -> None:
+        if self._session.teleoperation is None:
+            return
+        self._session.teleoperation.aim(part, target)
+        if phase == "end":
+            self._dragged.discard(part)
+        else:
+            self._dragged.add(part)
+
+    # ------------------------------------------------------------------ panel
+
+    def _add_panel(self) -> None:
+        session, gui = self._session, self._server.gui
+        self._text = gui.add_markdown("")
+        others = dict.fromkeys(("scripted", session.status.policy))
+        players = [YOU, *(name for name in others if name != TELEOPERATE)]
+        self._player = gui.add_dropdown("played by", players, initial_value=YOU)
+        self._pause = gui.add_button("pause")
+        again = gui.add_button("start again")
+        following = gui.add_button("next variation")
+        self._variation = gui.add_number("variation", 0, min=0, max=NUM_VARIATIONS - 1, step=1)
+        self._grip_folder = gui.add_folder("grips")
+
+        @self._player.on_update
+        async def _(event: Any) -> None:
+            policy = TELEOPERATE if event.target.value == YOU else event.target.value
+            if event.client is not None:
+                session.post(lambda: session.play(policy))
+
+        @self._pause.on_click
+        async def _(event: Any) -> None:
+            session.post(self._toggle_pause)
+
+        @again.on_click
+        async def _(event: Any) -> None:
+            session.post(session.play)
+
+        @following.on_click
+        async def _(event: Any) -> None:
+            session.post(session.play_next)
+
+        @self._variation.on_update
+        async def _(event: Any) -> None:
+            variation = int(event.target.value)
+            if event.client is not None:
+                session.post(lambda: session.play(variation=variation))
+
+    def _add_grip(self, part: int, name: str) -> Any:
+        with self._grip_folder:
+            box = self._server.gui.add_checkbox(f"{name} closed", False)
+
+        @box.on_update
+        async def _(event: Any) -> None:
+            closed = bool(event.target.value)
+            if event.client is not None:
+                self._session.post(lambda: self._close(part, closed))
+
+        return box
+
+    def _close(self, part: int, closed: bool) -> None:
+        if self._session.teleoperation is not None:
+            self._session.teleoperation.grips[part] = closed
+
+    def _toggle_pause(self) -> None:
+        self._session.paused = not self._session.paused
+
+    # ------------------------------------------------------------------ pictures
+
+    def _frame(self) -> None:
+        now = time.monotonic()
+        if now < self._picture_due:
+            return
+        self._picture_due = now + PICTURE_INTERVAL
+        session = self._session
+        physics = session.env.physics
+        if session.teleoperation is not self._driven_by or not self._scene.shows(physics):
+            self._rebuild()
+        elif self._server.get_clients():
+            self._scene.update(physics)
+        self._place_gizmos()
+        if now >= self._text_due:
+            self._text_due = now + TEXT_INTERVAL
+            self._write()
+
+    def _place_gizmos(self) -> None:
+        """Puts gizmos that nobody drags, and the boxes of grips, where they belong."""
+        teleoperation = self._driven_by
+        if teleoperation is None:
+            return
+        for part, (gizmo, target) in enumerate(
+            zip(self._gizmos, teleoperation.targets, strict=True)
+        ):
+            if part not in self._dragged:
+                half = target[3] / 2.0
+                gizmo.position = target[:3]
+                gizmo.wxyz = np.array([np.cos(half), 0.0, np.sin(half), 0.0])
+        if self._grips and teleoperation.grips != self._shown_grips:
+            self._shown_grips = list(teleoperation.grips)
+            for box, closed in zip(self._grips, self._shown_grips, strict=True):
+                box.value = closed
+
+    def _write(self) -> None:
+        status = self._session.status
+        self._text.content = "\n".join(
+            ["| | |", "|---|---|", *(f"| {name} | **{value}** |" for name, value in status.rows())]
+        )
+        # Only what has changed since: a browser may just have chosen something else.
+        shown = status.policy, status.variation, status.paused
+        if shown != self._shown:
+            self._shown = shown
+            self._player.value = YOU if status.policy == TELEOPERATE else status.policy
+            self._variation.value = status.variation
+            self._pause.label = "go on" if status.paused else "pause"
