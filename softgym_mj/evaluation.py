@@ -17,7 +17,14 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj import registry
-from softgym_mj.baselines.cem import BUDGET, HORIZONS, ITERATIONS, PLANNERS, Plan, make_planner
+from softgym_mj.baselines.cem import (
+    BUDGET,
+    ITERATIONS,
+    PLANNERS,
+    Plan,
+    make_planner,
+    usual_horizon,
+)
 from softgym_mj.baselines.model_predictive import ModelPredictivePolicy
 from softgym_mj.baselines.policies import SIMPLE, is_saved, make_policy
 from softgym_mj.baselines.rollouts import Rollouts, kept_environment
@@ -79,7 +86,8 @@ class Configuration:
         check_count("number of seeds", len(set(self.seeds)), 1)
         if self.policy in PLANNERS:
             planning = self.planning or Planning()
-            horizon = HORIZONS[self.task] if planning.horizon is None else planning.horizon
+            usual = usual_horizon(self.task)
+            horizon = usual if planning.horizon is None else planning.horizon
             planning = dataclasses.replace(planning, horizon=horizon)
             object.__setattr__(self, "planning", planning)
             _planner(self)

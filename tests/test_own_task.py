@@ -11,6 +11,9 @@ from dm_control import suite
 from gymnasium.utils.env_checker import check_env
 
 import softgym_mj
+from softgym_mj import evaluation
+from softgym_mj.baselines.cem import OTHER_HORIZON, make_planner
+from softgym_mj.baselines.episodes import play
 from softgym_mj.entities import CameraPose, Cloth, FlexContact, Garment, Rope
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, UnexpectedArgumentError, UnknownNameError
@@ -110,9 +113,10 @@ def test_the_notebook_defines_four_kinds_in_less_than_sixty_lines(notebook):
 def test_lifting_keeps_the_washing_dry_and_nothing_does_not(notebook):
     env = washing(notebook)
     ends = {}
-    for name, policy in {"rescue": rescue, "nothing": lambda env: np.zeros(8)}.items():
-        timestep = env.reset(VARIATION)
-        while not timestep.last():
+    policies = {"rescue": (rescue, 18), "nothing": (lambda env: np.zeros(8), 12)}
+    for name, (policy, steps) in policies.items():
+        env.reset(VARIATION)
+        for _ in range(steps):
             timestep = env.step(policy(env))
             terms = {k: v for k, v in env.info().items() if k.startswith("reward_")}
             assert timestep.reward == pytest.approx(sum(terms.values()))
@@ -241,6 +245,23 @@ def test_a_registered_task_runs_in_other_processes(register):
     env = softgym_mj.load("straight", split=[800])
     env.reset()
     assert rewards == pytest.approx([env.step(np.full(8, 0.1, np.float32)).reward] * 2)
+
+
+def test_a_registered_task_is_evaluated_and_planned_for(register, tmp_path):
+    register("straight", Straight, horizon=2)
+    env = softgym_mj.load("straight")
+    ends = {}
+    for policy in ("zero", "icem"):
+        planning = evaluation.Planning(horizon=1, budget=40, iterations=2, replan_every=1)
+        configuration = evaluation.Configuration(
+            "straight", policy, (800, 801), planning=planning if policy == "icem" else None
+        )
+        ends[policy] = evaluation.evaluate(configuration, tmp_path / policy)["summary"]["mean"]
+    played = [play(env, "zero", variation, camera=None) for variation in (800, 801)]
+    scores = [episode.info["normalized_performance"][-1] for episode in played]
+    assert ends["zero"] == pytest.approx(np.mean(scores))
+    assert ends["icem"] >= ends["zero"] - 1e-3
+    assert make_planner("icem", "straight").horizon == OTHER_HORIZON
 
 
 def test_registering_again_replaces(register):

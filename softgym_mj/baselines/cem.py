@@ -26,6 +26,7 @@ HORIZONS = {
     "drop_fold_cloth": 30,
     "rope_configuration": 15,
 }
+OTHER_HORIZON = 15  # Of tasks that are not the paper's.
 BUDGET = 21_000  # Env steps for a decision, all iterations together (paper).
 ITERATIONS = 10  # Paper.
 ELITES = 0.1  # Fraction of a population that the next distribution is fitted to (paper).
@@ -183,6 +184,11 @@ class ICEM(Planner):
 PLANNERS: dict[str, type[Planner]] = {"cem": CEM, "icem": ICEM}
 
 
+def usual_horizon(task: str) -> int:
+    """Env steps that a plan for a task looks ahead."""
+    return HORIZONS.get(task, OTHER_HORIZON)
+
+
 def make_planner(name: str, task: str, horizon: int | None = None, **settings) -> Planner:
     """A planner by name.
 
@@ -197,7 +203,7 @@ def make_planner(name: str, task: str, horizon: int | None = None, **settings) -
         OutOfRangeError: for what cannot be.
     """
     check_name("planner", name, PLANNERS)
-    return PLANNERS[name](HORIZONS[task] if horizon is None else horizon, **settings)
+    return PLANNERS[name](usual_horizon(task) if horizon is None else horizon, **settings)
 
 
 def coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
