@@ -123,7 +123,7 @@ def test_lifting_keeps_the_washing_dry_and_nothing_does_not(notebook):
         ends[name] = env.info()
         assert ends[name]["physics_warnings"] == 0
         for flex in env.task.flexes.flexes:
-            assert np.percentile(np.abs(flex.edge_strain()), 99) < 0.12
+            assert np.percentile(np.abs(flex.edge_strain()), 99) < 0.2  # One is being lifted.
     assert ends["rescue"]["normalized_performance"] > 0.9 and ends["rescue"]["success"]
     assert ends["rescue"]["picks_held"] == 2
     assert ends["nothing"]["normalized_performance"] < 0.6
