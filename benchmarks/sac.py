@@ -29,7 +29,7 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
 import softgym_mj
-from softgym_mj.plots import pyplot
+from softgym_mj.plots import new_figure
 
 TASK = softgym_mj.TASKS["straighten_rope"].gymnasium_id
 KEY_POINTS, PICKERS = 10, 2  # The reduced state: x, y, z [m] of each, in this order.
@@ -176,7 +176,8 @@ def train(seed: int, steps: int, every: int) -> dict:
 
 def draw(results: Sequence[dict], file: pathlib.Path) -> None:
     """Mean scores over env steps, a line for each seed."""
-    figure, axes = pyplot().subplots(figsize=(4.5, 3.0))
+    figure = new_figure(4.5, 3.0)
+    axes = figure.subplots()
     for result in results:
         means = [np.mean(scores) for scores in result["curve"].values()]
         axes.plot(list(result["curve"]), means, marker=".", label=f"SAC, seed {result['seed']}")

@@ -1,8 +1,8 @@
 """Figures: pictures beside each other; of results, bars of policies and curves over a setting."""
 
-import importlib
 import pathlib
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -126,11 +126,11 @@ def markdown(results: Sequence[Mapping]) -> str:
 
 def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
     """Draws a group of bars for each task: medians, with the quartiles as whiskers."""
-    plt = pyplot()
     names = labels(results)
     groups = sorted(set(names), key=names.index)
     tasks = sorted({result["task"] for result in results}, key=[r["task"] for r in results].index)
-    figure, axes = plt.subplots(figsize=(max(4.0, _INCHES * len(tasks)), 3.6))
+    figure = new_figure(max(4.0, _INCHES * len(tasks)), 3.6)
+    axes = figure.subplots()
     width = _BAR / len(groups)
     for i, group in enumerate(groups):
         own = {r["task"]: r for r, name in zip(results, names, strict=True) if name == group}
@@ -165,8 +165,8 @@ def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
             raise ResultError(f"{result['policy']!r} does not plan: it has no {axis}")
         key = result["task"], result["policy"]
         lines.setdefault(key, []).append((result["planning"][axis], *spread(result)))
-    plt = pyplot()
-    figure, axes = plt.subplots(figsize=(5.0, 3.4))
+    figure = new_figure(5.0, 3.4)
+    axes = figure.subplots()
     for (task, policy), points in lines.items():
         x, median, low, high = np.array(sorted(points)).T
         (line,) = axes.plot(x, median, marker="o", label=f"{task}, {policy}")
@@ -177,14 +177,14 @@ def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
     _save(figure, file)
 
 
-def pyplot():
-    """Matplotlib's pyplot, without a display.
+def new_figure(width: float, height: float) -> Any:
+    """A figure of Matplotlib [inches] to be saved: it needs no display and leaves pyplot alone.
 
     Raises:
-        ImportError: if it is missing.
+        ImportError: without Matplotlib.
     """
-    import_extra("matplotlib", "Matplotlib", "notebooks").use("Agg")
-    return importlib.import_module("matplotlib.pyplot")
+    module = import_extra("matplotlib.figure", "Matplotlib", "notebooks")
+    return module.Figure(figsize=(width, height))
 
 
 def _save(figure, file: pathlib.Path) -> None:
@@ -192,4 +192,3 @@ def _save(figure, file: pathlib.Path) -> None:
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(file, dpi=_DPI, bbox_inches="tight")
-    pyplot().close(figure)

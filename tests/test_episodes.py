@@ -4,6 +4,8 @@ import base64
 import re
 
 import imageio.v3 as imageio
+import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -84,7 +86,7 @@ def test_a_video_is_made_of_pictures(frames):
 
 
 def test_pictures_are_shown_in_rows_with_titles(monkeypatch):
-    plt = plots.pyplot()
+    matplotlib.use("Agg")
     figures = []
     monkeypatch.setattr(plt, "show", lambda: figures.append(plt.gcf()))
     numbers = np.arange(64.0).reshape(8, 8)
