@@ -56,6 +56,10 @@ def test_policies_are_played_by_name(env):
         _ = first.video
     with pytest.raises(UnknownNameError, match="'scripted'"):
         play(env, "best")
+    with pytest.raises(UnknownNameError, match="camera='side'.*'overview'"):
+        play(env, camera="side")
+    with pytest.raises(OutOfRangeError, match="size=0"):
+        play(env, size=0)
 
 
 def test_a_video_has_its_frames_in_order(tmp_path):

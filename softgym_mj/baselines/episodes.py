@@ -7,7 +7,8 @@ import numpy as np
 
 from softgym_mj.baselines.policies import Policy, make_policy
 from softgym_mj.environment import Environment
-from softgym_mj.rendering import CameraView, Video
+from softgym_mj.exceptions import check_count, check_name
+from softgym_mj.rendering import LARGEST_IMAGE, CameraView, Video
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,16 +59,20 @@ def play(
             "random", "zero", a file or "module:function".
         variation: index 0..999; drawn from the environment's split when None.
         seed: of the random policy.
-        camera: of the pictures, "task" or "overview"; None to take none, which is much faster.
+        camera: of the pictures, "task", "overview" or another of the model; None to take none, which
+            is much faster.
         size: side of the pictures [pixels].
         on_step: called after each env step.
 
     Raises:
-        UnknownNameError, PolicyFileError: for a bad policy.
+        UnknownNameError, PolicyFileError: for a bad policy or camera.
         OutOfRangeError: for a variation or a size that does not exist.
         RenderingUnavailableError: if pictures are wanted and there is no OpenGL.
     """
     act = make_policy(policy, env, seed) if isinstance(policy, str) else policy
+    check_count("size", size, 1, LARGEST_IMAGE)
+    model = env.physics.model.ptr
+    check_name("camera", camera, (None, *(model.camera(i).name for i in range(model.ncam))))
     view = None if camera is None else CameraView(camera, size, size)
     timestep = env.reset(variation)
     frames, rewards, infos = [], [], [env.info()]
