@@ -56,7 +56,7 @@ def test_policies_are_played_by_name(env):
         _ = first.video
     with pytest.raises(UnknownNameError, match="'scripted'"):
         play(env, "best")
-    with pytest.raises(UnknownNameError, match="camera='side'.*'overview'"):
+    with pytest.raises(UnknownNameError, match=r"camera='side'.*'overview'"):
         play(env, camera="side")
     with pytest.raises(OutOfRangeError, match="size=0"):
         play(env, size=0)

@@ -59,8 +59,8 @@ def play(
             "random", "zero", a file or "module:function".
         variation: index 0..999; drawn from the environment's split when None.
         seed: of the random policy.
-        camera: of the pictures, "task", "overview" or another of the model; None to take none, which
-            is much faster.
+        camera: of the pictures, "task", "overview" or another of the model; None to take none,
+            which is much faster.
         size: side of the pictures [pixels].
         on_step: called after each env step.
 
