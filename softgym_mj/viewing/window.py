@@ -1,5 +1,6 @@
 """MuJoCo's own viewer as a window to a `Session`; needs a display."""
 
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -17,6 +18,7 @@ from softgym_mj.viewing.keys import Keyboard, Mouse, keys_of
 from softgym_mj.viewing.session import Session
 
 TEXT_INTERVAL = 0.2  # [s] Between changes of the text: each waits for the window to be drawn.
+CLOSE_TIME = 5.0  # [s] For which a window that does not close is waited for.
 # [m] Of the balls that show targets, or that much times a picker, whose shell they are.
 TARGET_RADIUS, SHELL = 0.012, 1.15
 # Of targets that the keys drive, and of others.
@@ -86,6 +88,7 @@ class Window:
         self._model = model = physics.model.ptr
         self._data = mujoco.MjData(model)
         self._copy_state()
+        others = set(threading.enumerate())
         try:
             window = self._launch(
                 model,
@@ -105,7 +108,12 @@ class Window:
             session.on_frame = self._frame
             while window.is_running() and session.env.physics.model.ptr is model:
                 session.advance()
-            return window.is_running()
+            still_open = window.is_running()
+        # The viewer's thread destroys the window after it has said that it is closed. To leave
+        # Python or to open another window before that is an error of the display.
+        for thread in set(threading.enumerate()) - others:
+            thread.join(CLOSE_TIME)
+        return still_open
 
     def _copy_state(self) -> None:
         mujoco.mj_copyData(self._data, self._model, self._session.env.physics.data.ptr)
