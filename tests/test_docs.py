@@ -16,6 +16,7 @@ README = (ROOT / "README.md").read_text()
 
 MIGRATION = (ROOT / "docs" / "migration.md").read_text()
 DOMAIN = (ROOT / "docs" / "domain.md").read_text()
+ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
 
 
 def blocks(language, text=README):
@@ -63,7 +64,7 @@ def test_the_domain_page_lists_every_parameter():
 
 
 def test_links_lead_to_files():
-    for target in re.findall(r"\]\((?!http)([^)#]+)\)", README):
+    for target in re.findall(r"\]\((?!http)([^)#]+)(?:#[^)]*)?\)", README):
         assert (ROOT / target).exists(), target
 
 
@@ -114,10 +115,10 @@ def test_make_targets_exist_and_ci_runs_the_test_command():
 
 def test_tables_list_every_task_and_argument():
     for name, record in registry.TASKS.items():
-        assert f"`{name}`" in README
-
+        assert f"[`{name}`](docs/tasks/{name}.md)" in README
+        assert f"](docs/gifs/{name}.gif)" in README
         for argument in record.arguments:
-            assert f"`{argument}`" in README
+            assert f"`{argument}`" in ARGUMENTS
 
 
 def test_errors_end_the_command_line_with_one_line(capsys, monkeypatch):

@@ -1,4 +1,4 @@
-"""A hook of MkDocs: pages of the site that live outside docs/, with their links adapted.
+"""A hook of MkDocs: pages and files of the site that live outside docs/, with links adapted.
 
 Links between them stay as they are in the repository, where they are read as well.
 """
@@ -19,6 +19,11 @@ PAGES = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
 }
+# Files that pages link to and that are copied as they are.
+COPIES = [
+    "CITATION.cff",
+    *(f"notebooks/{path.name}" for path in sorted((ROOT / "notebooks").glob("*.ipynb"))),
+]
 _LINK = re.compile(r"(\]\()(?!https?:|#)([^)#\s]+)")
 
 
@@ -32,9 +37,11 @@ def page(source: str) -> str:
 
     def adapted(link: re.Match) -> str:
         target = os.path.normpath(os.path.join(folder, link[2]))
-        if target not in PAGES:  # Anything else that is linked is in docs/.
-            return link[1] + os.path.relpath(target, "docs")
-        return link[1] + PAGES[target]
+        if target in PAGES:
+            return link[1] + PAGES[target]
+        if target in COPIES:
+            return link[1] + target
+        return link[1] + os.path.relpath(target, "docs")  # Anything else is in docs/.
 
     return _LINK.sub(adapted, (ROOT / source).read_text(encoding="utf-8"))
 
@@ -43,6 +50,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Adds the pages."""
     for source, target in PAGES.items():
         files.append(File.generated(config, target, content=page(source)))
+    for source in COPIES:
+        files.append(File.generated(config, source, abs_src_path=str(ROOT / source)))
     return files
 
 
