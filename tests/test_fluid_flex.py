@@ -274,6 +274,13 @@ def test_nothing_gets_through_a_cloth_shaken_at_2_m_s(radius, young, mass):
     assert np.isfinite(scene.data.plugin_state).all()
 
 
+def test_triangles_may_be_far_larger_than_the_water_is_apart():
+    scene = FlexScene(cloth(2, 3.0, range(4), pos="0 0 -0.4"), (20, 20), 1, 0, max_speed=5)
+    scene.positions[:, :2] *= 8  # Drops, some spacings apart on 2.7 m.
+    scene.step(60)
+    np.testing.assert_allclose(scene.positions[:, 2], -0.4 + RADIUS + CONTACT, atol=1e-3)
+
+
 def test_water_caught_under_a_falling_cloth_stays_below_it():
     """It does not come through, and nothing explodes where there is no room."""
     world = '<geom type="plane" size="1 1 1"/>' + cloth(8, 0.04, pos="0 0 0.12")

@@ -1,5 +1,5 @@
-// Which elements of flexes are near each particle. A particle keeps its list until it or the flexes have
-// moved too far; what is near a new place is looked up in a grid of the elements.
+// Which elements of flexes are near each particle. A particle keeps its list until it or the flexes
+// have moved too far; what is near a new place is looked up in a grid of the elements.
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@ namespace softgym_mj {
 namespace {
 
 // Elements in the lists are this much further away than they act, in spacings.
-constexpr double kSkin = 0.45;
+constexpr double kSkin = 0.3;
 // A surface counts up to this share of the kernel's support: beyond it fills less than 0.2 %.
 constexpr double kReach = 0.75;
 // What positions and bounds in single precision may be wrong by, in spacings.
@@ -18,6 +18,8 @@ constexpr double kSlack = 1e-3;
 // How far a particle may get in a substep besides by its velocity, in spacings.
 constexpr double kPushed = 1.0;
 constexpr int kCells = 16;  // Along an axis of the grid, which is wrapped.
+// Width of a cell in distances at which surfaces are listed. 1 to 2 cost the same.
+constexpr double kCellWidth = 1.5;
 
 double Component(Vector a, int k) { return k == 0 ? a.x : k == 1 ? a.y : a.z; }
 
@@ -75,7 +77,7 @@ void FlexWalls::Begin(const FlexMotion& motion, const double origin[3], const Fl
 // and shrinks the box to what is in their reach.
 void FlexWalls::FillGrid() {
   const int num_elements = static_cast<int>(motion_->elements.size());
-  cell_ = Reach() + kSkin * fluid_.spacing;
+  cell_ = kCellWidth * (Reach() + kSkin * fluid_.spacing);
   bounds_.resize(num_elements);
   is_used_.assign(num_elements, 0);
   cells_.clear();
@@ -95,11 +97,15 @@ void FlexWalls::FillGrid() {
       apart |= low[k] > high[k];
     }
     if (apart) continue;
+    bool wraps = false;  // All cells along an axis, each of which stands for several places.
     for (int k = 0; k < 3; ++k) {
       box_low[k] = std::min(box_low[k], low[k]);
       box_high[k] = std::max(box_high[k], high[k]);
       first[k] = static_cast<int>(std::floor(low[k] / cell_));
-      last[k] = std::min(static_cast<int>(std::floor(high[k] / cell_)), first[k] + kCells - 1);
+      last[k] = static_cast<int>(std::floor(high[k] / cell_));
+      if (last[k] - first[k] < kCells) continue;
+      last[k] = first[k] + kCells - 1;
+      wraps = true;
     }
     const ElementBound bound = MakeBound(e);
     const float most = static_cast<float>(range + 0.5 * std::sqrt(3.0) * cell_);
@@ -109,7 +115,7 @@ void FlexWalls::FillGrid() {
           const float centre[3] = {static_cast<float>((x + 0.5) * cell_),
                                    static_cast<float>((y + 0.5) * cell_),
                                    static_cast<float>((z + 0.5) * cell_)};
-          if (bound.OutOfReach(centre, most, slack_)) continue;
+          if (!wraps && bound.OutOfReach(centre, most, slack_)) continue;
           cells_.push_back(Wrapped(x, y, z));
           entries_.push_back(element);
         }
@@ -175,10 +181,14 @@ void FlexWalls::Look(const float x[3], List* list) {
       used_.push_back(element);
       bounds_[element] = MakeBound(e);
     }
-    const float most = static_cast<float>(ListDistance(e));
-    if (!bounds_[element].OutOfReach(x, most, slack_)) candidates_.push_back(element);
+    const double distance = std::sqrt(bounds_[element].SquaredDistance(x)) - slack_;
+    if (distance < ListDistance(e)) candidates_.push_back({distance - e.radius, element});
   }
   list->last = static_cast<int>(candidates_.size());
+  std::sort(candidates_.begin() + list->first, candidates_.end(),
+            [](const Candidate& a, const Candidate& b) {
+              return a.distance != b.distance ? a.distance < b.distance : a.element < b.element;
+            });
 }
 
 void FlexWalls::FindNear(const Particles& p, const int* order) {
@@ -195,14 +205,17 @@ void FlexWalls::FindNear(const Particles& p, const int* order) {
     for (int k = 0; k < 3; ++k) {
       squared += (x[k] - list.position[k]) * (x[k] - list.position[k]);
     }
-    const double left = kSkin * fluid_.spacing - furthest_ * (fraction_ - list.fraction);
-    if (list.fraction < 0 || left < 0 || squared > left * left) Look(x, &list);
+    double moved = std::sqrt(squared) + furthest_ * (fraction_ - list.fraction);
+    if (list.fraction < 0 || moved > kSkin * fluid_.spacing) {
+      Look(x, &list);
+      moved = 0;
+    }
     if (list.first == list.last) continue;
     Near near = {};
     near.particle = i;
     near.first = list.first;
     near.last = list.last;
-    near.guess = &list.nearest;
+    near.moved = moved;
     near_.push_back(near);
   }
 }

@@ -66,35 +66,31 @@ void FlexWalls::FindShares(const Particles& p) {
   for (Near& near : near_) {
     const float* position = p.position + 4 * near.particle;
     const Vector x = Position(p.position, near.particle);
-    const int guess = *near.guess;
     double nearest = reach;  // Distance to a cloth.
     double facing = 0;       // Squared cosine of the angle to its normal.
     near.gap = reach;
     near.element = -1;
     near.share = near.slope = 0;
-    const auto visit = [&](int element) {
+    for (int k = near.first; k < near.last; ++k) {
+      if (candidates_[k].distance - near.moved > nearest + tie) break;
+      const int element = candidates_[k].element;
       const FlexElement& e = motion_->elements[element];
       const double most = (e.surface ? nearest : near.gap) + e.radius + tie;
       const ElementBound& bound = bounds_[element];
-      if (bound.OutOfReach(position, static_cast<float>(most), slack_)) return;
+      if (bound.OutOfReach(position, static_cast<float>(most), slack_)) continue;
       const Foot foot = Closest(e, end_, x);
       const double distance = foot.distance - e.radius;
       near.gap = std::min(near.gap, distance);
-      if (!e.surface || foot.distance < kTouching || distance >= nearest + tie) return;
+      if (!e.surface || foot.distance < kTouching || distance >= nearest + tie) continue;
       const Vector normal = (1 / foot.distance) * foot.offset;
       const double cosine = Dot(normal, {bound.x[0], bound.y[0], bound.z[0]});
-      if (distance >= nearest - tie && cosine * cosine <= facing) return;
+      if (distance >= nearest - tie && cosine * cosine <= facing) continue;
       nearest = distance;
       facing = cosine * cosine;
       near.element = element;
       std::copy(foot.weight, foot.weight + 3, near.weight);
       near.normal = normal;
-    };
-    if (guess >= 0) visit(guess);
-    for (int k = near.first; k < near.last; ++k) {
-      if (candidates_[k] != guess) visit(candidates_[k]);
     }
-    *near.guess = near.element;
     if (near.element < 0) continue;
     const double u = std::clamp(1 - nearest / fluid_.radius, 0.0, 1.0), u4 = u * u * u * u;
     near.share = facing * fluid_.wall_density / fluid_.rest_density * u4 * u * (1.0 / 20 - u / 30);
@@ -209,15 +205,19 @@ void FlexWalls::Collide(const Particles& p, float wall_push) {
     for (int k = 0; k < kMaxPushes && room <= 0; ++k) {
       Push deepest = {};
       const double reach = fluid_.contact + Norm(x - from) + longest_;
+      const double moved = near.moved + Norm(x - predicted);
       float at[4];
       Store(x, at, 0);
       for (int c = near.first; c < near.last; ++c) {
-        const FlexElement& e = motion_->elements[candidates_[c]];
-        if (bounds_[candidates_[c]].OutOfReach(at, static_cast<float>(reach + e.radius), slack_)) continue;
+        if (candidates_[c].distance - moved > reach) break;
+        const int candidate = candidates_[c].element;
+        const FlexElement& e = motion_->elements[candidate];
+        const float most = static_cast<float>(reach + e.radius);
+        if (bounds_[candidate].OutOfReach(at, most, slack_)) continue;
         const Push push = FindPush(e, from, x);
         if (push.length <= deepest.length) continue;
         deepest = push;
-        deepest.element = candidates_[c];
+        deepest.element = candidate;
       }
       if (deepest.length <= kTouching) break;
       x = x + deepest.length * deepest.direction;
@@ -244,8 +244,9 @@ bool FlexWalls::Passes(const Near& near, Vector from, Vector x) const {
   float at[4];
   Store(x, at, 0);
   for (int k = near.first; k < near.last; ++k) {
-    const FlexElement& e = motion_->elements[candidates_[k]];
-    if (!e.surface || bounds_[candidates_[k]].OutOfReach(at, length, slack_)) continue;
+    const int element = candidates_[k].element;
+    const FlexElement& e = motion_->elements[element];
+    if (!e.surface || bounds_[element].OutOfReach(at, length, slack_)) continue;
     const double distance = Closest(e, start_, from).distance;
     if (Meets(e, from, x - from, distance, e.radius + fluid_.contact)) return true;
   }
@@ -257,7 +258,7 @@ Vector FlexWalls::Carry(const Near& near, Vector from) const {
   Foot nearest = {};
   const FlexElement* triangle = nullptr;
   for (int k = near.first; k < near.last; ++k) {
-    const FlexElement& e = motion_->elements[candidates_[k]];
+    const FlexElement& e = motion_->elements[candidates_[k].element];
     if (!e.surface) continue;
     const Foot foot = Closest(e, start_, from);
     if (triangle && foot.distance >= nearest.distance) continue;

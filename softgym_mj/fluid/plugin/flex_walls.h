@@ -29,13 +29,17 @@ inline Vector Unit(Vector a) {
 struct ElementBound {
   float x[4], y[4], z[4], offset[4];
 
-  // Whether the element is further from `p` than `reach` for sure.
-  bool OutOfReach(const float* p, float reach, float slack) const {
+  // Squared distance of `p` from the element, at least.
+  float SquaredDistance(const float* p) const {
     float height[4];
     for (int k = 0; k < 4; ++k) height[k] = x[k] * p[0] + y[k] * p[1] + z[k] * p[2] - offset[k];
     const float beside = std::max(std::max(0.0f, height[1]), std::max(height[2], height[3]));
+    return height[0] * height[0] + beside * beside;
+  }
+  // Whether the element is further from `p` than `reach` for sure.
+  bool OutOfReach(const float* p, float reach, float slack) const {
     const float most = reach + slack;
-    return most < 0 || height[0] * height[0] + beside * beside > most * most;
+    return most < 0 || SquaredDistance(p) > most * most;
   }
 };
 
@@ -81,18 +85,22 @@ class FlexWalls {
     Vector direction;
     double length;
   };
-  // The elements near a place where a particle was.
+  // An element that may be near, and how far its surface was at least when it was found.
+  struct Candidate {
+    double distance;
+    int element;
+  };
+  // The elements near a place where a particle was, in `candidates_`: the nearest come first.
   struct List {
     float position[3];
     double fraction = -1;  // Of the step, when it was there; negative: never.
-    int first, last;       // In `candidates_`.
-    int nearest = -1;      // The nearest surface of the last substep: likely to be so again.
+    int first, last;
   };
   // What is known of a particle that has such elements.
   struct Near {
     int particle;
     int first, last;
-    int* guess;
+    double moved;      // How much nearer elements can be than when they were found.
     int element;       // Whose surface is nearest to the prediction, or -1.
     double weight[3];
     double gap;        // Distance of the prediction to the nearest surface of any kind, or more.
@@ -130,7 +138,7 @@ class FlexWalls {
   std::vector<int> used_;               // Elements that have been near a particle.
   std::vector<ElementBound> bounds_;    // Of these, at the end of the substep.
   std::vector<List> lists_;
-  std::vector<int> candidates_;
+  std::vector<Candidate> candidates_;
   std::vector<Near> near_;
 };
 
