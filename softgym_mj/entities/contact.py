@@ -68,6 +68,7 @@ class FlexContact(composer.Entity):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
+        """Its MJCF."""
         return self._mjcf_root
 
     @property

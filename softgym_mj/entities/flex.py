@@ -86,10 +86,12 @@ class Flex(composer.Entity):
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
+        """Its MJCF."""
         return self._mjcf_root
 
     @property
     def num_vertices(self) -> int:
+        """Number of vertices."""
         return len(self._rest_points)
 
     @property
@@ -234,6 +236,7 @@ class Flex(composer.Entity):
         self._dof_mass[dof : dof + 3] = self._held.pop(index)
 
     def release_all(self) -> None:
+        """Releases every vertex that is held."""
         for index in list(self._held):
             self.release(index)
 

@@ -31,6 +31,7 @@ class FlexGroup:
 
     @property
     def num_vertices(self) -> int:
+        """Number of vertices of all."""
         return sum(flex.num_vertices for flex in self._flexes)
 
     @property
@@ -75,6 +76,7 @@ class FlexGroup:
         flex.release(index)
 
     def release_all(self) -> None:
+        """Releases every vertex that is held."""
         for flex in self._flexes:
             flex.release_all()
 

@@ -78,7 +78,7 @@ class Teleoperation(abc.ABC):
 
     @abc.abstractmethod
     def action(self) -> np.ndarray:
-        """The action of the next env step, entries in [-1, 1], on the way to the targets."""
+        """The action (n,) of the next env step, in [-1, 1], on the way to the targets."""
 
     @abc.abstractmethod
     def _allowed(self, part: int, target: np.ndarray) -> np.ndarray:
