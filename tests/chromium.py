@@ -64,6 +64,13 @@ class Chromium:
     def open(self, address):
         self.call("Page.navigate", url=address)
 
+    def hide(self, selector):
+        """Hides what a CSS selector finds now or later."""
+        rule = json.dumps(f"{selector} {{ display: none !important }}")
+        self.evaluate(
+            "document.head.appendChild(document.createElement('style')).textContent = " + rule
+        )
+
     def screenshot(self):
         """What the page looks like (height, width, 3) uint8."""
         data = self.call("Page.captureScreenshot", format="png")["data"]

@@ -18,8 +18,8 @@ from softgym_mj.viewing.session import TELEOPERATE, Session
 
 PICTURE_INTERVAL = 0.04  # [s] Between pictures: enough to look smooth, and lines may be slow.
 TEXT_INTERVAL = 0.25  # [s] Between changes of the text.
-GRIPPER_GIZMO, CUP_GIZMO = 0.12, 0.25  # [m] Size of what is dragged.
-BACK = 0.25  # Of its distance that the view is moved back: the panel hides a part of it.
+GRIPPER_GIZMO, CUP_GIZMO = 0.15, 0.25  # [m] Size of what is dragged.
+BACK = 0.3  # [m] Behind the camera that sees it all: the panel hides a part of it.
 YOU = "you"  # What the panel calls who teleoperates.
 
 
@@ -113,12 +113,12 @@ class Browser:
 
     def _place_camera(self) -> None:
         """Has browsers start behind the camera that sees it all."""
-        physics = self._session.env.physics
-        position, axes = pose(physics, "overview")
-        look_at, distance = orbit(position, axes)
+        env = self._session.env
+        position, axes = pose(env, "overview")
         camera = self._server.initial_camera
-        camera.position = position + BACK * distance * axes[:, 2]
-        camera.look_at, camera.fov = look_at, np.deg2rad(FIELD_OF_VIEW)
+        camera.position = position + BACK * axes[:, 2]
+        camera.look_at, _ = orbit(env, "overview")
+        camera.fov = np.deg2rad(FIELD_OF_VIEW)
 
     def _add_gizmo(self, part: int) -> Any:
         teleoperation = self._driven_by

@@ -9,6 +9,7 @@ import mujoco
 import mujoco.viewer
 import numpy as np
 
+from softgym_mj.environment import Environment
 from softgym_mj.exceptions import RenderingUnavailableError
 from softgym_mj.rendering import refresh
 from softgym_mj.robots.picker import Picker
@@ -25,11 +26,12 @@ TARGET_RADIUS, SHELL = 0.012, 1.15
 DRIVEN_COLOR, OTHER_COLOR = (0.1, 0.9, 0.3, 0.4), (0.9, 0.9, 0.2, 0.2)
 
 
-def place_camera(camera: Any, position: np.ndarray, axes: np.ndarray) -> None:
-    """Gives a free `mujoco.MjvCamera` a pose, as in `camera.pose`."""
+def place_camera(camera: Any, env: Environment, name: str) -> None:
+    """Gives a free `mujoco.MjvCamera` the pose of a camera of the arena."""
+    _, axes = pose(env, name)
     forward, up = -axes[:, 2], axes[:, 1]
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:], camera.distance = orbit(position, axes)
+    camera.lookat[:], camera.distance = orbit(env, name)
     # Straight down, the picture's upward direction tells where the camera turns to.
     ahead = forward if np.hypot(*forward[:2]) > 1e-3 else up
     camera.azimuth = np.rad2deg(np.arctan2(ahead[1], ahead[0]))
@@ -104,7 +106,7 @@ class Window:
             # Of pour_water's own camera, the cups move to and fro.
             view = "overview" if isinstance(session.env.task, WaterTask) else "task"
             with window.lock():
-                place_camera(window.cam, *pose(physics, view))
+                place_camera(window.cam, session.env, view)
             session.on_frame = self._frame
             while window.is_running() and session.env.physics.model.ptr is model:
                 session.advance()
