@@ -2,6 +2,7 @@
 
 import copy
 from typing import Any
+from unittest import mock
 
 import mujoco
 import numpy as np
@@ -10,7 +11,7 @@ from softgym_mj.extras import import_extra
 from softgym_mj.rendering import refresh
 
 EXTRA = "viewer"  # The extra that brings viser and mjviser.
-AMBIENCE = 0.4  # Of light from all sides: more of it bleaches colours.
+AMBIENCE = 0.4  # Of light from all sides; with mjviser's 0.8, colours are bleached.
 WATER_OPACITY = 0.85
 WATER_GEOMS = 4000  # In a picture: coarse water has 3000 triangles at most, besides the model's.
 TUBE_SIDES = 8  # Of the polygon that stands for the section of a rope.
@@ -109,9 +110,11 @@ class Scene:
         floors = opaque.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
         opaque.geom_type[floors], alpha[floors] = mujoco.mjtGeom.mjGEOM_BOX, 0.0
         self._add_floor()
-        self._bodies = mjviser.ViserMujocoScene(server, opaque, num_envs=1)
-        self._bodies.camera_tracking_enabled = False
         server.scene.configure_environment_map(environment_intensity=AMBIENCE)
+        # Browsers load the light of such a call for a while: of two, either may come last.
+        with mock.patch.object(server.scene, "configure_environment_map"):
+            self._bodies = mjviser.ViserMujocoScene(server, opaque, num_envs=1)
+        self._bodies.camera_tracking_enabled = False
         self._frames = {body: self._add_clear(body, clear) for body in self._owners(clear)}
         self._meshes: dict[str, Any] = {}
         self.update(physics)
