@@ -71,6 +71,10 @@ class CorruptStoreError(SoftGymError, RuntimeError):
     """A stored initial state that is truncated, altered or of another specification."""
 
 
+class MissingExtraError(SoftGymError, ImportError):
+    """A package that only some commands need and that is not installed."""
+
+
 class CacheUnavailableError(SoftGymError, OSError):
     """The folder for generated initial states cannot be written."""
 

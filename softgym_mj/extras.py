@@ -3,6 +3,8 @@
 import importlib
 from typing import Any
 
+from softgym_mj.exceptions import MissingExtraError
+
 
 def import_extra(module: str, name: str, extra: str) -> Any:
     """Imports a module of an extra.
@@ -13,11 +15,11 @@ def import_extra(module: str, name: str, extra: str) -> Any:
         extra: of this package, that brings it.
 
     Raises:
-        ImportError: if it is missing, with the command that installs it.
+        MissingExtraError: if it is missing; an ImportError, with the command that installs it.
     """
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise ImportError(
+        raise MissingExtraError(
             f"{name} is missing: install it with `pip install 'softgym_mj[{extra}]'`"
         ) from error

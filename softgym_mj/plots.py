@@ -35,7 +35,7 @@ def show(
 
     Raises:
         OutOfRangeError: unless there are as many titles as pictures, and at least one.
-        ImportError: without Matplotlib.
+        MissingExtraError: without Matplotlib.
     """
     if not len(pictures) or len(titles) != len(pictures):
         raise OutOfRangeError("titles", titles, f"one for each of {len(pictures)} pictures")
@@ -181,7 +181,7 @@ def new_figure(width: float, height: float) -> Any:
     """A figure of Matplotlib [inches] to be saved: it needs no display and leaves pyplot alone.
 
     Raises:
-        ImportError: without Matplotlib.
+        MissingExtraError: without Matplotlib.
     """
     module = import_extra("matplotlib.figure", "Matplotlib", "notebooks")
     return module.Figure(figsize=(width, height))

@@ -48,7 +48,7 @@ def record(
         **settings: keyword arguments of the Gymnasium environment, such as `observation`.
 
     Raises:
-        ImportError: if Minari is missing.
+        MissingExtraError: if Minari is missing.
         OutOfRangeError: if the dataset exists.
         UnknownNameError, PolicyFileError: for a bad task or policy.
     """

@@ -157,7 +157,7 @@ class RayCluster(Workers):
             number: cores of that new cluster; None for all.
 
         Raises:
-            ImportError: if Ray is missing.
+            MissingExtraError: if Ray is missing.
         """
         self._ray = ray = import_extra("ray", "Ray", "cluster")
         self._mine = not ray.is_initialized()

@@ -40,7 +40,10 @@ def _run(tmp_path, monkeypatch):
 
 
 class Clip:
-    """Stands in for MoviePy's `ImageSequenceClip` where it is missing."""
+    """Stands in for MoviePy's `ImageSequenceClip` where it is missing.
+
+    MoviePy 2.2 wants Pillow below 12 and mjviser Pillow from 12.2 on: no extra can bring both.
+    """
 
     def __init__(self, frames, fps):
         self._frames, self._fps = frames, fps
@@ -66,7 +69,8 @@ def test_videos_and_statistics(run, tmp_path):
     recipe = run("Gymnasium: videos and statistics")
     assert recipe.info["episode"]["l"] == 10 and -5.0 < recipe.info["episode"]["r"] < 0.0
     video = tmp_path / "videos" / "rl-video-episode-0.mp4"
-    assert imageio.imread(video).shape == (11, 480, 480, 3)
+    count, *size = imageio.imread(video).shape
+    assert count in (10, 11) and size == [480, 480, 3]  # MoviePy leaves out the last frame.
     assert imageio.immeta(video)["fps"] == 12.5  # 0.08 s an env step.
 
 
@@ -82,7 +86,7 @@ def test_environments_side_by_side(run):
     assert not np.array_equal(*recipe.observations)
     assert recipe.truncated.all()
     np.testing.assert_allclose(
-        recipe.rewards, (recipe.infos["normalized_performance"] - 1.0) / 2, rtol=1e-6
+        recipe.rewards, (recipe.infos["final_info"]["normalized_performance"] - 1.0) / 2, rtol=1e-6
     )
 
 

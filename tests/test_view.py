@@ -11,7 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from softgym_mj import cli, cli_view
-from softgym_mj.exceptions import OutOfRangeError, RenderingUnavailableError
+from softgym_mj.exceptions import (
+    MissingExtraError,
+    OutOfRangeError,
+    RenderingUnavailableError,
+)
 from softgym_mj.viewing import camera, keys, window
 from tests.test_teleoperation import unhurried
 
@@ -256,6 +260,7 @@ def test_a_variation_that_does_not_exist_is_an_error(variation):
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     result = CliRunner().invoke(cli.app, ["view", "pour_water", "--browser"])
+    assert isinstance(result.exception, MissingExtraError)
     assert isinstance(result.exception, ImportError)
     assert "pip install 'softgym_mj[viewer]'" in str(result.exception)
 

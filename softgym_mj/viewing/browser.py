@@ -34,7 +34,7 @@ def open_server(host: str = "127.0.0.1", port: int = 8080) -> Iterator[Any]:
     Raises:
         AddressUnavailableError: if it cannot listen there.
         OutOfRangeError: for a port that does not exist.
-        ImportError: if viser is missing.
+        MissingExtraError: if viser is missing.
     """
     viser = import_extra("viser", "viser", EXTRA)
     check_count("port", port, 0, 65535)
@@ -71,7 +71,7 @@ class Browser:
             server: a `viser.ViserServer`.
 
         Raises:
-            ImportError: if mjviser is missing.
+            MissingExtraError: if mjviser is missing.
         """
         self._session, self._server = session, server
         self._picture_due = self._text_due = 0.0
