@@ -1,9 +1,11 @@
-"""Env steps a second of vector environments with one, two and more processes.
+"""Env steps a second of vector environments in one, two and more processes.
 
-Random actions, episodes from end to end with their resets. Rounds take turns, so that a busy
-machine slows all alike; rates and gains are medians over the rounds.
+The same environments with the same random actions, however many processes they are spread over.
 
-    OMP_NUM_THREADS=1 python benchmarks/vector.py --processes 1 2 --out vector.json
+Rounds take turns, so that a busy machine slows all alike; rates and gains are medians over the
+rounds. Resets count.
+
+    OMP_NUM_THREADS=1 python benchmarks/vector.py --envs 8 --workers 1 2 --out vector.json
 """
 
 import argparse
@@ -25,10 +27,13 @@ WARM_UP = 3  # Steps before the clock runs: the first renders compile shaders.
 class Crowd:
     """A vector environment with random actions."""
 
-    def __init__(self, task: str, observation: str, num_envs: int):
+    def __init__(self, task: str, observation: str, num_envs: int, num_workers: int):
         record = softgym_mj.TASKS[task]
         self.envs = gymnasium.make_vec(
-            record.gymnasium_id, num_envs=num_envs, observation=observation
+            record.gymnasium_id,
+            num_envs=num_envs,
+            num_workers=num_workers,
+            observation=observation,
         )
         self.envs.reset(seed=0)
         size = (record.horizon + 1, *self.envs.action_space.shape)
@@ -41,35 +46,44 @@ class Crowd:
         self.envs.step(self.actions[self.count % len(self.actions)])
         self.count += 1
 
-    def rate(self, seconds: float) -> float:
+    def rate(self, steps: int) -> float:
         """Env steps a second, of all together."""
-        first, start = self.count, time.perf_counter()
-        while time.perf_counter() - start < seconds:
+        start = time.perf_counter()
+        for _ in range(steps):
             self.step()
-        return (self.count - first) * self.envs.num_envs / (time.perf_counter() - start)
+        return steps * self.envs.num_envs / (time.perf_counter() - start)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", nargs="+", default=TASKS, choices=softgym_mj.TASKS)
     parser.add_argument("--observations", nargs="+", default=OBSERVATIONS)
-    parser.add_argument("--processes", nargs="+", type=int, default=[1, 2])
+    parser.add_argument("--envs", type=int, default=8)
+    parser.add_argument("--workers", nargs="+", type=int, default=[1, 2])
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--seconds", type=float, default=6.0, help="of a turn")
+    parser.add_argument("--seconds", type=float, default=5.0, help="of a turn, about")
     parser.add_argument("--out", type=pathlib.Path)
     arguments = parser.parse_args()
     rows = []
     for task in arguments.tasks:
         for observation in arguments.observations:
-            crowds = {n: Crowd(task, observation, n) for n in arguments.processes}
+            crowds = {
+                n: Crowd(task, observation, arguments.envs, n) for n in sorted(arguments.workers)
+            }
             rates: dict[int, list[float]] = {n: [] for n in crowds}
+            # As many steps for all: they see the same states.
+            first = next(iter(crowds.values())).rate(WARM_UP)
+            steps = max(1, round(first * arguments.seconds / arguments.envs))
+            for crowd in list(crowds.values())[1:]:
+                crowd.rate(WARM_UP)
             for _ in range(arguments.rounds):
                 for number, crowd in crowds.items():
-                    rates[number].append(crowd.rate(arguments.seconds))
+                    rates[number].append(crowd.rate(steps))
             least = min(rates)
             for number, crowd in crowds.items():
                 gains = [a / b for a, b in zip(rates[number], rates[least], strict=True)]
-                row = {"task": task, "observation": observation, "processes": number,
+                row = {"task": task, "observation": observation,
+                       "environments": arguments.envs, "workers": number,
                        "env_steps_per_second": round(statistics.median(rates[number]), 1),
                        "gain": round(statistics.median(gains), 2)}  # fmt: skip
                 rows.append(row)

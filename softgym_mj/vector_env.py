@@ -1,62 +1,317 @@
-"""`make_vector_env`: many environments at once, which `gymnasium.make_vec` returns."""
+"""`VectorEnv`: many environments at once, in worker processes; `gymnasium.make_vec` makes it."""
 
+import contextlib
+import copy
 import functools
+import itertools
 import multiprocessing
+import os
+import traceback
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from multiprocessing.connection import Connection
 from typing import Any
 
-from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector.utils import (
+    CloudpickleWrapper,
+    batch_space,
+    create_shared_memory,
+    iterate,
+    read_from_shared_memory,
+    write_to_shared_memory,
+)
 
-from softgym_mj.exceptions import check_count, check_name
+from softgym_mj import registry
+from softgym_mj.exceptions import (
+    EpisodeEndedError,
+    OutOfRangeError,
+    WorkersLostError,
+    check_count,
+    check_name,
+)
 from softgym_mj.gymnasium_env import SoftGymEnv
-from softgym_mj.registry import TASKS
 from softgym_mj.rendering import has_rendered
 
+_MODES = {mode.value: mode for mode in AutoresetMode}
+_END = "end"  # The call that ends a worker.
+_MASK = "reset_mask"  # Gymnasium's option that says who is to be reset.
 
-def make_vector_env(
-    num_envs: int = 1,
-    *,
-    autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-    context: str | None = None,
-    max_concurrency: int | None = None,
-    **kwargs: Any,
-) -> AsyncVectorEnv:
-    """Environments of one task, each in a process of its own.
 
-    `gymnasium.make_vec("softgym_mj/SpreadCloth-v0", num_envs=8)` calls it. Observations, images
-    among them, come through shared memory; `render()` returns a tuple of images.
+def make_vector_env(task: str | registry.TaskRecord, **kwargs: Any) -> "VectorEnv":
+    """A `VectorEnv` of a task; `gymnasium.make_vec("softgym_mj/SpreadCloth-v0", ...)` calls it.
 
     Args:
-        num_envs: number of environments, 1 or more.
-        autoreset_mode: what follows the last step of an episode. "NextStep": the next step resets,
-            ignores its action and has reward 0. "SameStep": the last step returns the first
-            observation of the next episode, and its own in info["final_obs"] and
-            info["final_info"]. "Disabled": you reset, with options={"reset_mask": ended}.
-        context: how processes start: "fork", "forkserver" or "spawn". By default Python's own way,
-            but "forkserver" rather than "fork" once this process has rendered, as OpenGL does not
-            survive a fork. The latter two need a script to have `if __name__ == "__main__":`.
-        max_concurrency: how many may compute at the same time; None for all.
-        **kwargs: of `SoftGymEnv`: task, render_mode, split, observation, actor, ...
-
-    Raises:
-        OutOfRangeError, UnknownNameError: for a bad argument.
+        task: task name or record.
+        **kwargs: of `VectorEnv` (num_envs, num_workers, autoreset_mode, context) and of
+            `SoftGymEnv` (render_mode, split, observation, actor, ...).
     """
-    check_count("num_envs", num_envs, 1)
-    modes = {mode.value: mode for mode in AutoresetMode}
-    if not isinstance(autoreset_mode, AutoresetMode):
-        check_name("autoreset_mode", autoreset_mode, modes)
-        autoreset_mode = modes[autoreset_mode]
-    if context is None:
-        if multiprocessing.get_start_method() == "fork" and has_rendered():
+    # Another process has not necessarily registered the same tasks.
+    if isinstance(task, str) and task in registry.TASKS:
+        task = registry.TASKS[task]
+    names = ("num_envs", "num_workers", "autoreset_mode", "context")
+    own = {name: kwargs.pop(name) for name in names if name in kwargs}
+    return VectorEnv(functools.partial(SoftGymEnv, task, **kwargs), **own)
+
+
+class VectorEnv(gymnasium.vector.VectorEnv):
+    """Environments in a few worker processes, each of which steps its share one by one.
+
+    Observations, images among them, come through shared memory. An error in a worker is raised
+    here with its own type; it leaves the other environments as they are.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], gymnasium.Env],
+        num_envs: int = 1,
+        *,
+        num_workers: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        context: str | None = None,
+    ):
+        """Starts the workers.
+
+        Args:
+            make: makes an environment.
+            num_envs: number of environments, 1 or more.
+            num_workers: number of processes, 1..num_envs; by default one a core.
+            autoreset_mode: what follows the last step of an episode. "NextStep": the next step
+                resets, ignores its action and has reward 0. "SameStep": the last step returns the
+                first observation of the next episode, and its own in info["final_obs"] and
+                info["final_info"]. "Disabled": you reset, with options={"reset_mask": ended}.
+            context: how processes start: "fork", "forkserver" or "spawn". By default Python's own
+                way, but "forkserver" rather than "fork" once this process has rendered, as OpenGL
+                does not survive a fork. The latter two need `if __name__ == "__main__":` in a
+                script.
+
+        Raises:
+            OutOfRangeError, UnknownNameError: for a bad argument.
+        """
+        check_count("num_envs", num_envs, 1)
+        if num_workers is None:
+            num_workers = min(num_envs, _num_cores())
+        check_count("num_workers", num_workers, 1, num_envs)
+        if not isinstance(autoreset_mode, AutoresetMode):
+            check_name("autoreset_mode", autoreset_mode, _MODES)
+            autoreset_mode = _MODES[autoreset_mode]
+        if context is not None:
+            check_name("context", context, multiprocessing.get_all_start_methods())
+        elif multiprocessing.get_start_method() == "fork" and has_rendered():
             context = "forkserver"
+        example = make()
+        self.num_envs, self._mode = num_envs, autoreset_mode
+        self.metadata = {**example.metadata, "autoreset_mode": autoreset_mode}
+        self.render_mode = example.render_mode
+        self.single_observation_space = example.observation_space
+        self.single_action_space = example.action_space
+        self.observation_space = batch_space(example.observation_space, num_envs)
+        self.action_space = batch_space(example.action_space, num_envs)
+        example.close()
+        self._ended = np.zeros(num_envs, bool)
+        methods: Any = multiprocessing.get_context(context)
+        space = self.single_observation_space
+        self._shared = create_shared_memory(space, num_envs, methods)
+        self._observations = read_from_shared_memory(space, self._shared, num_envs)
+        bounds = np.linspace(0, num_envs, num_workers + 1).round().astype(int)
+        self._shares = [slice(*pair) for pair in itertools.pairwise(bounds)]
+        self._pipes: list[Connection] = []
+        self._processes = []
+        for share in self._shares:
+            here, there = methods.Pipe()
+            process = methods.Process(
+                target=_serve,
+                args=(there, here, CloudpickleWrapper(make), share, autoreset_mode, self._shared),
+                daemon=True,
+            )
+            process.start()
+            there.close()
+            self._pipes.append(here)
+            self._processes.append(process)
+
+    @property
+    def num_workers(self) -> int:
+        """Number of processes."""
+        return len(self._shares)
+
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options=None):
+        """Starts episodes.
+
+        Args:
+            seed: of the first environment, the next has one more, or a sequence of all seeds.
+            options: of `SoftGymEnv.reset`, and "reset_mask" (num_envs,) bool: who is to be reset.
+
+        Returns:
+            Observations and infos of all, arrays by name.
+        """
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        if seeds is None:
+            seeds = [None] * self.num_envs
+        if len(seeds) != self.num_envs:
+            raise OutOfRangeError("seed", seed, f"a whole number, or {self.num_envs} of them")
+        options = dict(options or {})
+        mask = np.asarray(options.pop(_MASK, np.ones(self.num_envs, bool)))
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            valid = f"({self.num_envs},) bool, at least one of them true"
+            raise OutOfRangeError(_MASK, mask, valid)
+        calls = {
+            i: ("reset", list(seeds[share]), {**options, _MASK: mask[share]})
+            for i, share in enumerate(self._shares)
+            if mask[share].any()
+        }
+        answers = self._ask(calls)
+        self._ended &= ~mask
+        infos = _joined([(self._shares[i], answer) for i, answer in answers.items()], self.num_envs)
+        return copy.deepcopy(self._observations), infos
+
+    def step(self, actions: np.ndarray):
+        """Applies actions (num_envs, n) in [-1, 1].
+
+        Returns:
+            Observations, rewards (num_envs,), terminated, truncated (num_envs,) bool, infos.
+
+        Raises:
+            EpisodeEndedError: if an episode has ended and nothing resets by itself.
+            InvalidActionError: for a bad action.
+        """
+        if self._mode == AutoresetMode.DISABLED and self._ended.any():
+            ended = np.flatnonzero(self._ended).tolist()
+            raise EpisodeEndedError(
+                f"episodes of environments {ended} have ended: call reset(options="
+                '{"reset_mask": terminated | truncated}) before step()'
+            )
+        actions = np.asarray(actions)
+        if actions.shape[:1] != (self.num_envs,):
+            valid = f"an action for each of the {self.num_envs} environments"
+            raise OutOfRangeError("actions", f"an array of shape {actions.shape}", valid)
+        calls = {i: ("step", actions[share]) for i, share in enumerate(self._shares)}
+        answers = list(self._ask(calls).values())
+        rewards, terminated, truncated = (
+            np.concatenate([answer[k] for answer in answers]) for k in range(3)
+        )
+        self._ended = terminated | truncated
+        infos = _joined(
+            [(s, answer[3]) for s, answer in zip(self._shares, answers, strict=True)],
+            self.num_envs,
+        )
+        return copy.deepcopy(self._observations), rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[Any, ...] | None:
+        """What `render` of each environment returns."""
+        return self.call("render")
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """What a method, or an attribute, of each environment returns."""
+        answers = self._ask({i: ("call", name, args, kwargs) for i in range(self.num_workers)})
+        return tuple(value for answer in answers.values() for value in answer)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of each environment."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Sets an attribute of each environment: to its own of a list or tuple, or to the same."""
+        if not isinstance(values, (list, tuple)):
+            values = [values] * self.num_envs
+        if len(values) != self.num_envs:
+            raise OutOfRangeError("values", values, f"{self.num_envs} of them")
+        self._ask({i: ("set_attr", name, values[share]) for i, share in enumerate(self._shares)})
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Ends the workers."""
+        for pipe in self._pipes:
+            with contextlib.suppress(ConnectionError):  # One that has ended already.
+                pipe.send((_END,))
+            pipe.close()
+        for process in self._processes:
+            process.join()
+
+    def __del__(self):
+        if hasattr(self, "_processes"):
+            self.close()
+
+    def _ask(self, calls: Mapping[int, tuple]) -> dict[int, Any]:
+        """Has workers make calls at the same time; their answers, or the first of their errors."""
+        answers, errors = {}, []
+        try:
+            for i, call in calls.items():
+                self._pipes[i].send(call)
+            for i in calls:
+                succeeded, answer = self._pipes[i].recv()
+                if succeeded:
+                    answers[i] = answer
+                else:
+                    errors.append(answer)
+        except (EOFError, ConnectionError) as error:
+            raise WorkersLostError(
+                f"worker {i} of a vector environment has ended (killed, or out of memory?)"
+            ) from error
+        if errors:
+            raise errors[0]
+        return answers
+
+
+def _num_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _serve(pipe, other_end, make, share: slice, mode: AutoresetMode, shared) -> None:
+    """Answers calls for a share of the environments until it is told to end."""
+    other_end.close()
+    count = share.stop - share.start
+    envs: SyncVectorEnv | None = None
+    while True:
+        try:
+            name, *arguments = pipe.recv()
+        except EOFError:  # The other end has been killed.
+            return
+        if name == _END:
+            return
+        try:
+            if envs is None:
+                envs = SyncVectorEnv([make] * count, copy=False, autoreset_mode=mode)
+            answer = True, _answer(envs, name, arguments, share.start, shared)
+        except Exception as error:
+            error.add_note(traceback.format_exc())
+            answer = False, error
+        pipe.send(answer)
+
+
+def _answer(envs: SyncVectorEnv, name: str, arguments: Sequence[Any], first: int, shared) -> Any:
+    """Makes a call; what it returns besides observations, which go into the shared memory."""
+    if name == "call":
+        method, args, kwargs = arguments
+        return envs.call(method, *args, **kwargs)
+    if name == "set_attr":
+        return envs.set_attr(*arguments)
+    answer: Any
+    if name == "reset":
+        seeds, options = arguments
+        observations, answer = envs.reset(seed=seeds, options=options)
     else:
-        check_name("context", context, multiprocessing.get_all_start_methods())
-    if max_concurrency is not None:
-        check_count("max_concurrency", max_concurrency, 1)
-    if "task" in kwargs:  # Its record: other processes may not know a task of yours by name.
-        kwargs["task"] = TASKS.get(kwargs["task"], kwargs["task"])
-    return AsyncVectorEnv(
-        [functools.partial(SoftGymEnv, **kwargs)] * num_envs,
-        context=context,
-        autoreset_mode=autoreset_mode,
-        max_concurrency=max_concurrency,
-    )
+        observations, *answer = envs.step(*arguments)
+    for i, observation in enumerate(iterate(envs.observation_space, observations)):
+        write_to_shared_memory(envs.single_observation_space, first + i, observation, shared)
+    return answer
+
+
+def _joined(parts: Iterable[tuple[slice, Mapping[str, Any]]], number: int) -> dict[str, Any]:
+    """Infos of all environments from those of shares; zeros, or None, where a share has none."""
+    parts = list(parts)
+    joined: dict[str, Any] = {}
+    for share, infos in parts:
+        for key, values in infos.items():
+            if isinstance(values, dict):
+                if key not in joined:
+                    own = [(place, part[key]) for place, part in parts if key in part]
+                    joined[key] = _joined(own, number)
+                continue
+            if key not in joined:
+                empty = None if values.dtype == object else 0
+                joined[key] = np.full((number, *values.shape[1:]), empty, values.dtype)
+            joined[key][share] = values
+    return joined

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from softgym_mj.exceptions import (
+    EpisodeEndedError,
     InvalidActionError,
     OutOfRangeError,
     RenderingUnavailableError,
     UnknownNameError,
+    WorkersLostError,
 )
 from softgym_mj.gymnasium_env import SoftGymEnv
 from softgym_mj.rendering import CameraView
@@ -96,9 +98,9 @@ def test_nothing_resets_by_itself():
         last = oracle[0].step(step_actions[0])[0]
     assert np.array_equal(observations[0], last)
     assert np.array_equal(observations[1], oracle[1].reset(options={"variation": 3})[0])
-    with pytest.raises(Exception, match="call reset"):
-        envs.step(actions)  # The first has ended.
-    envs.close(terminate=True)
+    with pytest.raises(EpisodeEndedError, match=r"environments \[0\] have ended: call reset"):
+        envs.step(actions)
+    envs.close()
 
 
 def test_images_come_through_shared_memory():
@@ -106,7 +108,7 @@ def test_images_come_through_shared_memory():
     kwargs = {"observation": ["rgb", "reduced"], "image_size": (48, 64)}
     oracle, starts = singles(**kwargs)  # Renders here: forked processes could not.
     envs = make(render_mode="rgb_array", render_size=(32, 32), **kwargs)
-    assert envs.shared_memory and envs.observation_space["rgb"].shape == (NUM_ENVS, 48, 64, 3)
+    assert envs.observation_space["rgb"].shape == (NUM_ENVS, 48, 64, 3)
     observations, _ = envs.reset(seed=SEED)
     (actions,) = actions_of(envs, 1)
     for expected in (
@@ -155,20 +157,68 @@ def test_a_fork_renders_or_says_why_not(rendered):
         assert answer == (128, 128, 3)
 
 
+@pytest.mark.parametrize("num_workers", [1, 2, 3])
+def test_workers_share_environments(num_workers):
+    """Five environments in any number of processes do what they do alone."""
+    envs = gymnasium.make_vec(ROPE, num_envs=5, num_workers=num_workers, horizon=2)
+    assert envs.unwrapped.num_workers == num_workers
+    envs.reset(seed=SEED)
+    oracle = [SoftGymEnv("straighten_rope", horizon=2) for _ in range(5)]
+    for i, env in enumerate(oracle):
+        env.reset(seed=SEED + i)
+    for actions in actions_of(envs, 2):
+        observations, rewards, _, truncated, infos = envs.step(actions)
+        for i, env in enumerate(oracle):
+            observation, reward, _, ended, info = env.step(actions[i])
+            assert np.array_equal(observations[i], observation) and same_info(infos, i, info)
+            assert (rewards[i], truncated[i]) == (reward, ended)
+    assert envs.get_attr("horizon") == (2,) * 5
+    envs.set_attr("mark", list("abcde"))
+    assert envs.call("get_wrapper_attr", "mark") == tuple("abcde")
+    envs.close()
+
+
+def test_infos_that_not_all_have():
+    """Only who was reset has an info; the mask says so."""
+    envs = make(autoreset_mode="Disabled")
+    envs.reset(seed=SEED)
+    _, infos = envs.reset(options={"reset_mask": np.array([False, True]), "variation": 3})
+    assert infos["variation"].tolist() == [0, 3] and infos["_variation"].tolist() == [False, True]
+    envs.close()
+
+
+def test_a_killed_worker_is_an_error():
+    envs = make(num_workers=2)
+    envs.reset(seed=SEED)
+    (victim, *_) = multiprocessing.active_children()
+    victim.kill()
+    victim.join()
+    with pytest.raises(WorkersLostError, match="has ended"):
+        envs.step(np.zeros(envs.action_space.shape, np.float32))
+    envs.close()
+
+
+@pytest.mark.parametrize("actions", [np.zeros(8), np.zeros((3, 8)), 0.0], ids=np.shape)
+def test_too_many_or_too_few_actions(actions):
+    envs = make()
+    envs.reset(seed=SEED)
+    with pytest.raises(OutOfRangeError, match="each of the 2 environments"):
+        envs.step(actions)
+    envs.close()
+
+
 def test_errors_of_a_process_keep_type_and_message():
     envs = make()
     envs.reset(seed=SEED)
     with pytest.raises(InvalidActionError, match="finite"):
         envs.step(np.full(envs.action_space.shape, np.nan, np.float32))
-    envs.close(terminate=True)
     for options, error, message in (
         ({"variation": 1000}, OutOfRangeError, "variation=1000 is out of range; valid: "),
         ({"smell": 1}, UnknownNameError, "'smell' is unknown; valid choices: 'variation'"),
     ):
-        envs = make()
         with pytest.raises(error, match=message):
             envs.reset(options=options)
-        envs.close(terminate=True)
+    envs.close()
 
 
 @pytest.mark.parametrize(
@@ -177,7 +227,8 @@ def test_errors_of_a_process_keep_type_and_message():
         ("num_envs", 0, OutOfRangeError),
         ("autoreset_mode", "sometimes", UnknownNameError),
         ("context", "thread", UnknownNameError),
-        ("max_concurrency", 0, OutOfRangeError),
+        ("num_workers", 0, OutOfRangeError),
+        ("num_workers", 3, OutOfRangeError),
         ("observation", "smell", UnknownNameError),
     ],
 )
