@@ -5,14 +5,18 @@ The same environments with the same random actions, however many processes they 
 Rounds take turns, so that a busy machine slows all alike; rates and gains are medians over the
 rounds. Resets count.
 
-    OMP_NUM_THREADS=1 python benchmarks/vector.py --envs 8 --workers 1 2 --out vector.json
+    OMP_NUM_THREADS=1 python benchmarks/vector.py --envs 16 --workers 1 2 --out vector.json
 """
 
 import argparse
 import json
+import os
 import pathlib
 import statistics
 import time
+
+# One core a worker: software OpenGL would have one worker render on several.
+os.environ.setdefault("LP_NUM_THREADS", "0")
 
 import gymnasium
 import numpy as np
@@ -58,7 +62,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", nargs="+", default=TASKS, choices=softgym_mj.TASKS)
     parser.add_argument("--observations", nargs="+", default=OBSERVATIONS)
-    parser.add_argument("--envs", type=int, default=8)
+    parser.add_argument("--envs", type=int, default=16)
     parser.add_argument("--workers", nargs="+", type=int, default=[1, 2])
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=5.0, help="of a turn, about")

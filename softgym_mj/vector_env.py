@@ -76,7 +76,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Args:
             make: makes an environment.
             num_envs: number of environments, 1 or more.
-            num_workers: number of processes, 1..num_envs; by default one a core.
+            num_workers: number of processes, 1..num_envs; by default one a core. Two a core balance
+                variations that differ a lot in cost, as those of water do; each costs some time.
             autoreset_mode: what follows the last step of an episode. "NextStep": the next step
                 resets, ignores its action and has reward 0. "SameStep": the last step returns the
                 first observation of the next episode, and its own in info["final_obs"] and
