@@ -10,9 +10,12 @@ export OMP_NUM_THREADS ?= 1
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
 
+# JupyterLab refuses to run as root, as in a container, unless it is told to.
+AS_ROOT = $(if $(filter 0,$(shell id -u)),--allow-root)
+
 # Opens the notebooks in a browser, from the first one on.
 notebooks: $(VENV)/.installed-notebooks
-	$(BIN)/jupyter lab notebooks/01_quickstart.ipynb
+	$(BIN)/jupyter lab $(AS_ROOT) notebooks/01_quickstart.ipynb
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
