@@ -2,8 +2,8 @@
 
 The same environments with the same random actions, however many processes they are spread over.
 
-Rounds take turns, so that a busy machine slows all alike; rates and gains are medians over the
-rounds. Resets count.
+Rounds take turns, so that a busy machine slows all alike, and each starts from other variations,
+as how even the shares are depends on them. Rates and gains are medians over the rounds.
 
     OMP_NUM_THREADS=1 python benchmarks/vector.py --envs 16 --workers 1 2 --out vector.json
 """
@@ -39,22 +39,17 @@ class Crowd:
             num_workers=num_workers,
             observation=observation,
         )
-        self.envs.reset(seed=0)
         size = (record.horizon + 1, *self.envs.action_space.shape)
         self.actions = np.random.default_rng(0).uniform(-1, 1, size).astype(np.float32)
-        self.count = 0
-        for _ in range(WARM_UP):
-            self.step()
 
-    def step(self) -> None:
-        self.envs.step(self.actions[self.count % len(self.actions)])
-        self.count += 1
-
-    def rate(self, steps: int) -> float:
-        """Env steps a second, of all together."""
+    def rate(self, seed: int, steps: int) -> float:
+        """Env steps a second, of all together, from the variations that `seed` draws."""
+        self.envs.reset(seed=seed * self.envs.num_envs)
+        for actions in self.actions[:WARM_UP]:
+            self.envs.step(actions)
         start = time.perf_counter()
-        for _ in range(steps):
-            self.step()
+        for i in range(steps):
+            self.envs.step(self.actions[(WARM_UP + i) % len(self.actions)])
         return steps * self.envs.num_envs / (time.perf_counter() - start)
 
 
@@ -64,8 +59,8 @@ def main() -> None:
     parser.add_argument("--observations", nargs="+", default=OBSERVATIONS)
     parser.add_argument("--envs", type=int, default=16)
     parser.add_argument("--workers", nargs="+", type=int, default=[1, 2])
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--seconds", type=float, default=5.0, help="of a turn, about")
+    parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--seconds", type=float, default=3.0, help="of a turn, about")
     parser.add_argument("--out", type=pathlib.Path)
     arguments = parser.parse_args()
     rows = []
@@ -76,13 +71,11 @@ def main() -> None:
             }
             rates: dict[int, list[float]] = {n: [] for n in crowds}
             # As many steps for all: they see the same states.
-            first = next(iter(crowds.values())).rate(WARM_UP)
-            steps = max(1, round(first * arguments.seconds / arguments.envs))
-            for crowd in list(crowds.values())[1:]:
-                crowd.rate(WARM_UP)
-            for _ in range(arguments.rounds):
+            slowest = min(crowd.rate(0, WARM_UP) for crowd in crowds.values())
+            steps = max(1, round(slowest * arguments.seconds / arguments.envs))
+            for seed in range(arguments.rounds):
                 for number, crowd in crowds.items():
-                    rates[number].append(crowd.rate(steps))
+                    rates[number].append(crowd.rate(seed, steps))
             least = min(rates)
             for number, crowd in crowds.items():
                 gains = [a / b for a, b in zip(rates[number], rates[least], strict=True)]
