@@ -52,7 +52,7 @@ class FlexContact(composer.Entity):
         """Builds the contact; loads the plugin.
 
         Args:
-            friction: Coulomb coefficient between layers, above 0 and at most 10.
+            friction: Coulomb coefficient between layers, above 0 and at most `MAX_FRICTION`.
             name: model name.
 
         Raises:
