@@ -7,6 +7,7 @@ worker that is lost has its calls made again by another.
 import abc
 import concurrent.futures
 import contextlib
+import itertools
 import multiprocessing
 import os
 import threading
@@ -169,34 +170,35 @@ class RayCluster(Workers):
 
     @property
     def number(self) -> int:
-        return int(self._ray.cluster_resources().get("CPU", 1))
+        return max(1, int(self._ray.cluster_resources().get("CPU", 1)))
 
     def results(self, function, calls):
-        index = {self._call.remote(function, call): i for i, call in enumerate(calls)}
+        waiting: Iterator[tuple[int, tuple[Any, ...]]] = enumerate(calls)
+        index: dict[Any, int] = {}
         failure: Exception | None = None
         try:
-            while index:
+            while True:
+                # Calls are handed over as cores come free: Ray cannot take back one that waits
+                # without interrupting it if it has just begun.
+                for place, call in itertools.islice(waiting, max(0, self.number - len(index))):
+                    index[self._call.remote(function, call)] = place
+                if not index:
+                    break
                 (done,), _ = self._ray.wait(list(index), num_returns=1)
                 place = index.pop(done)
                 try:
                     result = self._ray.get(done)
-                except self._ray.exceptions.TaskCancelledError:
-                    continue
                 except self._ray.exceptions.RayTaskError as error:
-                    if failure is None:
-                        failure = error.as_instanceof_cause()
-                        self._cancel(index)
+                    failure = failure or error.as_instanceof_cause()
+                    waiting = iter(())
                     continue
                 yield place, result
         finally:
-            self._cancel(index)
+            for reference in index:  # Nobody waits for these any more.
+                with contextlib.suppress(self._ray.exceptions.RayError):
+                    self._ray.cancel(reference)
         if failure is not None:
             raise failure
-
-    def _cancel(self, references: Iterable[Any]) -> None:
-        for reference in references:
-            with contextlib.suppress(self._ray.exceptions.RayError):
-                self._ray.cancel(reference)
 
     def close(self):
         if self._mine:

@@ -43,8 +43,8 @@ def die(index: int) -> None:
 def fail_at_two(folder: str, index: int) -> int:
     if index == 2:
         raise ArithmeticError("call 2 fails")
-    time.sleep(0.1)
     note(folder, index)
+    time.sleep(0.1)  # Still at work when call 2 fails.
     return index
 
 
@@ -60,8 +60,8 @@ def test_the_error_of_a_call_comes_after_what_had_begun(workers: Workers, tmp_pa
         for index, value in workers.results(fail_at_two, [(str(tmp_path), i) for i in range(6)]):
             assert index == value
             found.append(index)
-    done = {int(file.name.split("_")[0]) for file in tmp_path.iterdir()}
-    assert done == set(found)
+    begun = {int(file.name.split("_")[0]) for file in tmp_path.iterdir()}
+    assert begun == set(found)
     assert workers.all(square, [(4,)]) == [16]  # They are still good.
 
 
