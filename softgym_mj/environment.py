@@ -44,9 +44,10 @@ class Snapshot:
 class Environment(composer.Environment):
     """Runs a `DeformableTask`; differs from its base in four ways.
 
-    `reset` chooses a variation and recompiles only when that changes the model; `step` takes
-    strictly checked actions and ends after `horizon` env steps (discount 1: not a terminal
-    state); `get_state` and `set_state` are exact; `info` describes the last step.
+    `reset` chooses a variation and recompiles only when that changes the model, or when the task
+    or an entity defines `initialize_episode_mjcf`; `step` takes strictly checked actions and ends
+    after `horizon` env steps (discount 1: not a terminal state); `get_state` and `set_state` are
+    exact; `info` describes the last step.
     """
 
     def __init__(
@@ -83,6 +84,8 @@ class Environment(composer.Environment):
         self._name, self._horizon = name, horizon
         self._step_count = 0
         self._started: int | None = None  # The variation that was last started.
+        self._edits_mjcf = any(map(_edits_mjcf, (task, *task.root_entity.iter_entities())))
+        task.driven = True
         task.choose_variation(self._variations[0])
         self._state_layout = task.state_layout
         super().__init__(
@@ -154,7 +157,7 @@ class Environment(composer.Environment):
     def _start(self, variation: int):
         recompile = self._task.choose_variation(variation)
         self._hooks.initialize_episode_mjcf(self._random_state)
-        if recompile:
+        if recompile or self._edits_mjcf:
             self._recompile_physics_and_update_observables()
         with self._physics.reset_context():
             self._hooks.initialize_episode(self._physics_proxy, self._random_state)
@@ -245,3 +248,9 @@ class Environment(composer.Environment):
     def observation(self) -> dict[str, np.ndarray]:
         """The current observation (of `observation_spec()`), for example after `set_state`."""
         return self._observation_updater.get_observation()
+
+
+def _edits_mjcf(part: composer.Task | composer.Entity) -> bool:
+    """Whether a task or an entity edits the model before every episode."""
+    base = composer.Task if isinstance(part, composer.Task) else composer.Entity
+    return type(part).initialize_episode_mjcf is not base.initialize_episode_mjcf

@@ -25,6 +25,18 @@ class UnknownNameError(SoftGymError, ValueError):
         return f"{argument}={value!r} is unknown; valid choices: {choices}."
 
 
+class TaskModuleError(SoftGymError, ImportError):
+    """A module named in "module:task" that cannot be imported or registers no task."""
+
+
+class ExpertError(SoftGymError, ValueError):
+    """A task without a scripted expert, or an expert that stops before the episode does."""
+
+
+class DatasetExistsError(SoftGymError, FileExistsError):
+    """An id under which a dataset has been recorded already."""
+
+
 class UnexpectedArgumentError(SoftGymError, TypeError):
     """A keyword argument that does not exist.
 
@@ -53,6 +65,10 @@ class InvalidActionError(SoftGymError, ValueError):
 
 class EpisodeEndedError(SoftGymError, RuntimeError):
     """A step or a question without a running episode: call `reset()` first."""
+
+
+class UndrivenError(SoftGymError, RuntimeError):
+    """A task is stepped by an environment that does not pass actions on to its actor."""
 
 
 class EnvironmentClosedError(SoftGymError, RuntimeError):

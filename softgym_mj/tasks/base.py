@@ -14,8 +14,13 @@ from dm_env import specs
 from softgym_mj import metrics
 from softgym_mj.domain import Adjustable, Domain
 from softgym_mj.entities.arena import Arena
-from softgym_mj.exceptions import EpisodeEndedError, check_count, check_image_size
-from softgym_mj.observations import TaskCamera, enabled_names
+from softgym_mj.exceptions import (
+    EpisodeEndedError,
+    UndrivenError,
+    check_count,
+    check_image_size,
+)
+from softgym_mj.observations import TaskCamera, enabled_names, wrist_observables
 from softgym_mj.rendering import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.variations import check_variation
@@ -70,7 +75,12 @@ class DeformableTask(composer.Task, abc.ABC):
 
     `FlexTask`, `WaterTask` and `SceneTask` say what a state is; their subclasses what is measured
     and where things start.
+
+    Attributes:
+        driven: whether an `Environment` passes actions on to the actor.
     """
+
+    driven = False
 
     def __init__(
         self,
@@ -111,7 +121,9 @@ class DeformableTask(composer.Task, abc.ABC):
             full=observable.Generic(lambda physics: self.full_state()),
             reduced=observable.Generic(lambda physics: self.reduced_state()),
             full_mask=observable.Generic(lambda physics: self.full_mask()),
+            proprioception=observable.Generic(lambda physics: actor.proprioception()),
             **TaskCamera(*image_size, lambda: self.parts).observables(),
+            **wrist_observables(actor.wrists, *image_size),
             **self.own_observables(*image_size),
         )
         for name in enabled_names(observation, self._observables):
@@ -222,7 +234,12 @@ class DeformableTask(composer.Task, abc.ABC):
         self._initial_performance = self._evaluation.performance
 
     def before_step(self, physics, action, random_state):
-        pass  # The environment drives the actor; the base class would write `ctrl`.
+        # Our environment drives the actor; the base class would write `ctrl`.
+        if not self.driven:
+            raise UndrivenError(
+                "composer's own Environment does not drive the actor of a DeformableTask: "
+                "run it in softgym_mj.environment.Environment, or by softgym_mj.load"
+            )
 
     def after_step(self, physics, random_state):
         self._evaluation = self.evaluate()
