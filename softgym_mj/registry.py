@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 from softgym_mj.exceptions import (
     OutOfRangeError,
+    TaskModuleError,
     UnexpectedArgumentError,
+    UnknownNameError,
     check_count,
     check_name,
 )
@@ -230,6 +232,41 @@ def register(
     return record
 
 
+def find(task: str | TaskRecord) -> TaskRecord:
+    """The record of a task.
+
+    Args:
+        task: task name, one of `TASKS`; "module:name" for a task of your own, whose module is
+            imported first so that it calls `register`; or a record, which is returned.
+
+    Raises:
+        UnknownNameError: if there is no such task.
+        TaskModuleError: if the module cannot be imported or registers no task.
+    """
+    if isinstance(task, TaskRecord):
+        return task
+    if not isinstance(task, str) or ":" not in task:
+        check_name("task", task, (*TASKS, "MODULE:NAME"))
+        return TASKS[task]
+    module, name = task.split(":", 1)
+    try:
+        imported = importlib.import_module(module)
+    except Exception as error:  # Whatever the code of the module raises.
+        raise TaskModuleError(
+            f"task={task!r}: {module!r} cannot be imported: {type(error).__name__}: {error}; "
+            f"`python -c 'import {module}'` shows where"
+        ) from error
+    if name not in TASKS:
+        own = [f"{module}:{other}" for other in TASKS if other not in _SHIPPED]
+        if own:
+            raise UnknownNameError("task", task, own)
+        raise TaskModuleError(
+            f"task={task!r}: {imported!r} registers no task when it is imported; call "
+            "softgym_mj.register in it, not below `if __name__ == '__main__'`"
+        )
+    return TASKS[name]
+
+
 def load(
     task: str | TaskRecord,
     *,
@@ -241,7 +278,7 @@ def load(
     """Builds the dm_env environment of a task.
 
     Args:
-        task: task name, one of `TASKS`, or a record.
+        task: task name, one of `TASKS`, or as in `find`.
         split: "train" (variations 0..799), "evaluate" (800..999), "all" or a sequence of indices.
         horizon: env steps in an episode; None for the task's own, 20 with pick-and-place actions.
         random_state: seed or generator that draws the variations.
@@ -253,12 +290,9 @@ def load(
 
     Raises:
         UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
+        TaskModuleError: as in `find`.
     """
-    if isinstance(task, TaskRecord):
-        record = task
-    else:
-        check_name("task", task, TASKS)
-        record = TASKS[task]
+    record = find(task)
     from softgym_mj.environment import Environment
 
     built = record.build(**task_kwargs)
