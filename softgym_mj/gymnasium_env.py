@@ -18,7 +18,7 @@ from softgym_mj.exceptions import (
     check_image_size,
     check_name,
 )
-from softgym_mj.rendering import LARGEST_IMAGE, CameraView
+from softgym_mj.rendering import LARGEST_IMAGE, CameraView, camera_ids
 
 _OPTIONS = ("variation",)
 
@@ -56,7 +56,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             task: task name, or a record.
             render_mode: None, "rgb_array" (uint8) or "depth_array" (float32 metres).
             render_size: (height, width) of `render` [pixels].
-            camera: camera of `render`: "task" or "overview".
+            camera: camera of `render`: "task", "overview", "wrist_0" on the hand of an arm or
+                another of the model, see `rendering.camera_ids`.
             split: "train", "evaluate", "all" or a sequence of variation indices.
             horizon: env steps in an episode; the task's own when None.
             **task_kwargs: keyword arguments of the task, such as `observation` or `actor`.
@@ -66,10 +67,10 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             horizon=horizon, **task_kwargs,
         )  # fmt: skip
         check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
-        check_name("camera", camera, ("task", "overview"))
         self.render_mode = render_mode
         check_image_size("render_size", render_size, LARGEST_IMAGE)
         self._env = registry.load(task, split=split, horizon=horizon, **task_kwargs)
+        check_name("camera", camera, camera_ids(self._env.physics.model.ptr))
         self._view = CameraView(camera, *render_size)
         self._running = self._closed = False
         frames_per_second = round(1 / self._env.control_timestep(), 3)

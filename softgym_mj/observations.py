@@ -17,6 +17,8 @@ OBSERVATIONS = {
     "full": "every point (zero-padded to the largest variation), then the grippers or cups",
     "full_mask": "uint8, 1 for each point of `full` that exists and 0 for padding",
     "reduced": "the few numbers that describe the state, listed in the task's docstring",
+    "proprioception": "what the actor senses of itself: positions of pickers, the pose of a cup "
+    "or tool points, openings and joints of arms",
     "rgb": "uint8 image (height, width, 3) from the task camera",
     "depth": "float32 image (height, width) of distances along the view direction [m]",
     "segmentation": "uint8 image (height, width) of what is seen: 0 background, 1 object, 2 actor, "
@@ -25,6 +27,7 @@ OBSERVATIONS = {
     "1; rows of zeros where it sees fewer",
 }
 GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can show it.
+WRIST_RGB = "wrist_rgb"  # uint8 (arms, height, width, 3): from the cameras on the hands of arms.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 LABELS = ("background", "object", "actor", "container", "goal")
 NUM_CLOUD_POINTS = 1024
@@ -127,6 +130,22 @@ class TaskCamera:
         cloud[: len(points), :3] = points
         cloud[: len(points), 3] = 1.0
         return cloud
+
+
+def wrist_observables(
+    cameras: Sequence[str], height: int, width: int
+) -> dict[str, observable.Generic]:
+    """The observable of what the cameras on hands see, by name; none without such cameras.
+
+    Args:
+        cameras: their names, as `Actor.wrists` has them.
+        height, width: of images [pixels].
+    """
+    if not cameras:
+        return {}
+    views = [CameraView(camera, height, width) for camera in cameras]
+    spec = specs.BoundedArray((len(views), height, width, 3), np.uint8, 0, 255)
+    return {WRIST_RGB: Seen(lambda physics: np.array([v.rgb(physics) for v in views]), spec)}
 
 
 def _label(body: str, owners: Mapping[str, int]) -> int:

@@ -10,7 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.exceptions import OutOfRangeError, RenderingUnavailableError, check_image_size
+from softgym_mj.exceptions import (
+    OutOfRangeError,
+    RenderingUnavailableError,
+    check_image_size,
+    check_name,
+)
 
 INSTALL_COMMAND = "apt-get install -y libegl1 libgl1-mesa-dri"
 
@@ -96,10 +101,31 @@ def refresh(model, data) -> None:
     mujoco.mj_flex(model, data)
 
 
+def camera_ids(model) -> dict[str, int]:
+    """The cameras of an MjModel by name: "task", "arms/franka_0/wrist_0".
+
+    Also by the last part of it, "wrist_0", which comes first, where no other camera has the same.
+    """
+    names = [model.camera(i).name for i in range(model.ncam)]
+    ends = [name.rsplit("/", 1)[-1] for name in names]
+    short = {end: i for i, end in enumerate(ends) if ends.count(end) == 1}
+    return {**short, **{name: i for i, name in enumerate(names)}}
+
+
 class CameraView:
     """Renders one camera at one size; the scene is kept until the physics changes."""
 
     def __init__(self, camera: str, height: int, width: int):
+        """Chooses the camera.
+
+        Args:
+            camera: a name as in `camera_ids`; one that does not exist is an `UnknownNameError` when
+                something is rendered.
+            height, width: of images, each in 1..`LARGEST_IMAGE` [pixels].
+
+        Raises:
+            OutOfRangeError: for another size.
+        """
         self._camera = camera
         self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None
@@ -123,12 +149,18 @@ class CameraView:
         from dm_control.mujoco import engine, wrapper
 
         _claim()
-        data = physics.data.ptr
+        model, data = physics.model.ptr, physics.data.ptr
         refresh_poses(physics)
+        if self._data is not data:
+            check_name("camera", self._camera, camera_ids(model))
         try:
             if self._data is not data:
                 self._view = engine.Camera(
-                    physics, self._height, self._width, self._camera, max_geom=_MAX_GEOMS
+                    physics,
+                    self._height,
+                    self._width,
+                    camera_ids(model)[self._camera],
+                    max_geom=_MAX_GEOMS,
                 )
                 self._option = wrapper.MjvOption()
                 self._option.flexgroup[_FLEX_GROUP] = 0

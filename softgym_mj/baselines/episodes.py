@@ -8,7 +8,7 @@ import numpy as np
 from softgym_mj.baselines.policies import Policy, make_policy
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import check_count, check_name
-from softgym_mj.rendering import LARGEST_IMAGE, CameraView, Video
+from softgym_mj.rendering import LARGEST_IMAGE, CameraView, Video, camera_ids
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,8 +71,7 @@ def play(
     """
     act = make_policy(policy, env, seed) if isinstance(policy, str) else policy
     check_count("size", size, 1, LARGEST_IMAGE)
-    model = env.physics.model.ptr
-    check_name("camera", camera, (None, *(model.camera(i).name for i in range(model.ncam))))
+    check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
     view = None if camera is None else CameraView(camera, size, size)
     timestep = env.reset(variation)
     frames, rewards, infos = [], [], [env.info()]

@@ -18,12 +18,18 @@ from softgym_mj.robots.stands import Stand
 # its torque limit flutters at steps of 10 ms: its damping then counts as explicit.
 DAMPING = 0.015
 FLOOR = "floor"  # Geom of the kinematic model.
+CAMERA = "wrist"  # On the hand of an arm's model; in a scene, with the arm's number.
 PEDESTAL, PEDESTAL_COLOR = 0.11, (0.25, 0.26, 0.28, 1.0)  # Radius [m] and colour: steel grey.
 
 
 def names(arm: ArmModel, number: int) -> tuple[str, ...]:
     """Names (number,) of the arms' models."""
     return tuple(f"{arm.name}_{i}" for i in range(number))
+
+
+def wrists(number: int) -> tuple[str, ...]:
+    """Names (number,) of the cameras on the arms' hands."""
+    return tuple(f"{CAMERA}_{i}" for i in range(number))
 
 
 def home(arm: ArmModel) -> np.ndarray:
@@ -45,6 +51,8 @@ def add_arms(
 ) -> None:
     """Adds an arm for each stand to a model; hands and fingers collide with objects.
 
+    Cameras on the hands are named as in `wrists`.
+
     Args:
         root: the model.
         arm: the kind of arm.
@@ -57,8 +65,10 @@ def add_arms(
         ModelUnavailableError: as in `menagerie.dress`.
     """
     check_name("visual", visual, menagerie.VISUALS)
-    for name, stand in zip(names(arm, len(stands)), stands, strict=True):
+    number = len(stands)
+    for name, camera, stand in zip(names(arm, number), wrists(number), stands, strict=True):
         model = _load(arm, name)
+        model.find("camera", CAMERA).name = camera
         for geom in hand_geoms(model, arm):
             geom.contype, geom.conaffinity, geom.condim, geom.priority = GRIPPER_CONTACT, 0, 3, 1
         for pad in arm.pad_geoms:

@@ -132,7 +132,18 @@ class Arms(HoldingGripper[Grasp]):
         )
 
     def within_reach(self, i: int, point: np.ndarray) -> np.ndarray:
+        """Where arm `i` goes to when it is told to go to a point (3,) [m].
+
+        First that is moved into the box `limits`; if the arm is too short, then straight towards
+        its base at the same height. Further on, joints may stop it some millimetres short.
+        """
         return self._stands[i].clip(np.clip(point, self._low, self._high))
+
+    @property
+    def at_reach(self) -> int:
+        """How many commanded points lie at the end of an arm's reach, and so may be clipped."""
+        points = zip(self._stands, self._guide.commanded, strict=True)
+        return sum(stand.at_end(point) for stand, point in points)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
         positions = np.tile(point, (self.num_grippers, 1)).astype(float)
@@ -207,6 +218,10 @@ class Arms(HoldingGripper[Grasp]):
         """
         return self._guide.points.copy()
 
+    @property
+    def wrists(self) -> tuple[str, ...]:
+        return arm_bodies.wrists(self.num_grippers)
+
     def proprioception(self) -> np.ndarray:
         """What the arms sense of themselves (22 n,), see `Servos.sensed`."""
         return self._servos.sensed(self._data.qpos[self._fingers_at].sum(axis=1))
@@ -215,6 +230,7 @@ class Arms(HoldingGripper[Grasp]):
         return {
             **super().diagnostics(),
             "ik_failures": self.controller.failures,
+            "at_reach": self.at_reach,
         }
 
     # ------------------------------------------------------------------ snapshots

@@ -57,9 +57,14 @@ class Actor(abc.ABC):
         At its end `fraction` (0..1] of the sim step has passed.
         """
 
+    @property
+    def wrists(self) -> tuple[str, ...]:
+        """Names of the cameras on the actor's hands: none unless it is an arm."""
+        return ()
+
+    @abc.abstractmethod
     def proprioception(self) -> np.ndarray:
-        """What the actor senses of itself (n,), part of the full and the reduced state."""
-        return np.zeros(0)
+        """What the actor senses of itself (n,); the full and the reduced state tell it, too."""
 
     @abc.abstractmethod
     def diagnostics(self) -> dict[str, float | int]:

@@ -172,7 +172,14 @@ class CupArm(composer.Entity, CupMover):
     def move(self, fraction: float, timestep: float) -> None:
         self._servos.move(fraction)
 
+    @property
+    def wrists(self) -> tuple[str, ...]:
+        return arm_bodies.wrists(1)
+
     def proprioception(self) -> np.ndarray:
+        return self.arm_state()
+
+    def arm_state(self) -> np.ndarray:
         """What the arm senses of itself (22,), see `Servos.sensed`."""
         return self._servos.sensed(self._data.qpos[self._fingers_at].sum(keepdims=True))
 

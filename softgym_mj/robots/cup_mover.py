@@ -124,6 +124,14 @@ class CupMover(Actor):
     def move(self, fraction: float, timestep: float) -> None:
         self._cup.pose = self._goal - (1.0 - fraction) * (self._goal - self._start)
 
+    def proprioception(self) -> np.ndarray:
+        """The pose of the cup (3,): x [m], z [m], theta [rad]."""
+        return self._cup.pose
+
+    def arm_state(self) -> np.ndarray:
+        """What an arm senses of itself (n,), which states list besides the cups: nothing here."""
+        return np.zeros(0)
+
     def diagnostics(self) -> dict[str, float | int]:
         return {"rejected_moves": self._rejected}
 

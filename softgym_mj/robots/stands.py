@@ -7,6 +7,7 @@ import numpy as np
 
 MIDDLE = 0.15  # [m] Height over the base at which an arm with its tool down reaches furthest.
 FORWARD = 0.05  # [m] Least distance of the tool in front of the base's axis.
+END = 1e-4  # [m] Points so near to the end of the reach are at it.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,15 +29,31 @@ class Stand:
     def clip(self, point: np.ndarray) -> np.ndarray:
         """The point (3,) [m] within reach that an arm goes to for `point` (3,)."""
         sin, cos = math.sin(self.yaw), math.cos(self.yaw)
-        dx, dy = point[0] - self.base[0], point[1] - self.base[1]
-        forward, left = max(cos * dx + sin * dy, FORWARD), cos * dy - sin * dx
+        forward, left = self._seen(point)
+        forward = max(forward, FORWARD)
         distance = math.hypot(forward, left)
-        rise = point[2] - self.base[2] - MIDDLE
-        outer = math.sqrt(max(self.outer**2 - rise**2, self.inner**2))
-        scale = min(max(distance, self.inner), outer) / distance
+        scale = min(max(distance, self.inner), self.farthest(point[2])) / distance
         forward, left = scale * forward, scale * left
         x, y = cos * forward - sin * left, sin * forward + cos * left
         return np.array([self.base[0] + x, self.base[1] + y, point[2]])
+
+    def farthest(self, height: float) -> float:
+        """Largest distance [m] from the base's axis at a height [m] above the floor."""
+        rise = height - self.base[2] - MIDDLE
+        return math.sqrt(max(self.outer**2 - rise**2, self.inner**2))
+
+    def at_end(self, point: np.ndarray) -> bool:
+        """Whether a point (3,) [m] lies at the end of the reach, inner or outer, or beyond it."""
+        forward, left = self._seen(point)
+        distance = math.hypot(forward, left)
+        near = forward < FORWARD + END or distance < self.inner + END
+        return near or distance > self.farthest(point[2]) - END
+
+    def _seen(self, point: np.ndarray) -> tuple[float, float]:
+        """How far in front of the base and to its left a point (3,) [m] is [m]."""
+        sin, cos = math.sin(self.yaw), math.cos(self.yaw)
+        dx, dy = point[0] - self.base[0], point[1] - self.base[1]
+        return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 def facing_each_other(

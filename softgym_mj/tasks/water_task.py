@@ -118,7 +118,7 @@ class WaterTask(StoredTask):
         return self._water.positions()
 
     def tool_state(self) -> np.ndarray:
-        return np.concatenate([self.containers_state(), self._actor.proprioception()])
+        return np.concatenate([self.containers_state(), self._actor.arm_state()])
 
     def containers_state(self) -> np.ndarray:
         """What the full state tells of the cups: `Cup.state` (6,) of each."""
@@ -134,7 +134,7 @@ class WaterTask(StoredTask):
         """The few numbers (n,) that describe water and cups, as in the task's docstring."""
 
     def reduced_state(self) -> np.ndarray:
-        return np.concatenate([self.water_state(), self._actor.proprioception()])
+        return np.concatenate([self.water_state(), self._actor.arm_state()])
 
     def highest(self) -> float:
         """Height [m] of the highest particle anywhere, splashes included."""
