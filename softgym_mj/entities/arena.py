@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from softgym_mj import assets
 from softgym_mj.domain import Parameter, shifted
+from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
 from softgym_mj.exceptions import OutOfRangeError, check_name
 
 
@@ -72,6 +73,11 @@ _TURNS = tuple(
     shifted(f"camera_{turn}", "deg", 1.0, 5.0, f"turn of the task's camera {how}")
     for turn, how in (("tilt", "upward"), ("pan", "to the left"), ("roll", "counter-clockwise"))
 )
+SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
+# [s] With MuJoCo's 0.02 s a rope that hangs over a rod of 4 mm sinks through it: its weight rests on
+# two light vertices. Twice the physics step at least.
+_SOLID_TIME = 0.01
+
 _BRIGHTNESS = Parameter(
     "floor_brightness", "", 1.0, (0.8, 1.0), (0.5, 1.0), "factor to the floor's colour"
 )
@@ -126,6 +132,32 @@ class Arena(composer.Arena):
         brightness = values[_BRIGHTNESS.name]
         self._mjcf_root.find("material", "floor").rgba = [*[brightness] * 3, 1.0]
         return True
+
+    def add_solid(self, type: str, **attributes: object) -> mjcf.Element:
+        """Adds a rigid shape that stays where it is: a rod, a shelf, a table, a wall.
+
+        Cloth, rope and rigid bodies lie on it, water stays in front of it, the hands of arms stop
+        at it; their controllers do not know of it. Pickers pass through it. What falls fast on
+        something thin needs a small physics step: docs/physics.md says how small.
+
+        Args:
+            type: "box", "sphere", "capsule", "cylinder" or "ellipsoid".
+            **attributes: of MJCF's `geom`: size [m], pos or fromto [m], quat, rgba, friction, ...
+
+        Returns:
+            The geom.
+
+        Raises:
+            UnknownNameError: for another type.
+        """
+        check_name("type", type, SOLIDS)
+        # Its own friction and softness count, whatever lies on it.
+        contact = {
+            "conaffinity": OBJECT_CONTACT | GRIPPER_CONTACT,
+            "priority": 1,
+            "solref": (_SOLID_TIME, 1.0),
+        }
+        return self._mjcf_root.worldbody.add("geom", type=type, **(contact | attributes))
 
     def compile(self, timestep: float, *entities: composer.Entity) -> mjcf.Physics:
         """Physics of the scene outside of an environment, with `entities` bound to it.
