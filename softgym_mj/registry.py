@@ -254,7 +254,7 @@ def find(task: str | TaskRecord) -> TaskRecord:
     except Exception as error:  # Whatever the code of the module raises.
         raise TaskModuleError(
             f"task={task!r}: {module!r} cannot be imported: {type(error).__name__}: {error}; "
-            f"`python -c 'import {module}'` shows where"
+            f"`python -c 'import {module}'` has to work"
         ) from error
     if name not in TASKS:
         own = [f"{module}:{other}" for other in TASKS if other not in _SHIPPED]
