@@ -74,8 +74,8 @@ _TURNS = tuple(
     for turn, how in (("tilt", "upward"), ("pan", "to the left"), ("roll", "counter-clockwise"))
 )
 SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
-# [s] With MuJoCo's 0.02 s a rope that hangs over a rod of 4 mm sinks through it, as its weight rests
-# on two light vertices. MuJoCo makes it twice the physics step at least.
+# [s] With MuJoCo's 0.02 s a rope that hangs over a rod of 4 mm sinks through it: all its weight is
+# borne by two light vertices. MuJoCo makes it twice the physics step at least.
 _SOLID_TIME = 0.01
 
 _BRIGHTNESS = Parameter(
@@ -139,7 +139,7 @@ class Arena(composer.Arena):
         Cloth, rope and rigid bodies lie on it, water stays in front of it, the hands of arms stop
         at it; their controllers do not know of it. Pickers pass through it. What falls fast on
         something thin needs a small physics step: docs/physics.md says how small. Cloth lies 5 mm
-        higher on a cylinder than on a capsule: MuJoCo counts its radius twice.
+        higher on a cylinder than on a capsule.
 
         Args:
             type: "box", "sphere", "capsule", "cylinder" or "ellipsoid".
