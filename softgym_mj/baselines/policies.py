@@ -36,6 +36,7 @@ def make_policy(name: str, env: Environment, seed: int = 0) -> Policy:
     Raises:
         UnknownNameError: if there is no such policy.
         PolicyFileError: for a file or function that is none.
+        ExpertError: if the task has no scripted expert.
     """
     if name.endswith(".pt2"):
         return _exported(pathlib.Path(name), env)

@@ -12,7 +12,7 @@ import numpy as np
 
 from softgym_mj.baselines.scripted.drop_cloth import DropCloth
 from softgym_mj.baselines.scripted.drop_fold_cloth import DropFoldCloth
-from softgym_mj.baselines.scripted.expert import Expert
+from softgym_mj.baselines.scripted.expert import Expert, OwnExpert, WithExpert
 from softgym_mj.baselines.scripted.fold_cloth import FoldCloth
 from softgym_mj.baselines.scripted.fold_crumpled_cloth import FoldCrumpledCloth
 from softgym_mj.baselines.scripted.pour_water import PourWater, PourWaterAmount
@@ -21,7 +21,7 @@ from softgym_mj.baselines.scripted.spread_cloth import SpreadCloth
 from softgym_mj.baselines.scripted.straighten_rope import StraightenRope
 from softgym_mj.baselines.scripted.transport_water import TransportWater
 from softgym_mj.environment import Environment
-from softgym_mj.exceptions import check_name
+from softgym_mj.exceptions import ExpertError
 
 EXPERTS: dict[str, type[Expert]] = {
     "straighten_rope": StraightenRope,
@@ -41,10 +41,18 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
     """The expert for the task of an environment.
 
     Args:
-        env: environment with two pickers or arms, or with one actor for the cup.
+        env: environment with two pickers or arms, or with one actor for the cup; or of a task of
+            your own that is `WithExpert`.
 
     Raises:
-        UnknownNameError: if the task has no expert.
+        ExpertError: if the task has no expert.
     """
-    check_name("task", env.name, EXPERTS)
+    if isinstance(env.task, WithExpert):
+        return OwnExpert(env)
+    if env.name not in EXPERTS:
+        raise ExpertError(
+            f"policy='scripted': there is no scripted expert for {env.name}; valid choices: "
+            "'random', 'zero', a FILE.pt2 or MODULE:FUNCTION. The class of the task may bring one: "
+            "a generator `expert(self)` of the actions of an episode"
+        )
     return EXPERTS[env.name](env)

@@ -2,11 +2,13 @@
 
 import abc
 from collections.abc import Iterator
+from typing import Protocol, runtime_checkable
 
 import dm_env
 import numpy as np
 
 from softgym_mj.environment import Environment
+from softgym_mj.exceptions import ExpertError
 
 
 class Expert(abc.ABC):
@@ -26,3 +28,28 @@ class Expert(abc.ABC):
     @abc.abstractmethod
     def _episode(self) -> Iterator[np.ndarray]:
         """Endless actions of an episode."""
+
+
+@runtime_checkable
+class WithExpert(Protocol):
+    """A task that brings its own expert, as tasks of yours may: any class with this method."""
+
+    def expert(self) -> Iterator[np.ndarray]:
+        """The actions (n,) in [-1, 1] of an episode, from its start on.
+
+        A generator that looks at the task between two actions and yields at least as many as the
+        episode has env steps.
+        """
+
+
+class OwnExpert(Expert):
+    """The expert that a task brings."""
+
+    def _episode(self):
+        task = self._env.task
+        for action in task.expert():
+            yield np.asarray(action, float)
+        raise ExpertError(
+            f"`expert` of {type(task).__name__} yields too few actions: {self._env.name} lasts "
+            f"{self._env.horizon} env steps"
+        )
