@@ -2,7 +2,9 @@
 
 import functools
 import json
+import os
 import pathlib
+import sys
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,8 +17,9 @@ import softgym_mj
 from softgym_mj import cli_data, cli_evaluation, cli_view
 from softgym_mj.baselines.episodes import Episode, play
 from softgym_mj.baselines.policies import SIMPLE
-from softgym_mj.console import Actor, Task, console, progress_bar
-from softgym_mj.exceptions import SoftGymError, check_name
+from softgym_mj.console import Actor, Grasp, Task, acting, console, progress_bar
+from softgym_mj.exceptions import SoftGymError
+from softgym_mj.registry import TaskRecord, find
 
 app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
 app.command()(cli_evaluation.evaluate)
@@ -28,13 +31,10 @@ app.command()(cli_view.view)
 _VIDEO_SIZE = 480  # Side of a video [pixels].
 
 
-def _load(task: str, split: str, filmed: bool, actor: str | None = None):
+def _load(task: TaskRecord, split: str, filmed: bool, **settings: Any):
     """The environment of a task; water is drawn finely if a video is made of it."""
-    check_name("task", task, softgym_mj.TASKS)
-    drawn = filmed and "draw" in softgym_mj.TASKS[task].arguments
-    settings: dict[str, Any] = {"draw": "fine"} if drawn else {}
-    if actor is not None:
-        settings["actor"] = actor
+    if filmed and "draw" in task.arguments:
+        settings["draw"] = "fine"
     return softgym_mj.load(task, split=split, **settings)
 
 
@@ -68,9 +68,9 @@ def demo(
     """
     strips = []
     with progress_bar() as progress:
-        for name in softgym_mj.TASKS:
+        for name, record in softgym_mj.TASKS.items():
             file = out / f"{name}.mp4"
-            env = _load(name, "all", filmed=True)
+            env = _load(record, "all", filmed=True)
             bar = progress.add_task(name, total=env.horizon)
             advance = functools.partial(progress.advance, bar)
             episode = play(env, "scripted", variation, size=size, on_step=advance)
@@ -87,8 +87,11 @@ def demo(
 @app.command()
 def rollout(
     task: Task,
-    policy: Annotated[str, typer.Option(help=f"One of {', '.join(SIMPLE)}.")] = "scripted",
+    policy: Annotated[
+        str, typer.Option(help=f"{', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
+    ] = "scripted",
     actor: Actor = None,
+    grasp: Grasp = None,
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
     episodes: Annotated[int, typer.Option(min=1)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
@@ -97,16 +100,18 @@ def rollout(
     ] = None,
 ) -> None:
     """Runs a policy on the first variations of a split; prints one JSON line an episode."""
-    env = _load(task, split, filmed=video is not None, actor=actor)
+    record = find(task)
+    env = _load(record, split, filmed=video is not None, **acting(actor, grasp))
     for index in list(env.variations)[:episodes]:
         episode = _filmed(env, policy, index, video is not None, seed)
         if video is not None:
-            _write(episode, video / f"{task}_{index:04d}.mp4")
+            _write(episode, video / f"{record.name}_{index:04d}.mp4")
         typer.echo(
             json.dumps(
                 {
-                    "task": task,
+                    "task": record.name,
                     "actor": actor,
+                    "grasp": grasp,
                     "policy": policy,
                     "variation": index,
                     "normalized_performance": _score(episode),
@@ -120,6 +125,7 @@ def rollout(
 def oracle(
     task: Task,
     actor: Actor = None,
+    grasp: Grasp = None,
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
     episodes: Annotated[int, typer.Option(help="Variations, from the first on.", min=1)] = 20,
     out: Annotated[
@@ -127,12 +133,13 @@ def oracle(
     ] = pathlib.Path("oracle"),
 ) -> None:
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
-    env = _load(task, split, filmed=True, actor=actor)
-    name = task if actor is None else f"{task}-{actor}"
+    record, settings = find(task), acting(actor, grasp)
+    env = _load(record, split, filmed=True, **settings)
+    name = "-".join([record.name, *settings.values()])
     scores: dict[int, float] = {}
     with progress_bar() as progress:
         variations = list(env.variations)[:episodes]
-        bar = progress.add_task(task, total=len(variations))
+        bar = progress.add_task(record.name, total=len(variations))
         for index in variations:
             first = index == variations[0]
             episode = _filmed(env, "scripted", index, first)
@@ -141,15 +148,15 @@ def oracle(
             scores[index] = _score(episode)
             progress.advance(bar)
     values = list(scores.values())
-    summary = {"task": task, "actor": actor, "policy": "scripted",
+    summary = {"task": record.name, "actor": actor, "grasp": grasp, "policy": "scripted",
                "version": softgym_mj.__version__, "mean": float(np.mean(values)),
                "min": min(values), "max": max(values),
                "normalized_performance": scores}  # fmt: skip
     file = out / f"{name}.json"
     file.write_text(json.dumps(summary, indent=2))
     console.print(
-        f"{task}: mean {summary['mean']:.3f}, min {min(values):.3f}, max {max(values):.3f} of "
-        f"{len(values)}; wrote {file} and {out / name}.mp4"
+        f"{record.name}: mean {summary['mean']:.3f}, min {min(values):.3f}, "
+        f"max {max(values):.3f} of {len(values)}; wrote {file} and {out / name}.mp4"
     )
 
 
@@ -190,7 +197,12 @@ def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:
 
 
 def main() -> None:
-    """Runs the command line; an error of this package is one line and exit status 1."""
+    """Runs the command line; an error of this package is one line and exit status 1.
+
+    Modules of the current folder can be imported, as with `python -m`: tasks and policies of yours.
+    """
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # Behind what is installed, such as this package.
     try:
         app()
     except SoftGymError as error:

@@ -1,13 +1,13 @@
 """The commands `softgym-mj generate` and `softgym-mj record`."""
 
 import pathlib
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from softgym_mj.console import Actor, Ray, Task, console, progress_bar
-from softgym_mj.exceptions import OutOfRangeError, check_name
-from softgym_mj.registry import TASKS
+from softgym_mj.console import Actor, Grasp, Ray, Task, acting, console, progress_bar
+from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.registry import find
 from softgym_mj.variations import split_indices
 from softgym_mj.workers import make_workers
 
@@ -24,17 +24,16 @@ def generate(
     ] = None,
 ) -> None:
     """Generates settled initial states into the cache; may be killed and run again."""
-    check_name("task", task, TASKS)
-    record = TASKS[task]
+    record = find(task)
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
     from softgym_mj.tasks.stored_task import StoredTask  # dm_control takes a second to import.
 
     built = record.build(**settings)
     if not isinstance(built, StoredTask):
-        raise OutOfRangeError("task", task, "a task that keeps its initial states")
+        raise OutOfRangeError("task", record.name, "a task that keeps its initial states")
     store = built.store
     with make_workers(jobs, ray) as workers, progress_bar() as progress:
-        bar = progress.add_task(f"{task} variations", total=num)
+        bar = progress.add_task(f"{record.name} variations", total=num)
         made = store.generate_missing(
             range(start, start + num), workers, lambda index: progress.advance(bar)
         )
@@ -50,20 +49,19 @@ def record(
         str, typer.Option(help="scripted, random, zero, FILE.pt2 or MODULE:FUNCTION.")
     ] = "scripted",
     actor: Actor = None,
+    grasp: Grasp = None,
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "train",
     episodes: Annotated[int, typer.Option(help="Variations, from the first on.", min=1)] = 10,
     observation: Annotated[str, typer.Option(help="Observations, with commas.")] = "reduced",
     seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
     dataset: Annotated[
-        str | None, typer.Option(help="Id; softgym_mj/TASK/POLICY-v0 if not given.")
+        str | None,
+        typer.Option(help="Id; softgym_mj/TASK/POLICY[-ACTOR][-GRASP]-v0 if not given."),
     ] = None,
 ) -> None:
     """Records episodes as a Minari dataset, one a variation."""
     from softgym_mj import recording
 
-    settings: dict[str, Any] = {"observation": observation.split(",")}
-    if actor is not None:
-        settings["actor"] = actor
     variations = list(split_indices(split))[:episodes]
     with progress_bar() as progress:
         bar = progress.add_task(task, total=len(variations))
@@ -74,7 +72,8 @@ def record(
             dataset=dataset,
             seed=seed,
             on_episode=lambda info: progress.advance(bar),
-            **settings,
+            observation=observation.split(","),
+            **acting(actor, grasp),
         )
     console.print(
         f"recorded {made.total_episodes} episodes, {made.total_steps} steps; "

@@ -12,7 +12,7 @@ import typer
 from softgym_mj.baselines.cem import BUDGET, ITERATIONS, PLANNERS, Plan
 from softgym_mj.console import Ray, Task, console, progress_bar
 from softgym_mj.exceptions import OutOfRangeError
-from softgym_mj.registry import TASKS
+from softgym_mj.registry import TASKS, find
 
 
 def evaluate(
@@ -31,7 +31,9 @@ def evaluate(
     replan_every: Annotated[int, typer.Option(help="Env steps that a plan is executed for.")] = 1,
     settings: Annotated[
         str,
-        typer.Option(help='Arguments of the task as JSON: \'{"actor": "franka"}\'.'),
+        typer.Option(
+            help='Arguments of the task as JSON: \'{"actor": "franka", "grasp": "friction"}\'.'
+        ),
     ] = "{}",
     jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
     ray: Ray = None,
@@ -45,7 +47,7 @@ def evaluate(
 
     planning = evaluation.Planning(horizon, budget, iterations, replan_every)
     configuration = evaluation.Configuration(
-        task,
+        find(task).name,
         policy,
         evaluation.evaluation_variations(episodes),
         tuple(range(seeds)),
@@ -59,7 +61,7 @@ def evaluate(
         console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
         raise typer.Exit(130) from None
     console.print(
-        f"{task}, {policy}: median {result['summary']['median']:.3f}, "
+        f"{configuration.task}, {policy}: median {result['summary']['median']:.3f}, "
         f"mean {result['summary']['mean']:.3f} (min {result['summary']['min']:.3f}); "
         f"wrote {out / 'result.json'}"
     )

@@ -1,13 +1,13 @@
 """The command `softgym-mj view`."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from softgym_mj.baselines.policies import SIMPLE
-from softgym_mj.console import Actor, Task, console
-from softgym_mj.exceptions import RenderingUnavailableError, check_name
-from softgym_mj.registry import TASKS
+from softgym_mj.console import Actor, Grasp, Task, acting, console
+from softgym_mj.exceptions import RenderingUnavailableError
+from softgym_mj.registry import find
 from softgym_mj.rendering import has_display
 from softgym_mj.variations import check_variation
 from softgym_mj.viewing.session import TELEOPERATE, Session
@@ -19,6 +19,7 @@ def view(
         str, typer.Option(help=f"{TELEOPERATE}, {', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
     ] = TELEOPERATE,
     actor: Actor = None,
+    grasp: Grasp = None,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
     browser: Annotated[bool, typer.Option("--browser", help="In a browser: no display.")] = False,
     host: Annotated[
@@ -27,9 +28,9 @@ def view(
     port: Annotated[int, typer.Option(help="Port for browsers; 0 for any free one.")] = 8080,
 ) -> None:
     """Shows a task in MuJoCo's viewer or in a browser; you play it by hand, or a policy does."""
-    check_name("task", task, TASKS)
+    find(task)
     check_variation(variation)
-    settings: dict[str, Any] = {} if actor is None else {"actor": actor}
+    settings = acting(actor, grasp)
     if browser:
         from softgym_mj.viewing.browser import Browser, open_server
 

@@ -3,8 +3,11 @@
 Minari keeps observations, actions, rewards and infos of whole episodes in HDF5 and is read by the
 libraries for offline learning. Actions are kept as they were applied, in single precision: played
 again from the variation in the infos they give the same observations, bit for bit.
+
+A dataset of a task of your own names the module of the task, which `recover_environment` imports.
 """
 
+import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +16,7 @@ import gymnasium
 
 from softgym_mj import registry
 from softgym_mj.baselines.policies import Policy, make_policy
-from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError
 from softgym_mj.extras import import_extra
 from softgym_mj.variations import check_variation
 
@@ -21,9 +24,16 @@ if TYPE_CHECKING:
     import minari
 
 
-def dataset_name(task: str, policy: str) -> str:
-    """The id that a dataset gets by default."""
-    return f"softgym_mj/{task}/{policy.replace(':', '-').replace('.', '-')}-v0"
+def dataset_name(task: str, policy: str, actor: str | None = None, grasp: str | None = None) -> str:
+    """The id that a dataset gets by default: "softgym_mj/fold_cloth/scripted-franka-v0".
+
+    Args:
+        task: task name, without a module.
+        policy: as in `record`.
+        actor, grasp: of the task; None, which the id does not mention, for its own.
+    """
+    policy = policy.replace(":", "-").replace(".", "-")
+    return f"softgym_mj/{task}/{'-'.join(filter(None, (policy, actor, grasp)))}-v0"
 
 
 def record(
@@ -39,31 +49,36 @@ def record(
     """Plays a policy once in each variation and stores what happens.
 
     Args:
-        task: task name.
+        task: task name, or "module:name" as in `registry.find`.
         variations: indices, in the order of the episodes.
         policy: of `baselines.policies`.
-        dataset: id of the dataset, `dataset_name` if None.
+        dataset: id of the dataset; None for `dataset_name` of task, policy, actor and grasp.
         seed: of the policy.
         on_episode: called with the last info of each episode.
         **settings: keyword arguments of the Gymnasium environment, such as `observation`.
 
     Raises:
         MissingExtraError: if Minari is missing.
-        OutOfRangeError: if the dataset exists.
-        UnknownNameError, PolicyFileError: for a bad task or policy.
+        DatasetExistsError: if the dataset exists.
+        OutOfRangeError: for a variation that does not exist, or none.
+        UnknownNameError, TaskModuleError, PolicyFileError: for a bad task or policy.
+        ExpertError: if the policy is "scripted" and the task has no expert.
     """
-    check_name("task", task, registry.TASKS)
+    found = registry.find(task)
     for variation in variations:
         check_variation(variation)
     if not variations:
         raise OutOfRangeError("variations", variations, "at least one")
     minari = import_extra("minari", "Minari", "datasets")
-    name = dataset_name(task, policy) if dataset is None else dataset
+    name = dataset
+    if name is None:
+        name = dataset_name(found.name, policy, settings.get("actor"), settings.get("grasp"))
     if name in minari.list_local_datasets():
-        raise OutOfRangeError(
-            "dataset", name, f"an id that is not taken; `minari delete {name}` removes it"
+        raise DatasetExistsError(
+            f"dataset={name!r} exists; choose another id, or remove it: `minari delete {name}`"
         )
-    env = gymnasium.make(registry.TASKS[task].gymnasium_id, split="all", **settings)
+    played = task if isinstance(task, str) and ":" in task else _with_module(found)
+    env = gymnasium.make(found.gymnasium_id, task=played, split="all", **settings)
     try:
         act = make_policy(policy, env.unwrapped.dm_env, seed)  # type: ignore[attr-defined]
         episodes = []
@@ -79,12 +94,27 @@ def record(
             env=env,
             eval_env=env,
             algorithm_name=policy,
-            description=registry.TASKS[task].summary,
+            description=found.summary,
             requirements=["softgym_mj"],
             jpeg_encoding=False,  # It would change images.
         )
     finally:
         env.close()
+
+
+def _with_module(record: registry.TaskRecord) -> str:
+    """The name of a task with the module that another process has to import, if it can.
+
+    That is the module of the task's constructor, as far as it is found there; what a script or a
+    notebook defines is not.
+    """
+    constructor = record.constructor
+    if isinstance(constructor, str):  # A task of the package.
+        return record.name
+    module, name = (getattr(constructor, key, "") for key in ("__module__", "__qualname__"))
+    if module == "__main__" or getattr(sys.modules.get(module), name, None) is not constructor:
+        return record.name
+    return f"{module}:{record.name}"
 
 
 def _episode(env: gymnasium.Env, act: Policy, variation: int) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from softgym_mj import cli
-from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
+from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError, UnknownNameError
 from softgym_mj.recording import dataset_name, record
 
 
@@ -51,7 +51,7 @@ def test_a_dataset_plays_again_bit_equal(task, variations, settings):
 
 def test_a_taken_name_and_bad_input_are_refused():
     record("straighten_rope", (800,), "zero", dataset="mine/rope-v0", horizon=3)
-    with pytest.raises(OutOfRangeError, match=r"dataset='mine/rope-v0'.*minari delete"):
+    with pytest.raises(DatasetExistsError, match=r"dataset='mine/rope-v0' exists.*minari delete"):
         record("straighten_rope", (800,), "zero", dataset="mine/rope-v0", horizon=3)
     with pytest.raises(UnknownNameError, match="task='fly'"):
         record("fly", (800,))
@@ -59,6 +59,15 @@ def test_a_taken_name_and_bad_input_are_refused():
         record("straighten_rope", (800,), "best")
     with pytest.raises(OutOfRangeError, match="variation=1000"):
         record("straighten_rope", (1000,))
+
+
+def test_default_ids_tell_what_acts():
+    assert dataset_name("fold_cloth", "scripted") == "softgym_mj/fold_cloth/scripted-v0"
+    ids = [
+        dataset_name("lift", "pol.py:make", *acts) for acts in ((), ("franka",), ("franka", "a"))
+    ]
+    stem = "softgym_mj/lift/pol-py-make"
+    assert ids == [f"{stem}-v0", f"{stem}-franka-v0", f"{stem}-franka-a-v0"]
 
 
 def test_the_command_line_records():

@@ -1,0 +1,200 @@
+"""Tasks of a module of one's own, "module:name": on the command line, in workers, in datasets."""
+
+import json
+import subprocess
+import sys
+
+import gymnasium
+import minari
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import softgym_mj
+from softgym_mj import cli, registry
+from softgym_mj.exceptions import ExpertError, TaskModuleError, UnknownNameError
+from softgym_mj.recording import record
+
+HORIZON = 3
+MODULE = """
+from typing import Unpack
+
+import numpy as np
+
+import softgym_mj
+from softgym_mj.entities import Rope
+from softgym_mj.robots.factory import make_gripper
+from softgym_mj.tasks import Evaluation, SceneTask, TaskSettings
+
+
+class Pull(SceneTask):
+    def __init__(self, actor="picker", grasp=None, **settings: Unpack[TaskSettings]):
+        self.rope = Rope("fast")
+        super().__init__([self.rope], make_gripper(actor, "rope", grasp=grasp), **settings)
+
+    def arrange(self, random):
+        self.rope.set_vertices(self.rope.straight() + [0.0, random.uniform(-0.1, 0.1), 0.0])
+
+    def evaluate(self):
+        height = float(self.actor.positions()[0, 2])
+        return Evaluation(height, {"height": height})
+
+
+class Rise(Pull):
+    def expert(self):
+        for i in range(3):
+            yield [0.0, 0.0, 0.25 * i, -1.0] * 2
+
+
+softgym_mj.register("own_pull", Pull, horizon=3, summary="Pull.")
+softgym_mj.register("own_rise", Rise, horizon=3)
+softgym_mj.register("own_rise_longer", Rise, horizon=4)
+
+
+def half(env):
+    return lambda timestep: np.full(env.task.actor.action_size, 0.5)
+"""
+
+
+@pytest.fixture(name="folder")
+def _folder(tmp_path, monkeypatch):
+    """The current folder, with the module `own_tasks`; what it registers is forgotten later."""
+    (tmp_path / "own_tasks.py").write_text(MODULE)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
+    modules, tasks = set(sys.modules), set(registry.TASKS)
+    yield tmp_path
+    for name in set(sys.modules) - modules:
+        if getattr(sys.modules[name], "__file__", None) == str(tmp_path / f"{name}.py"):
+            del sys.modules[name]
+    for name in set(registry.TASKS) - tasks:
+        gymnasium.registry.pop(registry.TASKS.pop(name).gymnasium_id)
+
+
+def run(command, monkeypatch):
+    """What the shell would run."""
+    monkeypatch.setattr(sys, "argv", ["softgym-mj", *command.split()])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return ended.value.code
+
+
+def scores(policy, task="own_pull"):
+    """Normalised performance at the end of variation 800."""
+    env = softgym_mj.load(task, split="evaluate")
+    timestep = env.reset(800)
+    while not timestep.last():
+        timestep = env.step(policy(env.step_count))
+    return env.info()["normalized_performance"]
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_module_of_the_current_folder_brings_task_and_policy(capsys, monkeypatch):
+    command = "rollout own_tasks:own_pull --policy own_tasks:half --episodes 1"
+    assert run(command, monkeypatch) == 0
+    line = json.loads(capsys.readouterr().out)
+    assert line["task"] == "own_pull"
+    assert line["normalized_performance"] == scores(lambda step: np.full(8, 0.5))
+    assert softgym_mj.load("own_tasks:own_pull").name == "own_pull"
+
+
+def test_workers_find_the_module(folder, monkeypatch):
+    command = "evaluate own_tasks:own_pull --policy own_tasks:half --episodes 2 --out"
+    for out, jobs in (("here", 1), ("there", 2)):
+        assert run(f"{command} {out} --jobs {jobs}", monkeypatch) == 0
+    here, there = ((folder / out / "result.json").read_bytes() for out in ("here", "there"))
+    assert here == there
+    assert json.loads(here)["episodes"][0]["normalized_performance"] == scores(
+        lambda step: np.full(8, 0.5)
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "task", "error", "message"),
+    [
+        ("", "own_missing:pull", TaskModuleError, "ModuleNotFoundError: .*'own_missing'"),
+        ("1 / 0", "own_broken:pull", TaskModuleError, "ZeroDivisionError.*import own_broken"),
+        ("", "own_broken:pull", TaskModuleError, "own_broken.py'> registers no task.*__main__"),
+        ("import own_tasks", "own_broken:pul", UnknownNameError, "'own_broken:own_pull', 'own_br"),
+        ("", "own_pull", UnknownNameError, "'rope_configuration', 'MODULE:NAME'"),
+        ("", ":own_pull", TaskModuleError, "'' cannot be imported"),
+    ],
+)
+def test_what_is_no_module_with_the_task_is_an_error(
+    content, task, error, message, folder, monkeypatch
+):
+    monkeypatch.syspath_prepend(str(folder))
+    (folder / "own_broken.py").write_text(content)
+    with pytest.raises(error, match=message) as raised:
+        registry.find(task)
+    assert repr(task) in str(raised.value) and "\n" not in str(raised.value)
+
+
+REPLAY = """
+import minari
+import numpy as np
+
+dataset = minari.load_dataset("softgym_mj/own_pull/own_tasks-half-v0")
+(episode,) = dataset.iterate_episodes()
+env = dataset.recover_environment()
+observation, _ = env.reset(options={"variation": int(episode.infos["variation"][0])})
+for action, before, after in zip(
+    episode.actions, episode.observations[:-1], episode.observations[1:], strict=True
+):
+    np.testing.assert_array_equal(observation, before)
+    observation, *_ = env.step(action)
+    np.testing.assert_array_equal(observation, after)
+print(env.unwrapped.dm_env.task.actor.action_size, len(episode.actions))
+"""
+
+
+def test_a_dataset_plays_again_in_a_process_that_knows_nothing_of_the_task(folder, monkeypatch):
+    command = "record own_tasks:own_pull --policy own_tasks:half --episodes 1"
+    assert run(command, monkeypatch) == 0
+    replay = [sys.executable, "-c", REPLAY]
+    played = subprocess.run(replay, cwd=folder, capture_output=True, text=True, check=False)
+    assert played.stdout.split() == ["8", str(HORIZON)], played.stderr
+
+
+def test_a_dataset_names_the_module_that_can_be_imported(folder, monkeypatch):
+    monkeypatch.syspath_prepend(str(folder))
+    registry.find("own_tasks:own_pull")
+    namespace = {"__name__": "notebook"}
+    exec(MODULE.replace("own_", "typed_"), namespace)  # Its class is found in no module.
+    for name, module in (("own_pull", "own_tasks:own_pull"), ("typed_pull", "typed_pull")):
+        dataset = record(name, (800,), "zero")
+        assert dataset.env_spec.kwargs["task"] == module
+    (folder / "own_reexport.py").write_text("import own_tasks")
+    dataset = record("own_reexport:own_pull", (800,), "zero", actor="franka", grasp="friction")
+    assert dataset.spec.dataset_id == "softgym_mj/own_pull/zero-franka-friction-v0"
+    assert dataset.env_spec.kwargs["task"] == "own_reexport:own_pull"
+
+
+def test_the_grasp_is_that_of_the_command(folder, monkeypatch):
+    monkeypatch.syspath_prepend(str(folder))
+    command = "record own_tasks:own_pull --policy zero --episodes 1 --actor franka --grasp friction"
+    output = CliRunner().invoke(cli.app, command.split())
+    assert output.exit_code == 0, output.output
+    dataset = minari.load_dataset("softgym_mj/own_pull/zero-franka-friction-v0")
+    actor = dataset.recover_environment().unwrapped.dm_env.task.actor
+    assert type(actor).__name__ == "FrankaFrictionArms"
+
+
+def test_an_expert_of_its_own_is_the_scripted_policy(folder, monkeypatch):
+    expected = [np.tile([0.0, 0.0, 0.25 * i, -1.0], 2) for i in range(HORIZON)]
+    monkeypatch.setattr(cli, "_VIDEO_SIZE", 64)
+    assert run("oracle own_tasks:own_rise --episodes 1", monkeypatch) == 0
+    score = json.loads((folder / "oracle" / "own_rise.json").read_text())["mean"]
+    assert score == scores(lambda step: expected[step], "own_rise") > 0.3
+    (first, second) = record("own_rise", (800, 801)).iterate_episodes()
+    np.testing.assert_array_equal(first.actions, expected)
+    np.testing.assert_array_equal(second.actions, expected)
+
+
+def test_no_expert_or_too_short_a_one_is_an_error(folder, monkeypatch):
+    monkeypatch.syspath_prepend(str(folder))
+    with pytest.raises(ExpertError, match=r"no scripted expert for own_pull.*MODULE:FUNCTION"):
+        record("own_tasks:own_pull", (800,))
+    with pytest.raises(ExpertError, match=r"Rise yields too few actions.*lasts 4 env steps"):
+        record("own_tasks:own_rise_longer", (800,))
