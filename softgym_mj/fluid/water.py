@@ -173,9 +173,21 @@ class Water(composer.Entity):
         """Makes the geoms of bodies walls of the water, whatever else they collide with.
 
         To be called when the water and the bodies are attached to the same scene. What can collide
-        and belongs to the world itself, such as the floor, is a wall anyway.
+        and is fixed to the world, such as the floor, is a wall anyway.
+
+        Args:
+            *bodies: elements `body` of that scene's MJCF, with joints, a mocap body or neither.
+
+        Raises:
+            OutOfRangeError: for anything else.
         """
         for body in bodies:
+            if not isinstance(body, mjcf.Element) or body.tag != "body":
+                valid = "MJCF elements `body`, such as `cup.body` or `worldbody.add('body')`"
+                raise OutOfRangeError("bodies", body, valid)
+            if body.root.root_model is not self._mjcf_root.root_model:
+                valid = "bodies of the scene that the water has been attached to"
+                raise OutOfRangeError("bodies", body.full_identifier, valid)
             body.add("plugin", plugin=FLUID, instance=self._instance)
 
     # ------------------------------------------------------------------ simulation

@@ -8,7 +8,7 @@ std::string CollectWalls(const mjModel* m, int instance, bool world, std::vector
     int body = m->geom_bodyid[geom];
     bool collides = m->geom_contype[geom] || m->geom_conaffinity[geom];
     bool carries = m->body_plugin[body] == instance;
-    if (!carries && !(world && body == 0 && collides)) continue;
+    if (!carries && !(world && collides && IsFixed(m, body))) continue;
     Wall wall = {geom, body, Shape::kBox, {}};
     switch (m->geom_type[geom]) {
       case mjGEOM_PLANE: wall.shape = Shape::kPlane; break;

@@ -21,9 +21,9 @@ struct Wall {
   float size[3];  // As in mjModel.geom_size.
 };
 
-// The geoms of the bodies that carry `instance` and, if `world`, of the world body where they can
-// collide. Meshes, height fields and signed distance fields are not supported: returns "" or a
-// sentence that names the geom.
+// The geoms of the bodies that carry `instance` and, if `world`, of the world body and those fixed to
+// it where they can collide. Meshes, height fields and signed distance fields are not supported:
+// returns "" or a sentence that names the geom.
 std::string CollectWalls(const mjModel* m, int instance, bool world, std::vector<Wall>* walls);
 
 constexpr size_t kMaxWalls = 4096;

@@ -8,6 +8,11 @@ bool IsDynamic(const mjModel* m, int body) {
   return m->body_jntnum[m->body_weldid[body]] > 0;
 }
 
+bool IsFixed(const mjModel* m, int body) {
+  // Mocap bodies, which only the world can have as their parent, count as welded to it.
+  return m->body_weldid[body] == 0 && m->body_mocapid[m->body_rootid[body]] < 0;
+}
+
 Pose BodyPose(const mjModel* m, const mjData* d, int body) {
   Pose pose = {{0, 0, 0}, {1, 0, 0, 0}};
   if (body == 0) return pose;

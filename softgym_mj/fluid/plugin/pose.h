@@ -15,6 +15,9 @@ struct Pose {
 // Whether a body moves by joints: neither fixed to the world nor carried by a mocap body alone.
 bool IsDynamic(const mjModel* m, int body);
 
+// Whether a body is the world or fixed to it: neither joints nor a mocap body move it.
+bool IsFixed(const mjModel* m, int body);
+
 // World pose of a body from qpos and mocap_pos. Unlike xpos it is never stale: mj_step leaves xpos
 // at the start of the step, and dm_control steps in an order of its own.
 Pose BodyPose(const mjModel* m, const mjData* d, int body);
