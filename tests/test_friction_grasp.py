@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 import softgym_mj
+from softgym_mj.entities import Cloth
+from softgym_mj.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError, UnknownNameError
+from softgym_mj.robots.factory import make_gripper
 from softgym_mj.robots.models import ARMS
+from softgym_mj.tasks import Evaluation, SceneTask
 from tests.test_contract import actions
 from tests.test_snapshots import trace
 
@@ -191,6 +195,46 @@ def test_a_piece_of_a_rope_is_lifted(arm):
     assert np.linalg.norm(offset(env, vertex) - pinched) < 0.005
     wait(env, False, 6)
     assert offset(env, vertex)[2] < -0.1
+
+
+class Lift(SceneTask):
+    """A rigid body of one's own within reach, a cloth 0.3 m away from it."""
+
+    def __init__(self, arm, shape):
+        self.cloth = Cloth((20, 20), fidelity="fast")
+        super().__init__([self.cloth], make_gripper(arm, "cloth", arms=1, grasp="friction"))
+        body = self.root_entity.mjcf_model.worldbody.add("body", name="toy", pos=[0.1, -0.2, 0.02])
+        body.add("freejoint")
+        size = [0.018] * 3 if shape == "box" else [0.018]
+        body.add(
+            "geom", name="toy", type=shape, size=size, mass=0.05, condim=4, conaffinity=3
+        )  # Solid for hands, too.
+
+    def arrange(self, random):
+        self.cloth.set_vertices(self.cloth.flat((-0.2, -0.2)))
+
+    def evaluate(self):
+        return Evaluation(0.0, {"nothing": 0.0})
+
+
+@pytest.mark.parametrize("shape", ["box", "sphere"])
+@arms
+def test_a_rigid_body_in_the_hand_is_no_vertex(arm, shape):
+    env = Environment(Lift(arm, shape), name="lift", horizon=1000)
+    env.reset(800)
+    close_at(env, np.array([0.1, -0.2]))
+    data, model = env.physics.data.ptr, env.physics.model.ptr
+    # Of two geoms the one of the simpler kind comes first: a ball before the pad, the pad before a
+    # box.
+    pads = [model.geom(f"arms/{arm}_0/{pad}").id for pad in env.task.actor.arm.pad_geoms]
+    place = 1 if shape == "sphere" else 0
+    assert set(pads) <= set(data.contact.geom[:, place])
+    held = []
+    for _ in range(20):
+        env.step(np.array([0.0, 0.0, 0.1, 1.0]))
+        held.append(env.task.actor.held[0])
+    assert data.body("toy").xpos[2] > 0.1
+    assert set(held) == {-1} and env.info()["picks_held"] == env.info()["dropped"] == 0
 
 
 @arms

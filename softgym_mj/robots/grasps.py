@@ -245,7 +245,8 @@ class FrictionGrasp(Grasp):
         for pad in self._fingers.pads[i]:
             inward = -self._fingers.data.geom_xmat[pad].reshape(3, 3)[:, 1]
             towards = contact.frame[:, :3] @ inward > PRESSING
-            mine = active & (contact.geom[:, 0] == pad) & towards
+            # A flex comes second in a contact; of rigid bodies there is no element there.
+            mine = active & (contact.geom[:, 0] == pad) & (contact.elem[:, 1] >= 0) & towards
             pinched = np.intersect1d(pinched, self._corners(contact.elem[mine, 1]))
         return pinched
 
