@@ -69,11 +69,12 @@ def make_gripper(
         num_pickers, arms, grasp, visual: as in `GripperSettings`.
 
     Raises:
-        UnknownNameError: if there is no such actor, grasp or look.
+        UnknownNameError: if there is no such actor, kind, grasp or look.
         ModelUnavailableError: if Menagerie's model cannot be had.
         OutOfRangeError: if there cannot be as many, or for a setting of other actors.
     """
     check_name("actor", actor, GRIPPERS)
+    check_name("kind", kind, _GEOMETRY)
     if actor in ARMS:
         _refuse({"num_pickers": num_pickers}, "None: arms are counted by `arms`")
         from softgym_mj.robots.arms import GRASPS  # mink takes a quarter of a second to import.
