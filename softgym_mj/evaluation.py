@@ -7,6 +7,7 @@ and run again; its result is the same file, byte for byte.
 
 import dataclasses
 import json
+import os
 import pathlib
 import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,8 +28,8 @@ from softgym_mj.baselines.cem import (
 )
 from softgym_mj.baselines.model_predictive import ModelPredictivePolicy
 from softgym_mj.baselines.policies import SIMPLE, is_saved, make_policy
-from softgym_mj.baselines.rollouts import Rollouts, kept_environment
-from softgym_mj.exceptions import ResultError, UnknownNameError, check_count, check_name
+from softgym_mj.baselines.rollouts import Rollouts, kept_environment, sent_to
+from softgym_mj.exceptions import ResultError, UnknownNameError, check_count
 from softgym_mj.files import write_whole
 from softgym_mj.variations import check_variation, split_indices
 from softgym_mj.workers import Here, Workers
@@ -60,7 +61,7 @@ class Configuration:
     """What is evaluated.
 
     Attributes:
-        task: task name.
+        task: task name, as in `registry.find`.
         policy: one of `POLICIES`, or a saved one, see `baselines.policies`.
         variations: indices.
         seeds: of the policy: the score is a mean over variations, its spread is over seeds.
@@ -76,7 +77,7 @@ class Configuration:
     planning: Planning | None = None
 
     def __post_init__(self):
-        check_name("task", self.task, registry.TASKS)
+        registry.find(self.task)
         if not is_saved(self.policy) and self.policy not in POLICIES:
             choices = (*POLICIES, "FILE.pt2", "MODULE:FUNCTION")
             raise UnknownNameError("policy", self.policy, choices)
@@ -153,7 +154,7 @@ class Progress:
 
 def evaluate(
     configuration: Configuration,
-    folder: pathlib.Path,
+    folder: str | os.PathLike[str],
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> dict:
@@ -163,7 +164,8 @@ def evaluate(
 
     Args:
         configuration: what is evaluated.
-        folder: of this evaluation alone.
+        folder: of this evaluation alone. It knows tasks by name: what has changed since, in a task
+            of your own or in a policy, needs another folder.
         workers: who simulates; None for this process.
         progress: told of episodes and decisions.
 
@@ -173,7 +175,7 @@ def evaluate(
     Raises:
         ResultError: if the folder belongs to another configuration or holds a damaged file.
     """
-    workers, progress = workers or Here(), progress or Progress()
+    folder, workers, progress = pathlib.Path(folder), workers or Here(), progress or Progress()
     written = configuration.as_json()
     _claim(folder, written)
     episodes: dict[tuple[int, int], dict] = {}
@@ -204,7 +206,8 @@ def _played(
 ) -> Iterable[tuple[int, int, dict]]:
     settings = json.dumps(dict(configuration.settings), sort_keys=True)
     if configuration.policy not in PLANNERS:
-        calls = [(configuration.task, settings, configuration.policy, *key) for key in missing]
+        task = sent_to(workers, configuration.task)
+        calls = [(task, settings, configuration.policy, *key) for key in missing]
         for index, episode in workers.results(play_episode, calls):
             yield *missing[index], episode
         return
@@ -228,8 +231,16 @@ def _played(
         yield variation, seed, _play(env, policy, variation, seed)
 
 
-def play_episode(task: str, settings: str, policy: str, variation: int, seed: int) -> dict:
-    """Plays an episode of a policy that does not plan; returns its scores."""
+def play_episode(
+    task: registry.TaskRecord | bytes, settings: str, policy: str, variation: int, seed: int
+) -> dict:
+    """Plays an episode of a policy that does not plan; returns its scores.
+
+    Args:
+        task: as `rollouts.sent_to` returns it.
+        settings: keyword arguments of the task as JSON.
+        policy, variation, seed: of the episode.
+    """
     env = kept_environment(task, settings)
     return _play(env, make_policy(policy, env, seed), variation, seed)
 

@@ -5,14 +5,17 @@ A snapshot restores an episode exactly, so that the returns do not depend on who
 
 import functools
 import json
+import pickle
 from collections.abc import Mapping
 
 import numpy as np
 from dm_control.rl.control import PhysicsError
+from gymnasium.vector.utils import CloudpickleWrapper
 
 from softgym_mj import registry
 from softgym_mj.environment import Environment, Snapshot
-from softgym_mj.workers import Workers
+from softgym_mj.registry import TaskRecord
+from softgym_mj.workers import Here, Workers
 
 # Calls for each worker at a time: enough to even out sequences that take longer than others.
 CALLS_PER_WORKER = 3
@@ -21,15 +24,15 @@ CALLS_PER_WORKER = 3
 class Rollouts:
     """Plays action sequences in copies of an environment."""
 
-    def __init__(self, task: str, settings: Mapping[str, object], workers: Workers):
+    def __init__(self, task: str | TaskRecord, settings: Mapping[str, object], workers: Workers):
         """Chooses what is played.
 
         Args:
-            task: task name.
+            task: task name or record: what is registered now, whatever replaces it later.
             settings: keyword arguments of the task that JSON can hold.
             workers: who plays.
         """
-        self._key = task, json.dumps(dict(settings), sort_keys=True)
+        self._key = sent_to(workers, task), json.dumps(dict(settings), sort_keys=True)
         self._workers = workers
 
     def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
@@ -45,8 +48,19 @@ class Rollouts:
         return np.concatenate(self._workers.all(play_sequences, calls))
 
 
+def sent_to(workers: Workers, task: str | TaskRecord) -> TaskRecord | bytes:
+    """A task as calls of these workers take it: pickled, with its class if no module has it.
+
+    Other processes have not necessarily registered it.
+    """
+    record = registry.find(task)
+    if isinstance(workers, Here):
+        return record
+    return pickle.dumps(CloudpickleWrapper(record))  # type: ignore[arg-type]  # Wraps anything.
+
+
 def play_sequences(
-    task: str, settings: str, snapshot: Snapshot, sequences: np.ndarray
+    task: TaskRecord | bytes, settings: str, snapshot: Snapshot, sequences: np.ndarray
 ) -> np.ndarray:
     """Returns (n,) of sequences (n, horizon, size), in an environment that is kept.
 
@@ -68,11 +82,14 @@ def play_sequences(
 
 
 @functools.lru_cache(maxsize=1)
-def kept_environment(task: str, settings: str) -> Environment:
+def kept_environment(task: TaskRecord | bytes, settings: str) -> Environment:
     """This process's environment of a task: to be used for one thing at a time.
 
+    A task that is registered again is another one: its record is.
+
     Args:
-        task: task name.
+        task: as `sent_to` returns it.
         settings: keyword arguments as JSON.
     """
-    return registry.load(task, split="all", observation="reduced", **json.loads(settings))
+    record = pickle.loads(task).fn if isinstance(task, bytes) else task
+    return registry.load(record, split="all", observation="reduced", **json.loads(settings))
