@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from softgym_mj.tasks.base import DeformableTask
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class TaskRecord:
-    """A task.
+    """A task; one that is registered again is another one.
 
     Attributes:
         name: snake_case name.
@@ -284,6 +284,7 @@ def load(
         random_state: seed or generator that draws the variations.
         **task_kwargs: keyword arguments of the task's constructor, such as `observation`;
             `TASKS[task].arguments` has their names, `help(TASKS[task].resolve())` what they are.
+            Snapshots of a task of your own fit only where they are the same, but for observations.
 
     Returns:
         The environment; actions are (n,) in [-1, 1], observations arrays by name.
@@ -294,8 +295,14 @@ def load(
     """
     record = find(task)
     from softgym_mj.environment import Environment
+    from softgym_mj.tasks.arguments import arguments_of_states
+    from softgym_mj.tasks.base import DeformableTask
 
     built = record.build(**task_kwargs)
+    if not isinstance(built, DeformableTask):
+        raise OutOfRangeError("constructor", record.constructor, "what builds a DeformableTask")
+    if record.name not in _SHIPPED:
+        built.remember_arguments(arguments_of_states(record.resolve(), task_kwargs))
     if horizon is None:
         horizon = built.actor.horizon or record.horizon
     return Environment(

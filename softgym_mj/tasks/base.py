@@ -16,6 +16,8 @@ from softgym_mj.domain import Adjustable, Domain
 from softgym_mj.entities.arena import Arena
 from softgym_mj.exceptions import (
     EpisodeEndedError,
+    OutOfRangeError,
+    SoftGymError,
     UndrivenError,
     check_count,
     check_image_size,
@@ -23,27 +25,8 @@ from softgym_mj.exceptions import (
 from softgym_mj.observations import TaskCamera, enabled_names, wrist_observables
 from softgym_mj.rendering import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
+from softgym_mj.tasks.evaluation import Evaluation, check_names
 from softgym_mj.variations import check_variation
-
-
-@dataclasses.dataclass(frozen=True)
-class Evaluation:
-    """The one evaluation of an env step that feeds reward, info and logs.
-
-    Attributes:
-        performance: SoftGym's task metric in its own unit.
-        reward_terms: named terms whose sum is the reward.
-        measures: further task-specific scalars for info.
-    """
-
-    performance: float
-    reward_terms: dict[str, float]
-    measures: dict[str, float] = dataclasses.field(default_factory=dict)
-
-    @property
-    def reward(self) -> float:
-        """The sum of its terms."""
-        return sum(self.reward_terms.values())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,11 +114,15 @@ class DeformableTask(composer.Task, abc.ABC):
         self._variation = 0
         self._initial_performance = 0.0
         self._evaluation: Evaluation | None = None
+        self._named = False  # Whether the names in info have been checked.
+        self._arguments: dict[str, str] = {}
 
     # ------------------------------------------------------------------ parts
 
     @property
     def root_entity(self) -> Arena:
+        if "_arena" not in vars(self):
+            raise SoftGymError("the scene does not exist yet: call super().__init__ first")
         return self._arena
 
     @property
@@ -166,7 +153,7 @@ class DeformableTask(composer.Task, abc.ABC):
 
     @abc.abstractmethod
     def evaluate(self) -> Evaluation:
-        """Measures the current state."""
+        """Measures the current state and changes nothing: `set_state` calls it once more."""
 
     @abc.abstractmethod
     def bounds(self) -> tuple[float, float]:
@@ -212,7 +199,7 @@ class DeformableTask(composer.Task, abc.ABC):
         return {}
 
     def resize(self, variation: int) -> bool:
-        """Fits the model to a variation; True when it changed and must be recompiled."""
+        """Fits the model to a variation; returns True when it changed and must be recompiled."""
         return False
 
     # ------------------------------------------------------------------ episode
@@ -226,12 +213,24 @@ class DeformableTask(composer.Task, abc.ABC):
         """Sets the variation of the next episode; True when the model must be recompiled."""
         self._variation = check_variation(variation)
         resized = self.resize(self._variation)
+        if not isinstance(resized, (bool, np.bool_)):
+            raise OutOfRangeError("resize()", resized, "True if the model changed, else False")
         return self._domain.apply(self._variation) or resized
 
     def initialize_episode(self, physics, random_state):
         self.begin()
-        self._evaluation = self.evaluate()
+        self._evaluation = self._evaluated()
         self._initial_performance = self._evaluation.performance
+        if not self._named:
+            names = self._evaluation.measures, self.diagnostics(), self._actor.diagnostics()
+            check_names(names)
+            self._named = True
+
+    def _evaluated(self) -> Evaluation:
+        evaluation = self.evaluate()
+        if not isinstance(evaluation, Evaluation):
+            raise OutOfRangeError("evaluate()", evaluation, "an `Evaluation`")
+        return evaluation
 
     def before_step(self, physics, action, random_state):
         # Our environment drives the actor; the base class would write `ctrl`.
@@ -242,7 +241,7 @@ class DeformableTask(composer.Task, abc.ABC):
             )
 
     def after_step(self, physics, random_state):
-        self._evaluation = self.evaluate()
+        self._evaluation = self._evaluated()
 
     def action_spec(self, physics) -> specs.BoundedArray:
         return self._actor.action_spec(physics)
@@ -301,10 +300,18 @@ class DeformableTask(composer.Task, abc.ABC):
             "most points (fidelity)": self._max_points,
             "action repeat": self._action_repeat,
             "domain": {name: self._domain.ranges[name] for name in self._domain.varying},
+            **({"arguments": self._arguments} if self._arguments else {}),
         }
 
+    def remember_arguments(self, arguments: Mapping[str, str]) -> None:
+        """Makes the arguments that it was built with, as text, part of `state_layout`."""
+        self._arguments = dict(arguments)
+
     def get_state(self) -> dict[str, object]:
-        """What the task and its actor remember and mjData does not hold."""
+        """What the task and its actor remember and mjData does not hold.
+
+        A task that remembers something of its own adds it: `{**super().get_state(), ...}`.
+        """
         return {
             "variation": self._variation,
             "initial_performance": self._initial_performance,
@@ -312,7 +319,10 @@ class DeformableTask(composer.Task, abc.ABC):
         }
 
     def set_state(self, state: dict) -> None:
-        """Restores what `get_state` returned, after mjData has been restored."""
+        """Restores what `get_state` returned, after mjData has been restored; then evaluates.
+
+        A task that remembers something of its own takes it back before it calls this.
+        """
         self._initial_performance = state["initial_performance"]
         self._actor.set_state(state["actor"])
-        self._evaluation = self.evaluate()
+        self._evaluation = self._evaluated()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.domain import Adjustable, Prefixed
-from softgym_mj.entities.arena import Arena, CameraPose
+from softgym_mj.entities.arena import CAMERAS, Arena, CameraPose
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import OutOfRangeError
@@ -21,12 +21,22 @@ ACTION_REPEAT = 8  # As in most of SoftGym's tasks.
 WORKSPACE = Workspace((-0.7, -0.6, 0.0), (0.7, 0.6, 0.6))
 GRIPPERS_AT = (0.0, 0.0, 0.3)  # [m] Around which grippers start.
 SUCCESS = 0.9
+SUNK = 1e-3  # [m] By which points may start below the floor: those at rest lie above it.
 
 
 class SceneTask(DeformableTask):
     """A task on several objects, whose flexes grippers can hold.
 
-    A subclass defines `arrange`, where things start, and `evaluate`, what is wanted.
+    A subclass defines `arrange`, where things start, and `evaluate`, what is wanted. One that
+    remembers something of its own, such as a counter, changes it in `after_step` and makes it part
+    of snapshots, which are exact then, too:
+
+        def get_state(self):
+            return {**super().get_state(), "count": self.count}
+
+        def set_state(self, state):
+            self.count = state["count"]
+            super().set_state(state)  # Evaluates: what that needs is back by now.
 
     Full state: all points (x, y, z each [m]) of the objects in their order, then what the actor
     senses of itself. Reduced state: `key_points`, then the same.
@@ -68,10 +78,11 @@ class SceneTask(DeformableTask):
                 object have its model name before theirs: "rope_friction".
 
         Raises:
-            OutOfRangeError: for objects without a flex, flexes that do not share their contact, or
-                two of the same name.
+            OutOfRangeError: for objects without a flex, flexes that do not share their contact,
+                two of the same name, or another argument of a wrong type.
             UnknownNameError: for a bad name.
         """
+        _check_types(objects, actor, camera, workspace)
         self._objects = tuple(objects)
         flexes = [thing for thing in self._objects if isinstance(thing, Flex)]
         if not flexes:
@@ -116,14 +127,18 @@ class SceneTask(DeformableTask):
 
     @abc.abstractmethod
     def arrange(self, random: np.random.Generator) -> None:
-        """Places the objects where an episode starts.
+        """Places the objects where an episode starts: finite, and not below the floor.
 
         Args:
-            random: the generator of the current variation: the same for the same index.
+            random: the generator of the current variation: the same for the same index and name
+                of the class. A subclass, or a class with another name, starts elsewhere.
         """
 
     def bounds(self) -> tuple[float, float]:
-        """(lower, upper) performance that normalise to 0 and 1: performance is so by itself."""
+        """(lower, upper) performance that normalise to 0 and 1, lower < upper.
+
+        Unless a task says otherwise its performance is from 0 to 1 by itself.
+        """
         return 0.0, 1.0
 
     def key_points(self) -> np.ndarray:
@@ -159,8 +174,31 @@ class SceneTask(DeformableTask):
 
     def begin(self) -> None:
         self.arrange(generator(type(self).__name__, self.variation))
+        self._check_points()
         positions = self._actor.default_positions(self._grippers_at)
         self._actor.place(positions, self._workspace)
+
+    def initialize_episode(self, physics, random_state):
+        super().initialize_episode(physics, random_state)
+        bounds = np.asarray(self.bounds(), float)
+        if bounds.shape != (2,) or not np.isfinite(bounds).all() or bounds[0] >= bounds[1]:
+            raise OutOfRangeError("bounds()", self.bounds(), "(lower, upper) with lower < upper")
+        points = np.asarray(self.key_points(), float)
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise OutOfRangeError("key_points()", points.shape, "finite array of shape (n, 3)")
+
+    def _check_points(self):
+        """Raises `OutOfRangeError` unless everything starts above the floor, if there is one."""
+        floor = self.root_entity.mjcf_model.find("geom", "floor")
+        lowest = -np.inf if floor is None else (0.0 if floor.pos is None else floor.pos[2]) - SUNK
+        for thing in self._objects:
+            points, name = _points(thing), thing.mjcf_model.model
+            if not np.isfinite(points).all():
+                raise OutOfRangeError(f"points of {name!r}", points.shape, "finite array")
+            if points[:, 2].min() < lowest:
+                height = float(points[:, 2].min())
+                valid = "on the floor or above it [m]: `arrange` puts it there"
+                raise OutOfRangeError(f"lowest point of {name!r}", height, valid)
 
     def points(self) -> np.ndarray:
         return np.concatenate([_points(thing) for thing in self._objects])
@@ -170,12 +208,28 @@ class SceneTask(DeformableTask):
 
     def reduced_state(self) -> np.ndarray:
         """The key points (x, y, z each) [m], then what the actor senses of itself."""
-        return np.concatenate([self.key_points().ravel(), self._actor.proprioception()])
+        points = np.asarray(self.key_points(), float).ravel()
+        return np.concatenate([points, self._actor.proprioception()])
 
     @property
     def state_layout(self) -> dict[str, object]:
         points = {thing.mjcf_model.model: _count(thing) for thing in self._objects}
         return {**super().state_layout, "points": points}
+
+
+def _check_types(objects: object, actor: object, camera: object, workspace: object) -> None:
+    """Raises `OutOfRangeError` for arguments of `SceneTask` of a wrong type."""
+    if not isinstance(objects, Sequence) or not all(isinstance(o, Flex | Water) for o in objects):
+        valid = "a list of ropes, cloths, garments and waters"
+        raise OutOfRangeError("objects", objects, valid)
+    if not isinstance(actor, Gripper):
+        valid = 'a Gripper, such as `robots.factory.make_gripper("picker", "cloth")`'
+        raise OutOfRangeError("actor", actor, valid)
+    if not isinstance(camera, str | CameraPose):
+        names = ", ".join(repr(name) for name in CAMERAS)
+        raise OutOfRangeError("camera", camera, f"a CameraPose, or one of {names}")
+    if not isinstance(workspace, Workspace):
+        raise OutOfRangeError("workspace", workspace, "a Workspace((x, y, z), (x, y, z))")
 
 
 def _count(thing: Flex | Water) -> int:

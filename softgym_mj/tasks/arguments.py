@@ -1,0 +1,39 @@
+"""Which arguments of an own task have to agree for a snapshot to fit."""
+
+import inspect
+import json
+from collections.abc import Callable, Mapping
+
+# Arguments that say what is observed, or are part of every snapshot's layout by themselves.
+NOT_OF_STATES = ("observation", "image_size", "visual", "action_repeat", "domain")
+
+
+def arguments_of_states(
+    constructor: Callable[..., object], task_kwargs: Mapping[str, object]
+) -> dict[str, str]:
+    """What must agree, besides the layout, for a state of one instance to fit into another.
+
+    Args:
+        constructor: what builds the task.
+        task_kwargs: keyword arguments that it is called with.
+
+    Returns:
+        The arguments that differ from their defaults, as JSON; those that JSON cannot hold and
+        `NOT_OF_STATES` are left out.
+    """
+    parameters = inspect.signature(constructor).parameters
+    found = {}
+    for name in sorted(set(task_kwargs) - set(NOT_OF_STATES)):
+        default = parameters[name].default if name in parameters else None
+        text = _as_json(task_kwargs[name])
+        if text is not None and text != _as_json(default):
+            found[name] = text
+    return found
+
+
+def _as_json(value: object) -> str | None:
+    """A value as JSON; None if that cannot hold it."""
+    try:
+        return json.dumps(value, sort_keys=True)
+    except (TypeError, ValueError):
+        return None
