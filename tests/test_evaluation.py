@@ -1,4 +1,4 @@
-"""Evaluation: the protocol's numbers, interruptions, saved policies, figures."""
+"""Evaluation: the protocol's numbers, interruptions, figures."""
 
 import json
 import os
@@ -15,7 +15,7 @@ import softgym_mj
 from softgym_mj import cli, evaluation, plots
 from softgym_mj.baselines.policies import make_policy
 from softgym_mj.evaluation import Configuration, Planning, evaluate, summary
-from softgym_mj.exceptions import OutOfRangeError, PolicyFileError, ResultError, UnknownNameError
+from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
 from softgym_mj.workers import Processes, RayCluster
 
 SHORT = {"horizon": 6}
@@ -181,68 +181,6 @@ def test_bad_configurations(settings, error, message):
     valid = {"task": "straighten_rope", "policy": "zero", "variations": (800,)}
     with pytest.raises(error, match=message):
         Configuration(**{**valid, **settings})
-
-
-# ---------------------------------------------------------------- saved policies
-
-
-def test_a_policy_from_a_module(tmp_path):
-    configuration = Configuration(
-        "straighten_rope", "tests.test_evaluation:middle", (800,), (0,), SHORT
-    )
-    evaluate(configuration, tmp_path)
-    env = softgym_mj.load("straighten_rope")
-    env.reset(800)
-    assert make_policy("tests.test_evaluation:middle", env)(None)[2] == 0.5
-
-
-def exported(file, size, actions):
-    """Writes a linear policy of observations of `size` entries; returns its weights."""
-    import torch
-
-    torch.manual_seed(0)
-    module = torch.nn.Linear(size, actions)
-    program = torch.export.export(module, (torch.zeros(1, size),))
-    torch.export.save(program, file)
-    return module.weight.detach().numpy(), module.bias.detach().numpy()
-
-
-def test_an_exported_policy_acts_on_the_observation(tmp_path):
-    file = tmp_path / "policy.pt2"
-    env = softgym_mj.load("straighten_rope", split="all", **SHORT)
-    timestep = env.reset(800)
-    weight, bias = exported(file, 36, 8)
-    action = make_policy(str(file), env)(timestep)
-    expected = np.clip(weight @ timestep.observation["reduced"] + bias, -1.0, 1.0)
-    np.testing.assert_allclose(action, expected, atol=1e-5)
-    evaluate(Configuration("straighten_rope", str(file), (800,), (0,), SHORT), tmp_path / "run")
-    exported(file, 36, 3)
-    with pytest.raises(PolicyFileError, match="gives 3 numbers; an action has 8"):
-        make_policy(str(file), env)(timestep)
-    exported(file, 20, 8)
-    with pytest.raises(PolicyFileError, match=r"does not take an observation of shape \(1, 36\)"):
-        make_policy(str(file), env)(timestep)
-    file.write_bytes(file.read_bytes()[:-500])
-    with pytest.raises(PolicyFileError):
-        make_policy(str(file), env)
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("missing.pt2", "no such file"),
-        ("text.pt2", "is not what torch.export.save"),
-        ("no_such_module:policy", "cannot be imported"),
-        ("softgym_mj.evaluation:nothing", "cannot be imported"),
-        ("builtins:bool", "not a function of time steps"),
-    ],
-)
-def test_what_is_no_policy(name, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    pathlib.Path("text.pt2").write_text("hello")
-    env = softgym_mj.load("straighten_rope")
-    with pytest.raises(PolicyFileError, match=message):
-        make_policy(name, env)
 
 
 # ---------------------------------------------------------------- figures

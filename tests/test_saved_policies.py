@@ -1,0 +1,163 @@
+"""Policies of files and modules: what they are given, what their seeds are, what is none."""
+
+import pathlib
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.baselines.policies import depends_on_seed, make_policy
+from softgym_mj.baselines.saved_policies import sha256
+from softgym_mj.evaluation import Configuration, evaluate
+from softgym_mj.exceptions import OutOfRangeError, PolicyFileError
+
+SHORT = {"horizon": 6}
+ROPE = 36  # Numbers of the rope's reduced state.
+
+
+def constant(env, seed=0):
+    """A policy for the tests: every entry is a tenth of the seed."""
+    action = np.full(env.task.actor.action_size, seed / 10)
+    return lambda timestep: action
+
+
+def broken(env):
+    """No policy: an error of its own."""
+    return env.no_such_attribute
+
+
+def picky(env):
+    """No policy: an error of the package."""
+    raise OutOfRangeError("env", env, "another one")
+
+
+def exported(file, size=ROPE, actions=8, seed=0):
+    """Writes a linear policy of observations of `size` entries; returns its weights."""
+    import torch
+
+    torch.manual_seed(seed)
+    module = torch.nn.Linear(size, actions)
+    program = torch.export.export(module, (torch.zeros(1, size),))
+    torch.export.save(program, file)
+    return module.weight.detach().numpy(), module.bias.detach().numpy()
+
+
+def acted(weights, observation):
+    weight, bias = weights
+    return np.clip(weight @ observation + bias, -1.0, 1.0)
+
+
+def test_an_exported_policy_acts_on_the_observation(tmp_path):
+    file = tmp_path / "policy.pt2"
+    env = softgym_mj.load("straighten_rope", split="all", **SHORT)
+    timestep = env.reset(800)
+    weights = exported(file)
+    expected = acted(weights, timestep.observation["reduced"])
+    np.testing.assert_allclose(make_policy(str(file), env)(timestep), expected, atol=1e-5)
+    evaluate(Configuration("straighten_rope", str(file), (800,), (0,), SHORT), tmp_path / "run")
+    exported(file, actions=3)
+    with pytest.raises(PolicyFileError, match="gives 3 numbers; an action has 8"):
+        make_policy(str(file), env)(timestep)
+    exported(file, size=20)
+    message = r"does not take .* shape \(1, 36\).*example.*torch\.zeros\(\(1, 36\), dtype=torch.fl"
+    with pytest.raises(PolicyFileError, match=message):
+        make_policy(str(file), env)(timestep)
+    file.write_bytes(file.read_bytes()[:-500])
+    with pytest.raises(PolicyFileError):
+        make_policy(str(file), env)
+
+
+def test_an_exported_policy_acts_on_images(tmp_path):
+    import torch
+
+    class Brightness(torch.nn.Module):
+        """Every entry is the mean of the image, from 0 to 1."""
+
+        def forward(self, image):
+            return image.double().mean(dim=(1, 2, 3))[:, None].expand(-1, 8) / 255
+
+    file = tmp_path / "policy.pt2"
+    example = torch.zeros(1, 24, 32, 3, dtype=torch.uint8)
+    torch.export.save(torch.export.export(Brightness(), (example,)), file)
+    settings = {"observation": "rgb", "image_size": (24, 32)}
+    env = softgym_mj.load("straighten_rope", **settings)
+    timestep = env.reset(800)
+    action = make_policy(str(file), env)(timestep)
+    np.testing.assert_allclose(action, timestep.observation["rgb"].mean() / 255, rtol=1e-12)
+    both = softgym_mj.load("straighten_rope", observation=["reduced", "rgb"], image_size=(24, 32))
+    with pytest.raises(PolicyFileError, match=r"takes one observation; .* reduced, rgb"):
+        make_policy(str(file), both)(both.reset(800))
+
+
+def test_seeds_choose_files(tmp_path):
+    weights = [exported(tmp_path / f"run_{seed}.pt2", seed=seed) for seed in range(2)]
+    env = softgym_mj.load("straighten_rope", split="all")
+    timestep = env.reset(800)
+    name = str(tmp_path / "run_{seed}.pt2")
+    for seed, own in enumerate(weights):
+        action = make_policy(name, env, seed)(timestep)
+        expected = acted(own, timestep.observation["reduced"])
+        np.testing.assert_allclose(action, expected, atol=1e-5)
+    with pytest.raises(PolicyFileError, match=r"run_2\.pt2.*no such file"):
+        make_policy(name, env, 2)
+
+
+def test_seeds_are_passed_on_to_functions():
+    env = softgym_mj.load("straighten_rope", split="all")
+    assert np.all(make_policy(f"{__name__}:constant", env, 3)(None) == 0.3)
+
+
+@pytest.mark.parametrize(
+    ("name", "depends"),
+    [
+        ("random", True),
+        ("icem", True),
+        ("scripted", False),
+        ("zero", False),
+        ("run_{seed}.pt2", True),
+        ("run.pt2", False),
+        (f"{__name__}:constant", True),
+        (f"{__name__}:broken", False),
+        ("builtins:bool", False),
+    ],
+)
+def test_what_depends_on_a_seed(name, depends):
+    assert depends_on_seed(name) is depends
+
+
+def test_the_content_of_a_policy_is_known_by_its_hash(tmp_path):
+    file = tmp_path / "policy.pt2"
+    file.write_bytes(b"abc")  # SHA-256 of "abc": FIPS 180-2, appendix B.1.
+    expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert sha256(str(file), 0) == {str(file): expected}
+    (tmp_path / "run_7.pt2").write_bytes(b"abc")
+    assert sha256(str(tmp_path / "run_{seed}.pt2"), 7) == {str(tmp_path / "run_7.pt2"): expected}
+    own, name = sha256(f"{__name__}:constant", 0), f"{__name__}:constant"
+    file.write_bytes(pathlib.Path(__file__).read_bytes())
+    assert own == {name: sha256(str(file), 0)[str(file)]}
+    assert sha256("builtins:bool", 0) == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("missing.pt2", "no such file"),
+        ("text.pt2", "is not what torch.export.save"),
+        ("no_such_module:policy", "cannot be imported: ModuleNotFoundError"),
+        ("softgym_mj.evaluation:nothing", "cannot be imported: AttributeError"),
+        ("builtins:bool", "not a function of time steps"),
+        ("json:dumps", "TypeError: Object of type Environment is not JSON serializable"),
+        (f"{__name__}:broken", r"AttributeError: .*no_such_attribute.*test_saved_policies\.py:\d"),
+    ],
+)
+def test_what_is_no_policy(name, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pathlib.Path("text.pt2").write_text("hello")
+    env = softgym_mj.load("straighten_rope")
+    with pytest.raises(PolicyFileError, match=message):
+        make_policy(name, env)
+
+
+def test_errors_of_the_package_stay_what_they_are():
+    with pytest.raises(OutOfRangeError, match="another one"):
+        make_policy(f"{__name__}:picky", softgym_mj.load("straighten_rope"))
