@@ -1,5 +1,6 @@
 """What the README shows is run: its Python, its commands; CI runs what it says."""
 
+import inspect
 import json
 import pathlib
 import re
@@ -9,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from softgym_mj import cli, compat, plots, registry
+from softgym_mj.gymnasium_env import SoftGymEnv
 
 ROOT = pathlib.Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -119,6 +121,11 @@ def test_tables_list_every_task_and_argument():
         assert f"](docs/gifs/{name}.gif)" in README
         for argument in record.arguments:
             assert f"`{argument}`" in ARGUMENTS
+    for parameter in inspect.signature(SoftGymEnv).parameters.values():
+        if parameter.kind is not parameter.VAR_KEYWORD and parameter.name != "task":
+            (row,) = re.findall(rf"^\| `{parameter.name}` \|.*\| (.*) \|$", ARGUMENTS, re.MULTILINE)
+            if parameter.default is not None:  # Often the task's.
+                assert row.strip("`").replace('"', "") == str(parameter.default)
 
 
 def test_errors_end_the_command_line_with_one_line(capsys, monkeypatch):
