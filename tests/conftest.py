@@ -1,4 +1,4 @@
-"""Shared fixtures: a cache folder kept between runs, so that cloths are simulated once."""
+"""Shared fixtures; a cache folder kept between runs, so that cloths are simulated once."""
 
 import os
 import pathlib
@@ -6,4 +6,22 @@ import pathlib
 # Before anything imports dm_control.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("SOFTGYM_MJ_CACHE", str(pathlib.Path(__file__).parent.parent / ".test_cache"))
-import softgym_mj  # noqa: F401  (chooses the OpenGL backend)
+import gymnasium
+import pytest
+
+import softgym_mj  # Chooses the OpenGL backend.
+
+
+@pytest.fixture(name="register")
+def _register():
+    """`softgym_mj.register` for the time of a test."""
+    records = []
+
+    def add(name, constructor, **settings):
+        records.append(softgym_mj.register(name, constructor, **settings))
+        return records[-1]
+
+    yield add
+    for record in records:
+        softgym_mj.TASKS.pop(record.name, None)
+        gymnasium.registry.pop(record.gymnasium_id, None)

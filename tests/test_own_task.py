@@ -45,22 +45,6 @@ class Straight(SceneTask):
         return Evaluation(distance / 0.5, {"distance": distance})
 
 
-@pytest.fixture
-def register():
-    """`softgym_mj.register` for the time of a test."""
-    names = []
-
-    def add(name, constructor, **settings):
-        record = softgym_mj.register(name, constructor, **settings)
-        names.append(record)
-        return record
-
-    yield add
-    for record in names:
-        softgym_mj.TASKS.pop(record.name, None)
-        gymnasium.registry.pop(record.gymnasium_id, None)
-
-
 def definition():
     """The lines of the notebook's cells that define scene and task."""
     cells = nbformat.read(NOTEBOOK, as_version=4).cells

@@ -1,0 +1,232 @@
+"""What own tasks get wrong is said, what they remember is restored, what is replaced is gone."""
+
+from typing import Unpack
+
+import numpy as np
+import pytest
+from dm_control import mjcf
+
+import softgym_mj
+from softgym_mj.baselines.rollouts import Rollouts
+from softgym_mj.entities import Cloth
+from softgym_mj.environment import Environment
+from softgym_mj.evaluation import Configuration, Planning, evaluate
+from softgym_mj.exceptions import OutOfRangeError, SnapshotError, SoftGymError, UnknownNameError
+from softgym_mj.fluid import Liquid, Resolution, Water
+from softgym_mj.robots.factory import make_gripper
+from softgym_mj.tasks import Evaluation, SceneTask, TaskSettings
+from softgym_mj.workers import Here, Processes
+
+DIMS = (12, 12)
+
+
+class Counting(SceneTask):
+    """A small cloth; the reward is the number of env steps, which the task counts itself."""
+
+    def __init__(
+        self, height: float = 0.1, actor: str = "picker", **settings: Unpack[TaskSettings]
+    ):
+        self.cloth, self.height, self.count = Cloth(DIMS), height, 0
+        super().__init__([self.cloth], make_gripper(actor, "cloth"), **settings)
+
+    def arrange(self, random):
+        self.count = 0
+        self.cloth.set_vertices(self.cloth.flat() + [0.0, 0.0, self.height])
+
+    def evaluate(self):
+        return Evaluation(0.1 * self.count, {"count": float(self.count)})
+
+    def after_step(self, physics, random_state):
+        self.count += 1
+        super().after_step(physics, random_state)
+
+    def get_state(self):
+        return {**super().get_state(), "count": self.count}
+
+    def set_state(self, state):
+        self.count = state["count"]
+        super().set_state(state)
+
+
+def started(task):
+    """An environment of a task after one env step."""
+    env = Environment(task, name="own", horizon=5)
+    env.reset(800)
+    env.step(np.zeros(env.task.actor.action_size))
+    return env
+
+
+# ------------------------------------------------------------------ wrong return values
+
+
+def measured(*arguments):
+    """Methods of a task whose evaluation is made of these arguments."""
+    return {"evaluate": lambda self: Evaluation(*arguments)}
+
+
+BAD_METHODS = [
+    ({"evaluate": lambda self: 0.5}, r"evaluate\(\)=0.5.*an `Evaluation`"),
+    ({"evaluate": lambda self: None}, r"evaluate\(\)=None"),
+    (measured(np.nan, {}), "performance=nan.*a finite number"),
+    (measured(np.zeros(2), {}), r"performance=array.*a finite number"),
+    (measured("much", {}), "performance='much'"),
+    (measured(0.5, 0.5), "reward_terms=0.5.*a dict from names to numbers"),
+    (measured(0.5, {"a": np.inf}), r"reward_terms\['a'\]=inf"),
+    (measured(0.5, {"a": np.zeros(2)}), r"reward_terms\['a'\]=array"),
+    (measured(0.5, {}, [1.0]), r"measures=\[1.0\].*a dict"),
+    (measured(0.5, {}, {"where": np.zeros(3)}), r"measures\['where'\]=array.*a number"),
+    (measured(0.5, {}, {"word": "text"}), r"measures\['word'\]='text'"),
+    (measured(0.5, {}, {"performance": 3.0}), "measures='performance'.*success, variation"),
+    (measured(0.5, {}, {"success": 7}), "measures='success'"),
+    (measured(0.5, {"a": 0.5}, {"reward_a": 9.0}), "measures='reward_a'.*begins with reward_"),
+    (measured(0.5, {}, {"picks_held": 5}), r"\['picks_held'\].*only once"),
+    ({"diagnostics": lambda self: {"variation": 5}}, r"\['variation'\].*only once"),
+    ({"bounds": lambda self: (1.0, 0.0)}, r"bounds\(\)=\(1.0, 0.0\).*lower < upper"),
+    ({"bounds": lambda self: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\)"),
+    ({"bounds": lambda self: 1.0}, r"bounds\(\)=1.0"),
+    ({"key_points": lambda self: np.zeros(3)}, r"key_points\(\)=\(3,\).*\(n, 3\)"),
+    ({"resize": lambda self, variation: None}, r"resize\(\)=None.*True if the model changed"),
+]
+
+
+@pytest.mark.parametrize(("methods", "message"), BAD_METHODS)
+def test_wrong_return_values_are_errors(methods, message):
+    with pytest.raises(OutOfRangeError, match=message):
+        started(type("Bad", (Counting,), methods)())
+
+
+def test_numbers_of_all_kinds_are_right():
+    numbers = np.float32(0.5), {"a": np.float64(0.25), "b": True}, {"n": np.int64(3), "nan": np.nan}
+    env = started(type("Good", (Counting,), measured(*numbers))())
+    assert env.task.last_evaluation.reward == 1.25
+    assert env.info()["n"] == 3 and np.isnan(env.info()["nan"])
+
+
+def test_the_start_is_above_the_floor():
+    with pytest.raises(OutOfRangeError, match=r"lowest point of 'cloth'=-0.095.*`arrange`"):
+        started(Counting(height=-0.1))
+    started(Counting(height=-0.005))  # Its middle, which is 5 mm above what it lies on.
+    pit = Counting(height=-0.1)
+    pit.root_entity.mjcf_model.find("geom", "floor").remove()
+    assert started(pit).task.points()[:, 2].max() < -0.09
+
+
+# ------------------------------------------------------------------ wrong arguments
+
+
+class Plain(Counting):
+    """A task with the arguments of `SceneTask`."""
+
+    def __init__(self, objects=None, actor=None, **settings):
+        self.cloth, self.height, self.count = Cloth(DIMS), 0.1, 0
+        objects = [self.cloth] if objects is None else objects
+        actor = make_gripper("picker", "cloth") if actor is None else actor
+        SceneTask.__init__(self, objects, actor, **settings)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"objects": 3}, "objects=3.*a list of ropes"),
+        ({"objects": ["cloth"]}, r"objects=\['cloth'\]"),
+        ({"actor": "picker"}, "actor='picker'.*make_gripper"),
+        ({"camera": ((0, 0, 1), (1, 0, 0, 0))}, "camera=.*a CameraPose, or one of 'transport_"),
+        ({"workspace": ((-1, -1, 0), (1, 1, 1))}, r"workspace=.*a Workspace\("),
+    ],
+)
+def test_wrong_types_are_errors(arguments, message):
+    with pytest.raises(OutOfRangeError, match=message):
+        Plain(**arguments)
+
+
+def test_the_scene_is_there_after_the_constructor():
+    class Early(Counting):
+        def __init__(self):
+            self.root_entity.mjcf_model.worldbody.add("geom", type="box", size=[0.1, 0.1, 0.1])
+            super().__init__()
+
+    with pytest.raises(SoftGymError, match="call super"):
+        Early()
+
+
+def test_grippers_are_for_cloth_or_rope():
+    with pytest.raises(UnknownNameError, match=r"kind='towel'.*'cloth', 'rope'"):
+        make_gripper("picker", "towel")
+
+
+def test_only_bodies_of_the_scene_confine_water():
+    water = Water(Liquid(2e-4), Resolution(8, 0.018, (2, 2)))
+    task = Plain([Cloth(DIMS), water])
+    world = task.root_entity.mjcf_model.worldbody
+    geom = world.add("geom", type="box", size=[0.1, 0.1, 0.1])
+    for wrong in ("glass", geom, world, None):
+        with pytest.raises(OutOfRangeError, match=r"bodies=.*MJCF elements `body`"):
+            water.confine(wrong)
+    with pytest.raises(OutOfRangeError, match=r"bodies='cup'.*scene that the water"):
+        water.confine(mjcf.RootElement().worldbody.add("body", name="cup"))
+    water.confine(world.add("body"))
+
+
+# ------------------------------------------------------------------ snapshots
+
+
+def test_snapshots_hold_what_a_task_adds_to_them():
+    env, other = started(Counting()), started(Counting())
+    env.step(np.zeros(8))
+    snapshot = env.get_state()
+    for again in (env, other):
+        again.set_state(snapshot)
+        assert again.task.last_evaluation.reward == 2.0
+        assert [again.step(np.zeros(8)).reward for _ in range(2)] == [3.0, 4.0]
+
+
+def test_snapshots_fit_the_same_arguments_only(register):
+    register("counting", Counting, horizon=5)
+    env = softgym_mj.load("counting", height=0.2)
+    env.reset(800)
+    snapshot = env.get_state()
+    same = softgym_mj.load("counting", height=0.2, observation="full", image_size=(40, 40))
+    same.set_state(snapshot)
+    np.testing.assert_array_equal(same.task.points(), env.task.points())
+    for height in (0.1, 0.3):
+        with pytest.raises(SnapshotError, match=r"'arguments': {'height': '0.2'}"):
+            softgym_mj.load("counting", height=height).set_state(snapshot)
+    usual = softgym_mj.load("counting", actor="picker")
+    usual.reset(800)
+    softgym_mj.load("counting", height=0.1).set_state(usual.get_state())  # What it is by default.
+    assert "arguments" not in softgym_mj.load("straighten_rope", actor="picker").get_state().layout
+
+
+# ------------------------------------------------------------------ tasks registered again
+
+
+def rewarding(value, dims=DIMS):
+    """A class as a notebook defines it: other processes cannot import it."""
+
+    class Mine(Counting):
+        def __init__(self, actor: str = "picker", **settings: Unpack[TaskSettings]):
+            self.cloth, self.height, self.count = Cloth(dims), 0.1, 0
+            SceneTask.__init__(self, [self.cloth], make_gripper(actor, "cloth"), **settings)
+
+        def evaluate(self):
+            return Evaluation(value, {"value": value})
+
+    return Mine
+
+
+@pytest.mark.parametrize("workers", [Here(), Processes(1)], ids=["here", "processes"])
+def test_the_task_that_was_registered_last_is_played(workers, register, tmp_path):
+    planning = Planning(horizon=2, budget=20, iterations=1, replan_every=2)
+    with workers:
+        for value, dims in ((0.5, DIMS), (0.25, DIMS), (0.75, (20, 20))):
+            register("mine", rewarding(value, dims), horizon=2)
+            env = softgym_mj.load("mine")
+            env.reset(800)
+            returns = Rollouts("mine", {}, workers).returns(env.get_state(), np.zeros((2, 2, 8)))
+            assert returns.tolist() == [2 * value, 2 * value]
+            for policy in ("zero", "cem"):
+                configuration = Configuration(
+                    "mine", policy, (800,), planning=planning if policy == "cem" else None
+                )
+                result = evaluate(configuration, str(tmp_path / f"{policy}{value}"), workers)
+                assert result["episodes"][0]["return"] == 2 * value
