@@ -12,7 +12,7 @@ import pytest
 from dm_control import mujoco as dm_mujoco
 from mujoco import rollout
 
-from tests.fluid_cup import SPACING, FluidCup
+from tests.fluid_cup import MOCAP, SPACING, FluidCup
 
 STEPS = 60
 FULL = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -282,6 +282,44 @@ def test_unsupported_walls_and_flags_are_compile_errors():
     )
     with pytest.raises(ValueError, match="two_way"):
         mujoco.MjModel.from_xml_string(xml)
+
+
+BALL = '<geom type="sphere" size="0.02" pos="0.01 0 0.03"/>'
+GHOST = BALL.replace("/>", ' contype="0" conaffinity="0"/>')
+CENTRED = '<geom type="sphere" size="0.02"/>'
+
+
+@pytest.mark.parametrize(
+    ("scenery", "walls"),
+    [
+        (BALL, 1),
+        (f"<body>{BALL}</body>", 1),
+        (f"<body>{BALL}<body>{BALL}</body></body>", 2),
+        (f"<body>{GHOST}</body>", 0),
+        (f"<body {MOCAP}>{BALL}<body>{BALL}</body></body>", 0),
+        (f"<body><freejoint/>{BALL}<body>{BALL}</body></body>", 0),
+    ],
+    ids=["world", "static", "nested", "visual", "mocap", "free"],
+)
+def test_what_is_fixed_to_the_world_is_a_wall(scenery, walls):
+    # Behind the particles the state has seven numbers a wall; the cup has five walls.
+    sizes = [
+        FluidCup((3, 3), 3, scenery=scenery, world=world).state.size for world in ("true", "false")
+    ]
+    assert sizes == [1 + 6 * 27 + 7 * (5 + walls), 1 + 6 * 27 + 7 * 5]
+
+
+def test_a_fixed_body_holds_water_back_as_the_world_does():
+    ends = []
+    nested = f'<body pos="0.01 0 0"><body pos="0 0 0.03">{CENTRED}</body></body>'
+    for scenery in ("", BALL, nested):
+        cup = FluidCup((5, 5), 5, scenery=scenery)
+        cup.step(100)
+        ends.append(cup.positions.copy())
+        centre = cup.positions - [0.01, 0.0, 0.03]
+        free = np.linalg.norm(centre, axis=1).min()
+        assert (free > 0.02 + 0.29 * SPACING) == bool(scenery)
+    np.testing.assert_array_equal(ends[1], ends[2])
 
 
 def test_walls_that_appear_after_compilation_are_an_error():
