@@ -1,4 +1,4 @@
-"""`--actor` of the command line: the actor that `load` would build."""
+"""`--actor` and `--grasp` of the command line: the actor that `load` would build."""
 
 import json
 
@@ -9,19 +9,22 @@ import softgym_mj
 from softgym_mj import cli, cli_view
 from softgym_mj.baselines.policies import make_policy
 
-COMMANDS = ("rollout", "oracle", "view")
+COMMANDS = ("rollout", "oracle", "record", "view")
 
 
-def test_a_rollout_is_played_by_the_actor():
+@pytest.mark.parametrize("grasp", [None, "friction"])
+def test_a_rollout_is_played_by_the_actor(grasp):
     command = "rollout straighten_rope --actor sawyer --policy random --episodes 1 --seed 3"
+    if grasp is not None:
+        command += f" --grasp {grasp}"
     result = CliRunner().invoke(cli.app, command.split())
     assert result.exit_code == 0, result.output
     line = json.loads(result.output)
-    env = softgym_mj.load("straighten_rope", actor="sawyer", split="evaluate")
+    env = softgym_mj.load("straighten_rope", actor="sawyer", grasp=grasp, split="evaluate")
     timestep, policy = env.reset(800), make_policy("random", env, 3)
     while not timestep.last():
         timestep = env.step(policy(timestep))
-    assert line["actor"] == "sawyer"
+    assert (line["actor"], line["grasp"]) == ("sawyer", grasp)
     assert line["normalized_performance"] == env.info()["normalized_performance"]
 
 
@@ -45,3 +48,23 @@ def test_an_unknown_actor_is_one_line(command, capsys, monkeypatch):
     error = capsys.readouterr().err
     assert error.startswith("UnknownNameError: actor='hand'") and error.count("\n") == 1
     assert "'picker'" in error and "'franka'" in error
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_unknown_grasp_is_one_line(command, capsys, monkeypatch):
+    monkeypatch.setattr(cli_view, "has_display", lambda: True)
+    arguments = ["straighten_rope", "--actor", "franka", "--grasp", "glue"]
+    monkeypatch.setattr("sys.argv", ["softgym-mj", command, *arguments])
+    with pytest.raises(SystemExit) as exit_info:
+        cli.main()
+    assert exit_info.value.code == 1
+    error = capsys.readouterr().err
+    assert error.startswith("UnknownNameError: grasp='glue'") and error.count("\n") == 1
+    assert "'attach'" in error and "'friction'" in error
+
+
+def test_the_shell_completes_tasks():
+    words = {"COMP_WORDS": "softgym-mj rollout fold", "COMP_CWORD": "2"}
+    shell = {"_SOFTGYM_MJ_COMPLETE": "complete_bash", **words}
+    result = CliRunner().invoke(cli.app, prog_name="softgym-mj", env=shell)
+    assert result.output.split() == ["fold_cloth", "fold_crumpled_cloth"]
