@@ -152,3 +152,46 @@ def test_one_arm_acts_alone(arm):
     np.testing.assert_allclose(moved, [0.2, 0.0, 0.2], atol=0.002)
     with pytest.raises(OutOfRangeError, match="arms"):
         make(f"straighten_rope/{arm}", arms=3)
+
+
+@cases
+def test_info_says_where_the_reach_ends(case):
+    """Hand 0 is sent across the middle, to where hand 1 is; hand 1 waits."""
+    env = make(case, horizon=1000)
+    env.reset(800)
+    actor = env.task.actor
+    apart = actor.commanded_positions() + [[0.0, -0.1, 0.1], [0.25, 0.25, 0.1]]
+    for _ in go(env, apart, (False, False)):
+        pass
+    assert env.info()["at_reach"] == actor.at_reach == 0
+    beyond = apart.copy()
+    beyond[0] = 0.0, actor.limits[1][1], apart[0, 2]
+    for _ in range(12):
+        way = np.clip((beyond - actor.commanded_positions()) / (0.01 * SIM_STEPS), -0.6, 0.6)
+        env.step(np.column_stack([way, [-1.0, -1.0]]).ravel())
+    assert env.info()["at_reach"] == 1
+    np.testing.assert_allclose(
+        actor.commanded_positions()[0], actor.within_reach(0, beyond[0]), atol=1e-3
+    )
+    state = env.get_state()
+    for _ in go(env, apart, (False, False)):
+        pass
+    assert env.info()["at_reach"] == 0
+    env.set_state(state)
+    assert env.info()["at_reach"] == 1
+
+
+def test_an_arm_that_is_sent_out_of_reach_goes_as_far_as_it_says():
+    env = make("straighten_rope/sawyer", arms=1, horizon=1000)
+    env.reset(800)
+    actor = env.task.actor
+    far = np.array([-0.4, 0.6, 0.3])
+    nearest = actor.within_reach(0, far)
+    for _ in range(60):
+        way = np.clip((far - actor.commanded_positions()[0]) / (0.01 * SIM_STEPS), -0.6, 0.6)
+        env.step(np.append(way, -1.0))
+    np.testing.assert_allclose(actor.within_reach(0, nearest), nearest, atol=1e-12)
+    distance = np.linalg.norm((actor.positions()[0] - actor.stands[0].base)[:2])
+    assert distance == pytest.approx(actor.stands[0].farthest(nearest[2]), abs=2e-3)
+    assert np.linalg.norm(actor.positions()[0] - actor.commanded_positions()[0]) < 2e-3
+    assert env.info()["at_reach"] == 1 and env.info()["ik_failures"] == 0

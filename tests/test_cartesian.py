@@ -221,7 +221,25 @@ def test_stands_clip_to_half_a_ring():
     assert behind[1] > -0.6
     above = stand.clip(np.array([0.0, 0.6, 0.6]))
     np.testing.assert_allclose(above, [0.0, 0.0, 0.6], atol=1e-12)  # 0.6 along, 0.45 up.
+    assert stand.farthest(0.15) == 0.75 and stand.farthest(0.6) == pytest.approx(0.6)
     mirrored = facing_each_other(2, 0.6, 0.25, 0.75)[1]
     np.testing.assert_allclose(
         mirrored.clip(np.array([-0.6, -0.2, 0.15])), [-0.45, 0.0, 0.15], atol=1e-12
     )
+
+
+def test_stands_know_where_their_reach_ends():
+    """A clipped point lies at the end of the reach, as does none that can be moved either way."""
+    (stand,) = facing_each_other(1, 0.6, 0.25, 0.75, height=0.3)
+    random = np.random.default_rng(0)
+    clipped = 0
+    for point in random.uniform([-1.0, -1.2, 0.0], [1.0, 0.6, 1.2], (2000, 3)):
+        there = stand.clip(point)
+        if np.abs(there - point).max() > 1e-12:
+            clipped += 1
+            assert stand.at_end(point) and stand.at_end(there)
+        else:
+            around = there + 1e-3 * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+            moved = max(np.abs(stand.clip(near) - near).max() for near in around)
+            assert not stand.at_end(point) or moved > 1e-12
+    assert 500 < clipped < 1900

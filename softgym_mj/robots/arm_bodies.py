@@ -133,8 +133,12 @@ def tune(
 
     The "discrete" integrator is implicit in a servo's stiffness and damping, but MuJoCo clips the
     force that it has before the step. Over a step of h, an inertia I gets 1 + (kv h + kp h^2) / I
-    times less of it. The force limits are wider by that factor, so that what is left is the torque
-    of the motor.
+    times less of it. The force limits are wider by that factor, so that what speeds a joint up is
+    the torque of the motor.
+
+    That holds for joints that are free to move, with the inertia that they have at home. A joint
+    that is stopped by contact loses nothing: there the wider limits are what acts, 1.4 to 2.7 times
+    the motor's torque with steps of 10 ms and 1.2 to 1.7 times with 5 ms.
 
     Args:
         model: the compiled scene.

@@ -134,8 +134,9 @@ class Arms(HoldingGripper[Grasp]):
     def within_reach(self, i: int, point: np.ndarray) -> np.ndarray:
         """Where arm `i` goes to when it is told to go to a point (3,) [m].
 
-        First that is moved into the box `limits`; if the arm is too short, then straight towards
-        its base at the same height. Further on, joints may stop it some millimetres short.
+        The point is moved into the box `limits` and, from where the arm is too short for it,
+        straight towards the base at the same height. Joints may stop an arm before: a Franka 5 cm
+        before, near the floor when its base is 0.5 m high.
         """
         return self._stands[i].clip(np.clip(point, self._low, self._high))
 

@@ -11,9 +11,12 @@ from softgym_mj.robots.base import SIM_STEP
 ACCELERATION = 10.0
 SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacement in a sim step [m].
 # [m/s] Up to this speed the guide moves along with the commanded point, instead of staying so far
-# behind that it can come to rest there: after a sudden stop it goes 12.5 mm too far and returns.
+# behind that it can come to rest there. When a command of 0.5 m/s ends at once, the guide goes
+# 10 mm too far and returns (39 mm at 1 m/s); the hand, which comes after it, 19 mm (50 to 60 mm).
 ALONG = 0.5
-LEAD = 0.06  # [m] By which the commanded point may be ahead of what the arm follows.
+# [m] By which the commanded point may be ahead of the guide. The hand is further behind: by up to
+# `cartesian.LEAD` and what the joints lag.
+LEAD = 0.06
 
 
 # Points (n, 3), moved to within a radius of their centres (n, 3).
