@@ -164,7 +164,9 @@ def test_gymnasium_check_env(case):
     check_env(env.unwrapped)
 
 
-@pytest.mark.parametrize("observation", [*OBSERVATIONS, ["reduced", "rgb"]])
+@pytest.mark.parametrize(
+    "observation", [*OBSERVATIONS, ["reduced", "rgb"], ["proprioception", "rgb"]]
+)
 def test_gymnasium_spaces_and_dtypes(observation):
     env = gymnasium.make(
         "softgym_mj/StraightenRope-v0", observation=observation, image_size=(32, 32)

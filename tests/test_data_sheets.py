@@ -7,6 +7,7 @@ import softgym_mj
 from softgym_mj.robots.models import ARMS
 from tools import data_sheets, sheet_entries
 
+STATES = ("full", "reduced", "proprioception")
 CASES = [
     *((task, {}) for task in softgym_mj.TASKS),
     *((task, {"actor": "franka"}) for task in softgym_mj.TASKS),
@@ -37,13 +38,14 @@ def test_every_entry_of_an_action_is_listed(name):
 
 @pytest.mark.parametrize(("name", "settings"), CASES, ids=str)
 def test_entries_of_the_states_add_up(name, settings):
-    env = softgym_mj.load(name, observation=("full", "reduced", "full_mask"), **settings)
+    env = softgym_mj.load(name, observation=(*STATES, "full_mask"), **settings)
     spec, task = env.observation_spec(), env.task
-    sensed = sheet_entries.sensed_entries(task)
+    ending = sheet_entries.ending_entries(task)
     points = sheet_entries.point_entries(env)
     for observation, entries in (
-        ("reduced", (*task.reduced_entries, *sensed)),
-        ("full", (points, *task.tool_entries, *sensed)),
+        ("reduced", (*task.reduced_entries, *ending)),
+        ("full", (points, *task.tool_entries, *ending)),
+        ("proprioception", sheet_entries.sensed_entries(task)),
     ):
         assert spec[observation].shape == (sum(entry.number for entry in entries),)
 

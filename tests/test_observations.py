@@ -86,3 +86,55 @@ def test_the_mask_tells_points_from_padding(task):
     listed = observation["full"][: 3 * len(mask)].reshape(-1, 3)
     np.testing.assert_array_equal(listed[mask == 1], points)
     assert not listed[mask == 0].any()
+
+
+@pytest.mark.parametrize("actor", ["picker", "pick_and_place", "pixel_pick_and_place", "franka"])
+@pytest.mark.parametrize("task", ["straighten_rope", "rope_configuration"])
+def test_what_actors_sense_ends_the_states_and_can_be_had_apart(task, actor):
+    names = ["full", "reduced", "proprioception"]
+    env = softgym_mj.load(task, actor=actor, observation=names, split="evaluate")
+    env.reset(803)
+    observation = env.step(np.full(env.action_spec().shape, 0.1)).observation
+    sensed = observation["proprioception"]
+    numbers = {"picker": 6, "pick_and_place": 6, "pixel_pick_and_place": 3, "franka": 44}
+    assert sensed.shape == (numbers[actor],)
+    for name in ("full", "reduced"):
+        np.testing.assert_array_equal(observation[name][-len(sensed) :], sensed)
+    places = env.task.actor.positions().ravel()
+    np.testing.assert_array_equal(sensed[: places.size], places)
+
+
+@pytest.mark.parametrize("task", ["transport_water", "pour_water", "pour_water_amount"])
+def test_cups_sense_their_pose_and_arms_themselves(task):
+    for actor, number in (("cup", 3), ("sawyer", 22)):
+        env = softgym_mj.load(
+            task, actor=actor, observation=["full", "reduced", "proprioception"], split="evaluate",
+            fidelity="fast",
+        )  # fmt: skip
+        env.reset(803)
+        observation = env.step(np.full(env.action_spec().shape, 0.5)).observation
+        sensed = observation["proprioception"]
+        assert sensed.shape == (number,)
+        if actor == "cup":
+            np.testing.assert_array_equal(sensed, env.task.cup.pose)
+            assert sensed[0] == pytest.approx(8 * 0.5 * env.task.actor.max_step[0])
+        else:
+            np.testing.assert_array_equal(observation["full"][-number:], sensed)
+            np.testing.assert_array_equal(observation["reduced"][-number:], sensed)
+
+
+@pytest.mark.parametrize("actor", ["picker", "sawyer"])
+def test_images_with_what_is_sensed_do_not_tell_where_the_object_is(actor):
+    seen = []
+    for shift in (0.0, 0.1):
+        env = softgym_mj.load(
+            "straighten_rope", actor=actor, observation=["rgb", "proprioception"], split="evaluate",
+            image_size=(32, 32),
+        )  # fmt: skip
+        env.reset(803)
+        rope = env.task.target
+        rope.set_vertices(rope.vertices() + [0.0, shift, 0.0])
+        seen.append(env.step(np.zeros(env.action_spec().shape)).observation)
+    assert set(seen[0]) == {"rgb", "proprioception"}
+    assert not np.array_equal(seen[0]["rgb"], seen[1]["rgb"])
+    np.testing.assert_allclose(seen[0]["proprioception"], seen[1]["proprioception"], atol=1e-6)

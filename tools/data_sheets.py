@@ -10,19 +10,30 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.observations import GOAL_RGB, OBSERVATIONS
+from softgym_mj.observations import GOAL_RGB, OBSERVATIONS, WRIST_RGB
 from softgym_mj.registry import TASKS, TaskRecord, load
+from softgym_mj.rendering import camera_ids
 from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.base import DeformableTask, Entries
 from softgym_mj.variations import SPLITS
-from tools.sheet_entries import INFO, action_entries, point_entries, sensed_entries
+from tools.sheet_entries import (
+    INFO,
+    action_entries,
+    ending_entries,
+    point_entries,
+    sensed_entries,
+)
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "tasks"
 ACTORS = tuple(dict.fromkeys((*GRIPPERS, *CUP_ACTORS)))
 VARIATIONS = (800, 801)  # Two, so that what differs between variations can be told.
 
+WRIST_SUMMARY = (
+    f"with {' or '.join(f'`{name}`' for name in ARMS)}: uint8 images (arms, height, width, 3) from "
+    "the cameras on their hands"
+)
 GOAL_SUMMARY = "uint8 image (height, width, 3): `rgb` with the goal reached"
 _LABELS = ("Goal", "Reward", "Bounds", "Reduced state", "Full state", "Start", "End")
 
@@ -100,29 +111,30 @@ def entry_table(entries: Iterable[Entries], start: int = 0) -> str:
     return table(("entries", "what", "unit"), rows)
 
 
-def observations(env: Environment, arms: DeformableTask, remarks: Sequence[str]) -> Iterator[str]:
+def observations(env: Environment, arms: Environment, remarks: Sequence[str]) -> Iterator[str]:
     """All observations, then the entries of the states."""
-    task = env.task
+    task, spec = env.task, env.observation_spec()
+    summaries = {**OBSERVATIONS, GOAL_RGB: GOAL_SUMMARY, WRIST_RGB: WRIST_SUMMARY}
+    shown = {**spec, WRIST_RGB: arms.observation_spec()[WRIST_RGB]}
     yield table(
         ("observation", "shape", "dtype", "what"),
-        (
-            (f"`{name}`", spec.shape, spec.dtype, {**OBSERVATIONS, GOAL_RGB: GOAL_SUMMARY}[name])
-            for name, spec in env.observation_spec().items()
-        ),
+        ((f"`{name}`", s.shape, s.dtype, summaries[name]) for name, s in shown.items()),
     )
-    sensed = sensed_entries(task)
+    ending = ending_entries(task)
     yield "### `reduced`\n"
-    yield entry_table((*task.reduced_entries, *sensed))
+    yield entry_table((*task.reduced_entries, *ending))
     yield from remarks
     yield "### `full`\n"
-    yield entry_table((point_entries(env), *task.tool_entries, *sensed))
-    number, spec = sum(entry.number for entry in sensed), env.observation_spec()
+    yield entry_table((point_entries(env), *task.tool_entries, *ending))
+    yield "### `proprioception`\n"
+    yield entry_table(sensed_entries(task))
+    number = sum(entry.number for entry in ending)
     reduced, full = (spec[name].shape[0] - number for name in ("reduced", "full"))
     yield (
-        f"With {' or '.join(f'`{name}`' for name in ARMS)}, from entry {reduced} of `reduced` and "
-        f"{full} of `full` on, what the arms sense of themselves; counted from there:\n"
+        f"With {' or '.join(f'`{name}`' for name in ARMS)}; from entry {reduced} of `reduced` and "
+        f"{full} of `full` on, the same:\n"
     )
-    yield entry_table(sensed_entries(arms))
+    yield entry_table(sensed_entries(arms.task))
 
 
 # ---------------------------------------------------------------------- the rest
@@ -173,6 +185,9 @@ def cameras(env: Environment, arms: Environment) -> str:
             camera = model.camera(name)
             place, turn = numbers(*camera.pos), numbers(*camera.quat)
             rows.append((f"`{name}`{label}", place, turn, numbers(*camera.fovy)))
+    for name in arms.task.actor.wrists:
+        angle = numbers(*model.cam_fovy[[camera_ids(model)[name]]])
+        rows.append((f"`{name}` (with arms)", "on the hand of the arm", "moves with it", angle))
     return table(
         ("camera", "position [m]", "quaternion (w, x, y, z)", "vertical field of view [deg]"), rows
     )
@@ -219,7 +234,7 @@ def sheet(name: str) -> str:
     usual, arm = next(iter(tasks)), next(actor for actor in tasks if actor in ARMS)
     with_goal = (GOAL_RGB,) if GOAL_RGB in tasks[usual].task_observables else ()
     env = load(name, observation=(*OBSERVATIONS, *with_goal))
-    arms = load(name, actor=arm)
+    arms = load(name, actor=arm, observation=WRIST_RGB)
     lower, upper = bounds(env)
     text, task = paragraphs(record), env.task
     facts = table(
@@ -246,7 +261,7 @@ def sheet(name: str) -> str:
         "## Actions\n",
         *actions(env, tasks, record),
         "## Observations\n",
-        *observations(env, arms.task, text["Reduced state"]),
+        *observations(env, arms, text["Reduced state"]),
         "## Variations\n",
         f"Indices of the splits: {splits}.\n",
         *text["Start"],

@@ -30,6 +30,7 @@ INFO = {
     "share": "fraction that ought to be poured",
     "sim_steps": "sim steps that the last action took",
     "ik_failures": "control steps for which the arm's controller found no joint speeds",
+    "at_reach": "commanded points that lie at the end of their arm's reach",
 }
 
 
@@ -67,9 +68,9 @@ def action_entries(task: DeformableTask) -> list[tuple[str, str, str]]:
 
 
 def sensed_entries(task: DeformableTask) -> tuple[Entries, ...]:
-    """What the actor senses of itself, at the end of the full and the reduced state."""
+    """What the actor senses of itself; all but a cup's pose also ends the other states."""
     actor = task.actor
-    if actor.camera_suffix:  # Arms.
+    if actor.wrists:  # Arms.
         number = actor.num_grippers if isinstance(actor, Gripper) else 1
         points = tuple(Entries(f"arm {i}, tool point (x, y, z)", 3, "m") for i in range(number))
         own = (
@@ -85,7 +86,15 @@ def sensed_entries(task: DeformableTask) -> tuple[Entries, ...]:
         )
     if isinstance(actor, Gripper):
         return tuple(Entries(f"gripper {i} (x, y, z)", 3, "m") for i in range(actor.num_grippers))
-    return ()
+    if isinstance(actor, CupMover):
+        return (Entries("cup x, z", 2, "m"), Entries("cup theta", 1, "rad"))
+    raise TypeError(f"no description of what {type(actor).__name__} senses")
+
+
+def ending_entries(task: DeformableTask) -> tuple[Entries, ...]:
+    """What the actor senses of itself at the end of the full and the reduced state."""
+    listed_apart = isinstance(task.actor, CupMover) and not task.actor.wrists
+    return () if listed_apart else sensed_entries(task)
 
 
 def point_entries(env: Environment) -> Entries:
