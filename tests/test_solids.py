@@ -5,7 +5,7 @@ import pytest
 
 from softgym_mj.entities import Arena, Cloth, Rope
 from softgym_mj.environment import Environment
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.tasks import Evaluation, SceneTask
 
@@ -74,6 +74,17 @@ def test_hands_stop_at_a_shelf(actor):
         env.step(np.array([0.0, 0.0, -1.0, -1.0] * 2))
     assert (np.abs(env.task.actor.positions()[:, 2] - 0.1) < 0.02).all()
     assert env.task.rope.vertices()[:, 2].min() > 0.1
+
+
+def test_a_task_may_have_a_smaller_physics_step():
+    env = Environment(Shelf("picker", timestep=0.0025), name="shelf", horizon=2)
+    env.reset(0)
+    env.step(np.zeros(8))
+    assert env.physics.model.opt.timestep == 0.0025
+    assert env.physics.time() == pytest.approx(env.control_timestep())
+    for timestep in (0.01, 0.004, 0.0, -0.005, float("nan")):  # A rope needs 0.005 s or less.
+        with pytest.raises(OutOfRangeError, match=f"timestep={timestep}"):
+            Shelf("picker", timestep=timestep)
 
 
 def test_shapes_without_an_extent_are_refused():

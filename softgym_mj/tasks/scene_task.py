@@ -13,6 +13,7 @@ from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.fluid import Water
 from softgym_mj.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import DeformableTask, Entries
 from softgym_mj.variations import generator
@@ -40,8 +41,6 @@ class SceneTask(DeformableTask):
 
     Full state: all points (x, y, z each [m]) of the objects in their order, then what the actor
     senses of itself. Reduced state: `key_points`, then the same.
-
-    The physics step is the smallest that an object needs.
     """
 
     _actor: Gripper
@@ -58,6 +57,7 @@ class SceneTask(DeformableTask):
         observation: str | Sequence[str] = "reduced",
         image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
         action_repeat: int = ACTION_REPEAT,
+        timestep: float | None = None,
         domain: str | Mapping[str, object] = "nominal",
     ):
         """Puts the objects and the actor into an arena.
@@ -74,6 +74,8 @@ class SceneTask(DeformableTask):
             observation: "full", "reduced", "rgb" or a sequence of these.
             image_size: (height, width) of image observations [pixels].
             action_repeat: sim steps of 0.01 s per env step.
+            timestep: physics step [s], a sim step or a whole part of it; by default the largest
+                that suits all objects. Thin solids may need a smaller one: `Arena.add_solid`.
             domain: what varies besides the initial state, as in `Domain`; the parameters of an
                 object have its model name before theirs: "rope_friction".
 
@@ -113,7 +115,7 @@ class SceneTask(DeformableTask):
         super().__init__(
             arena,
             actor,
-            timestep=min(thing.timestep for thing in self._objects),
+            timestep=_checked_timestep(timestep, self._objects),
             success=success,
             max_points=sum(map(_count, self._objects)),
             adjustable=adjustable,
@@ -230,6 +232,17 @@ def _check_types(objects: object, actor: object, camera: object, workspace: obje
         raise OutOfRangeError("camera", camera, f"a CameraPose, or one of {names}")
     if not isinstance(workspace, Workspace):
         raise OutOfRangeError("workspace", workspace, "a Workspace((x, y, z), (x, y, z))")
+
+
+def _checked_timestep(timestep: float | None, objects: Sequence[Flex | Water]) -> float:
+    """The physics step [s], if it suits the objects and goes into a sim step."""
+    largest = min(thing.timestep for thing in objects)
+    if timestep is None:
+        return largest
+    whole = 0.0 < timestep <= largest and np.isclose(SIM_STEP / timestep % 1.0, [0.0, 1.0]).any()
+    if not whole:
+        raise OutOfRangeError("timestep", timestep, f"{SIM_STEP} s / n, at most {largest} s")
+    return timestep
 
 
 def _count(thing: Flex | Water) -> int:
