@@ -149,18 +149,15 @@ class CameraView:
         from dm_control.mujoco import engine, wrapper
 
         _claim()
-        model, data = physics.model.ptr, physics.data.ptr
+        data = physics.data.ptr
         refresh_poses(physics)
-        if self._data is not data:
-            check_name("camera", self._camera, camera_ids(model))
+        cameras = camera_ids(physics.model.ptr)
+        check_name("camera", self._camera, cameras)
         try:
             if self._data is not data:
+                camera = cameras[self._camera]
                 self._view = engine.Camera(
-                    physics,
-                    self._height,
-                    self._width,
-                    camera_ids(model)[self._camera],
-                    max_geom=_MAX_GEOMS,
+                    physics, self._height, self._width, camera, max_geom=_MAX_GEOMS
                 )
                 self._option = wrapper.MjvOption()
                 self._option.flexgroup[_FLEX_GROUP] = 0

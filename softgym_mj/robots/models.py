@@ -14,7 +14,8 @@ class ArmModel:
     Attributes:
         name: key in `ARMS`, and name of the MJCF model.
         xml_path: the MJCF model. It has a keyframe "home" with the fingers open, to be removed
-            where the model joins a scene, which has more coordinates.
+            where the model joins a scene, which has more coordinates, and a camera "wrist" on the
+            hand.
         arm_joints: the seven joints, from the base to the hand; their actuators have their names.
         finger_joints: the two slides; equal positions are symmetric, 0 is closed.
         tcp_site: the point between the pads; its z axis points out of the gripper, and the fingers
