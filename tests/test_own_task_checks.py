@@ -194,7 +194,7 @@ def test_snapshots_fit_the_same_arguments_only(register):
     usual = softgym_mj.load("counting", actor="picker")
     usual.reset(800)
     softgym_mj.load("counting", height=0.1).set_state(usual.get_state())  # What it is by default.
-    assert "arguments" not in softgym_mj.load("straighten_rope", actor="picker").get_state().layout
+    assert "arguments" not in softgym_mj.load("straighten_rope", actor="picker").task.state_layout
 
 
 # ------------------------------------------------------------------ tasks registered again
