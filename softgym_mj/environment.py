@@ -10,7 +10,7 @@ import numpy as np
 from dm_control import composer
 from dm_control.composer import observation
 
-from softgym_mj.exceptions import OutOfRangeError, SnapshotError, check_count
+from softgym_mj.exceptions import EpisodeEndedError, OutOfRangeError, SnapshotError, check_count
 from softgym_mj.observations import blank_images
 from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.variations import check_variation, split_indices
@@ -123,6 +123,11 @@ class Environment(composer.Environment):
         return self._horizon
 
     @property
+    def started(self) -> bool:
+        """Whether there has been a reset."""
+        return self._started is not None
+
+    @property
     def step_count(self) -> int:
         """Env steps since reset."""
         return self._step_count
@@ -203,7 +208,13 @@ class Environment(composer.Environment):
     # ------------------------------------------------------------------ snapshots
 
     def get_state(self) -> Snapshot:
-        """A snapshot of the running episode, independent of this environment; picklable."""
+        """A snapshot of the running episode, independent of this environment; picklable.
+
+        Raises:
+            EpisodeEndedError: before the first reset.
+        """
+        if not self.started:
+            raise EpisodeEndedError("no episode has started: call reset() before get_state()")
         physics = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._model, self._data, physics, _STATE)
         return Snapshot(

@@ -95,6 +95,10 @@ class CacheUnavailableError(SoftGymError, OSError):
     """The folder for generated initial states cannot be written."""
 
 
+class NotCopyableError(SoftGymError, TypeError):
+    """What can be neither copied nor pickled, as it lives in processes of its own."""
+
+
 class SnapshotError(SoftGymError, ValueError):
     """A snapshot that does not belong to this environment, or none at all."""
 

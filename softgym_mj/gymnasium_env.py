@@ -1,5 +1,6 @@
 """`SoftGymEnv`: a Gymnasium environment over `Environment`."""
 
+import copy
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,13 +15,18 @@ from softgym_mj.environment import Snapshot
 from softgym_mj.exceptions import (
     EnvironmentClosedError,
     EpisodeEndedError,
+    OutOfRangeError,
+    SnapshotError,
+    UnexpectedArgumentError,
     UnknownNameError,
     check_image_size,
     check_name,
 )
 from softgym_mj.rendering import LARGEST_IMAGE, CameraView, camera_ids
 
-_OPTIONS = ("variation",)
+_OPTIONS = ("variation", "state")
+# Attributes that a copy has besides the arguments and the state of the episode.
+_COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "spec")
 
 
 def _space(spec: specs.Array) -> gymnasium.spaces.Box:
@@ -34,7 +40,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
     Box for one observation, a Dict of them for several. An episode is truncated after `horizon`
-    env steps and never terminates. `info` is `Environment.info`.
+    env steps and never terminates. `info` is `Environment.info`. A copy or a pickle continues the
+    episode where it stands.
     """
 
     metadata = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 12.5}  # noqa: RUF012
@@ -66,6 +73,11 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             self, task, render_mode, render_size=render_size, camera=camera, split=split,
             horizon=horizon, **task_kwargs,
         )  # fmt: skip
+        if "random_state" in task_kwargs:
+            raise UnexpectedArgumentError(
+                "SoftGymEnv got an unexpected keyword argument 'random_state': seed it by "
+                "reset(seed=...)."
+            )
         check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         self.render_mode = render_mode
         check_image_size("render_size", render_size, LARGEST_IMAGE)
@@ -100,22 +112,30 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
         Args:
             seed: seeds the draw of variations.
-            options: {"variation": index 0..999}, else one is drawn from the split.
+            options: {"variation": index 0..999}, else one is drawn from the split; or
+                {"state": state}, which continues an episode as `set_state` does, but is a reset to
+                wrappers, too: a new environment of `gymnasium.make` wants one before a step.
 
         Returns:
             Observation and info.
 
         Raises:
             UnknownNameError: for an unknown option.
-            OutOfRangeError: for a variation that does not exist.
+            OutOfRangeError: for a variation that does not exist, or one or a seed beside a state.
+            SnapshotError: for a bad state.
             EnvironmentClosedError: after `close()`, as of all methods but `close()`.
         """
         self._check_open()
-        super().reset(seed=seed)
         options = options or {}
         for key in options:
             if key not in _OPTIONS:
                 raise UnknownNameError("options key", key, _OPTIONS)
+        if "state" in options:
+            for name, value in (("seed", seed), ("variation", options.get("variation"))):
+                if value is not None:
+                    raise OutOfRangeError(name, value, "None, as the state has its own")
+            return self.set_state(options["state"])
+        super().reset(seed=seed)
         variation = options.get("variation")
         if variation is None:
             variations = self._env.variations
@@ -162,18 +182,41 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             self._closed = True
 
     def get_state(self) -> tuple[Snapshot, Mapping[str, Any]]:
-        """A snapshot for `set_state`, with the generator that draws variations."""
+        """A snapshot for `set_state`, with the generator that draws variations; picklable.
+
+        Raises:
+            EpisodeEndedError: before the first reset.
+        """
         self._check_open()
         return self._env.get_state(), self.np_random.bit_generator.state
 
     def set_state(self, state: tuple[Snapshot, Mapping[str, Any]]):
-        """Restores a snapshot; returns observation and info."""
+        """Restores a snapshot; returns observation and info.
+
+        Raises:
+            SnapshotError: if it is of another task or other settings, or none.
+        """
         self._check_open()
+        if not (isinstance(state, tuple) and len(state) == 2):
+            raise SnapshotError(f"expected what `get_state` returned, not {state!r}")
         snapshot, generator = state
         self._env.set_state(snapshot)
         self.np_random.bit_generator.state = generator
         self._running = not snapshot.ended
         return self._convert(self._env.observation()), self._env.info()
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._check_open()
+        state = self.get_state() if self._env.started else None
+        copied = {name: vars(self)[name] for name in _COPIED if name in vars(self)}
+        # A copy, for `copy.copy`: its generators are not to be shared.
+        return {**super().__getstate__(), "state": state, "copied": copy.deepcopy(copied)}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        super().__setstate__(kept)
+        vars(self).update(kept["copied"])
+        if kept["state"] is not None:
+            self.set_state(kept["state"])
 
     def _check_open(self):
         if self._closed:

@@ -1,42 +1,37 @@
 """`VectorEnv`: many environments at once, in worker processes; `gymnasium.make_vec` makes it."""
 
-import contextlib
 import copy
 import functools
 import itertools
 import multiprocessing
 import os
-import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, NoReturn
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import (
     CloudpickleWrapper,
     batch_space,
     create_shared_memory,
-    iterate,
     read_from_shared_memory,
-    write_to_shared_memory,
 )
 
 from softgym_mj import registry
 from softgym_mj.exceptions import (
     EpisodeEndedError,
+    NotCopyableError,
     OutOfRangeError,
-    WorkersLostError,
     check_count,
     check_name,
 )
 from softgym_mj.gymnasium_env import SoftGymEnv
 from softgym_mj.rendering import has_rendered
+from softgym_mj.vector_arguments import MASK, checked_actions, options_of_each, seed_of_each
+from softgym_mj.vector_pool import WorkerPool
 
 _MODES = {mode.value: mode for mode in AutoresetMode}
-_END = "end"  # The call that ends a worker.
-_MASK = "reset_mask"  # Gymnasium's option that says who is to be reset.
 
 
 def make_vector_env(task: str | registry.TaskRecord, **kwargs: Any) -> "VectorEnv":
@@ -59,7 +54,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     """Environments in a few worker processes, each of which steps its share one by one.
 
     Observations, images among them, come through shared memory. An error in a worker is raised
-    here with its own type; it leaves the other environments as they are.
+    here with its own type; where it comes out of `step`, some have taken the step and others have
+    not. A call that is interrupted (Ctrl-C, an alarm) is still carried out by all of them.
     """
 
     def __init__(
@@ -117,19 +113,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._observations = read_from_shared_memory(space, self._shared, num_envs)
         bounds = np.linspace(0, num_envs, num_workers + 1).round().astype(int)
         self._shares = [slice(*pair) for pair in itertools.pairwise(bounds)]
-        self._pipes: list[Connection] = []
-        self._processes = []
-        for share in self._shares:
-            here, there = methods.Pipe()
-            process = methods.Process(
-                target=_serve,
-                args=(there, here, CloudpickleWrapper(make), share, autoreset_mode, self._shared),
-                daemon=True,
-            )
-            process.start()
-            there.close()
-            self._pipes.append(here)
-            self._processes.append(process)
+        wrapped = CloudpickleWrapper(make)
+        self._pool = WorkerPool(
+            methods, [(wrapped, share, autoreset_mode, self._shared) for share in self._shares]
+        )
 
     @property
     def num_workers(self) -> int:
@@ -141,28 +128,33 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
         Args:
             seed: of the first environment, the next has one more, or a sequence of all seeds.
-            options: of `SoftGymEnv.reset`, and "reset_mask" (num_envs,) bool: who is to be reset.
+            options: of `SoftGymEnv.reset`, for all; a "variation" can also be a sequence of one for
+                each environment, a "state" always is. "reset_mask" (num_envs,) bool: who is to be
+                reset.
 
         Returns:
             Observations and infos of all, arrays by name.
+
+        Raises:
+            OutOfRangeError, UnknownNameError, SnapshotError: for bad seeds or options.
         """
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        if seeds is None:
-            seeds = [None] * self.num_envs
-        if len(seeds) != self.num_envs:
-            raise OutOfRangeError("seed", seed, f"a whole number, or {self.num_envs} of them")
+        seeds = seed_of_each(seed, self.num_envs)
         options = dict(options or {})
-        mask = np.asarray(options.pop(_MASK, np.ones(self.num_envs, bool)))
+        mask = np.asarray(options.pop(MASK, np.ones(self.num_envs, bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
             valid = f"({self.num_envs},) bool, at least one of them true"
-            raise OutOfRangeError(_MASK, mask, valid)
+            raise OutOfRangeError(MASK, mask, valid)
+        return self._pool.run(self._reset, seeds, options_of_each(options, self.num_envs), mask)
+
+    def _reset(self, seeds: list[int | None], options: list[dict[str, Any]], mask: np.ndarray):
         calls = {
-            i: ("reset", list(seeds[share]), {**options, _MASK: mask[share]})
+            i: ("reset", seeds[share], options[share], mask[share])
             for i, share in enumerate(self._shares)
             if mask[share].any()
         }
-        answers = self._ask(calls)
-        self._ended &= ~mask
+        answers = self._pool.ask(calls)
+        for i in np.flatnonzero(mask):
+            self._ended[i] = "state" in options[i] and options[i]["state"][0].ended
         infos = _joined([(self._shares[i], answer) for i, answer in answers.items()], self.num_envs)
         return copy.deepcopy(self._observations), infos
 
@@ -174,20 +166,21 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
         Raises:
             EpisodeEndedError: if an episode has ended and nothing resets by itself.
-            InvalidActionError: for a bad action.
+            InvalidActionError: for a bad action; no environment is stepped then.
         """
+        return self._pool.run(
+            self._step, checked_actions(actions, self.num_envs, self.single_action_space)
+        )
+
+    def _step(self, actions: np.ndarray):
         if self._mode == AutoresetMode.DISABLED and self._ended.any():
             ended = np.flatnonzero(self._ended).tolist()
             raise EpisodeEndedError(
                 f"episodes of environments {ended} have ended: call reset(options="
                 '{"reset_mask": terminated | truncated}) before step()'
             )
-        actions = np.asarray(actions)
-        if actions.shape[:1] != (self.num_envs,):
-            valid = f"an action for each of the {self.num_envs} environments"
-            raise OutOfRangeError("actions", f"an array of shape {actions.shape}", valid)
         calls = {i: ("step", actions[share]) for i, share in enumerate(self._shares)}
-        answers = list(self._ask(calls).values())
+        answers = list(self._pool.ask(calls).values())
         rewards, terminated, truncated = (
             np.concatenate([answer[k] for answer in answers]) for k in range(3)
         )
@@ -202,9 +195,22 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """What `render` of each environment returns."""
         return self.call("render")
 
+    def get_state(self) -> list[Any]:
+        """A snapshot of each environment, as of `SoftGymEnv.get_state`, for `set_state`."""
+        return list(self.call("get_state"))
+
+    def set_state(self, states: Sequence[Any]):
+        """Restores snapshots, of any vector environment or of single ones of the same kind.
+
+        Returns:
+            Observations and infos of all, arrays by name.
+        """
+        return self.reset(options={"state": states})
+
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """What a method, or an attribute, of each environment returns."""
-        answers = self._ask({i: ("call", name, args, kwargs) for i in range(self.num_workers)})
+        calls = {i: ("call", name, args, kwargs) for i in range(self.num_workers)}
+        answers = self._pool.run(self._pool.ask, calls)
         return tuple(value for answer in answers.values() for value in answer)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
@@ -217,40 +223,22 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:
             raise OutOfRangeError("values", values, f"{self.num_envs} of them")
-        self._ask({i: ("set_attr", name, values[share]) for i, share in enumerate(self._shares)})
+        calls = {i: ("set_attr", name, values[share]) for i, share in enumerate(self._shares)}
+        self._pool.run(self._pool.ask, calls)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Ends the workers."""
-        for pipe in self._pipes:
-            with contextlib.suppress(ConnectionError):  # One that has ended already.
-                pipe.send((_END,))
-            pipe.close()
-        for process in self._processes:
-            process.join()
+        self._pool.close()
 
     def __del__(self):
-        if hasattr(self, "_processes"):
+        if hasattr(self, "_pool"):
             self.close()
 
-    def _ask(self, calls: Mapping[int, tuple]) -> dict[int, Any]:
-        """Has workers make calls at the same time; their answers, or the first of their errors."""
-        answers, errors = {}, []
-        try:
-            for i, call in calls.items():
-                self._pipes[i].send(call)
-            for i in calls:
-                succeeded, answer = self._pipes[i].recv()
-                if succeeded:
-                    answers[i] = answer
-                else:
-                    errors.append(answer)
-        except (EOFError, ConnectionError) as error:
-            raise WorkersLostError(
-                f"worker {i} of a vector environment has ended (killed, or out of memory?)"
-            ) from error
-        if errors:
-            raise errors[0]
-        return answers
+    def __reduce__(self) -> NoReturn:
+        raise NotCopyableError(
+            "a VectorEnv can be neither copied nor pickled, as its environments live in processes "
+            "of their own: make another one and use other.set_state(envs.get_state())"
+        )
 
 
 def _num_cores() -> int:
@@ -258,46 +246,6 @@ def _num_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _serve(pipe, other_end, make, share: slice, mode: AutoresetMode, shared) -> None:
-    """Answers calls for a share of the environments until it is told to end."""
-    other_end.close()
-    count = share.stop - share.start
-    envs: SyncVectorEnv | None = None
-    while True:
-        try:
-            name, *arguments = pipe.recv()
-        except EOFError:  # The other end has been killed.
-            return
-        if name == _END:
-            return
-        try:
-            if envs is None:
-                envs = SyncVectorEnv([make] * count, copy=False, autoreset_mode=mode)
-            answer = True, _answer(envs, name, arguments, share.start, shared)
-        except Exception as error:
-            error.add_note(traceback.format_exc())
-            answer = False, error
-        pipe.send(answer)
-
-
-def _answer(envs: SyncVectorEnv, name: str, arguments: Sequence[Any], first: int, shared) -> Any:
-    """Makes a call; what it returns besides observations, which go into the shared memory."""
-    if name == "call":
-        method, args, kwargs = arguments
-        return envs.call(method, *args, **kwargs)
-    if name == "set_attr":
-        return envs.set_attr(*arguments)
-    answer: Any
-    if name == "reset":
-        seeds, options = arguments
-        observations, answer = envs.reset(seed=seeds, options=options)
-    else:
-        observations, *answer = envs.step(*arguments)
-    for i, observation in enumerate(iterate(envs.observation_space, observations)):
-        write_to_shared_memory(envs.single_observation_space, first + i, observation, shared)
-    return answer
 
 
 def _joined(parts: Iterable[tuple[slice, Mapping[str, Any]]], number: int) -> dict[str, Any]:

@@ -373,6 +373,7 @@ def assert_refused(env, snapshot, *words: str) -> None:
 
 def test_snapshot_of_another_task(env):
     cloth = softgym_mj.load(CLOTH, fidelity="fast")
+    cloth.reset(0)
     assert_refused(cloth, env.get_state(), "'straighten_rope'", "'spread_cloth'")
     assert_refused(env, cloth.get_state(), "'straighten_rope'", "'spread_cloth'")
 
@@ -392,7 +393,15 @@ def test_snapshot_of_another_number_of_pickers(env, variation):
 
 def test_snapshot_of_another_fidelity():
     fast, default = (softgym_mj.load(CLOTH, fidelity=name) for name in ("fast", "default"))
+    for each in (fast, default):
+        each.reset(0)
     assert_refused(fast, default.get_state(), "fidelity")
+
+
+def test_no_snapshot_before_the_first_reset():
+    for fresh in (softgym_mj.load(ROPE), make(ROPE_ID).unwrapped):
+        with pytest.raises(exceptions.EpisodeEndedError, match="no episode has started"):
+            fresh.get_state()
 
 
 def test_snapshot_in_gymnasium():

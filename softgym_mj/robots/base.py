@@ -9,7 +9,7 @@ from dm_env import specs
 from softgym_mj.exceptions import InvalidActionError
 
 SIM_STEP = 0.01  # [s] SoftGym's sim step: actions are applied once in each.
-_BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.
+BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.
 
 
 class Actor(abc.ABC):
@@ -101,7 +101,7 @@ class Actor(abc.ABC):
                 f"action has shape {array.shape}; expected ({self.action_size},): "
                 f"{self.action_layout}."
             )
-        limit = 1.0 + _BOUND_TOLERANCE
+        limit = 1.0 + BOUND_TOLERANCE
         if not np.abs(array).max() <= limit:  # True for NaN as well.
             bad = np.flatnonzero(~(np.abs(array) <= limit))
             raise InvalidActionError(
