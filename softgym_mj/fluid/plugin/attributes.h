@@ -39,8 +39,8 @@ class AttributeReader {
 // All attributes of an instance as MuJoCo stores them, to tell whether they have changed.
 std::string RawAttributes(const mjModel* m, int instance);
 
-// Stops with an error that names the plugin and the instance. Must be called with no object that has a
-// destructor alive: MuJoCo's compiler leaves by longjmp.
+// Stops the compilation of a model with an error that names the plugin and the instance. Must be called
+// with no object that has a destructor alive: MuJoCo's compiler leaves by longjmp.
 void Fail(const mjModel* m, int instance, const char* reason);
 
 }  // namespace softgym_mj

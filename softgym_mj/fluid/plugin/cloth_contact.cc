@@ -11,6 +11,7 @@
 #include "attributes.h"
 #include "contact_solver.h"
 #include "impact.h"
+#include "mishap.h"
 #include "pose.h"
 #include "rigid_contacts.h"
 
@@ -28,11 +29,12 @@ struct Vertex {
 constexpr int kMaxSearches = 4;  // For pairs that may pass through each other after all.
 
 // What a thread needs for a step. Only memory, the parsed attributes, the mesh and the candidate pairs
-// outlive a call; each is checked against the model and the positions, so nothing depends on which thread
-// or mjData came before.
+// outlive a call; each is checked against the model and the positions, so nothing depends on which thread,
+// model or mjData came before. Addresses in the model are looked up in every step.
 struct Workspace {
   std::string attributes, signature, scratch;
   ContactConfig config;
+  std::vector<int> flexes;
   Mesh mesh;
   std::vector<Vertex> vertices;
   std::vector<mjtNum> axes;  // World directions of the slides of each vertex (n, 3, 3).
@@ -98,34 +100,6 @@ std::string ParseConfig(const mjModel* m, int instance, ContactConfig* config) {
   return read.error();
 }
 
-// Everything of the model that the mesh depends on, as bytes.
-void Signature(const mjModel* m, const std::vector<int>& flexes, std::string* out) {
-  out->clear();
-  const auto append = [out](const void* data, size_t size) {
-    out->append(static_cast<const char*>(data), size);
-  };
-  for (int f : flexes) {
-    const int vert = m->flex_vertadr[f], verts = m->flex_vertnum[f];
-    const int edge = m->flex_edgeadr[f], edges = m->flex_edgenum[f];
-    const int dim = m->flex_dim[f];
-    const int elements = m->flex_elemnum[f], stiffness = m->flex_stiffnessadr[f];
-    const int sizes[] = {f, dim, verts, edges, elements, m->flex_condim[f], m->flex_edgeequality[f]};
-    append(sizes, sizeof(sizes));
-    append(m->flex_vertbodyid + vert, verts * sizeof(int));
-    append(m->flex_edge + 2 * edge, 2 * edges * sizeof(int));
-    append(m->flex_elem + m->flex_elemdataadr[f], (dim + 1) * elements * sizeof(int));
-    append(m->flexedge_length0 + edge, edges * sizeof(mjtNum));
-    append(m->flex_radius + f, sizeof(mjtNum));
-    append(m->flex_friction + 3 * f, sizeof(mjtNum));
-    append(m->flex_damping + f, sizeof(mjtNum));
-    append(m->flex_edgestiffness + f, sizeof(mjtNum));
-    append(m->flex_edgedamping + f, sizeof(mjtNum));
-    for (int t = 0; dim == 2 && stiffness >= 0 && t < elements; ++t) {
-      append(m->flex_stiffness + stiffness + kStiffnessSize * t, 6 * sizeof(mjtNum));
-    }
-  }
-}
-
 Vertex FindVertex(const mjModel* m, int body) {
   const int joint = m->body_jntadr[body];
   bool slides = m->body_jntnum[body] == 3;
@@ -134,45 +108,42 @@ Vertex FindVertex(const mjModel* m, int body) {
   return {body, m->body_dofadr[body], m->jnt_qposadr[joint]};
 }
 
-// Parses the attributes and finds the flexes. False, with the reason, if something is wrong.
-bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t size) {
+// Parses the attributes and finds the flexes. "" or what is wrong.
+std::string Check(const mjModel* m, int instance, Workspace* w, std::vector<int>* flexes) {
   std::string error, attributes = RawAttributes(m, instance);
   if (attributes != w->attributes || w->attributes.empty()) {
     error = ParseConfig(m, instance, &w->config);
     w->attributes = error.empty() ? attributes : "";
   }
-  std::vector<int> flexes;
-  if (error.empty()) error = CollectFlexes(m, instance, &flexes);
+  if (error.empty()) error = CollectFlexes(m, instance, flexes);
   if (error.empty() && m->opt.integrator == mjINT_RK4) {
     error = "integrator RK4 is not supported: expected Euler, implicit, implicitfast or discrete.";
   }
   if (error.empty() && (m->opt.enableflags & mjENBL_SLEEP)) {
     error = "the flag sleep is not supported.";
   }
-  if (error.empty()) {
-    Signature(m, flexes, &w->scratch);
-    if (w->scratch != w->signature) {
-      w->signature = w->scratch;
-      w->mesh = MakeMesh(m, flexes);
-      w->proximity.Reset(w->mesh);
-      w->vertices.clear();
-      for (int f : flexes) {
-        const int* body = m->flex_vertbodyid + m->flex_vertadr[f];
-        for (int i = 0; i < m->flex_vertnum[f]; ++i) {
-          w->vertices.push_back(FindVertex(m, body[i]));
-        }
-      }
-    }
-  }
-  std::snprintf(reason, size, "%s", error.c_str());
-  return error.empty();
+  return error;
 }
 
-Workspace& Open(const mjModel* m, int instance) {
-  char reason[512];
+// The workspace for an instance. Null, with the reason, if the model was changed after it was compiled to
+// what cannot be handled.
+Workspace* Open(const mjModel* m, int instance, char* reason) {
   Workspace& w = ThreadWorkspace();
-  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
-  return w;
+  const std::string error = Check(m, instance, &w, &w.flexes);
+  std::snprintf(reason, kReasonSize, "%s", error.c_str());
+  if (!error.empty()) return nullptr;
+  WriteSignature(m, w.flexes, &w.scratch);
+  if (w.scratch != w.signature) {
+    w.signature = w.scratch;
+    w.mesh = MakeMesh(m, w.flexes);
+    w.proximity.Reset(w.mesh);
+  }
+  w.vertices.clear();
+  for (int f : w.flexes) {
+    const int* body = m->flex_vertbodyid + m->flex_vertadr[f];
+    for (int i = 0; i < m->flex_vertnum[f]; ++i) w.vertices.push_back(FindVertex(m, body[i]));
+  }
+  return &w;
 }
 
 // Fills the motion; false if something is not finite.
@@ -260,9 +231,23 @@ void Apply(const mjModel* m, mjData* d, Workspace* w, const std::vector<float>& 
   }
 }
 
+// The compiler makes an mjData of every model, so what is wrong is found there.
+int Init(const mjModel* m, mjData* d, int instance) {
+  char reason[kReasonSize];
+  if (!Open(m, instance, reason) && !IsRestarting()) Fail(m, instance, reason);
+  d->plugin_data[instance] = 0;
+  return 0;
+}
+
 void Advance(const mjModel* m, mjData* d, int instance) {
   if (m->opt.disableflags & mjDSBL_CONTACT) return;
-  Workspace& w = Open(m, instance);
+  char reason[kReasonSize];
+  Workspace* opened = Open(m, instance, reason);
+  if (!opened) {
+    Warn(m, d, instance, reason);
+    return;
+  }
+  Workspace& w = *opened;
   if (!Gather(m, d, &w)) return;  // MuJoCo finds what is not finite and resets in the next step.
   HoldVertices(m, d, &w);
   w.proximity.Find(w.mesh, w.motion, &w.pairs);
@@ -292,12 +277,7 @@ void RegisterClothContact() {
   plugin.attributes = kAttributes;
   plugin.capabilityflags = mjPLUGIN_PASSIVE;
   plugin.nstate = [](const mjModel*, int) { return 0; };
-  // The compiler makes an mjData of every model, so what is wrong is found there.
-  plugin.init = [](const mjModel* m, mjData* d, int instance) {
-    Open(m, instance);
-    d->plugin_data[instance] = 0;
-    return 0;
-  };
+  plugin.init = Init;
   plugin.compute = [](const mjModel*, mjData*, int, int) {};
   plugin.advance = Advance;
   mjp_registerPlugin(&plugin);

@@ -40,6 +40,21 @@ int FluidConfig::Substeps(double timestep) const {
   return std::min(kMaxSubsteps, static_cast<int>(std::ceil(timestep / longest - 1e-9)));
 }
 
+// A lattice of the rest spacing, filled from below. Up to a thousandth of the spacing is left to
+// chance, so that it does not stand in unstable balance.
+void FluidConfig::PlaceLattice(double* positions) const {
+  unsigned random = 12345;
+  for (int i = 0; i < count; ++i) {
+    const int column = i % (columns[0] * columns[1]);
+    const int site[3] = {column % columns[0], column / columns[0], i / (columns[0] * columns[1])};
+    for (int k = 0; k < 3; ++k) {
+      random = random * 1664525u + 1013904223u;
+      const double noise = (random >> 8) / 16777216.0 - 0.5;
+      positions[3 * i + k] = corner[k] + spacing * (site[k] + 0.002 * noise);
+    }
+  }
+}
+
 std::string ParseConfig(const mjModel* m, int instance, FluidConfig* config) {
   FluidConfig parsed;
   AttributeReader read(m, instance);

@@ -32,6 +32,8 @@ struct FluidConfig {
   int Layers() const;
   // Substeps of a step of `timestep` seconds.
   int Substeps(double timestep) const;
+  // Positions (count, 3) [m] at the start.
+  void PlaceLattice(double* positions) const;
 };
 
 // Names of the attributes, as registered.

@@ -13,6 +13,7 @@
 #include "config.h"
 #include "draw.h"
 #include "flex.h"
+#include "mishap.h"
 #include "solver.h"
 
 namespace softgym_mj {
@@ -37,18 +38,24 @@ Workspace& ThreadWorkspace() {
   return workspace;
 }
 
-// Parses the attributes and finds the walls and flexes. False, with the reason, if something is wrong.
-bool Bind(const mjModel* m, int instance, Workspace* w, char* reason, size_t size) {
+// Parses the attributes. "" or what is wrong.
+std::string Configure(const mjModel* m, int instance, Workspace* w) {
   std::string error, attributes = RawAttributes(m, instance);
   if (attributes != w->attributes) {
     error = ParseConfig(m, instance, &w->config);
     w->attributes = error.empty() ? attributes : "";
   }
+  return error;
+}
+
+// Parses the attributes and finds the walls and flexes. False, with the reason, if something is wrong.
+bool Bind(const mjModel* m, int instance, Workspace* w, char* reason) {
+  std::string error = Configure(m, instance, w);
   if (error.empty()) error = CollectWalls(m, instance, w->config.world, &w->walls);
   if (error.empty() && w->walls.size() > kMaxWalls) error = "there are too many walls.";
   w->flexes.elements.clear();
   if (error.empty() && w->config.flexes) error = CollectFlexes(m, &w->flexes.elements);
-  std::snprintf(reason, size, "%s", error.c_str());
+  std::snprintf(reason, kReasonSize, "%s", error.c_str());
   return error.empty();
 }
 
@@ -66,39 +73,23 @@ StateLayout Layout(const mjModel* m, const FluidConfig& config, size_t num_walls
   return layout;
 }
 
-// The workspace for an instance, and where its state is.
-Workspace& Open(const mjModel* m, int instance, StateLayout* layout) {
-  char reason[512];
+// The workspace for an instance, and where its state is. Null, with the reason, if the model was changed
+// after it was compiled so that they do not fit.
+Workspace* Open(const mjModel* m, int instance, StateLayout* layout, char* reason) {
   Workspace& w = ThreadWorkspace();
-  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  if (!Bind(m, instance, &w, reason)) return nullptr;
   *layout = Layout(m, w.config, w.walls.size());
-  if (layout->size != m->plugin_statenum[instance]) {
-    Fail(m, instance, "walls were added or removed, by contype, conaffinity or geom_type, after the "
-                      "model was compiled.");
-  }
-  return w;
+  if (layout->size == m->plugin_statenum[instance]) return &w;
+  std::snprintf(reason, kReasonSize, "walls were added or removed, by contype, conaffinity or "
+                "geom_type, after the model was compiled: the fluid stands still.");
+  return nullptr;
 }
 
-// A lattice of the rest spacing, filled from below. Up to a thousandth of the spacing is left to
-// chance, so that it does not stand in unstable balance.
-void PlaceLattice(const FluidConfig& config, mjtNum* positions) {
-  unsigned random = 12345;
-  for (int i = 0; i < config.count; ++i) {
-    const int column = i % (config.columns[0] * config.columns[1]);
-    const int site[3] = {column % config.columns[0], column / config.columns[0],
-                         i / (config.columns[0] * config.columns[1])};
-    for (int k = 0; k < 3; ++k) {
-      random = random * 1664525u + 1013904223u;
-      const double noise = (random >> 8) / 16777216.0 - 0.5;
-      positions[3 * i + k] = config.corner[k] + config.spacing * (site[k] + 0.002 * noise);
-    }
-  }
-}
-
+// Called by the compiler, before it knows the flexes.
 int NumState(const mjModel* m, int instance) {
-  char reason[512];
+  char reason[kReasonSize];
   Workspace& w = ThreadWorkspace();
-  if (!Bind(m, instance, &w, reason, sizeof(reason))) Fail(m, instance, reason);
+  if (!Bind(m, instance, &w, reason)) Fail(m, instance, reason);
   if (w.config.two_way && (m->opt.disableflags & mjDSBL_SPRING) &&
       (m->opt.disableflags & mjDSBL_DAMPER)) {
     Fail(m, instance, "two_way=\"true\" needs MuJoCo's passive forces, which the flags spring and "
@@ -114,16 +105,21 @@ int NumState(const mjModel* m, int instance) {
   return Layout(m, w.config, w.walls.size()).size;
 }
 
-int Init(const mjModel*, mjData* d, int instance) {
+// The compiler makes an mjData of every model, so what is wrong is found there at the latest.
+int Init(const mjModel* m, mjData* d, int instance) {
+  char reason[kReasonSize];
+  if (!Bind(m, instance, &ThreadWorkspace(), reason) && !IsRestarting()) Fail(m, instance, reason);
   d->plugin_data[instance] = 0;
   return 0;
 }
 
 void Reset(const mjModel* m, mjtNum* state, void*, int instance) {
-  StateLayout layout;
-  Workspace& w = Open(m, instance, &layout);
-  mju_zero(state, layout.size);
-  PlaceLattice(w.config, state + layout.positions);
+  Workspace& w = ThreadWorkspace();
+  const int size = m->plugin_statenum[instance];
+  mju_zero(state, size);
+  if (Configure(m, instance, &w).empty() && 1 + 3 * w.config.count <= size) {
+    w.config.PlaceLattice(state + 1);
+  }
 }
 
 void FindPoses(const mjModel* m, const mjData* d, const std::vector<Wall>& walls,
@@ -209,13 +205,19 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
 
 void Advance(const mjModel* m, mjData* d, int instance) {
   StateLayout layout;
-  Workspace& w = Open(m, instance, &layout);
+  char reason[kReasonSize];
+  Workspace* opened = Open(m, instance, &layout, reason);
+  if (!opened) {
+    Warn(m, d, instance, reason);
+    return;
+  }
+  Workspace& w = *opened;
   const int walls = static_cast<int>(w.walls.size());
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
-  double sum = 0;
-  for (int i = layout.positions; i < layout.poses; ++i) sum += state[i];
-  if (!std::isfinite(sum)) {
-    Fail(m, instance, "particle positions or velocities in plugin_state are not finite.");
+  if (!AreSane(state + layout.positions, layout.poses - layout.positions)) {
+    Warn(m, d, instance, "NaN, Inf or huge particle positions or velocities in plugin_state.");
+    Restart(m, d);
+    return;
   }
   FindPoses(m, d, w.walls, &w.end);
   w.start = w.end;
@@ -248,7 +250,10 @@ void Advance(const mjModel* m, mjData* d, int instance) {
 // are, so that their first move is swept like any other.
 void Compute(const mjModel* m, mjData* d, int instance, int) {
   StateLayout layout;
-  Workspace& w = Open(m, instance, &layout);
+  char reason[kReasonSize];
+  Workspace* opened = Open(m, instance, &layout, reason);
+  if (!opened) return;  // The step will say why.
+  Workspace& w = *opened;
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   if (!state[layout.known]) {
     FindPoses(m, d, w.walls, &w.end);
@@ -271,9 +276,11 @@ void Compute(const mjModel* m, mjData* d, int instance, int) {
 
 void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, int instance) {
   StateLayout layout;
-  Workspace& w = Open(m, instance, &layout);
+  char reason[kReasonSize];
+  Workspace* w = Open(m, instance, &layout, reason);
+  if (!w) return;
   const mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
-  DrawFluid(m, w.config, instance, state + layout.positions, &w.surface, scene);
+  DrawFluid(m, w->config, instance, state + layout.positions, &w->surface, scene);
 }
 
 }  // namespace

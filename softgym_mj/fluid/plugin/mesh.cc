@@ -111,4 +111,31 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes) {
   return mesh;
 }
 
+void WriteSignature(const mjModel* m, const std::vector<int>& flexes, std::string* out) {
+  out->clear();
+  const auto append = [out](const void* data, size_t size) {
+    out->append(static_cast<const char*>(data), size);
+  };
+  for (int f : flexes) {
+    const int verts = m->flex_vertnum[f];
+    const int edge = m->flex_edgeadr[f], edges = m->flex_edgenum[f];
+    const int dim = m->flex_dim[f];
+    const int elements = m->flex_elemnum[f], stiffness = m->flex_stiffnessadr[f];
+    const int sizes[] = {f, dim, verts, edges, elements, m->flex_condim[f], m->flex_edgeequality[f]};
+    append(sizes, sizeof(sizes));
+    append(m->flex_edge + 2 * edge, 2 * edges * sizeof(int));
+    append(m->flex_elem + m->flex_elemdataadr[f], (dim + 1) * elements * sizeof(int));
+    if (dim == 2) append(m->flex_elemedge + m->flex_elemedgeadr[f], 3 * elements * sizeof(int));
+    append(m->flexedge_length0 + edge, edges * sizeof(mjtNum));
+    append(m->flex_radius + f, sizeof(mjtNum));
+    append(m->flex_friction + 3 * f, sizeof(mjtNum));
+    append(m->flex_damping + f, sizeof(mjtNum));
+    append(m->flex_edgestiffness + f, sizeof(mjtNum));
+    append(m->flex_edgedamping + f, sizeof(mjtNum));
+    for (int t = 0; dim == 2 && stiffness >= 0 && t < elements; ++t) {
+      append(m->flex_stiffness + stiffness + kStiffnessSize * t, 6 * sizeof(mjtNum));
+    }
+  }
+}
+
 }  // namespace softgym_mj

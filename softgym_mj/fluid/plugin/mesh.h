@@ -4,6 +4,7 @@
 #define SOFTGYM_MJ_FLUID_MESH_H_
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include <mujoco/mujoco.h>
@@ -47,6 +48,9 @@ struct Mesh {
 constexpr int kStiffnessSize = 21;
 
 Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes);
+
+// Everything of the model that the mesh depends on, as bytes.
+void WriteSignature(const mjModel* m, const std::vector<int>& flexes, std::string* out);
 
 }  // namespace softgym_mj
 

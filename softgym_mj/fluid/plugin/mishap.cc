@@ -1,0 +1,46 @@
+#include "mishap.h"
+
+#include <cmath>
+#include <vector>
+
+#include <mujoco/mjplugin.h>
+
+namespace softgym_mj {
+namespace {
+
+thread_local bool restarting = false;
+
+}  // namespace
+
+void Warn(const mjModel* m, mjData* d, int instance, const char* reason) {
+  mjWarningStat& warning = d->warning[mjWARN_BADQPOS];
+  if (!warning.number) {
+    const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
+    mju_warning("%s, instance \"%s\": %s Time = %.4f.",
+                mjp_getPluginAtSlot(m->plugin[instance])->name, name ? name : "", reason, d->time);
+  }
+  warning.lastinfo = instance;
+  ++warning.number;
+}
+
+bool AreSane(const mjtNum* numbers, int count) {
+  bool sane = true;
+  for (int i = 0; i < count; ++i) sane &= std::fabs(numbers[i]) <= mjMAXVAL;
+  return sane;
+}
+
+void Restart(const mjModel* m, mjData* d) {
+  if (m->opt.disableflags & mjDSBL_AUTORESET) return;
+  std::vector<mjtNum> state(mj_stateSize(m, mjSTATE_INTEGRATION));
+  restarting = true;
+  mjData* fresh = mj_makeData(m);
+  restarting = false;
+  mj_getState(m, fresh, state.data(), mjSTATE_INTEGRATION);
+  mj_deleteData(fresh);
+  mj_setState(m, d, state.data(), mjSTATE_INTEGRATION);
+  mj_forward(m, d);  // Plugins that advance after this one find what belongs to the state.
+}
+
+bool IsRestarting() { return restarting; }
+
+}  // namespace softgym_mj

@@ -1,0 +1,30 @@
+// What a plugin does when a step is impossible. After compilation an error is no way out: it would end
+// a process that steps in several threads. So this is what MuJoCo does when a simulation diverges.
+
+#ifndef SOFTGYM_MJ_FLUID_MISHAP_H_
+#define SOFTGYM_MJ_FLUID_MISHAP_H_
+
+#include <cstddef>
+
+#include <mujoco/mujoco.h>
+
+namespace softgym_mj {
+
+constexpr size_t kReasonSize = 512;  // [bytes] Of a sentence that says what is wrong.
+
+// Counts a warning of the kind mjWARN_BADQPOS, which is what rollouts and dm_control look for; the first
+// one is printed, with the plugin, the instance and the reason.
+void Warn(const mjModel* m, mjData* d, int instance, const char* reason);
+
+// Whether all numbers are finite and none is huge, by MuJoCo's measure.
+bool AreSane(const mjtNum* numbers, int count);
+
+// Starts the simulation anew, unless the flag autoreset is off: the state becomes that of a new mjData.
+// To be called while plugins advance, where mj_resetData would clear the stack that MuJoCo stands on.
+void Restart(const mjModel* m, mjData* d);
+// Whether this thread is about it: a new mjData must not fail then.
+bool IsRestarting();
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_MISHAP_H_
