@@ -21,6 +21,8 @@ CORRECTION = 0.4
 CONTACT = 0.3
 VISCOSITY_PASS = 0.7
 LAPLACIAN = 4 * np.pi * SUPPORT**3 / 280 / 6
+# As in plugin/lists.cc.
+NUDGE = 0.01
 # As in plugin/kernels_impl.h.
 DIG_OUT = 0.1
 APPROACH = 0.9
@@ -171,6 +173,19 @@ def _impulse(rate: float, positions: np.ndarray, changes: np.ndarray) -> np.ndar
     return -rate * np.concatenate([changes.sum(axis=0), np.cross(positions, changes).sum(axis=0)])
 
 
+def _nudges(fluid: Fluid, positions: np.ndarray) -> np.ndarray:
+    """What moves particles (n, 3) that are in the place of one before them."""
+    nudges = np.zeros_like(positions)
+    for i, x in enumerate(positions):
+        if not (positions[:i] == x).all(axis=1).any():
+            continue
+        number = i
+        for k in range(3):
+            number = ((number ^ (number >> 15)) * 2246822519 + 2654435769) % 2**32
+            nudges[i, k] = NUDGE * fluid.spacing * ((number >> 8) / 2**23 - 1)
+    return nudges
+
+
 def _substep(fluid, h, gravity, walls, flexes, fractions, x, v, impulses):
     count, radius, scale = len(x), fluid.radius, fluid.radius / 3
     old = x
@@ -193,7 +208,7 @@ def _substep(fluid, h, gravity, walls, flexes, fractions, x, v, impulses):
         gradient += slope[:, None] * normal
 
     i, j, offset = _pairs(x, radius)
-    length = np.linalg.norm(offset, axis=1)
+    length = np.maximum(np.linalg.norm(offset, axis=1), 1e-30)
     s = 1 - length / radius
     e = (s**2 / length)[:, None] * offset
     gradient += _total(count, i, e)
@@ -209,6 +224,7 @@ def _substep(fluid, h, gravity, walls, flexes, fractions, x, v, impulses):
     q = length / radius
     pull = -6.75 * fluid.cohesion * h**2 * q**2 * (1 - q)
     change += _total(count, i, (pull / length)[:, None] * offset)
+    change += _nudges(fluid, x)
 
     contact = Contact(fluid, CONTACT * fluid.spacing, flexes, before, after)
     pushes = factor * pressure * flex_slope

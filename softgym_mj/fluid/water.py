@@ -13,6 +13,7 @@ from softgym_mj.fluid.library import FLUID, load_plugin
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
 _INSTANCE = "water"
+LARGEST = 1e4  # [m], [m/s]: single precision still resolves a millimetre there.
 COLOR = (0.16, 0.5, 0.78, 1.0)
 DRAW_MODES = ("surface", "fine", "particles", "none")
 
@@ -55,6 +56,16 @@ class Resolution:
             check_count("columns", number, 1)
         if not 0.0 < self.spacing < np.inf:
             raise OutOfRangeError("spacing", self.spacing, "a length above 0 [m]")
+
+
+def _check_particles(name: str, values: np.ndarray, shapes: tuple[tuple[int, ...], ...]):
+    shape = shapes[-1]
+    if values.shape not in shapes:
+        raise OutOfRangeError(name, f"an array of shape {values.shape}", f"shape {shape}")
+    good = np.abs(values) <= LARGEST  # False for NaN.
+    if not good.all():
+        bad = float(values[~good][0])
+        raise OutOfRangeError(name, bad, f"finite numbers in -{LARGEST:g}..{LARGEST:g}")
 
 
 class Water(composer.Entity):
@@ -218,13 +229,11 @@ class Water(composer.Entity):
         the next `mj_forward` or the start of the next step notes where they are.
 
         Raises:
-            OutOfRangeError: for a wrong shape or what is not finite.
+            OutOfRangeError: for a wrong shape, what is not finite or beyond +-10 km (/s).
         """
         positions, velocities = np.asarray(positions, float), np.asarray(velocities, float)
         shape = (self.num_particles, 3)
-        if positions.shape != shape or not np.isfinite(positions).all():
-            raise OutOfRangeError("positions", positions.shape, f"finite array of shape {shape}")
-        if velocities.shape not in ((), shape) or not np.isfinite(velocities).all():
-            raise OutOfRangeError("velocities", velocities.shape, f"finite array of shape {shape}")
+        _check_particles("positions", positions, (shape,))
+        _check_particles("velocities", velocities, ((), shape))
         self._positions[:], self._velocities[:] = positions, velocities
         self._known[:] = 0.0

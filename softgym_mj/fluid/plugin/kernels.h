@@ -38,6 +38,7 @@ struct Particles {
   float* wall_density;  // What the walls add to the density, one float per particle.
   float* free_share;    // Product over the walls of what they leave open, one float per particle.
   float* pressure;      // One float per particle.
+  bool* crowded;        // Set if two particles may be in one place.
   const float* x;       // Coordinates at the time the lists were built.
   const float* y;
   const float* z;

@@ -10,6 +10,8 @@
 #ifndef SOFTGYM_MJ_FLUID_KERNELS_IMPL_H_
 #define SOFTGYM_MJ_FLUID_KERNELS_IMPL_H_
 
+#include <math.h>
+
 #include "kernels.h"
 #include "shapes.h"
 
@@ -22,6 +24,9 @@ constexpr float kDigOut = 0.1f;
 // A particle may come closer to a wall in a substep by this share of its distance. Since this is
 // below one nothing passes through a wall, however thin.
 constexpr float kApproach = 0.9f;
+// A particle in the place of another one has at least this excess of density; water at rest has a
+// hundredth.
+constexpr float kCrowded = 0.5f;
 
 template <class V>
 bool FindNeighbours(const Particles& particles, const Grid& grid, float distance,
@@ -126,6 +131,7 @@ void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neigh
     const float gx = Sum(sum_x) + wall[0], gy = Sum(sum_y) + wall[1], gz = Sum(sum_z) + wall[2];
     const float excess = (Sum(density) + p.wall_density[i]) / fluid.rest_density - 1.0f;
     const float length = gx * gx + gy * gy + gz * gz + Sum(squares);
+    if (excess > kCrowded) *p.crowded = true;
     p.pressure[i] = excess > 0.0f ? excess / (length + 1e-6f) : 0.0f;
     float* gradient = p.gradient + 4 * i;
     gradient[0] = gx;
@@ -162,7 +168,7 @@ void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighb
     const float dz = scale * (Sum(z) + own * gradient[2]);
     const float squared = dx * dx + dy * dy + dz * dz;
     const float limit = fluid.correction;
-    const float clamp = squared > limit * limit ? limit / __builtin_sqrtf(squared) : 1.0f;
+    const float clamp = squared > limit * limit ? limit / sqrtf(squared) : 1.0f;
     float* correction = p.correction + 4 * i;
     correction[0] += clamp * dx;
     correction[1] += clamp * dy;

@@ -14,6 +14,9 @@ namespace {
 constexpr float kSkin = 0.45f;
 constexpr float kWallSkin = 1.0f;
 
+// Particles in one place push each other nowhere: all but one are moved by this, in spacings.
+constexpr float kNudge = 0.01f;
+
 // Half extents of a shape in its own frame; a plane has none.
 void HalfExtents(const Wall& wall, float out[3]) {
   const float* s = wall.size;
@@ -96,6 +99,25 @@ void Solver::Sort(float cell) {
     x[i] = p_.position[4 * i];
     y[i] = p_.position[4 * i + 1];
     z[i] = p_.position[4 * i + 2];
+  }
+}
+
+// Moves particles that are in the place of another, each in a direction of its own.
+void Solver::Separate() {
+  const int cells = grid_.nx * grid_.ny * grid_.nz;
+  for (int c = 0; c < cells; ++c) {
+    for (int i = grid_.start[c] + 1; i < grid_.start[c + 1]; ++i) {
+      const float* x = p_.position + 4 * i;
+      int j = grid_.start[c];
+      while (j < i && std::memcmp(p_.position + 4 * j, x, 3 * sizeof(float)) != 0) ++j;
+      if (j == i) continue;
+      unsigned random = static_cast<unsigned>(order_.get()[i]);
+      for (int k = 0; k < 3; ++k) {
+        random = (random ^ (random >> 15)) * 2246822519u + 2654435769u;
+        const float part = static_cast<float>(random >> 8) / 8388608.0f - 1.0f;
+        p_.correction[4 * i + k] += kNudge * fluid_.spacing * part;
+      }
+    }
   }
 }
 

@@ -24,6 +24,11 @@ constexpr double kLaplacian = 4 * 3.14159265358979 * kSupport * kSupport * kSupp
 constexpr double kViscosityPass = 0.7;  // Largest stable factor in one pass.
 constexpr int kMaxPasses = 64;
 
+// The mean of the positions is the origin unless a particle is further from it, which would cost the
+// others precision: it is the median then. Particles are held within kFurthest of it. [m]
+constexpr double kStray = 100;
+constexpr double kFurthest = 1e4;
+
 constexpr float kLayer = 0.8f;  // Particles nearer than this to a wall touch it, in spacings.
 
 // Position relative to `origin` and rotation matrix at a fraction of the way between two poses.
@@ -61,11 +66,7 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
   mass_ = config.density * config.spacing * config.spacing * config.spacing;
   count_ = config.count;
   lists_valid_ = false;
-  for (int k = 0; k < 3; ++k) {
-    double sum = 0;
-    for (int i = 0; i < count_; ++i) sum += positions[3 * i + k];
-    origin_[k] = std::round(sum / count_);
-  }
+  FindOrigin(positions);
   const size_t n = static_cast<size_t>(count_) + kMaxWidth;
   p_.count = count_;
   p_.position = position_.Reserve(4 * n);
@@ -91,10 +92,28 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
   p_.pressure[count_] = 0;
 }
 
+void Solver::FindOrigin(const double* positions) {
+  for (int k = 0; k < 3; ++k) {
+    double sum = 0, furthest = 0;
+    for (int i = 0; i < count_; ++i) sum += positions[3 * i + k];
+    origin_[k] = std::round(sum / count_);
+    for (int i = 0; i < count_; ++i) {
+      furthest = std::max(furthest, std::fabs(positions[3 * i + k] - origin_[k]));
+    }
+    if (furthest <= kStray) continue;
+    scratch_.resize(count_);
+    for (int i = 0; i < count_; ++i) scratch_[i] = positions[3 * i + k];
+    const auto median = scratch_.begin() + count_ / 2;
+    std::nth_element(scratch_.begin(), median, scratch_.end());
+    origin_[k] = std::round(*median);
+  }
+}
+
 void Solver::Load(const double* positions, const double* velocities) {
   for (int i = 0; i < count_; ++i) {
     for (int k = 0; k < 3; ++k) {
-      p_.position[4 * i + k] = static_cast<float>(positions[3 * i + k] - origin_[k]);
+      const double x = positions[3 * i + k] - origin_[k];
+      p_.position[4 * i + k] = static_cast<float>(std::clamp(x, -kFurthest, kFurthest));
       p_.velocity[4 * i + k] = static_cast<float>(velocities[3 * i + k]);
     }
     p_.position[4 * i + 3] = p_.velocity[4 * i + 3] = 0;
@@ -161,7 +180,10 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
   for (int i = 0; i < count_; ++i) {
     p_.wall_density[i] = fluid_.rest_density * (1.0f - p_.free_share[i]);
   }
+  bool crowded = false;
+  p_.crowded = &crowded;
   kernels_->FindPressure(fluid_, p_, neighbours_);
+  if (crowded) Separate();
   kernels_->AddCorrection(fluid_, p_, neighbours_);
   flexes_.Collide(p_, fluid_.relaxation * fluid_.rest_density * fluid_.radius / 3.0f);
   for (size_t w = 0; w < pairs_.size(); ++w) {

@@ -3,7 +3,7 @@
 #ifndef SOFTGYM_MJ_FLUID_SOLVER_H_
 #define SOFTGYM_MJ_FLUID_SOLVER_H_
 
-#include <cstdlib>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -22,6 +22,7 @@ struct Impulse {
 };
 
 constexpr float kFar = 1e6f;  // [m] Where the particle is that pads lists.
+constexpr size_t kAlignment = 64;  // [bytes] Of the widest vectors.
 
 // Speed [m/s] that particles are held to and above which a wall counts as teleported: neither moves
 // further in a substep than half the reach of the walls.
@@ -36,20 +37,20 @@ class Buffer {
  public:
   T* Reserve(size_t size) {
     if (size > size_) {
+      // Aligned by hand: not every platform has a function for it.
       size_ = size + size / 4;
-      data_.reset(static_cast<T*>(std::aligned_alloc(64, (size_ * sizeof(T) + 63) / 64 * 64)));
-      if (!data_) mju_error("softgym_mj.fluid: out of memory");
+      memory_.reset(new char[size_ * sizeof(T) + kAlignment]);
+      const uintptr_t address = reinterpret_cast<uintptr_t>(memory_.get());
+      data_ = reinterpret_cast<T*>(memory_.get() + (kAlignment - address % kAlignment));
     }
-    return data_.get();
+    return data_;
   }
-  T* get() const { return data_.get(); }
+  T* get() const { return data_; }
   size_t size() const { return size_; }
 
  private:
-  struct Free {
-    void operator()(T* p) const { std::free(p); }
-  };
-  std::unique_ptr<T, Free> data_;
+  std::unique_ptr<char[]> memory_;
+  T* data_ = nullptr;
   size_t size_ = 0;
 };
 
@@ -71,11 +72,13 @@ class Solver {
 
  private:
   void Prepare(const FluidConfig& config, double h, const double* positions);
+  void FindOrigin(const double* positions);
   void Load(const double* positions, const double* velocities);
   void Store(double* positions, double* velocities) const;
   float ListDistance() const;
   void ShapeGrid();
   void Sort(float cell);
+  void Separate();
   void FindPairs();
   void BuildLists();
   bool ListsExpired() const;
@@ -105,6 +108,7 @@ class Solver {
       distance_, pair_numbers_;
   Buffer<int> cell_, start_, order_, spare_order_, begin_, index_, pair_particle_;
   std::vector<char> touching_;
+  std::vector<double> scratch_;
 };
 
 }  // namespace softgym_mj

@@ -13,6 +13,9 @@ namespace {
 constexpr double kReach = 2.0;
 constexpr double kRadius = 0.6;
 constexpr double kDropRadius = 0.95;
+// What is further from the world's origin than this many cells, or not a number, is not drawn: a key has
+// 21 bits for each axis.
+constexpr double kMostCells = 1e6;
 
 uint64_t Key(int x, int y, int z) {
   constexpr uint64_t kMask = (1u << 21) - 1;
@@ -169,7 +172,11 @@ const Triangles& SurfaceExtractor::Extract(const double* positions, int count, d
   index_.clear();
   blocks_.clear();
   triangles_.clear();
-  for (int i = 0; i < count; ++i) Splat(positions + 3 * i, kReach * spacing, voxel);
+  for (int i = 0; i < count; ++i) {
+    const double* x = positions + 3 * i;
+    const auto has_cell = [voxel](double a) { return std::fabs(a) < kMostCells * voxel; };
+    if (has_cell(x[0]) && has_cell(x[1]) && has_cell(x[2])) Splat(x, kReach * spacing, voxel);
+  }
   const float radius = static_cast<float>(kRadius * spacing / voxel);
   const float drop_radius = static_cast<float>(kDropRadius * std::max(spacing / voxel, 1.0));
   for (const Block& block : blocks_) Mesh(block, radius, drop_radius, voxel);

@@ -1,0 +1,236 @@
+"""What the plugins do when a step is impossible, or particles are where none should be."""
+
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from dm_control.rl.control import PhysicsError
+
+import softgym_mj
+from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.fluid import reference
+from tests import test_cloth_contact_plugin as cloth
+from tests.fluid_cup import SPACING, FluidCup
+
+FULL = mujoco.mjtState.mjSTATE_INTEGRATION
+BAD_QPOS = mujoco.mjtWarning.mjWARN_BADQPOS
+NO_RESET = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+SLIDE = '<joint type="slide" axis="1 0 0"/>'
+
+
+def state_of(model, data):
+    state = np.empty(mujoco.mj_stateSize(model, FULL))
+    mujoco.mj_getState(model, data, state, FULL)
+    return state
+
+
+# ---------------------------------------------------------------------------- not a number
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "discrete", "RK4"])
+@pytest.mark.parametrize("bad", [np.nan, -np.inf, 1e12])
+def test_bad_particles_restart_the_simulation(bad, integrator):
+    """As MuJoCo does where joints diverge: a warning, and the state of a new mjData."""
+    option = f'integrator="{integrator}"'
+    cup = FluidCup((3, 3), 3, body="", joint=SLIDE, option=option, two_way="true")
+    model, data = cup.model, cup.data
+    data.qvel[0] = 0.3
+    cup.step(20)
+    cup.velocities[4, 1] = bad
+    cup.step()
+    assert data.warning[BAD_QPOS].number == 1
+    fresh = mujoco.MjData(model)
+    mujoco.mj_forward(model, fresh)
+    np.testing.assert_array_equal(state_of(model, data), state_of(model, fresh))
+    # From here on it is a simulation like any other.
+    mujoco.mj_step(model, data, 30)
+    mujoco.mj_step(model, fresh, 30)
+    np.testing.assert_array_equal(state_of(model, data), state_of(model, fresh))
+    assert data.warning[BAD_QPOS].number == 1
+
+
+def test_cloth_beside_restarting_water_starts_anew_too():
+    """Its contact advances after the water, in the same step."""
+    sheets = cloth.sheet("a", "1 0 .03") + cloth.sheet("b", "1.02 .01 .08", "5 3 20")
+    cup = FluidCup((3, 3), 3)
+    contact = '<plugin plugin="softgym_mj.cloth_contact"><instance name="contact"/></plugin>'
+    xml = cup.xml.replace("</extension>", contact + "</extension>")
+    xml = xml.replace("</worldbody>", f'<body name="sheets">{sheets}</body></worldbody>')
+    xml = xml.replace('<option timestep="0.01" />', f"<option {cloth.OPTION}/>")
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 15)
+    assert np.abs(data.qpos).max() > 0.01
+    data.plugin_state[5] = np.nan
+    mujoco.mj_step(model, data)
+    assert data.warning[BAD_QPOS].number == 1
+    np.testing.assert_allclose(data.qpos, model.qpos0, atol=1e-6)
+
+
+def test_without_autoreset_bad_particles_stay():
+    cup = FluidCup((3, 3), 3)
+    cup.model.opt.disableflags |= NO_RESET
+    cup.step(5)
+    cup.positions[4, 1] = np.nan
+    before = cup.positions.copy()
+    cup.step(2)
+    np.testing.assert_array_equal(cup.positions, before)
+    assert cup.data.warning[BAD_QPOS].number == 2
+    assert cup.data.time == pytest.approx(0.07)
+
+
+_ROLLOUT = """
+import sys
+import numpy as np
+import mujoco
+from mujoco import rollout
+from tests.fluid_cup import FluidCup
+cup = FluidCup((5, 5), 6, body="", joint='<joint type="slide" axis="1 0 0"/>')
+model, data = cup.model, cup.data
+cup.step(10)
+spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
+state = np.zeros(mujoco.mj_stateSize(model, spec))
+mujoco.mj_getState(model, data, state, spec)
+states = np.tile(state, (6, 1))
+states[2, -2 * cup.count] = np.nan
+datas = [mujoco.MjData(model) for _ in range(int(sys.argv[1]))]
+ends, _ = rollout.rollout(model, datas, states, nstep=20)
+cup.step(20)
+mujoco.mj_getState(model, data, state, spec)
+good = [0, 1, 3, 4, 5]
+assert np.array_equal(ends[good, -1], np.tile(state, (5, 1)))
+assert np.isfinite(ends).all() and ends[2, -1, 0] == 0.0
+print("survived")
+"""
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_bad_particle_leaves_the_other_rollouts_alone(threads):
+    result = subprocess.run(
+        [sys.executable, "-c", _ROLLOUT, str(threads)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.stdout.endswith("survived\n"), result.stderr
+
+
+def test_an_environment_raises_when_water_diverges():
+    env = softgym_mj.load("transport_water", fidelity="fast")
+    env.reset(3)
+    env.task.water._velocities[7] = np.nan
+    with pytest.raises(PhysicsError, match="BADQPOS"):
+        env.step(np.zeros(env.action_spec().shape))
+    env.reset(3)
+    env.step(np.zeros(env.action_spec().shape))
+    assert env.info()["physics_warnings"] == 0
+
+
+# ---------------------------------------------------------------------------- models that changed
+
+FLOOR = '<geom name="floor" type="plane" size="1 1 1" pos="0 0 -1"/>'
+
+
+def test_when_walls_come_or_go_after_compilation_the_fluid_stands_still():
+    cup = FluidCup((3, 3), 3, scenery=FLOOR)
+    cup.step(5)
+    before = cup.positions.copy()
+    cup.model.geom("floor").contype[0] = cup.model.geom("floor").conaffinity[0] = 0
+    cup.step(2)
+    np.testing.assert_array_equal(cup.positions, before)
+    assert cup.data.warning[BAD_QPOS].number == 2
+    fresh = mujoco.MjData(cup.model)  # Has its lattice all the same.
+    mujoco.mj_resetData(cup.model, cup.data)
+    np.testing.assert_array_equal(cup.state, fresh.plugin_state)
+    assert np.ptp(cup.positions, axis=0) == pytest.approx([2 * SPACING] * 3, rel=0.01)
+    cup.model.geom("floor").contype[0] = 1
+    cup.step(20)
+    assert not cup.escaped().any() and np.abs(cup.velocities).max() > 0
+
+
+def test_when_cloth_contact_does_not_fit_any_more_it_is_left_out():
+    model = cloth.stack()
+    data = mujoco.MjData(model)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    mujoco.mj_step(model, data)
+    assert data.warning[BAD_QPOS].number == 1
+    # Both sheets fall freely.
+    assert data.qvel[2::3] == pytest.approx(-9.81 * model.opt.timestep, abs=1e-3)
+
+
+# ---------------------------------------------------------------------------- one place
+
+
+def distances(x):
+    """Of all pairs of particles, in spacings."""
+    i, j = np.triu_indices(len(x), 1)
+    return np.linalg.norm(x[i] - x[j], axis=1) / SPACING
+
+
+def test_particles_in_one_place_part():
+    cup = FluidCup((5, 5), 6)
+    cup.step(60)
+    least = distances(cup.positions).min()
+    cup.positions[[8, 30]] = cup.positions[1]
+    cup.velocities[[8, 30]] = cup.velocities[1]
+    cup.step(60)
+    assert distances(cup.positions).min() > 0.9 * least
+    assert not cup.escaped().any() and cup.speed() < 0.05
+
+
+def test_a_cup_of_water_in_one_place_spreads():
+    cup = FluidCup((3, 3), 3, height=1.0)
+    cup.positions[:] = [0, 0, SPACING]
+    cup.step(200)
+    assert distances(cup.positions).min() > 0.6
+    assert not cup.escaped().any() and cup.speed() < 0.05
+
+
+@pytest.mark.parametrize("simd", ["", "avx2", "scalar"])
+def test_particles_in_one_place_part_as_in_the_reference(simd, monkeypatch):
+    monkeypatch.setenv("SOFTGYM_MJ_SIMD", simd)
+    cup = FluidCup((3, 3), 2, substeps="3", body="", joint='<joint axis="0 1 0"/>')
+    cup.model.opt.gravity[:] = 0
+    cup.positions[:, 2] += 1.0  # No wall is near.
+    cup.positions[[4, 9, 17]] = cup.positions[2]
+    x, v = cup.positions.copy(), cup.velocities.copy()
+    fluid = reference.Fluid(spacing=SPACING, substeps=3)
+    for _ in range(2):
+        cup.step()
+        x, v, _ = reference.step(fluid, 0.01, np.zeros(3), [], x, v)
+        np.testing.assert_allclose(cup.positions, x, atol=1e-3 * SPACING)
+
+
+# ---------------------------------------------------------------------------- far away
+
+
+@pytest.mark.parametrize("far", [1e5, 1e9])
+def test_a_particle_far_away_does_not_disturb_the_rest(far):
+    cups = [FluidCup((5, 5), 4, height=0.5) for _ in range(2)]
+    for cup in cups:
+        cup.step(5)
+    cups[1].positions[0] = [far, 0, 0.1]
+    for cup in cups:
+        cup.step(100)
+    assert np.isfinite(cups[1].state).all() and cups[1].data.warning[BAD_QPOS].number == 0
+    assert not cups[1].escaped()[1:].any()
+    means = [cup.positions[1:].mean(axis=0) for cup in cups]
+    np.testing.assert_allclose(means[1], means[0], atol=0.1 * SPACING)
+    assert np.abs(cups[1].velocities[1:]).max() < 0.05
+
+
+@pytest.mark.parametrize("bad", [2e4, -1e300, np.inf, np.nan])
+def test_particles_are_not_set_far_away(bad):
+    env = softgym_mj.load("transport_water", fidelity="fast")
+    env.reset(3)
+    water = env.task.water
+    before = water.positions()
+    x = before.copy()
+    x[5, 1] = bad
+    with pytest.raises(OutOfRangeError, match=r"positions=.*-10000\.\.10000"):
+        water.set_particles(x)
+    with pytest.raises(OutOfRangeError, match=r"velocities=.*-10000\.\.10000"):
+        water.set_particles(before, bad)
+    np.testing.assert_array_equal(water.positions(), before)
