@@ -10,18 +10,32 @@ import rich.table
 import typer
 
 from softgym_mj.baselines.cem import BUDGET, ITERATIONS, PLANNERS, Plan
-from softgym_mj.console import Ray, Task, console, progress_bar
+from softgym_mj.console import Actor, Grasp, Ray, Task, acting, console, progress_bar
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.registry import TASKS, find
+
+_EPISODES = 10  # What an evaluation plays if nothing is said.
 
 
 def evaluate(
     task: Task,
     policy: Annotated[
         str,
-        typer.Option(help="scripted, random, zero, cem, icem, FILE.pt2 or MODULE:FUNCTION."),
+        typer.Option(
+            help="scripted, random, zero, cem, icem, FILE.pt2 or MODULE:FUNCTION; FILE_{seed}.pt2 "
+            "for a file of each seed."
+        ),
     ] = "scripted",
-    episodes: Annotated[int, typer.Option(help="Evaluation variations, from the first on.")] = 10,
+    actor: Actor = None,
+    grasp: Grasp = None,
+    split: Annotated[str | None, typer.Option(help="evaluate, if not given, train or all.")] = None,
+    episodes: Annotated[
+        int | None,
+        typer.Option(help=f"Variations, from the split's first on; {_EPISODES} if not given."),
+    ] = None,
+    variations: Annotated[
+        str | None, typer.Option(help="Instead of a split: such as 800,803,810-819.")
+    ] = None,
     seeds: Annotated[int, typer.Option(help="Seeds 0.. of the policy.", min=1)] = 1,
     horizon: Annotated[
         int | None, typer.Option(help="Env steps that a plan looks ahead; the task's if not given.")
@@ -49,9 +63,9 @@ def evaluate(
     configuration = evaluation.Configuration(
         find(task).name,
         policy,
-        evaluation.evaluation_variations(episodes),
+        _variations(variations, split, episodes),
         tuple(range(seeds)),
-        _parsed(settings),
+        {**_parsed(settings), **acting(actor, grasp)},
         planning if policy in PLANNERS else None,
     )
     try:
@@ -60,10 +74,12 @@ def evaluate(
     except KeyboardInterrupt:
         console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
         raise typer.Exit(130) from None
+    numbers = result["summary"]
     console.print(
-        f"{configuration.task}, {policy}: median {result['summary']['median']:.3f}, "
-        f"mean {result['summary']['mean']:.3f} (min {result['summary']['min']:.3f}); "
-        f"wrote {out / 'result.json'}"
+        f"{configuration.task}, {policy}: mean {numbers['mean']:.3f} "
+        f"(95 %: {numbers['mean_low']:.3f} to {numbers['mean_high']:.3f}), "
+        f"median {result['methods']['quartiles']} {numbers['median']:.3f}, "
+        f"min {numbers['min']:.3f}; wrote {out / 'result.json'}"
     )
 
 
@@ -75,21 +91,62 @@ def plot(
     out: Annotated[pathlib.Path, typer.Option(help="Picture to write.")] = pathlib.Path(
         "results.png"
     ),
+    csv: Annotated[
+        pathlib.Path | None, typer.Option(help="Also write the table, with all numbers.")
+    ] = None,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print means (and minima) for a page.")
+    ] = False,
 ) -> None:
     """Draws the results of evaluations; prints them as a table."""
     from softgym_mj import plots
+    from softgym_mj.evaluation import comparison
 
-    read = plots.read_results(results)
+    read = comparison.read_results(results)
+    rows = comparison.rows(read)
     if x is None:
         plots.bars(read, out)
     else:
         plots.curves(read, x, out)
-    table = rich.table.Table("task", "policy", "median", "25 %", "75 %", "mean", "episodes")
-    for result, name in zip(read, plots.labels(read), strict=True):
-        numbers = [f"{value:.3f}" for value in (*plots.spread(result), result["summary"]["mean"])]
-        table.add_row(result["task"], name, *numbers, str(len(result["episodes"])))
-    console.print(table)
-    console.print(f"wrote {out}")
+    if csv is not None:
+        comparison.write_csv(read, csv)
+    if markdown:
+        typer.echo(comparison.markdown(read))
+    else:
+        console.print(_table(rows))
+    for file in filter(None, (out, csv)):
+        console.print(f"wrote {file}")
+
+
+def _table(rows: list[dict]) -> rich.table.Table:
+    """What fits into 80 columns; the rest is in the CSV file."""
+    table = rich.table.Table(show_lines=True)
+    for title in ("task", "policy"):
+        table.add_column(title, overflow="fold")
+    for title in ("mean\n95 %", "median\nquartiles", "over", "episodes"):
+        table.add_column(title, no_wrap=True)
+    for row in rows:
+        table.add_row(
+            row["task"],
+            row["policy"],
+            f"{row['mean']:.3f}\n{row['mean_low']:.2f}..{row['mean_high']:.2f}",
+            f"{row['median']:.3f}\n{row['percentile_25']:.2f}..{row['percentile_75']:.2f}",
+            row["quartiles_over"],
+            str(row["episodes"]),
+        )
+    return table
+
+
+def _variations(named: str | None, split: str | None, episodes: int | None) -> tuple[int, ...]:
+    from softgym_mj import evaluation
+    from softgym_mj.evaluation import indices
+
+    if named is None:
+        number = _EPISODES if episodes is None else episodes
+        return evaluation.evaluation_variations(number, split or "evaluate")
+    if split is not None or episodes is not None:
+        raise OutOfRangeError("variations", named, "alone, without --split and --episodes")
+    return indices.parsed("variations", named)
 
 
 def _parsed(settings: str) -> dict[str, Any]:

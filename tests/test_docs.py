@@ -9,7 +9,8 @@ import shlex
 import pytest
 from typer.testing import CliRunner
 
-from softgym_mj import cli, compat, plots, registry
+from softgym_mj import cli, compat, registry
+from softgym_mj.evaluation import comparison
 from softgym_mj.gymnasium_env import SoftGymEnv
 
 ROOT = pathlib.Path(__file__).parent.parent
@@ -155,7 +156,7 @@ def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
 
 
 def test_the_results_are_those_of_the_files():
-    results = plots.read_results(sorted((ROOT / "docs" / "results").glob("*.json")))
+    results = comparison.read_results(sorted((ROOT / "docs" / "results").glob("*.json")))
     page = (ROOT / "docs" / "results.md").read_text()
     table = page.split("\n\n")[2].splitlines()
     columns = [cell.strip() for cell in table[0].split("|")[2:-1]]

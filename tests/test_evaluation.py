@@ -1,4 +1,4 @@
-"""Evaluation: the protocol's numbers, interruptions, figures."""
+"""Evaluation: what is scored, by whom, and what interruptions cost."""
 
 import json
 import os
@@ -12,9 +12,10 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj import cli, evaluation, plots
+from softgym_mj import cli, evaluation
 from softgym_mj.baselines.policies import make_policy
-from softgym_mj.evaluation import Configuration, Planning, evaluate, summary
+from softgym_mj.evaluation import Configuration, Planning, evaluate
+from softgym_mj.evaluation.machine import instructions, machine
 from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
 from softgym_mj.workers import Processes, RayCluster
 
@@ -24,24 +25,11 @@ SIMPLE = Configuration("straighten_rope", "random", (800, 801, 802), (0, 1), SHO
 PLANNED = Configuration("straighten_rope", "icem", (800, 801), (0,), SHORT, PLANNING)
 
 
-def middle(env):
-    """A policy for the tests: pulls the first picker up."""
+def constant(env, seed):
+    """A policy for the tests: pulls the first picker up, faster with larger seeds."""
     action = np.zeros(env.task.actor.action_size)
-    action[2] = 0.5
+    action[2] = (seed + 1) / 10
     return lambda timestep: action
-
-
-def test_the_summary_by_hand():
-    scores = {0: (0.0, 0.4), 1: (0.6, 1.0), 2: (0.5, 0.5), 3: (-1.0, 0.0)}
-    episodes = [
-        {"seed": seed, "normalized_performance": score, "success": score > 0.9}
-        for seed, pair in scores.items()
-        for score in pair
-    ]
-    # Means of the seeds: 0.2, 0.8, 0.5, -0.5.
-    expected = {"median": 0.35, "percentile_25": 0.025, "percentile_75": 0.575, "mean": 0.25,
-                "min": -1.0, "max": 1.0, "success_rate": 0.125}  # fmt: skip
-    assert summary(episodes) == pytest.approx(expected)
 
 
 def test_an_episode_is_scored_at_its_last_step(tmp_path):
@@ -125,9 +113,9 @@ def test_kill_and_resume(name, count, left, tmp_path):
     assert len(told) == left
 
 
-def deadly(env):
-    """`middle`, but the first process that gets to the third step of variation 801 is killed."""
-    act, flag = middle(env), pathlib.Path(os.environ["DEADLY_FLAG"])
+def deadly(env, seed):
+    """`constant`, but the first process that gets to the third step of variation 801 is killed."""
+    act, flag = constant(env, seed), pathlib.Path(os.environ["DEADLY_FLAG"])
 
     def policy(timestep):
         if env.task.variation == 801 and env.step_count == 2 and not flag.exists():
@@ -154,15 +142,33 @@ def test_a_worker_that_is_killed_costs_nothing(kind, tmp_path, monkeypatch):
     ).read_bytes()
 
 
-def test_a_folder_belongs_to_one_configuration(tmp_path):
-    evaluate(SIMPLE, tmp_path)
-    other = Configuration("straighten_rope", "zero", (800, 801, 802), (0, 1), SHORT)
-    with pytest.raises(ResultError, match="another policy"):
-        evaluate(other, tmp_path)
-    file = next((tmp_path / "episodes").glob("*.json"))
-    file.write_text("{")
-    with pytest.raises(ResultError, match="cannot be read"):
-        evaluate(SIMPLE, tmp_path)
+def brightness(env):
+    """A policy that needs images: its actions are how bright they are."""
+    return lambda timestep: np.full(8, timestep.observation["rgb"].mean() / 255)
+
+
+def test_a_policy_sees_the_observation_of_the_settings(tmp_path):
+    settings = {**SHORT, "observation": "rgb", "image_size": (16, 16)}
+    configuration = Configuration("straighten_rope", f"{__name__}:brightness", (5,), (0,), settings)
+    result = evaluate(configuration, tmp_path)
+    env = softgym_mj.load("straighten_rope", split="all", **settings)
+    act, timestep, total = brightness(env), env.reset(5), 0.0
+    while not timestep.last():
+        timestep = env.step(act(timestep))
+        total += timestep.reward
+    assert result["episodes"][0]["return"] == total
+    assert evaluate(configuration, tmp_path) == result
+
+
+def test_a_machine_is_known_by_what_its_bits_depend_on(monkeypatch):
+    rarely = {"cpu": None, "instructions": None}
+    assert machine().keys() == rarely.keys()
+    flags = ["fma", "avx2", "avx512f"]
+    monkeypatch.delenv("SOFTGYM_MJ_SIMD", raising=False)
+    assert [instructions(flags[:n]) for n in range(4)] == ["scalar", "scalar", "avx2", "avx512"]
+    for asked in ("avx2", "scalar"):
+        monkeypatch.setenv("SOFTGYM_MJ_SIMD", asked)
+        assert instructions(flags) == asked
 
 
 @pytest.mark.parametrize(
@@ -172,6 +178,10 @@ def test_a_folder_belongs_to_one_configuration(tmp_path):
         ({"task": "fly"}, UnknownNameError, "task='fly'"),
         ({"variations": ()}, OutOfRangeError, "number of variations=0"),
         ({"variations": (1000,)}, OutOfRangeError, "variation=1000"),
+        ({"variations": (800, 801, 800)}, OutOfRangeError, "each of them once"),
+        ({"seeds": (0, 1)}, OutOfRangeError, "seeds=2.*1, as 'zero' is the same policy for every"),
+        ({"policy": "run.pt2", "seeds": (0, 1)}, OutOfRangeError, r"seeds=2.*FILE\{seed\}\.pt2"),
+        ({"settings": {"split": "train"}}, OutOfRangeError, "settings=.*not 'split'"),
         ({"policy": "cem", "planning": Planning(budget=100)}, OutOfRangeError, "budget=100"),
         ({"policy": "cem", "planning": Planning(replan_every=16)}, OutOfRangeError, "replan_every"),
         ({"policy": "zero", "planning": Planning()}, ResultError, "not for 'zero'"),
@@ -181,59 +191,6 @@ def test_bad_configurations(settings, error, message):
     valid = {"task": "straighten_rope", "policy": "zero", "variations": (800,)}
     with pytest.raises(error, match=message):
         Configuration(**{**valid, **settings})
-
-
-# ---------------------------------------------------------------- figures
-
-
-def written(folder, **changes):
-    """A result file with some of its entries changed."""
-    folder.mkdir()
-    result = evaluate(Configuration("straighten_rope", "zero", (800, 801), (0,), SHORT), folder)
-    evaluation.write_json(folder / "result.json", {**result, **changes})
-    return folder
-
-
-def test_figures_are_drawn_from_results(tmp_path):
-    import imageio.v3 as imageio
-
-    results = [
-        written(tmp_path / "zero"),
-        written(tmp_path / "long", policy="cem", planning={"horizon": 15, "budget": 1}),
-        written(tmp_path / "short", policy="cem", planning={"horizon": 5, "budget": 1}),
-    ]
-    read = plots.read_results(results)
-    assert plots.labels(read) == ["zero", "cem horizon=15", "cem horizon=5"]
-    scores = [e["normalized_performance"] for e in read[0]["episodes"]]
-    assert plots.spread(read[0]) == pytest.approx(
-        (np.mean(scores), *(min(scores) + np.array([0.25, 0.75]) * np.ptp(scores)))
-    )
-    output = CliRunner().invoke(
-        cli.app, ["plot", *map(str, results), "--out", str(tmp_path / "bars.png")]
-    )
-    assert output.exit_code == 0, output.output
-    assert "cem horizon=15" in output.output.replace("\n", " ")
-    plots.curves(read[1:], "horizon", tmp_path / "curves.png")
-    for name in ("bars.png", "curves.png"):
-        picture = imageio.imread(tmp_path / name)
-        assert picture.shape[0] > 300 and len(np.unique(picture[..., 0])) > 20
-    with pytest.raises(ResultError, match="does not plan"):
-        plots.curves(read, "horizon", tmp_path / "x.png")
-    with pytest.raises(UnknownNameError, match="x='colour'"):
-        plots.curves(read, "colour", tmp_path / "x.png")
-
-
-def test_results_of_other_protocols_are_not_mixed(tmp_path):
-    results = [written(tmp_path / "new"), written(tmp_path / "old", protocol=0)]
-    with pytest.raises(ResultError, match=r"protocol versions \[0, 1\]"):
-        plots.read_results(results)
-    (tmp_path / "x.json").write_text("{}")
-    with pytest.raises(ResultError, match="not the result of an evaluation"):
-        plots.read_results([tmp_path / "x.json"])
-    with pytest.raises(ResultError, match="cannot be read"):
-        plots.read_results([tmp_path / "nothing.json"])
-    with pytest.raises(ResultError, match="no results"):
-        plots.read_results([])
 
 
 def test_the_command_line_evaluates(tmp_path, monkeypatch):
@@ -254,3 +211,35 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
     failed = CliRunner().invoke(cli.app, ["evaluate", "straighten_rope", "--settings", "[1]"])
     assert isinstance(failed.exception, OutOfRangeError)
     assert "settings='[1]'" in str(failed.exception)
+
+
+def test_the_command_line_chooses_variations_and_actors(tmp_path):
+    base = ["evaluate", "straighten_rope", "--policy", "zero", "--settings", '{"horizon": 1}']
+    chosen = {
+        ("--variations", "3,810-811"): [3, 810, 811],
+        ("--split", "train", "--episodes", "2"): [0, 1],
+        ("--episodes", "2"): [800, 801],
+    }
+    for number, (options, variations) in enumerate(chosen.items()):
+        folder = tmp_path / str(number)
+        arguments = [*base, *options, "--actor", "pick_and_place", "--out", str(folder)]
+        output = CliRunner().invoke(cli.app, arguments)
+        assert output.exit_code == 0, output.output
+        assert "median over variations" in output.output.replace("\n", " ")
+        result = json.loads((folder / "result.json").read_text())
+        assert result["variations"] == variations
+        assert result["settings"] == {"horizon": 1, "actor": "pick_and_place"}
+    failed = CliRunner().invoke(cli.app, [*base, "--variations", "3", "--episodes", "2"])
+    assert isinstance(failed.exception, OutOfRangeError)
+
+
+def test_workers_find_policies_of_the_current_folder(tmp_path):
+    (tmp_path / "own.py").write_text(
+        "import pathlib\n\n\ndef make(env, seed):\n    pathlib.Path(f'{seed}').touch()\n"
+        "    return lambda timestep: [0.0] * 8\n"
+    )
+    command = [pathlib.Path(sys.executable).with_name("softgym-mj"), "evaluate", "straighten_rope"]
+    command += ["--policy", "own:make", "--seeds", "2", "--episodes", "1", "--jobs", "2"]
+    command += ["--settings", '{"horizon": 1}']
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=120)
+    assert (tmp_path / "0").exists() and (tmp_path / "1").exists()

@@ -89,7 +89,8 @@ def kept_environment(task: TaskRecord | bytes, settings: str) -> Environment:
 
     Args:
         task: as `sent_to` returns it.
-        settings: keyword arguments as JSON.
+        settings: keyword arguments as JSON; the observation is "reduced" unless they name one.
     """
     record = pickle.loads(task).fn if isinstance(task, bytes) else task
-    return registry.load(record, split="all", observation="reduced", **json.loads(settings))
+    arguments = {"observation": "reduced", **json.loads(settings)}
+    return registry.load(record, split="all", **arguments)

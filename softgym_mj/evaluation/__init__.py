@@ -1,0 +1,22 @@
+"""The paper's evaluation: normalised performance at the last step of evaluation variations."""
+
+from softgym_mj.evaluation.configuration import (
+    POLICIES,
+    PROTOCOL,
+    Configuration,
+    Planning,
+    evaluation_variations,
+)
+from softgym_mj.evaluation.running import Progress, evaluate
+from softgym_mj.evaluation.statistics import summary
+
+__all__ = [
+    "POLICIES",
+    "PROTOCOL",
+    "Configuration",
+    "Planning",
+    "Progress",
+    "evaluate",
+    "evaluation_variations",
+    "summary",
+]

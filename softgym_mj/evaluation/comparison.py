@@ -1,0 +1,126 @@
+"""Results beside each other: their names, tables of them."""
+
+import csv
+import io
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from softgym_mj.evaluation.configuration import PROTOCOL
+from softgym_mj.evaluation.folder import read_json
+from softgym_mj.evaluation.indices import as_text
+from softgym_mj.evaluation.statistics import quartiles_over, summary
+from softgym_mj.exceptions import ResultError
+from softgym_mj.files import write_whole
+
+_NEEDED = ("protocol", "task", "policy", "variations", "seeds", "settings", "planning", "episodes")
+
+
+def read_results(files: Sequence[pathlib.Path]) -> list[dict]:
+    """Results of evaluations; the same one twice counts once.
+
+    Their summaries are those of `statistics`, whatever version wrote them.
+
+    Raises:
+        ResultError: for what is no result, is of another protocol version, or for none at all.
+    """
+    if not files:
+        raise ResultError("there are no results to plot; name the result.json of evaluations")
+    found, versions = [], {}
+    for file in files:
+        result = read_json(file / "result.json" if file.is_dir() else file)
+        missing = [key for key in _NEEDED if key not in result]
+        if missing:
+            raise ResultError(f"{file} is not the result of an evaluation: no {missing[0]!r}")
+        versions[str(file)] = result["protocol"]
+        found.append(result)
+    if set(versions.values()) != {PROTOCOL}:
+        raise ResultError(
+            f"results of protocol versions {sorted(set(versions.values()))} cannot be compared "
+            f"with this one, {PROTOCOL}: {versions}; evaluate again"
+        )
+    results = [result for i, result in enumerate(found) if result not in found[:i]]
+    return [{**result, "summary": summary(result["episodes"])} for result in results]
+
+
+def labels(results: Sequence[Mapping]) -> list[str]:
+    """A name for each result: its policy, and what tells it from others of the same policy.
+
+    Raises:
+        ResultError: if nothing does.
+    """
+    details = [_details(result) for result in results]
+    names = []
+    for result, own in zip(results, details, strict=True):
+        # Horizons differ from task to task; what counts is whether they do within one.
+        rivals = [
+            theirs
+            for other, theirs in zip(results, details, strict=True)
+            if (other["task"], other["policy"]) == (result["task"], result["policy"])
+        ]
+        telling = [
+            f"{key[1]}={value}"
+            for key, value in own.items()
+            if len({theirs.get(key) for theirs in rivals}) > 1
+        ]
+        names.append(" ".join([result["policy"], *telling]))
+    kinds = [(result["task"], name) for result, name in zip(results, names, strict=True)]
+    for task, name in kinds:
+        if kinds.count((task, name)) > 1:
+            raise ResultError(
+                f"several results of {name!r} on {task} have the same settings, planning, "
+                "variations and seeds but other content; leave all but one of them out"
+            )
+    return names
+
+
+def _details(result: Mapping[str, Any]) -> dict[tuple[str, str], str]:
+    """What can tell a result from others, by part of the result and name."""
+    parts = {
+        "settings": result["settings"],
+        "planning": result["planning"] or {},
+        "": {"variations": as_text(result["variations"]), "seeds": as_text(result["seeds"])},
+    }
+    return {
+        (part, key): str(value) for part, entries in parts.items() for key, value in entries.items()
+    }
+
+
+def rows(results: Sequence[Mapping]) -> list[dict[str, Any]]:
+    """A table with a row for each result: task, label, numbers, what they are of."""
+    return [
+        {
+            "task": result["task"],
+            "policy": name,
+            **result["summary"],
+            "quartiles_over": quartiles_over(result["episodes"]),
+            "variations": as_text(result["variations"]),
+            "seeds": as_text(result["seeds"]),
+            "episodes": len(result["episodes"]),
+        }
+        for result, name in zip(results, labels(results), strict=True)
+    ]
+
+
+def write_csv(results: Sequence[Mapping], file: pathlib.Path) -> None:
+    """Writes `rows` as comma-separated values, with a header."""
+    table = rows(results)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(table[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    write_whole(file, text.getvalue().encode())
+
+
+def markdown(results: Sequence[Mapping]) -> str:
+    """A table of tasks and policies: mean, and least score of an episode."""
+    names = labels(results)
+    groups = sorted(set(names), key=names.index)
+    scores = {(r["task"], name): r["summary"] for r, name in zip(results, names, strict=True)}
+    tasks = sorted({task for task, _ in scores}, key=[r["task"] for r in results].index)
+    lines = ["| task | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
+    for task in tasks:
+        own = [scores.get((task, group)) for group in groups]
+        cells = ["" if s is None else f"{s['mean']:.2f} ({s['min']:.2f})" for s in own]
+        lines.append(f"| `{task}` | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"

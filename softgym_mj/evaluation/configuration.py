@@ -1,0 +1,150 @@
+"""What is evaluated: task, policy, variations, seeds, settings."""
+
+import dataclasses
+import json
+import platform
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import softgym_mj
+from softgym_mj import registry
+from softgym_mj.baselines.cem import (
+    BUDGET,
+    ITERATIONS,
+    PLANNERS,
+    Planner,
+    make_planner,
+    usual_horizon,
+)
+from softgym_mj.baselines.policies import SIMPLE, depends_on_seed
+from softgym_mj.baselines.saved_policies import SEED, is_saved, sha256
+from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError, check_count
+from softgym_mj.variations import check_variation, split_indices
+
+# Counts up when scores of the same episode would differ: results of two versions are not mixed.
+PROTOCOL = 1
+POLICIES = (*SIMPLE, *PLANNERS)
+_CHOSEN_HERE = ("split", "random_state")  # Not by settings: an evaluation names its variations.
+
+
+@dataclasses.dataclass(frozen=True)
+class Planning:
+    """How a planner looks for actions: see `baselines.cem`.
+
+    Attributes:
+        horizon: env steps that a plan looks ahead; None for the task's.
+        budget: env steps for a decision.
+        iterations: how often the samples' distribution is fitted.
+        replan_every: env steps for which a plan is executed.
+    """
+
+    horizon: int | None = None
+    budget: int = BUDGET
+    iterations: int = ITERATIONS
+    replan_every: int = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Configuration:
+    """What is evaluated.
+
+    Attributes:
+        task: task name, as in `registry.find`.
+        policy: one of `POLICIES`, or a saved one, see `baselines.policies`.
+        variations: indices.
+        seeds: of the policy; one, unless it depends on a seed.
+        settings: keyword arguments of the task that JSON can hold, such as actor and fidelity;
+            policies see its `observation`, "reduced" if it has none.
+        planning: of a planner; None for other policies.
+    """
+
+    task: str
+    policy: str
+    variations: tuple[int, ...]
+    seeds: tuple[int, ...] = (0,)
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    planning: Planning | None = None
+
+    def __post_init__(self):
+        registry.find(self.task)
+        if not is_saved(self.policy) and self.policy not in POLICIES:
+            choices = (*POLICIES, "FILE.pt2", "MODULE:FUNCTION")
+            raise UnknownNameError("policy", self.policy, choices)
+        for variation in self.variations:
+            check_variation(variation)
+        for name, values in (("variations", self.variations), ("seeds", self.seeds)):
+            check_count(f"number of {name}", len(values), 1)
+            if len(set(values)) != len(values):
+                raise OutOfRangeError(name, values, "each of them once")
+        if len(self.seeds) > 1 and not depends_on_seed(self.policy):
+            valid = f"1, as {self.policy!r} is the same policy for every seed; saved ones depend "
+            valid += f"on it by FILE{SEED}.pt2 or by an argument `seed` of the FUNCTION"
+            raise OutOfRangeError("number of seeds", len(self.seeds), valid)
+        for name in _CHOSEN_HERE:
+            if name in self.settings:
+                valid = f"arguments of the task; not {name!r}, the variations say what is played"
+                raise OutOfRangeError("settings", dict(self.settings), valid)
+        if self.policy in PLANNERS:
+            planning = self.planning or Planning()
+            usual = usual_horizon(self.task)
+            horizon = usual if planning.horizon is None else planning.horizon
+            planning = dataclasses.replace(planning, horizon=horizon)
+            object.__setattr__(self, "planning", planning)
+            self.planner()
+            check_count("replan_every", planning.replan_every, 1, horizon)
+        elif self.planning is not None:
+            raise ResultError(f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}")
+
+    @property
+    def episodes(self) -> list[tuple[int, int]]:
+        """(variation, seed) of every episode."""
+        return [(variation, seed) for seed in self.seeds for variation in self.variations]
+
+    def planner(self) -> Planner:
+        """A planner as `planning` has it, for policies that plan."""
+        planning = self.planning
+        assert planning is not None
+        return make_planner(
+            self.policy,
+            self.task,
+            planning.horizon,
+            budget=planning.budget,
+            iterations=planning.iterations,
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything that the scores depend on; what is in the files of the policy by SHA-256.
+
+        Raises:
+            PolicyFileError: if the policy has no such file.
+        """
+        hashes: dict[str, str] = {}
+        if is_saved(self.policy):
+            for seed in self.seeds:
+                hashes |= sha256(self.policy, seed)
+        return {
+            "protocol": PROTOCOL,
+            "task": self.task,
+            "policy": self.policy,
+            "policy_sha256": hashes,
+            "variations": list(self.variations),
+            "seeds": list(self.seeds),
+            "settings": json.loads(json.dumps(dict(self.settings))),  # Tuples are lists there.
+            "planning": None if self.planning is None else dataclasses.asdict(self.planning),
+            "versions": {
+                "softgym_mj": softgym_mj.__version__,
+                "mujoco": mujoco.__version__,
+                "numpy": np.__version__,
+                "python": platform.python_version(),
+            },
+        }
+
+
+def evaluation_variations(number: int, split: str = "evaluate") -> tuple[int, ...]:
+    """The first `number` variations of a split: "evaluate", or "train" or "all"."""
+    indices = split_indices(split)
+    check_count("number of variations", number, 1, len(indices))
+    return tuple(indices[:number])

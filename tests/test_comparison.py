@@ -1,0 +1,119 @@
+"""Results beside each other: names, tables, figures."""
+
+import csv
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from softgym_mj import cli, plots
+from softgym_mj.evaluation import Configuration, comparison, evaluate
+from softgym_mj.evaluation.folder import write_json
+from softgym_mj.evaluation.indices import as_text, parsed
+from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
+
+
+def written(folder, **changes):
+    """A result file with some of its entries changed."""
+    configuration = Configuration("straighten_rope", "zero", (800, 801), (0,), {"horizon": 2})
+    write_json(folder / "result.json", {**evaluate(configuration, folder), **changes})
+    return folder
+
+
+@pytest.fixture
+def three(tmp_path):
+    """Results of a policy and of a planner with two horizons."""
+    return [
+        written(tmp_path / "zero"),
+        written(tmp_path / "long", policy="cem", planning={"horizon": 15, "budget": 1}),
+        written(tmp_path / "short", policy="cem", planning={"horizon": 5, "budget": 1}),
+    ]
+
+
+def test_labels_tell_results_of_a_task_apart(tmp_path, three):
+    read = comparison.read_results(three)
+    assert comparison.labels(read) == ["zero", "cem horizon=15", "cem horizon=5"]
+    episodes = read[0]["episodes"]
+    more = {**read[0], "seeds": [0, 1, 2, 5], "variations": [801, 802]}
+    other_task = {**read[0], "task": "fold_cloth", "variations": [805]}
+    assert comparison.labels([read[0], more, other_task]) == [
+        "zero variations=800-801 seeds=0",
+        "zero variations=801-802 seeds=0-2,5",
+        "zero",
+    ]
+    assert comparison.read_results([three[0], three[0] / "result.json"]) == [read[0]]
+    changed = {**read[0], "episodes": episodes[::-1]}
+    with pytest.raises(ResultError, match="'zero' on straighten_rope have the same settings"):
+        comparison.labels([read[0], changed])
+
+
+def test_a_table_has_what_the_results_have(tmp_path, three):
+    comparison.write_csv(comparison.read_results(three), tmp_path / "table.csv")
+    rows = list(csv.DictReader((tmp_path / "table.csv").read_text().splitlines()))
+    assert [row["policy"] for row in rows] == ["zero", "cem horizon=15", "cem horizon=5"]
+    read = comparison.read_results(three[:1])
+    scores = [episode["normalized_performance"] for episode in read[0]["episodes"]]
+    assert float(rows[0]["mean"]) == np.mean(scores)
+    # Of two scores, half-way between them and each of them.
+    quartiles = [float(rows[0][f"percentile_{percent}"]) for percent in (25, 75)]
+    assert quartiles == pytest.approx(min(scores) + np.array([0.25, 0.75]) * np.ptp(scores))
+    assert (rows[0]["quartiles_over"], rows[0]["episodes"]) == ("variations", "2")
+    assert comparison.markdown(read).splitlines()[2] == (
+        f"| `straighten_rope` | {np.mean(scores):.2f} ({min(scores):.2f}) |"
+    )
+
+
+def test_results_of_other_protocols_are_not_mixed(tmp_path):
+    results = [written(tmp_path / "new"), written(tmp_path / "old", protocol=0)]
+    with pytest.raises(ResultError, match=r"protocol versions \[0, 1\]"):
+        comparison.read_results(results)
+    (tmp_path / "x.json").write_text("{}")
+    with pytest.raises(ResultError, match="not the result of an evaluation"):
+        comparison.read_results([tmp_path / "x.json"])
+    with pytest.raises(ResultError, match="cannot be read"):
+        comparison.read_results([tmp_path / "nothing.json"])
+    with pytest.raises(ResultError, match="no results"):
+        comparison.read_results([])
+
+
+def test_figures_are_drawn_from_results(tmp_path, three):
+    import imageio.v3 as imageio
+
+    read = comparison.read_results(three)
+    plots.bars(read, tmp_path / "bars.png")
+    plots.curves(read[1:], "horizon", tmp_path / "curves.png")
+    for name in ("bars.png", "curves.png"):
+        picture = imageio.imread(tmp_path / name)
+        assert picture.shape[0] > 300 and len(np.unique(picture[..., 0])) > 20
+    with pytest.raises(ResultError, match="does not plan"):
+        plots.curves(read, "horizon", tmp_path / "x.png")
+    with pytest.raises(UnknownNameError, match="x='colour'"):
+        plots.curves(read, "colour", tmp_path / "x.png")
+    with pytest.raises(UnknownNameError, match=r"'\.xyz'.*'\.png'"):
+        plots.bars(read, tmp_path / "bars.xyz")
+
+
+def test_the_command_line_plots(tmp_path, three, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["plot", *map(str, three)]
+    shown = CliRunner().invoke(cli.app, [*command, "--csv", "table.csv"])
+    assert shown.exit_code == 0, shown.output
+    assert "horizon=15" in shown.output.replace("\n", " ") and "quartiles" in shown.output
+    assert (tmp_path / "table.csv").exists() and (tmp_path / "results.png").exists()
+    page = CliRunner().invoke(cli.app, [*command, "--markdown"])
+    assert page.output.startswith(comparison.markdown(comparison.read_results(three)))
+
+
+@pytest.mark.parametrize(
+    ("text", "indices"),
+    [("800", (800,)), ("800,803,810-812", (800, 803, 810, 811, 812)), ("0-1", (0, 1))],
+)
+def test_indices_as_text(text, indices):
+    assert parsed("variations", text) == indices
+    assert as_text(reversed(indices)) == text
+
+
+@pytest.mark.parametrize("text", ["", "3-x", "3,,4", "-3", "1-2-3"])
+def test_what_are_no_indices(text):
+    with pytest.raises(OutOfRangeError, match=r"variations=.*810-819"):
+        parsed("variations", text)
