@@ -73,7 +73,9 @@ def options_of_each(options: Mapping[str, Any], number: int) -> list[dict[str, A
     """
     each = [dict(options) for _ in range(number)]
     variations = options.get("variation")
-    if isinstance(variations, (Sequence, np.ndarray)):
+    if isinstance(variations, np.ndarray) and variations.ndim:
+        variations = variations.tolist()
+    if isinstance(variations, Sequence):
         if len(variations) != number:
             valid = f"an index, or one for each of the {number} environments"
             raise OutOfRangeError("variation", variations, valid)

@@ -1,0 +1,107 @@
+"""Copies and pickles of Gymnasium environments continue where the original stands."""
+
+import copy
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.wrappers import TimeAwareObservation
+
+from softgym_mj.exceptions import (
+    EnvironmentClosedError,
+    OutOfRangeError,
+    SnapshotError,
+    UnexpectedArgumentError,
+)
+from softgym_mj.gymnasium_env import SoftGymEnv
+
+IDENTIFIER = "softgym_mj/StraightenRope-v0"
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda env: pickle.loads(pickle.dumps(env)),
+}
+copies = pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
+
+
+def continues(env, twin):
+    """Whether both do the same to the end of this episode and in the next, with own samples."""
+    for _ in range(2):
+        truncated = False
+        while not truncated:
+            action = env.action_space.sample()
+            assert np.array_equal(action, twin.action_space.sample())
+            one, other = env.step(action), twin.step(action)
+            assert np.array_equal(one[0], other[0]) and one[1:] == other[1:]
+            truncated = one[3]
+        (one, info), (other, other_info) = env.reset(), twin.reset()
+        assert np.array_equal(one, other) and info == other_info
+    return True
+
+
+@copies
+@pytest.mark.parametrize("task", ["straighten_rope", "transport_water"])
+def test_in_the_middle_of_an_episode(task, copied):
+    env = SoftGymEnv(task, horizon=6)
+    env.reset(seed=3)
+    env.action_space.seed(4)
+    for _ in range(3):
+        env.step(env.action_space.sample())
+    assert continues(env, copied(env))
+
+
+@copies
+def test_of_gymnasium_make(copied):
+    env = gymnasium.make(IDENTIFIER, horizon=3)
+    env.reset(seed=3)
+    twin = copied(env) if copied is not copy.copy else copy.deepcopy(env)
+    assert twin.unwrapped is not env.unwrapped and twin.spec == env.spec
+    env.action_space.seed(4), twin.action_space.seed(4)
+    assert continues(env, twin)
+
+
+@copies
+def test_before_the_first_reset(copied):
+    """The generator is copied, too, where there is one."""
+    env = SoftGymEnv("straighten_rope")
+    _ = env.np_random
+    twin = copied(env)
+    assert env.reset()[1] == twin.reset()[1]
+
+
+@copies
+def test_closed(copied):
+    env = SoftGymEnv("straighten_rope")
+    env.close()
+    with pytest.raises(EnvironmentClosedError):
+        copied(env)
+
+
+def test_a_state_is_a_reset_to_wrappers():
+    """What `gymnasium.make` wraps around wants a reset before a step."""
+    env, twin = gymnasium.make(IDENTIFIER), gymnasium.make(IDENTIFIER)
+    env.reset(seed=3)
+    observation, *_, info = env.step(np.ones(8))
+    state = env.unwrapped.get_state()
+    restored, restored_info = twin.reset(options={"state": state})
+    assert np.array_equal(restored, observation) and restored_info == info
+    assert np.array_equal(twin.step(-np.ones(8))[0], env.step(-np.ones(8))[0])
+    assert env.reset()[1] == twin.reset()[1]
+    for beside in ({"seed": 3}, {"options": {"state": state, "variation": 3}}):
+        with pytest.raises(OutOfRangeError, match="=3 is out of range; valid: None, as the state"):
+            twin.reset(**{"options": {"state": state}, **beside})
+    with pytest.raises(SnapshotError, match="get_state"):
+        twin.reset(options={"state": None})
+
+
+def test_the_random_state_is_a_seed_of_reset():
+    with pytest.raises(UnexpectedArgumentError, match=r"'random_state': seed it by reset\(seed="):
+        gymnasium.make(IDENTIFIER, random_state=3)
+
+
+def test_the_length_of_an_episode_for_wrappers():
+    """`max_episode_steps` is for wrappers that ask; `horizon` is what ends an episode."""
+    env = TimeAwareObservation(gymnasium.make(IDENTIFIER, horizon=4, max_episode_steps=4))
+    assert env.reset(seed=0)[0].shape == (37,)
+    assert [env.step(np.zeros(8))[3] for _ in range(4)] == [False, False, False, True]

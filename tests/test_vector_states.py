@@ -1,0 +1,169 @@
+"""States, seeds and variations of vector environments, against single environments."""
+
+import copy
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+
+from softgym_mj.exceptions import (
+    EpisodeEndedError,
+    InvalidActionError,
+    OutOfRangeError,
+    SnapshotError,
+)
+from softgym_mj.gymnasium_env import SoftGymEnv
+
+ROPE, CLOTH = "softgym_mj/StraightenRope-v0", "softgym_mj/SpreadCloth-v0"
+HORIZON, SEED, NUM_ENVS = 3, 7, 3
+
+
+def make(task=ROPE, **kwargs):
+    return gymnasium.make_vec(task, num_envs=NUM_ENVS, num_workers=2, horizon=HORIZON, **kwargs)
+
+
+def actions(count, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (count, NUM_ENVS, 8)).astype(np.float32)
+
+
+def same(one, other):
+    """Whether results of `step` or `reset` are equal, infos included."""
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, (tuple, list)):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, np.ndarray) and one.dtype == object:
+        return same(one.tolist(), other.tolist())
+    return np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("taken", [0, 1, HORIZON])
+def test_a_new_one_continues(mode, taken):
+    """From any step of an episode through the next: what ended is reset, to the same variation."""
+    envs, twin = make(autoreset_mode=mode), make(autoreset_mode=mode)
+    last = envs.reset(seed=SEED)
+    for action in actions(taken):
+        last = envs.step(action)
+    states = pickle.loads(pickle.dumps(envs.get_state()))
+    observations, infos = twin.set_state(states)
+    assert same(observations, last[0])
+    assert all(same(infos[key], last[-1][key]) for key in ("variation", "performance"))
+    for action in actions(2 * HORIZON + 1, seed=1):
+        assert same(envs.step(action), twin.step(action))
+    envs.close(), twin.close()
+
+
+def test_an_ended_one_waits_for_its_reset():
+    envs, twin = make(autoreset_mode="Disabled"), make(autoreset_mode="Disabled")
+    envs.reset(seed=SEED)
+    for action in actions(HORIZON):
+        envs.step(action)
+    envs.reset(options={"reset_mask": np.array([True, False, True])})
+    twin.set_state(envs.get_state())
+    with pytest.raises(EpisodeEndedError, match=r"environments \[1\] have ended"):
+        twin.step(actions(1)[0])
+    only = {"reset_mask": np.array([False, True, False])}
+    assert same(twin.reset(options=dict(only)), envs.reset(options=dict(only)))
+    assert same(twin.step(actions(1)[0]), envs.step(actions(1)[0]))
+    envs.close(), twin.close()
+
+
+def test_states_of_single_environments():
+    """Go into a vector environment and come out of it."""
+    envs, singles = make(), [SoftGymEnv("straighten_rope") for _ in range(NUM_ENVS)]
+    for i, env in enumerate(singles):
+        env.reset(seed=i)
+        env.step(actions(1)[0, i])
+    envs.set_state([env.get_state() for env in singles])
+    (act,) = actions(1, seed=1)
+    observations, rewards, *_ = envs.step(act)
+    for i, env in enumerate(singles):
+        observation, reward, *_ = env.step(act[i])
+        assert np.array_equal(observations[i], observation) and rewards[i] == reward
+        env.set_state(envs.get_state()[i])
+    envs.close()
+
+
+def test_bad_states():
+    envs, cloth = make(), make(CLOTH, fidelity="fast")
+    with pytest.raises(EpisodeEndedError, match="call reset"):
+        envs.get_state()
+    envs.reset(seed=SEED), cloth.reset(seed=SEED)
+    states = envs.get_state()
+    for bad, message in (
+        (states[:2], "all 3 environments, not list"),
+        (states[0], "all 3 environments, not tuple"),
+        (None, "all 3 environments, not NoneType None"),
+        ([*states[:2], None], "what `get_state` returned, not NoneType None"),
+        (cloth.get_state(), "of task 'spread_cloth', this one is 'straighten_rope'"),
+    ):
+        with pytest.raises(SnapshotError, match=message):
+            envs.set_state(bad)
+    with pytest.raises(OutOfRangeError, match="seed=7 is out of range; valid: None, as the state"):
+        envs.reset(seed=[7, 8, 9], options={"state": states})
+    envs.close(), cloth.close()
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_no_copies(copied):
+    envs = make()
+    with pytest.raises(TypeError, match=r"other.set_state\(envs.get_state\(\)\)"):
+        copied(envs)
+    envs.close()
+
+
+@pytest.mark.parametrize("given", [list, tuple, np.array])
+def test_chosen_variations(given):
+    envs = make(CLOTH, fidelity="fast")
+    single = SoftGymEnv("spread_cloth", fidelity="fast")
+    observations, infos = envs.reset(seed=SEED, options={"variation": given([812, 813, 5])})
+    assert infos["variation"].tolist() == [812, 813, 5]
+    for observation, variation in zip(observations, (812, 813, 5), strict=True):
+        assert np.array_equal(observation, single.reset(options={"variation": variation})[0])
+    mask = np.array([False, True, True])
+    envs.reset(options={"variation": given([0, 1, 2]), "reset_mask": mask})
+    assert envs.call("get_state")[0][0].task["variation"] == 812
+    assert [state[0].task["variation"] for state in envs.get_state()] == [812, 1, 2]
+    assert envs.reset(options={"variation": 4})[1]["variation"].tolist() == [4] * NUM_ENVS
+    for bad, message in (
+        (given([1, 2]), "an index, or one for each of the 3 environments"),
+        (given([1, 2, 1000]), r"variation=1000 is out of range; valid: a whole number in 0\.\.999"),
+    ):
+        with pytest.raises(OutOfRangeError, match=message):
+            envs.reset(options={"variation": bad})
+    envs.close()
+
+
+def test_seeds():
+    """Whole numbers of numpy are as good as Python's."""
+    envs = make()
+    expected = envs.reset(seed=SEED)
+    seeds = np.arange(SEED, SEED + NUM_ENVS)
+    for seed in (seeds[0], seeds, seeds.tolist(), tuple(seeds)):
+        assert same(envs.reset(seed=seed), expected)
+    for bad in (1.5, [1, 2], [1, 2, "3"], "abc"):
+        with pytest.raises(OutOfRangeError, match="a whole number, or 3 of them"):
+            envs.reset(seed=bad)
+    envs.close()
+
+
+@pytest.mark.parametrize("bad", [1.5, -1.5, np.nan, np.inf])
+def test_a_bad_action_steps_nobody(bad):
+    envs = make()
+    envs.reset(seed=SEED)
+    before = envs.get_state()
+    (act,) = actions(1)
+    act[1, 6] = bad
+    message = rf"actions\[1, 6\] = {bad}, of environment 1, must be finite and within \[-1, 1\]"
+    with pytest.raises(InvalidActionError, match=message):
+        envs.step(act)
+    for wrong in (act[:, :7], act.astype(str), [[0.0] * 8, [0.0] * 8, "up"]):
+        with pytest.raises((InvalidActionError, OutOfRangeError)):
+            envs.step(wrong)
+    for one, other in zip(before, envs.get_state(), strict=True):
+        assert one[0].step_count == other[0].step_count == 0
+        assert np.array_equal(one[0].physics, other[0].physics)
+    envs.step(np.full((NUM_ENVS, 8), 1 + 5e-7))  # Rounding, not a mistake.
+    envs.close()
