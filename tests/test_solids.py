@@ -10,19 +10,24 @@ from softgym_mj.robots.factory import make_gripper
 from softgym_mj.tasks import Evaluation, SceneTask
 
 HEIGHT = 0.5  # [m] Of the middle of a rod or board.
-SHAPES = {
-    "rod": lambda half: {
-        "type": "capsule", "fromto": (0, -0.4, HEIGHT, 0, 0.4, HEIGHT), "size": (half,)
-    },
-    "board": lambda half: {"type": "box", "pos": (0, 0, HEIGHT), "size": (0.4, 0.4, half)},
-}  # fmt: skip
+# [m] Of a rod from the middle row of a cloth's vertices, which are 3.1 cm apart.
+BESIDE = 0.0155
 
 
-def height_after_a_fall(thing, shape: str, half: float, fall: float, timestep: float) -> float:
-    """Height [m] of the highest vertex above the shape, a second after it was let go."""
+def rod(type: str, radius: float, x: float = 0.0) -> dict:
+    ends = (x, -0.4, HEIGHT, x, 0.4, HEIGHT)
+    return {"type": type, "fromto": ends, "size": (radius,)}
+
+
+def board(half: float) -> dict:
+    return {"type": "box", "pos": (0, 0, HEIGHT), "size": (0.4, 0.4, half)}
+
+
+def height_after_a_fall(thing, solid: dict, half: float, fall: float, timestep: float) -> float:
+    """Height [m] of the highest vertex above a solid, a second after it was let go."""
     arena = Arena(camera="cloth")
     arena.attach(thing)
-    arena.add_solid(**SHAPES[shape](half))
+    arena.add_solid(**solid)
     physics = arena.compile(timestep, thing)
     vertices = thing.flat() if isinstance(thing, Cloth) else thing.straight()
     with physics.reset_context():
@@ -32,22 +37,41 @@ def height_after_a_fall(thing, shape: str, half: float, fall: float, timestep: f
 
 
 @pytest.mark.parametrize("fall", [0.02, 0.06, 0.15])
-@pytest.mark.parametrize(("shape", "half"), [("rod", 0.004), ("rod", 0.015), ("board", 0.008)])
-def test_a_rope_stays_where_it_falls(shape, half, fall):
+@pytest.mark.parametrize(
+    ("solid", "half"),
+    [
+        (rod("capsule", 0.004), 0.004),
+        (rod("cylinder", 0.004, x=0.006), 0.004),
+        (board(0.008), 0.008),
+    ],
+    ids=["capsule", "cylinder", "board"],
+)
+def test_a_rope_stays_where_it_falls(solid, half, fall):
     rope = Rope()
-    left = height_after_a_fall(rope, shape, half, fall, rope.timestep)
+    left = height_after_a_fall(rope, solid, half, fall, rope.timestep)
     assert 0.7 * rope.radius < left < 4 * rope.radius  # It may lie on itself.
 
 
+@pytest.mark.parametrize("x", [0.0, BESIDE])
 @pytest.mark.parametrize(
-    ("timestep", "half", "fall"),
+    ("timestep", "radius", "fall"),
     # What docs/physics.md says: how far it may fall with the usual step, and with half of it.
-    [(0.01, 0.004, 0.02), (0.01, 0.008, 0.06), (0.005, 0.004, 0.15), (0.005, 0.008, 0.3)],
+    [(0.01, 0.004, 0.06), (0.01, 0.025, 0.3), (0.005, 0.004, 0.3)],
 )
-@pytest.mark.parametrize("shape", SHAPES)
-def test_a_cloth_stays_where_it_falls(shape, timestep, half, fall):
+def test_a_cloth_stays_on_the_rod_where_it_falls(timestep, radius, fall, x):
     cloth = Cloth((60, 60))
-    left = height_after_a_fall(cloth, shape, half, fall, timestep)
+    left = height_after_a_fall(cloth, rod("cylinder", radius, x), radius, fall, timestep)
+    # Its triangles lie on the rod, a vertex in the middle of one, at most, 15.5 mm beside it.
+    farthest = np.hypot(radius + cloth.radius, BESIDE) - radius
+    assert 0.5 * cloth.radius < left < farthest + 0.5 * cloth.radius
+
+
+@pytest.mark.parametrize(
+    ("timestep", "half", "fall"), [(0.01, 0.008, 0.06), (0.01, 0.025, 0.3), (0.005, 0.008, 0.3)]
+)
+def test_a_cloth_stays_on_the_board_where_it_falls(timestep, half, fall):
+    cloth = Cloth((60, 60))
+    left = height_after_a_fall(cloth, board(half), half, fall, timestep)
     assert 0.5 * cloth.radius < left < 1.5 * cloth.radius
 
 
