@@ -148,7 +148,10 @@ class HoldingGripper(composer.Entity, Gripper, Generic[H]):
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest gripper centre (3,) [m]."""
+        """Lowest and highest gripper centre (3,) [m] of the workspace; arms may not reach as far.
+
+        How far they do: `within_reach`.
+        """
         return self._low, self._high
 
     def join(self, arena: composer.Arena) -> None:
