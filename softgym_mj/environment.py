@@ -11,6 +11,7 @@ from dm_control import composer
 from dm_control.composer import observation
 
 from softgym_mj.exceptions import EpisodeEndedError, OutOfRangeError, SnapshotError, check_count
+from softgym_mj.framebuffer import SizedPhysics
 from softgym_mj.observations import blank_images
 from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.variations import check_variation, split_indices
@@ -95,6 +96,13 @@ class Environment(composer.Environment):
             recompile_mjcf_every_episode=False,
             legacy_step=False,
         )
+
+    def _recompile_physics(self):
+        # As in the base class, but for the kind of physics.
+        if getattr(self, "_physics", None):
+            self._physics.free()
+        self._physics = SizedPhysics.from_mjcf_model(self._task.root_entity.mjcf_model)
+        self._physics.legacy_step = self._legacy_step
 
     def _recompile_physics_and_update_observables(self):
         with blank_images():
@@ -243,10 +251,8 @@ class Environment(composer.Environment):
                 f"the snapshot is of task {snapshot.task_name!r}, this one is {self._name!r}"
             )
         if snapshot.layout != self._state_layout:
-            raise SnapshotError(
-                f"the snapshot is of {snapshot.layout}, this environment is "
-                f"{self._state_layout}: actor or fidelity differ"
-            )
+            differ = ", ".join(_differences(snapshot.layout, self._state_layout))
+            raise SnapshotError(f"the snapshot is of an environment with other settings: {differ}")
         if snapshot.task["variation"] != self._started:
             self._start(snapshot.task["variation"])
         mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
@@ -265,3 +271,13 @@ def _edits_mjcf(part: composer.Task | composer.Entity) -> bool:
     """Whether a task or an entity edits the model before every episode."""
     base = composer.Task if isinstance(part, composer.Task) else composer.Entity
     return type(part).initialize_episode_mjcf is not base.initialize_episode_mjcf
+
+
+def _differences(theirs: dict[str, object], ours: dict[str, object]) -> list[str]:
+    """What differs between two layouts."""
+    names = dict.fromkeys([*theirs, *ours])
+    return [
+        f"{name}={theirs.get(name)!r} against {ours.get(name)!r}"
+        for name in names
+        if theirs.get(name) != ours.get(name)
+    ]
