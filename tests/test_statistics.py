@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from softgym_mj.evaluation import statistics
 from softgym_mj.evaluation.statistics import methods, summary
 
 
@@ -55,3 +56,16 @@ def test_the_interval_has_the_scatter_of_seeds_and_of_variations():
     width = found["mean_high"] - found["mean_low"]
     assert width == pytest.approx(2 * stats.norm.ppf(0.975) * deviation, rel=0.04)
     assert summary(episodes(seeds[:, None] + variations)) == found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seeds", "share"), [(2, 0.56), (3, 0.76), (5, 0.85), (10, 0.91)])
+def test_how_often_intervals_hold_the_true_mean(seeds, share, monkeypatch):
+    """The shares of docs/results.md: seeds scatter four times as much as variations."""
+    monkeypatch.setattr(statistics, "RESAMPLES", 2_000)
+    random, trials, held = np.random.default_rng(seeds), 400, 0
+    for _ in range(trials):
+        scores = random.normal(0.7, 0.2, (seeds, 1)) + random.normal(0.0, 0.05, 20)
+        found = summary(episodes(scores + random.normal(0.0, 0.05, scores.shape)))
+        held += found["mean_low"] <= 0.7 <= found["mean_high"]
+    assert held / trials == pytest.approx(share, abs=0.05)  # Two deviations, at most.

@@ -17,16 +17,12 @@ def machine() -> dict[str, str | None]:
             facts.setdefault(name.strip(), value.strip())
     return {
         "cpu": facts.get("model name") or platform.processor() or None,
-        "instructions": instructions(facts["flags"].split()) if "flags" in facts else None,
+        "instructions": _instructions(facts["flags"].split()) if "flags" in facts else None,
     }
 
 
-def instructions(flags: Sequence[str]) -> str:
-    """What `ChooseKernels` of the plugin (fluid/plugin/solver.cc) chooses for a processor.
-
-    Args:
-        flags: of the processor, as /proc/cpuinfo names them.
-    """
+def _instructions(flags: Sequence[str]) -> str:
+    """What `ChooseKernels` of the plugin (fluid/plugin/solver.cc) chooses, by /proc/cpuinfo."""
     asked = os.environ.get("SOFTGYM_MJ_SIMD")
     if asked == "scalar" or "fma" not in flags:
         return "scalar"
