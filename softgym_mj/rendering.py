@@ -23,6 +23,8 @@ LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
 
 _MAX_GEOMS = 20000  # In a scene: the surface of water is drawn as some thousand triangles.
 
+_OTHER_THREAD = "already current on another thread"  # In dm_control's message.
+
 _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
 
 _QUALITY = 8  # Of videos, 0..10: no blocks are seen on the cloth.
@@ -148,6 +150,8 @@ class CameraView:
         import mujoco
         from dm_control.mujoco import engine, wrapper
 
+        from softgym_mj.framebuffer import SizedPhysics, SizedView
+
         _claim()
         data = physics.data.ptr
         refresh_poses(physics)
@@ -155,15 +159,19 @@ class CameraView:
         check_name("camera", self._camera, cameras)
         try:
             if self._data is not data:
-                camera = cameras[self._camera]
-                self._view = engine.Camera(
-                    physics, self._height, self._width, camera, max_geom=_MAX_GEOMS
-                )
+                size, camera = (self._height, self._width), cameras[self._camera]
+                seen = SizedView(physics, *size) if isinstance(physics, SizedPhysics) else physics
+                self._view = engine.Camera(seen, *size, camera, max_geom=_MAX_GEOMS)
                 self._option = wrapper.MjvOption()
                 self._option.flexgroup[_FLEX_GROUP] = 0
                 self._data = data
             return self._view.render(scene_option=self._option, **options)
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
+            if _OTHER_THREAD in str(error):
+                raise RenderingUnavailableError(
+                    "this environment has rendered in another thread, and OpenGL stays there: "
+                    "render, reset and step it in that thread only, or make one in each thread"
+                ) from error
             raise unavailable(error) from error
 
 

@@ -1,0 +1,69 @@
+"""`SizedPhysics`: physics with an off-screen buffer as large as its largest image."""
+
+import mujoco
+from dm_control import mjcf
+from dm_control.mujoco import engine
+
+
+class SizedPhysics(mjcf.Physics):
+    """Physics that renders into a buffer which grows with what is asked for.
+
+    The largest one takes 100 MB of memory, with its samples; images of 128 x 128 pixels take 1 MB.
+    """
+
+    _size = (0, 0)  # (height, width) of the buffer [pixels].
+
+    @property
+    def contexts(self) -> engine.Contexts:
+        """The OpenGL contexts, with the buffer as large as the model says.
+
+        dm_control's own cameras ask for them and do not say what for.
+        """
+        largest = self.model.vis.global_
+        return self.contexts_for(largest.offheight, largest.offwidth)
+
+    def contexts_for(self, height: int, width: int) -> engine.Contexts:
+        """The OpenGL contexts, with room for images of height x width pixels."""
+        with self._contexts_lock:
+            if self._contexts is None:
+                self._make_contexts(height, width)
+            elif height > self._size[0] or width > self._size[1]:
+                self._grow(max(height, self._size[0]), max(width, self._size[1]))
+        return self._contexts
+
+    def _make_contexts(self, height: int, width: int) -> None:
+        size = self.model.vis.global_
+        largest = size.offheight, size.offwidth
+        size.offheight, size.offwidth = height, width
+        try:
+            self._make_rendering_contexts()
+        finally:
+            size.offheight, size.offwidth = largest
+        self._size = height, width
+
+    def _grow(self, height: int, width: int) -> None:
+        with self._contexts.gl.make_current() as context:
+            context.call(mujoco.mjr_resizeOffscreen, width, height, self._contexts.mujoco.ptr)
+        self._size = height, width
+
+
+class SizedView:
+    """What a camera of dm_control's asks physics for, with room for its own images only."""
+
+    def __init__(self, physics: SizedPhysics, height: int, width: int):
+        self._physics, self._height, self._width = physics, height, width
+
+    @property
+    def model(self):
+        """The model."""
+        return self._physics.model
+
+    @property
+    def data(self):
+        """The state."""
+        return self._physics.data
+
+    @property
+    def contexts(self) -> engine.Contexts:
+        """The OpenGL contexts."""
+        return self._physics.contexts_for(self._height, self._width)
