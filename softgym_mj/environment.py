@@ -99,8 +99,9 @@ class Environment(composer.Environment):
 
     def _recompile_physics(self):
         # As in the base class, but for the kind of physics.
-        if getattr(self, "_physics", None):
-            self._physics.free()
+        previous = getattr(self, "_physics", None)
+        if previous:
+            previous.free()
         self._physics = SizedPhysics.from_mjcf_model(self._task.root_entity.mjcf_model)
         self._physics.legacy_step = self._legacy_step
 
