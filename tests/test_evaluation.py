@@ -163,9 +163,9 @@ def test_a_policy_sees_the_observation_of_the_settings(tmp_path):
 def shaken_water():
     """Particles' bytes after some steps of a shaken cup."""
     env = softgym_mj.load("transport_water", fidelity="fast", observation="full")
-    timestep = env.reset(800)
+    env.reset(800)
     for speed in (1.0, -1.0, 1.0):
-        timestep = env.step(np.full(env.task.actor.action_size, speed))
+        env.step(np.full(env.task.actor.action_size, speed))
     return env.physics.get_state().tobytes() + env.physics.data.plugin_state.tobytes()
 
 
