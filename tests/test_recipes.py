@@ -90,6 +90,39 @@ def test_environments_side_by_side(run):
     )
 
 
+def test_other_modes_name_autoreset_otherwise():
+    mode = gymnasium.vector.AutoresetMode.SAME_STEP
+    envs = gymnasium.make_vec(
+        IDENTIFIER, num_envs=1, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}
+    )
+    assert "{'autoreset_mode': gymnasium.vector.AutoresetMode.SAME_STEP}".replace("'", '"') in PAGE
+    assert envs.metadata["autoreset_mode"] is mode
+    envs.close()
+
+
+def test_checkpoints(run):
+    recipe = run("Gymnasium: checkpoints")
+    assert np.array_equal(recipe.resumed_observations, recipe.observations)
+    for _ in range(HORIZON + 1):  # Into the next episode.
+        actions = recipe.envs.action_space.sample()
+        one, other = recipe.envs.step(actions), recipe.resumed.step(actions)
+        assert all(np.array_equal(*pair) for pair in zip(one[:4], other[:4], strict=True))
+    recipe.envs.close(), recipe.resumed.close()
+
+
+def test_a_single_checkpoint(run):
+    recipe = run("Gymnasium: checkpoints", 1)
+    assert np.array_equal(recipe.resumed_observation, recipe.observation)
+    action = np.ones(8)
+    assert np.array_equal(recipe.env.step(action)[0], recipe.resumed.step(action)[0])
+
+
+def test_the_length_of_an_episode(run):
+    recipe = run("Gymnasium: the length of an episode")
+    assert recipe.observation.shape == (37,) and recipe.observation[-1] == 1.0
+    assert [recipe.env.step(np.zeros(8))[3] for _ in range(49)] == [False] * 48 + [True]
+
+
 def test_sb3_states(run):
     model = run("Stable-Baselines3: states").model
     assert model.num_timesteps == 200 and model._n_updates >= 98
