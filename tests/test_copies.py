@@ -6,7 +6,6 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.wrappers import TimeAwareObservation
 
 from softgym_mj.exceptions import (
     EnvironmentClosedError,
@@ -98,10 +97,3 @@ def test_a_state_is_a_reset_to_wrappers():
 def test_the_random_state_is_a_seed_of_reset():
     with pytest.raises(UnexpectedArgumentError, match=r"'random_state': seed it by reset\(seed="):
         gymnasium.make(IDENTIFIER, random_state=3)
-
-
-def test_the_length_of_an_episode_for_wrappers():
-    """`max_episode_steps` is for wrappers that ask; `horizon` is what ends an episode."""
-    env = TimeAwareObservation(gymnasium.make(IDENTIFIER, horizon=4, max_episode_steps=4))
-    assert env.reset(seed=0)[0].shape == (37,)
-    assert [env.step(np.zeros(8))[3] for _ in range(4)] == [False, False, False, True]
