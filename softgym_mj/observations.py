@@ -27,6 +27,7 @@ OBSERVATIONS = {
     "1; rows of zeros where it sees fewer",
 }
 GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can show it.
+HELD = "held"  # uint8 (grippers,): 1 for each gripper that holds something.
 WRIST_RGB = "wrist_rgb"  # uint8 (arms, height, width, 3): from the cameras on the hands of arms.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 LABELS = ("background", "object", "actor", "container", "goal")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
+from softgym_mj.exceptions import UnknownNameError
 from softgym_mj.observations import LABELS, NUM_CLOUD_POINTS, OBSERVATIONS
 
 SIZE = (160, 200)
@@ -138,3 +139,17 @@ def test_images_with_what_is_sensed_do_not_tell_where_the_object_is(actor):
     assert set(seen[0]) == {"rgb", "proprioception"}
     assert not np.array_equal(seen[0]["rgb"], seen[1]["rgb"])
     np.testing.assert_allclose(seen[0]["proprioception"], seen[1]["proprioception"], atol=1e-6)
+
+
+@pytest.mark.parametrize("actor", ["picker", "franka"])
+def test_grippers_know_what_they_hold(actor):
+    env = softgym_mj.load("straighten_rope", actor=actor, observation=["reduced", "held"])
+    np.testing.assert_array_equal(env.reset(800).observation["held"], [0, 0])
+    env.task.actor.take([0, 40])
+    action = np.array([0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.1, 1.0])
+    np.testing.assert_array_equal(env.step(action).observation["held"], [1, 1])
+    action[7] = -1.0  # The second one opens.
+    np.testing.assert_array_equal(env.step(action).observation["held"], [1, 0])
+    assert env.info()["picks_held"] == 1
+    with pytest.raises(UnknownNameError, match="observation='held'"):
+        softgym_mj.load("pour_water", observation="held")

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.observations import GOAL_RGB, OBSERVATIONS, WRIST_RGB
+from softgym_mj.observations import GOAL_RGB, HELD, OBSERVATIONS, WRIST_RGB
 from softgym_mj.registry import TASKS, TaskRecord, load
 from softgym_mj.rendering import camera_ids
 from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
@@ -34,6 +34,7 @@ WRIST_SUMMARY = (
     f"with {' or '.join(f'`{name}`' for name in ARMS)}: uint8 images (arms, height, width, 3) from "
     "the cameras on their hands"
 )
+HELD_SUMMARY = "1 for each gripper that holds something, else 0"
 GOAL_SUMMARY = "uint8 image (height, width, 3): `rgb` with the goal reached"
 _LABELS = ("Goal", "Reward", "Bounds", "Reduced state", "Full state", "Start", "End")
 
@@ -114,7 +115,8 @@ def entry_table(entries: Iterable[Entries], start: int = 0) -> str:
 def observations(env: Environment, arms: Environment, remarks: Sequence[str]) -> Iterator[str]:
     """All observations, then the entries of the states."""
     task, spec = env.task, env.observation_spec()
-    summaries = {**OBSERVATIONS, GOAL_RGB: GOAL_SUMMARY, WRIST_RGB: WRIST_SUMMARY}
+    further = {HELD: HELD_SUMMARY, GOAL_RGB: GOAL_SUMMARY, WRIST_RGB: WRIST_SUMMARY}
+    summaries = {**OBSERVATIONS, **further}
     shown = {**spec, WRIST_RGB: arms.observation_spec()[WRIST_RGB]}
     yield table(
         ("observation", "shape", "dtype", "what"),
@@ -232,8 +234,8 @@ def sheet(name: str) -> str:
     record = TASKS[name]
     tasks = actors_of(record)
     usual, arm = next(iter(tasks)), next(actor for actor in tasks if actor in ARMS)
-    with_goal = (GOAL_RGB,) if GOAL_RGB in tasks[usual].task_observables else ()
-    env = load(name, observation=(*OBSERVATIONS, *with_goal))
+    own = [seen for seen in (HELD, GOAL_RGB) if seen in tasks[usual].task_observables]
+    env = load(name, observation=(*OBSERVATIONS, *own))
     arms = load(name, actor=arm, observation=WRIST_RGB)
     lower, upper = bounds(env)
     text, task = paragraphs(record), env.task

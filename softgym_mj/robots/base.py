@@ -4,6 +4,7 @@ import abc
 
 import numpy as np
 from dm_control import composer
+from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj.exceptions import InvalidActionError
@@ -61,6 +62,10 @@ class Actor(abc.ABC):
     def wrists(self) -> tuple[str, ...]:
         """Names of the cameras on the actor's hands: none unless it is an arm."""
         return ()
+
+    def own_observables(self) -> dict[str, observable.Observable]:
+        """Further observables by name."""
+        return {}
 
     @abc.abstractmethod
     def proprioception(self) -> np.ndarray:

@@ -5,9 +5,11 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from dm_control.composer.observation import observable
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
+from softgym_mj.observations import HELD
 from softgym_mj.robots.base import Actor
 
 
@@ -93,6 +95,9 @@ class Gripper(Actor):
     @abc.abstractmethod
     def held(self) -> np.ndarray:
         """Vertex index that each gripper holds, -1 where none: (num_grippers,) int."""
+
+    def own_observables(self) -> dict[str, observable.Observable]:
+        return {HELD: observable.Generic(lambda physics: (self.held >= 0).astype(np.uint8))}
 
     def diagnostics(self) -> dict[str, float | int]:
         return {"picks_held": int(np.count_nonzero(self.held >= 0))}

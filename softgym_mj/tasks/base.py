@@ -107,6 +107,7 @@ class DeformableTask(composer.Task, abc.ABC):
             proprioception=observable.Generic(lambda physics: actor.proprioception()),
             **TaskCamera(*image_size, lambda: self.parts).observables(),
             **wrist_observables(actor.wrists, *image_size),
+            **actor.own_observables(),
             **self.own_observables(*image_size),
         )
         for name in enabled_names(observation, self._observables):
