@@ -13,6 +13,9 @@ from typing import Any
 from softgym_mj.exceptions import EnvironmentClosedError, WorkersLostError
 from softgym_mj.vector_worker import END, READY, serve
 
+# [s] That workers have to finish a call whose answer nobody waits for; one may be stuck.
+_PATIENCE = 5.0
+
 
 class WorkerPool:
     """Processes that answer calls.
@@ -50,7 +53,7 @@ class WorkerPool:
                 process.kill()
             raise
         self._owner = os.getpid()
-        self._end = weakref.finalize(self, _end, self._jobs, self._thread, self._owner)
+        self._end = weakref.finalize(self, _end, self._jobs, self._thread, processes, self._owner)
         self.run(self.ask, dict.fromkeys(range(len(shares)), (READY,)))
 
     def run(self, function: Callable[..., Any], *args: Any) -> Any:
@@ -115,7 +118,7 @@ class WorkerPool:
         return answers
 
     def close(self) -> None:
-        """Ends the processes, after what they are doing."""
+        """Ends the processes, after what they are doing if that does not take long."""
         self._end()
 
 
@@ -138,10 +141,17 @@ def _work(jobs: queue.SimpleQueue, pipes: list[Connection], processes: list[Any]
         process.join()
 
 
-def _end(jobs: queue.SimpleQueue, thread: threading.Thread, owner: int) -> None:
+def _end(
+    jobs: queue.SimpleQueue, thread: threading.Thread, processes: list[Any], owner: int
+) -> None:
     """Ends a pool that is closed or no longer used, at the latest when Python ends."""
     if os.getpid() != owner:  # A fork has no such thread, and the processes are not its own.
         return
     jobs.put(None)
-    if thread is not threading.current_thread():
+    if thread is threading.current_thread():
+        return
+    thread.join(_PATIENCE)
+    if thread.is_alive():
+        for process in processes:
+            process.kill()
         thread.join()

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
+from softgym_mj import vector_pool
 from softgym_mj.exceptions import (
     EnvironmentClosedError,
     InvalidActionError,
@@ -23,6 +24,7 @@ from softgym_mj.exceptions import (
     WorkersLostError,
 )
 from softgym_mj.gymnasium_env import SoftGymEnv
+from softgym_mj.vector_env import VectorEnv
 
 ROPE = "softgym_mj/StraightenRope-v0"
 PACKAGE = str(pathlib.Path(softgym_mj.__file__).parent)
@@ -132,7 +134,7 @@ def test_a_signal_at_any_time(pair, call):
     }[call]
     for delay in np.random.default_rng(1).uniform(0.0, 0.03, 10):
         with pytest.raises(KeyboardInterrupt):
-            threading.Timer(delay, signal.raise_signal, [signal.SIGINT]).start()
+            threading.Timer(delay, os.kill, [os.getpid(), signal.SIGINT]).start()
             while True:
                 repeated()
         if call == "reset":
@@ -189,6 +191,55 @@ def test_lost_workers_stay_lost_and_nobody_else_complains(capfd):
             call()
     envs.close()
     assert not survivor.is_alive() and capfd.readouterr().err == ""
+
+
+class Stuck(gymnasium.Env):
+    """Whose step takes an hour."""
+
+    observation_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
+    action_space = gymnasium.spaces.Box(-1, 1, (1,), np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        time.sleep(3600)
+
+
+def test_nobody_waits_for_a_stuck_worker(monkeypatch):
+    monkeypatch.setattr(vector_pool, "_PATIENCE", 0.1)
+    before = set(multiprocessing.active_children())
+    envs = VectorEnv(Stuck, 2, num_workers=2)
+    envs.reset()
+    threading.Timer(0.2, os.kill, [os.getpid(), signal.SIGINT]).start()
+    with pytest.raises(KeyboardInterrupt):
+        envs.step(np.zeros((2, 1)))
+    start = time.monotonic()
+    envs.close()
+    assert time.monotonic() - start < 10.0
+    assert set(multiprocessing.active_children()) <= before
+
+
+def _use(envs, queue):
+    try:
+        envs.step(np.zeros((2, 8)))
+    except EnvironmentClosedError as error:
+        queue.put(str(error))
+    envs.close()
+
+
+@pytest.mark.skipif(
+    "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
+)
+def test_a_fork_leaves_it_alone(pair):
+    """It has none of the threads of the process that it was forked from."""
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    child = context.Process(target=_use, args=(pair.envs, queue))
+    child.start()
+    assert "forked from: make a new one" in queue.get(timeout=60)
+    child.join()
+    pair.check()
 
 
 @pytest.mark.parametrize("call", ["reset", "step", "get_state", "set_attr"])
