@@ -8,6 +8,7 @@ import sys
 from typing import Annotated, Any
 
 import numpy as np
+import rich.box
 import rich.console
 import rich.progress
 import rich.table
@@ -17,7 +18,7 @@ import softgym_mj
 from softgym_mj import cli_data, cli_evaluation, cli_view
 from softgym_mj.baselines.episodes import Episode, play
 from softgym_mj.baselines.policies import SIMPLE
-from softgym_mj.console import Actor, Grasp, Task, acting, console, progress_bar
+from softgym_mj.console import Actor, Grasp, Task, acting, console, first_variations, progress_bar
 from softgym_mj.exceptions import SoftGymError
 from softgym_mj.registry import TaskRecord, find
 
@@ -40,15 +41,26 @@ def _load(task: TaskRecord, split: str, filmed: bool, **settings: Any):
 
 @app.command("list")
 def list_tasks() -> None:
-    """Lists the tasks."""
-    table = rich.table.Table("task", "Gymnasium id", "tags", "horizon", "action repeat", "goal")
+    """Lists the tasks; if it is read by a program, one a line, with tabs.
+
+    Such a line has name, Gymnasium id, tags, horizon, action repeat and goal.
+    """
+    if not console.is_terminal:
+        for record in softgym_mj.TASKS.values():
+            lengths = str(record.horizon), str(record.action_repeat)
+            tags = ",".join(record.tags)
+            row = record.name, record.gymnasium_id, tags, *lengths, record.summary
+            typer.echo("\t".join(row))
+        return
+    table = rich.table.Table(box=rich.box.SIMPLE)
+    for title in ("task\nGymnasium id", "tags", "horizon\nrepeat"):
+        table.add_column(title, no_wrap=True)
+    table.add_column("goal")
     for record in softgym_mj.TASKS.values():
         table.add_row(
-            record.name,
-            record.gymnasium_id,
-            ", ".join(record.tags),
-            str(record.horizon),
-            str(record.action_repeat),
+            f"{record.name}\n{record.gymnasium_id}",
+            "\n".join(record.tags),
+            f"{record.horizon}\n{record.action_repeat}",
             record.summary,
         )
     console.print(table)
@@ -100,9 +112,9 @@ def rollout(
     ] = None,
 ) -> None:
     """Runs a policy on the first variations of a split; prints one JSON line an episode."""
-    record = find(task)
+    record, variations = find(task), first_variations(split, episodes)
     env = _load(record, split, filmed=video is not None, **acting(actor, grasp))
-    for index in list(env.variations)[:episodes]:
+    for index in variations:
         episode = _filmed(env, policy, index, video is not None, seed)
         if video is not None:
             _write(episode, video / f"{record.name}_{index:04d}.mp4")
@@ -134,11 +146,11 @@ def oracle(
 ) -> None:
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
     record, settings = find(task), acting(actor, grasp)
+    variations = first_variations(split, episodes)
     env = _load(record, split, filmed=True, **settings)
     name = "-".join([record.name, *settings.values()])
     scores: dict[int, float] = {}
     with progress_bar() as progress:
-        variations = list(env.variations)[:episodes]
         bar = progress.add_task(record.name, total=len(variations))
         for index in variations:
             first = index == variations[0]

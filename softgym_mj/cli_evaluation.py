@@ -1,16 +1,25 @@
 """The commands `softgym-mj evaluate` and `softgym-mj plot`."""
 
-import json
 import pathlib
 import time
-from typing import Annotated, Any
+from typing import Annotated
 
 import rich.progress
 import rich.table
 import typer
 
 from softgym_mj.baselines.cem import BUDGET, ITERATIONS, PLANNERS, Plan
-from softgym_mj.console import Actor, Grasp, Ray, Task, acting, console, progress_bar
+from softgym_mj.console import (
+    Actor,
+    Grasp,
+    Ray,
+    Settings,
+    Task,
+    acting,
+    console,
+    parsed_settings,
+    progress_bar,
+)
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.registry import TASKS, find
 
@@ -43,12 +52,7 @@ def evaluate(
     budget: Annotated[int, typer.Option(help="Env steps for a decision of a planner.")] = BUDGET,
     iterations: Annotated[int, typer.Option(help="Of a planner.")] = ITERATIONS,
     replan_every: Annotated[int, typer.Option(help="Env steps that a plan is executed for.")] = 1,
-    settings: Annotated[
-        str,
-        typer.Option(
-            help='Arguments of the task as JSON: \'{"actor": "franka", "grasp": "friction"}\'.'
-        ),
-    ] = "{}",
+    settings: Settings = "{}",
     jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
     ray: Ray = None,
     out: Annotated[pathlib.Path, typer.Option(help="Folder of this evaluation.")] = pathlib.Path(
@@ -65,7 +69,7 @@ def evaluate(
         policy,
         _variations(variations, split, episodes),
         tuple(range(seeds)),
-        {**_parsed(settings), **acting(actor, grasp)},
+        {**parsed_settings(settings), **acting(actor, grasp)},
         planning if policy in PLANNERS else None,
     )
     try:
@@ -147,16 +151,6 @@ def _variations(named: str | None, split: str | None, episodes: int | None) -> t
     if split is not None or episodes is not None:
         raise OutOfRangeError("variations", named, "alone, without --split and --episodes")
     return indices.parsed("variations", named)
-
-
-def _parsed(settings: str) -> dict[str, Any]:
-    try:
-        parsed = json.loads(settings)
-    except ValueError:
-        parsed = None
-    if not isinstance(parsed, dict):
-        raise OutOfRangeError("settings", settings, "a JSON object")
-    return parsed
 
 
 class _Bar:

@@ -1,0 +1,17 @@
+"""Records episodes as a Minari dataset, the Farama Foundation's format for Gymnasium environments.
+
+Minari keeps observations, actions, rewards and infos of whole episodes in HDF5 and is read by the
+libraries for offline learning. Actions are kept as they were applied, in single precision: played
+again from the variation in the infos they give the same observations, bit for bit.
+
+A dataset of a task of your own names the module of the task, which `recover_environment` imports.
+
+Datasets have no reference scores for Minari's `get_normalized_score`, which scales the return. The
+score of an episode is `infos["normalized_performance"][-1]`: it looks at the last step alone, and
+its bounds differ from variation to variation, so no two numbers make it of a return.
+"""
+
+from softgym_mj.recording.datasets import dataset_name
+from softgym_mj.recording.running import record
+
+__all__ = ["dataset_name", "record"]

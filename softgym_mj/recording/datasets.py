@@ -1,0 +1,96 @@
+"""Minari's side of a recording: ids, folders, a dataset from episodes."""
+
+import pathlib
+import re
+import shutil
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+
+from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError
+from softgym_mj.extras import import_extra
+
+if TYPE_CHECKING:
+    import minari
+
+_NO_LETTER = re.compile(r"[^-\w]")  # What an id cannot have.
+
+
+def dataset_name(task: str, policy: str, actor: str | None = None, grasp: str | None = None) -> str:
+    """The id that a dataset gets by default: "softgym_mj/fold_cloth/scripted-franka-v0".
+
+    Args:
+        task: task name, without a module.
+        policy: as in `record`.
+        actor, grasp: of the task; None, which the id does not mention, for its own.
+    """
+    policy = _NO_LETTER.sub("-", policy)
+    return f"softgym_mj/{task}/{'-'.join(filter(None, (policy, actor, grasp)))}-v0"
+
+
+def check_new(name: str) -> None:
+    """Raises unless `name` can be the id of a new dataset.
+
+    Raises:
+        MissingExtraError: if Minari is missing.
+        OutOfRangeError: if it is not an id of Minari's.
+        DatasetExistsError: if the dataset exists.
+    """
+    minari = import_extra("minari", "Minari", "datasets")
+    try:
+        minari.dataset.minari_dataset.parse_dataset_id(name)
+    except (ValueError, TypeError):  # The second without a version.
+        valid = (
+            "NAMESPACE/NAME-v0 of letters, digits, - and _, such as 'rope/expert-v0'; a namespace "
+            "has two or more of them, can have parts (a/b/c) and can be left out"
+        )
+        raise OutOfRangeError("dataset", name, valid) from None
+    if _folder(name).exists():
+        raise DatasetExistsError(
+            f"dataset={name!r} exists; choose another id, or remove it: `minari delete {name}`"
+        )
+
+
+def unfinished_folder(name: str) -> pathlib.Path:
+    """Where episodes are kept until they are a dataset; beside the datasets, hidden from Minari."""
+    return _folder() / f".{name.replace('/', '.')}.unfinished"  # No id has a point in it.
+
+
+def _folder(name: str | None = None) -> pathlib.Path:
+    storage = import_extra("minari.storage", "Minari", "datasets")
+    return storage.get_dataset_path(name)
+
+
+def write_dataset(
+    name: str, env: gymnasium.Env, episodes: Iterable[dict[str, Any]], metadata: Mapping[str, Any]
+) -> "minari.MinariDataset":
+    """Writes a dataset, one episode after the other; it is there whole or not at all.
+
+    Args:
+        name: its id, which passes `check_new`.
+        env: where the episodes were played.
+        episodes: keyword arguments of Minari's `EpisodeBuffer`.
+        metadata: of the dataset, as Minari names it.
+    """
+    minari = import_extra("minari", "Minari", "datasets")
+    whole = unfinished_folder(name) / "dataset"
+    shutil.rmtree(whole, ignore_errors=True)  # What a killed process left.
+    whole.mkdir(parents=True)
+    # Not `create_dataset_from_buffers`, which wants all episodes at once and the final folder.
+    storage = minari.dataset.minari_storage.MinariStorage.new(
+        whole / "data",
+        observation_space=env.observation_space,
+        action_space=env.action_space,
+        env_spec=env.spec,
+        jpeg_encoding=False,  # It would change images.
+    )
+    versions = {"dataset_id": name, "minari_version": minari.__version__}
+    storage.update_metadata({**versions, **metadata})
+    for number, episode in enumerate(episodes):
+        storage.update_episodes([minari.data_collector.EpisodeBuffer(id=number, **episode)])
+    namespace = minari.dataset.minari_dataset.parse_dataset_id(name)[0]
+    if namespace is not None and namespace not in minari.namespace.list_local_namespaces():
+        minari.namespace.create_namespace(namespace)
+    whole.rename(_folder(name))
+    return minari.load_dataset(name)

@@ -1,0 +1,168 @@
+"""Records a dataset, which can be killed and run again.
+
+Every episode is a pure function of the configuration and its variation.
+"""
+
+import copy
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import mujoco
+
+import softgym_mj
+from softgym_mj import registry
+from softgym_mj.baselines.policies import make_policy
+from softgym_mj.baselines.saved_policies import is_saved, sha256
+from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.recording import datasets
+from softgym_mj.recording.episodes import KeptEpisodes, play
+from softgym_mj.variations import SPLITS, check_variation
+
+if TYPE_CHECKING:
+    import minari
+
+_CHOSEN_HERE = ("split", "random_state")  # The variations say what is played.
+
+
+def record(
+    task: str,
+    variations: Sequence[int],
+    policy: str = "scripted",
+    *,
+    dataset: str | None = None,
+    seed: int = 0,
+    successful_only: bool = False,
+    author: str | None = None,
+    author_email: str | None = None,
+    code_permalink: str | None = None,
+    on_episode: Callable[[dict], None] = lambda info: None,
+    **settings: Any,
+) -> "minari.MinariDataset":
+    """Plays a policy once in each variation and stores what happens.
+
+    Each episode is in a file once it is finished. Who was interrupted or killed goes on from there
+    with the same call, or one with other variations; with the last, the files become the dataset.
+
+    The environment that the dataset names draws variations of the split in which all recorded ones
+    are, "all" only if there is none, and `recover_environment(eval_env=True)` those of "evaluate".
+
+    Args:
+        task: task name, or "module:name" as in `registry.find`.
+        variations: indices, in the order of the episodes.
+        policy: of `baselines.policies`.
+        dataset: id of the dataset; None for `dataset_name` of task, policy, actor and grasp.
+        seed: of the policy.
+        successful_only: leaves out episodes whose last `info["success"]` is false.
+        author, author_email, code_permalink: of the dataset; what is None, it does not say.
+        on_episode: called with the last info of each episode.
+        **settings: keyword arguments of the Gymnasium environment, such as `observation`.
+
+    Raises:
+        MissingExtraError: if Minari is missing.
+        DatasetExistsError: if the dataset exists.
+        OutOfRangeError: for a variation that does not exist, or none; an id that is none; settings
+            that JSON cannot hold; or if no episode is left.
+        ResultError: for episodes of an unfinished recording with other settings or damaged files.
+        UnknownNameError, TaskModuleError, PolicyFileError: for a bad task or policy.
+        ExpertError: if the policy is "scripted" and the task has no expert.
+    """
+    found = registry.find(task)
+    variations = [check_variation(variation) for variation in variations]
+    if not variations:
+        raise OutOfRangeError("variations", variations, "at least one")
+    for name in _CHOSEN_HERE:
+        if name in settings:
+            valid = f"arguments of the environment; not {name!r}, the variations say what is played"
+            raise OutOfRangeError("settings", settings, valid)
+    if dataset is None:
+        acts = settings.get("actor"), settings.get("grasp")
+        dataset = datasets.dataset_name(found.name, policy, *acts)
+    datasets.check_new(dataset)
+    played = task if isinstance(task, str) and ":" in task else _with_module(found)
+    split = next(name for name, own in SPLITS.items() if set(variations) <= set(own))
+    env = gymnasium.make(found.gymnasium_id, task=played, split=split, **settings)
+    try:
+        metadata = {
+            **_optional(author, author_email, code_permalink),
+            "eval_env_spec": _evaluation_spec(env, settings),
+            "algorithm_name": policy,
+            "description": found.summary,
+            "requirements": ["softgym_mj"],
+        }
+        configuration = {
+            "task": played,
+            "policy": policy,
+            "policy_sha256": sha256(policy, seed) if is_saved(policy) else {},
+            "seed": seed,
+            "settings": settings,
+            "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
+        }
+        kept = KeptEpisodes(datasets.unfinished_folder(dataset), configuration)
+        successful = []
+        for variation in variations:
+            if not kept.has(variation):
+                # A policy of its own, which cannot depend on what was played before.
+                act = make_policy(policy, env.unwrapped.dm_env, seed)  # type: ignore[attr-defined]
+                kept.add(variation, play(env, act, variation))
+            last = {name: values[-1] for name, values in kept.episode(variation)["infos"].items()}
+            if last["success"]:
+                successful.append(variation)
+            on_episode(last)
+        if successful_only and not successful:
+            valid = f"False, as none of the {len(variations)} episodes is successful"
+            raise OutOfRangeError("successful_only", True, valid)
+        if successful_only:
+            counts = f"{len(successful)} of {len(variations)} episodes, those with success."
+            metadata["description"] = f"{found.summary} {counts}".lstrip()
+        buffers = (
+            {"seed": seed, "options": {"variation": variation}, **kept.episode(variation)}
+            for variation in (successful if successful_only else variations)
+        )
+        made = datasets.write_dataset(dataset, env, buffers, metadata)
+        kept.remove()
+        return made
+    finally:
+        env.close()
+
+
+def _optional(
+    author: str | None, author_email: str | None, code_permalink: str | None
+) -> dict[str, Any]:
+    """The part of the metadata that need not be there; Minari wants sets of authors."""
+    sets = {"author": author, "author_email": author_email}
+    given: dict[str, Any] = {name: {value} for name, value in sets.items() if value is not None}
+    if code_permalink is not None:
+        given["code_permalink"] = code_permalink
+    return given
+
+
+def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:
+    """The environment with evaluation variations, as JSON.
+
+    Raises:
+        OutOfRangeError: if JSON cannot hold the settings.
+    """
+    assert env.spec is not None
+    spec = copy.deepcopy(env.spec)
+    spec.kwargs["split"] = "evaluate"
+    try:
+        return spec.to_json()
+    except TypeError as error:
+        raise OutOfRangeError("settings", settings, f"what JSON can hold ({error})") from None
+
+
+def _with_module(record: registry.TaskRecord) -> str:
+    """The name of a task with the module that another process has to import, if it can.
+
+    That is the module of the task's constructor, as far as it is found there; what a script or a
+    notebook defines is not.
+    """
+    constructor = record.constructor
+    if isinstance(constructor, str):  # A task of the package.
+        return record.name
+    module, name = (getattr(constructor, key, "") for key in ("__module__", "__qualname__"))
+    if module == "__main__" or getattr(sys.modules.get(module), name, None) is not constructor:
+        return record.name
+    return f"{module}:{record.name}"
