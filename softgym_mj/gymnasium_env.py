@@ -25,6 +25,7 @@ from softgym_mj.exceptions import (
 from softgym_mj.rendering import LARGEST_IMAGE, CameraView, camera_ids
 
 _OPTIONS = ("variation", "state")
+_OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera")
 # Attributes that a copy has besides the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "spec")
 
@@ -78,6 +79,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
                 "SoftGymEnv got an unexpected keyword argument 'random_state': seed it by "
                 "reset(seed=...)."
             )
+        registry.find(task).check_arguments(task_kwargs, _OF_ENVIRONMENT)
         check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         self.render_mode = render_mode
         check_image_size("render_size", render_size, LARGEST_IMAGE)

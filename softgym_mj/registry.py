@@ -5,7 +5,7 @@ import importlib
 import inspect
 import re
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from softgym_mj.exceptions import (
@@ -67,15 +67,27 @@ class TaskRecord:
                 names.append(parameter.name)
         return tuple(names)
 
-    def build(self, **task_kwargs) -> "DeformableTask":
-        """Builds the task; an unknown keyword argument is an `UnexpectedArgumentError`."""
-        for key in task_kwargs:
+    def check_arguments(self, names: Iterable[str], others: Sequence[str] = ()) -> None:
+        """Raises unless all names are the constructor's.
+
+        Args:
+            names: of keyword arguments.
+            others: names that the caller takes besides, for the message.
+
+        Raises:
+            UnexpectedArgumentError: for another name.
+        """
+        for key in names:
             if key not in self.arguments:
-                choices = ", ".join(repr(name) for name in self.arguments)
+                choices = ", ".join(repr(name) for name in (*self.arguments, *others))
                 raise UnexpectedArgumentError(
                     f"{self.name} got an unexpected keyword argument {key!r}; "
                     f"valid choices: {choices}."
                 )
+
+    def build(self, **task_kwargs) -> "DeformableTask":
+        """Builds the task; an unknown keyword argument is an `UnexpectedArgumentError`."""
+        self.check_arguments(task_kwargs)
         return self.resolve()(**task_kwargs)
 
 
@@ -182,6 +194,7 @@ TASKS = {
 
 
 _SHIPPED = frozenset(TASKS)
+_OF_LOAD = ("split", "horizon", "random_state")
 _NAME = re.compile("[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
@@ -298,6 +311,7 @@ def load(
     from softgym_mj.tasks.arguments import arguments_of_states
     from softgym_mj.tasks.base import DeformableTask
 
+    record.check_arguments(task_kwargs, _OF_LOAD)
     built = record.build(**task_kwargs)
     if not isinstance(built, DeformableTask):
         raise OutOfRangeError("constructor", record.constructor, "what builds a DeformableTask")
