@@ -4,11 +4,12 @@
     observation = env.reset(config_id=3)
     observation, reward, done, info = env.step(env.action_space.sample())
 
-Actions and positions are in SoftGym's axes (x, y up, z), actions normalised to [-1, 1] as by its
-`normalize` wrapper. Tasks, rewards and bounds are this package's: docs/migration.md lists where
-they differ.
+Actions and positions are in SoftGym's axes (x, y up, z), actions normalised to [-1, 1], and clipped
+to it, as by its `normalize` wrapper. Tasks, rewards and bounds are this package's:
+docs/migration.md lists where they differ.
 """
 
+import inspect
 from collections.abc import Mapping
 from typing import Any
 
@@ -86,7 +87,8 @@ def make(
     check_count("num_variations", num_variations, 1, NUM_VARIATIONS)
     for argument in ignored:
         if argument not in IGNORED:
-            raise UnknownNameError("argument", argument, IGNORED)
+            own = [name for name in inspect.signature(make).parameters if name != "ignored"]
+            raise UnknownNameError("argument", argument, (*own, *IGNORED))
     record = registry.TASKS[ENVIRONMENTS[name]]
     settings: dict[str, Any] = {
         "observation": OBSERVATION_MODES[observation_mode],
@@ -178,8 +180,14 @@ class OldEnv:
         return low if self._deterministic else int(self._random.integers(low, max(high, low + 1)))
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, dict]:
-        """Applies a normalised action (n,); returns observation (m,), reward, done and info."""
-        action = np.asarray(action, float)
+        """Applies a normalised action (n,); returns observation (m,), reward, done and info.
+
+        What is outside [-1, 1] is clipped, as SoftGym's `NormalizedEnv` does by default.
+
+        Raises:
+            InvalidActionError: for a wrong shape or NaN.
+        """
+        action = np.clip(np.asarray(action, float), -1.0, 1.0)
         if not self._water and action.shape == self.action_space.shape:
             parts = action.reshape(-1, 4)
             action = np.column_stack([from_flex(parts[:, :3]), parts[:, 3]]).ravel()
