@@ -1,6 +1,7 @@
 """Bad input gives typed errors that say what would have worked, and changes nothing."""
 
 import dataclasses
+import inspect
 import os
 import pathlib
 import pickle
@@ -120,6 +121,26 @@ def test_unexpected_argument(build, argument, choices):
     assert isinstance(error.value, TypeError)
     for word in (f"{ROPE} got an unexpected keyword argument '{argument}'", *choices):
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("build", "function"),
+    [
+        (softgym_mj.load, softgym_mj.load),
+        (
+            lambda task, **settings: make(softgym_mj.TASKS[task].gymnasium_id, **settings),
+            SoftGymEnv,
+        ),
+    ],
+    ids=["load", "gymnasium"],
+)
+def test_an_unexpected_argument_lists_every_argument(build, function):
+    with pytest.raises(exceptions.UnexpectedArgumentError) as error:
+        build(ROPE, colour=2)
+    own = [parameter.name for parameter in inspect.signature(function).parameters.values()
+           if parameter.kind is not parameter.VAR_KEYWORD and parameter.name != "task"]  # fmt: skip
+    listed = re.findall(r"'(\w+)'", str(error.value).split("valid choices: ")[1].split(".")[0])
+    assert sorted(listed) == sorted([*softgym_mj.TASKS[ROPE].arguments, *own])
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softgym_mj import compat
-from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
+from softgym_mj.exceptions import InvalidActionError, OutOfRangeError, UnknownNameError
 
 # Sizes of SoftGym's key point vectors (facts 1.5), with the two of PourWaterAmount that we add.
 KEY_POINTS = {
@@ -72,6 +72,28 @@ def test_the_last_fifth_of_the_variations_is_for_evaluation():
     assert (first.reset(), first.current_config_id)[1] == 8
 
 
+@pytest.mark.parametrize("name", ["RopeFlatten", "PourWater"])
+def test_actions_are_clipped_as_softgym_does(name):
+    env = compat.make(name, "key_point", num_variations=1)
+    env.reset()
+    start = env.get_state()
+    size = env.action_space.shape[0]
+    for action in (np.full(size, 1.5), np.linspace(-7.0, 7.0, size), np.full(size, -np.inf)):
+        # Its NormalizedEnv: on a raw box [low, high], then clipped to it (facts 1.7).
+        low, high = -0.01, 0.01
+        raw = np.clip(low + (action + 1) * 0.5 * (high - low), low, high)
+        within = np.clip(2 * (raw - low) / (high - low) - 1, -1, 1)
+        env.set_state(start)
+        found = env.step(action)
+        env.set_state(start)
+        expected = env.step(within)
+        np.testing.assert_allclose(found[0], expected[0], atol=1e-6)
+        assert found[1] == pytest.approx(expected[1], abs=1e-6)
+    for action in (np.full(size, np.nan), np.zeros(size + 1)):
+        with pytest.raises(InvalidActionError):
+            env.step(action)
+
+
 def test_a_snapshot_and_an_image():
     env = compat.make("RopeFlatten", "cam_rgb", num_variations=1, camera_height=32, camera_width=48)
     assert env.reset().shape == (32, 48, 3)
@@ -96,7 +118,7 @@ def test_pick_and_place_has_its_twenty_actions():
         ({"observation_mode": "state"}, UnknownNameError, r"'key_point', 'point_cloud', 'cam_rgb'"),
         ({"action_mode": "sawyer"}, UnknownNameError, "action_mode='sawyer'"),
         ({"num_variations": 0}, OutOfRangeError, "num_variations=0"),
-        ({"fps": 3}, UnknownNameError, "argument='fps'"),
+        ({"fps": 3}, UnknownNameError, "argument='fps'.*'horizon', .*'num_picker', .*'headless'"),
     ],
 )
 def test_bad_arguments_name_the_choices(kwargs, error, message):

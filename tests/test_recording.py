@@ -1,14 +1,18 @@
-"""Recorded datasets load back and play again bit-equal."""
+"""Recorded datasets load back and play again bit-equal; what they hold and say."""
+
+import re
+import warnings
 
 import gymnasium
 import minari
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from softgym_mj import cli
+import softgym_mj
+from softgym_mj.baselines.episodes import play
 from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError, UnknownNameError
 from softgym_mj.recording import dataset_name, record
+from softgym_mj.variations import SPLITS
 
 
 @pytest.fixture(autouse=True)
@@ -70,11 +74,97 @@ def test_default_ids_tell_what_acts():
     assert ids == [f"{stem}-v0", f"{stem}-franka-v0", f"{stem}-franka-a-v0"]
 
 
-def test_the_command_line_records():
-    command = "record straighten_rope --policy random --episodes 2 --seed 3"
-    output = CliRunner().invoke(cli.app, command.split())
-    assert output.exit_code == 0, output.output
-    dataset = minari.load_dataset("softgym_mj/straighten_rope/random-v0")
-    first, second = dataset.iterate_episodes()
-    assert len(first) == len(second) == 75
-    assert not np.array_equal(first.actions, second.actions)
+@pytest.mark.parametrize(
+    ("variations", "split"),
+    [((0, 799), "train"), ((800, 999), "evaluate"), ((799, 800), "all")],
+)
+def test_recovered_environments_draw_from_their_splits(variations, split):
+    dataset = record("straighten_rope", variations, "zero", horizon=3)
+    for settings, name in (({}, split), ({"eval_env": True}, "evaluate")):
+        env = dataset.recover_environment(**settings)
+        assert list(env.unwrapped.dm_env.variations) == list(SPLITS[name])
+        drawn = [env.reset(seed=seed)[1]["variation"] for seed in range(100)]
+        assert set(drawn) <= set(SPLITS[name])
+        assert env.reset(options={"variation": 900})[1]["variation"] == 900  # Any can be asked for.
+
+
+@pytest.mark.parametrize(
+    "name", ["bad name", "rope/expert", "a/b-v0", "../rope-v0", "rope-v0/", ""]
+)
+def test_a_bad_id_is_refused_before_anything_is_played(name, tmp_path):
+    with pytest.raises(
+        OutOfRangeError, match=re.escape(f"dataset={name!r}") + ".*'rope/expert-v0'"
+    ):
+        record("straighten_rope", (800,), "zero", dataset=name, on_episode=pytest.fail)
+    assert not list(tmp_path.iterdir()) and not list(tmp_path.parent.glob("rope*"))
+
+
+def test_a_folder_that_is_no_dataset_is_in_nobodys_way(tmp_path):
+    (tmp_path / "bad name" / "data").mkdir(parents=True)
+    dataset = record("straighten_rope", (800,), "zero", dataset="rope/zero-v0", horizon=3)
+    assert dataset.total_episodes == 1
+
+
+def test_only_successful_episodes():
+    flags = {}
+
+    def on_episode(info):
+        flags[int(info["variation"])] = bool(info["success"])
+
+    variations = range(895, 899)
+    dataset = record("straighten_rope", variations, successful_only=True, on_episode=on_episode)
+    scores = {}
+    env = softgym_mj.load("straighten_rope")
+    for variation in variations:
+        scores[variation] = play(env, "scripted", variation, camera=None).info[
+            "normalized_performance"
+        ]
+    threshold = env.task.success_threshold
+    expected = [variation for variation in variations if scores[variation][-1] >= threshold]
+    assert 0 < len(expected) < len(variations)
+    assert [variation for variation, success in flags.items() if success] == expected
+    assert [int(episode.infos["variation"][0]) for episode in dataset] == expected
+    assert [episode.id for episode in dataset] == list(range(len(expected)))
+    assert dataset.storage.metadata["description"].endswith(
+        f" straight. {len(expected)} of 4 episodes, those with success."
+    )
+    # The score of an episode is in the infos; returns have no reference scores. Recorded actions
+    # are of single precision.
+    for episode, variation in zip(dataset, expected, strict=True):
+        found = episode.infos["normalized_performance"]
+        np.testing.assert_allclose(found, scores[variation], atol=1e-6)
+    with pytest.raises(ValueError, match="Reference score not provided"):
+        minari.get_normalized_score(dataset, np.zeros(1))
+
+
+def test_no_success_is_an_error_that_keeps_the_episodes(tmp_path):
+    arguments = {"policy": "zero", "dataset": "rope/zero-v0", "horizon": 3}
+    with pytest.raises(OutOfRangeError, match=r"successful_only=True .*none of the 2 episodes"):
+        record("straighten_rope", (800, 801), successful_only=True, **arguments)
+    assert len(list(tmp_path.rglob("*.npz"))) == 2
+    assert record("straighten_rope", (800, 801), **arguments).total_episodes == 2
+
+
+def test_who_made_a_dataset():
+    names = {"author": "A. Author", "author_email": "a@b.org", "code_permalink": "https://b.org/1"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dataset = record("straighten_rope", (800,), "zero", dataset="one-v0", horizon=3)
+        signed = record("straighten_rope", (800,), "zero", dataset="two-v0", horizon=3, **names)
+    assert not set(names) & set(dataset.storage.metadata)
+    metadata = signed.storage.metadata
+    assert metadata["author"] == {"A. Author"} and metadata["author_email"] == {"a@b.org"}
+    assert metadata["code_permalink"] == "https://b.org/1"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"split": "all"}, "settings=.*not 'split'"),
+        ({"random_state": 3}, "settings=.*not 'random_state'"),
+        ({"image_size": (np.int64(16),) * 2}, "settings=.*what JSON can hold"),
+    ],
+)
+def test_settings_that_a_dataset_cannot_have(settings, message):
+    with pytest.raises(OutOfRangeError, match=message):
+        record("straighten_rope", (800,), "zero", on_episode=pytest.fail, **settings)

@@ -8,7 +8,7 @@ A dataset of a task of your own names the module of the task, which `recover_env
 
 Datasets have no reference scores for Minari's `get_normalized_score`, which scales the return. The
 score of an episode is `infos["normalized_performance"][-1]`: it looks at the last step alone, and
-its bounds differ from variation to variation, so no two numbers make it of a return.
+in most tasks its bounds differ from variation to variation, so no two numbers make it of a return.
 """
 
 from softgym_mj.recording.datasets import dataset_name

@@ -1,0 +1,36 @@
+"""`softgym-mj list`, for people and for programs."""
+
+import io
+
+import pytest
+import rich.console
+from typer.testing import CliRunner
+
+from softgym_mj import cli, registry
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_names_and_ids_are_whole_in_a_terminal(width, monkeypatch):
+    terminal = rich.console.Console(
+        file=io.StringIO(), width=width, force_terminal=True, color_system=None
+    )
+    monkeypatch.setattr(cli, "console", terminal)
+    cli.list_tasks()
+    lines = terminal.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= width
+    for name, record in registry.TASKS.items():
+        (row,) = [i for i, line in enumerate(lines) if line.split()[:1] == [name]]
+        identifier, *below = lines[row + 1].split()
+        assert identifier == record.gymnasium_id
+        assert (lines[row].split()[1], below[0]) == record.tags
+        assert (lines[row].split()[2], below[1]) == (str(record.horizon), str(record.action_repeat))
+        assert lines[row].split()[3] == record.summary.split()[0]
+
+
+def test_a_program_reads_a_line_for_each_task():
+    lines = CliRunner().invoke(cli.app, ["list"]).output.splitlines()
+    for line, record in zip(lines, registry.TASKS.values(), strict=True):
+        name, identifier, tags, horizon, repeat, goal = line.split("\t")
+        assert (name, identifier, goal) == (record.name, record.gymnasium_id, record.summary)
+        assert tuple(tags.split(",")) == record.tags
+        assert (int(horizon), int(repeat)) == (record.horizon, record.action_repeat)

@@ -1,0 +1,90 @@
+"""`softgym-mj record`, and which episodes commands play."""
+
+import re
+import shlex
+
+import minari
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import softgym_mj
+from softgym_mj import cli
+from softgym_mj.baselines.episodes import play
+
+
+@pytest.fixture(autouse=True)
+def _own_datasets(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+
+
+def test_the_command_line_records():
+    command = "record straighten_rope --policy random --episodes 2 --seed 3"
+    output = CliRunner().invoke(cli.app, command.split())
+    assert output.exit_code == 0, output.output
+    dataset = minari.load_dataset("softgym_mj/straighten_rope/random-v0")
+    first, second = dataset.iterate_episodes()
+    assert len(first) == len(second) == 75
+    assert not np.array_equal(first.actions, second.actions)
+
+
+def run(command, monkeypatch):
+    """What the shell would run: its exit status."""
+    monkeypatch.setattr("sys.argv", ["softgym-mj", *shlex.split(command)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return ended.value.code
+
+
+def test_the_command_line_chooses(capsys, monkeypatch):
+    command = "record straighten_rope --split evaluate --start 896 --episodes 3 --dataset rope-v0"
+    command += """ --successful-only --author me --settings '{"num_pickers": 2, "horizon": 70}'"""
+    assert run(command, monkeypatch) == 0
+    dataset = minari.load_dataset("rope-v0")
+    played = []
+    for variation in (896, 897, 898):
+        env = softgym_mj.load("straighten_rope", horizon=70)
+        episode = play(env, "scripted", variation, camera=None)
+        if episode.info["success"][-1]:
+            played.append((variation, episode.info["normalized_performance"][-1]))
+    assert 0 < len(played) < 3
+    found = [
+        (
+            int(episode.infos["variation"][0]),
+            pytest.approx(episode.infos["normalized_performance"][-1]),
+        )
+        for episode in dataset
+    ]
+    assert found == played
+    assert f"dropped {3 - len(played)} without success" in capsys.readouterr().out
+    settings = {"num_pickers": 2, "horizon": 70, "observation": "reduced", "split": "evaluate"}
+    assert dataset.env_spec.kwargs == {"task": "straighten_rope", **settings}
+    assert dataset.storage.metadata["author"] == {"me"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("record straighten_rope --episodes 801", r"episodes=801 .*1\.\.800"),
+        ("record straighten_rope --episodes 0", r"episodes=0 .*1\.\.800"),
+        (
+            "record straighten_rope --start 795 --episodes 6",
+            r"episodes=6 .*1\.\.5, .*variation 795",
+        ),
+        ("record straighten_rope --start 800", r"start=800 .*0\.\.799"),
+        ("record straighten_rope --split every", "split='every'"),
+        ("record straighten_rope --settings [1]", "settings='.1.' .*a JSON object"),
+        ("""record straighten_rope --settings '{"seed": 1}'""", "settings=.*not 'seed'"),
+        ("rollout straighten_rope --episodes 201", r"episodes=201 .*1\.\.200"),
+        ("oracle straighten_rope --split train --episodes 801", r"episodes=801 .*1\.\.800"),
+        ("evaluate straighten_rope --episodes 201", r"201 .*1\.\.200"),
+        ("generate straighten_rope --start 999 --num 2", r"variation=1000 .*0\.\.999"),
+        ("demo --variation 1000", r"variation=1000 .*0\.\.999"),
+    ],
+)
+def test_what_does_not_exist_is_not_played(arguments, message, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert run(arguments, monkeypatch) == 1
+    error = capsys.readouterr().err
+    assert re.match(rf"(OutOfRange|UnknownName)Error: .*{message}", error), error
+    assert error.count("\n") == 1

@@ -1,0 +1,176 @@
+"""Recordings that are interrupted, killed and run again."""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import warnings
+
+import minari
+import numpy as np
+import pytest
+
+from softgym_mj import cli
+from softgym_mj.exceptions import ResultError
+from softgym_mj.recording import record, running
+
+TASK, SHORT = "straighten_rope", {"horizon": 3}
+# Random actions from a generator that outlives episodes, and an end by SIGKILL.
+POLICY = """
+import os
+import pathlib
+import signal
+
+import numpy as np
+
+
+def make(env):
+    random = np.random.default_rng(0)
+
+    def act(timestep):
+        fuse = pathlib.Path("fuse")
+        if env.task.variation == 2 and env.step_count == 1 and fuse.exists():
+            fuse.unlink()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return random.uniform(-1, 1, 8)
+
+    return act
+"""
+
+
+@pytest.fixture(autouse=True)
+def _own_folders(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(name="played")
+def _played(monkeypatch):
+    """The variations that are played, not read."""
+    variations = []
+
+    def play(env, act, variation):
+        variations.append(variation)
+        return original(env, act, variation)
+
+    original = running.play
+    monkeypatch.setattr(running, "play", play)
+    return variations
+
+
+def interrupt_after(number):
+    """For `on_episode`: Ctrl-C after so many of them."""
+    seen = []
+
+    def on_episode(info):
+        seen.append(info)
+        if len(seen) == number:
+            raise KeyboardInterrupt
+
+    return on_episode
+
+
+def local_datasets():
+    """Ids of the datasets that Minari finds, without a complaint about any."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return list(minari.list_local_datasets())
+
+
+def assert_same(one, other):
+    """Two datasets have the same bits, and metadata but for the id."""
+    for first, second in zip(one.iterate_episodes(), other.iterate_episodes(), strict=True):
+        for part in ("observations", "actions", "rewards", "terminations", "truncations", "infos"):
+            np.testing.assert_equal(getattr(first, part), getattr(second, part))
+    infos = [
+        list(dataset.storage.get_episode_metadata(range(len(dataset)))) for dataset in (one, other)
+    ]
+    assert infos[0] == infos[1]
+    metadata = [dict(dataset.storage.metadata) for dataset in (one, other)]
+    for content in metadata:
+        del content["dataset_id"]
+    assert metadata[0] == metadata[1]
+
+
+def test_an_interrupted_recording_goes_on(played):
+    settings = {"observation": ["reduced", "rgb"], "image_size": (16, 16), **SHORT}
+    whole = record(TASK, range(4), "random", dataset="rope/whole-v0", **settings)
+    played.clear()
+    with pytest.raises(KeyboardInterrupt):
+        record(
+            TASK,
+            range(4),
+            "random",
+            dataset="rope/parts-v0",
+            **settings,
+            on_episode=interrupt_after(2),
+        )
+    assert played == [0, 1] and local_datasets() == ["rope/whole-v0"]
+    parts = record(TASK, range(4), "random", dataset="rope/parts-v0", **settings)
+    assert played == [0, 1, 2, 3]
+    assert_same(parts, whole)
+    assert not list(pathlib.Path("datasets").glob(".*"))  # Nothing is left over.
+
+
+def test_who_stops_while_the_dataset_is_written_plays_nothing_again(played, monkeypatch):
+    storage = minari.dataset._storages.hdf5_storage.HDF5Storage
+    write, stop = storage.update_episodes, interrupt_after(2)
+    with monkeypatch.context() as patched:
+        patched.setattr(storage, "update_episodes", lambda *args: (write(*args), stop(args)))
+        with pytest.raises(KeyboardInterrupt):
+            record(TASK, range(3), "random", dataset="rope/parts-v0", **SHORT)
+    assert local_datasets() == []
+    parts = record(TASK, range(3), "random", dataset="rope/parts-v0", **SHORT)
+    assert played == [0, 1, 2] and parts.total_episodes == 3
+    assert_same(parts, record(TASK, range(3), "random", dataset="rope/whole-v0", **SHORT))
+
+
+def test_a_killed_command_goes_on(played, monkeypatch):
+    pathlib.Path("own_fuse.py").write_text(POLICY)
+    pathlib.Path("fuse").touch()
+    arguments = ["record", TASK, "--policy", "own_fuse:make", "--settings", json.dumps(SHORT)]
+    arguments += ["--episodes", "4", "--dataset", "rope/parts-v0"]
+    command = [sys.executable, "-m", "softgym_mj.cli", *arguments]
+    killed = subprocess.run(command, capture_output=True, check=False)
+    assert killed.returncode < 0, killed.stderr
+    monkeypatch.syspath_prepend(os.getcwd())
+    monkeypatch.setattr(sys, "argv", ["softgym-mj", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0 and played == [2, 3]
+    whole = record(
+        TASK, range(4), "own_fuse:make", dataset="rope/whole-v0", **SHORT, observation="reduced"
+    )
+    assert_same(minari.load_dataset("rope/parts-v0"), whole)
+
+
+@pytest.mark.parametrize(
+    ("policy", "settings", "named"),
+    [("zero", SHORT, "policy"), ("random", {"horizon": 4}, "settings")],
+)
+def test_recordings_are_not_mixed(policy, settings, named, played):
+    with pytest.raises(KeyboardInterrupt):
+        record(TASK, range(2), "random", dataset="rope-v0", on_episode=interrupt_after(1), **SHORT)
+    with pytest.raises(ResultError, match=rf"\.rope-v0\.unfinished holds .* another {named};"):
+        record(TASK, range(2), policy, dataset="rope-v0", **settings)
+    assert played == [0]
+
+
+def test_a_damaged_file_is_named():
+    with pytest.raises(KeyboardInterrupt):
+        record(TASK, range(2), "random", dataset="rope-v0", on_episode=interrupt_after(1), **SHORT)
+    (file,) = pathlib.Path("datasets").rglob("*.npz")
+    file.write_bytes(file.read_bytes()[:-100])
+    with pytest.raises(ResultError, match=r"0000\.npz cannot be read.*delete it"):
+        record(TASK, range(2), "random", dataset="rope-v0", **SHORT)
+
+
+def test_ctrl_c_says_how_to_go_on(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["softgym-mj", "record", TASK, "--policy", "zero"])
+    play, stop = running.play, interrupt_after(2)
+    monkeypatch.setattr(running, "play", lambda *args: (stop(args), play(*args))[1])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 130
+    assert "interrupted; 1 episodes are kept" in capsys.readouterr().out
