@@ -17,7 +17,7 @@ _SHOWN = 60  # Characters of a wrong state in a message.
 
 
 def checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.ndarray:
-    """Actions of `number` environments, as an array.
+    """Actions of `number` environments, as an array (number, n).
 
     Raises:
         OutOfRangeError: unless there is one for each.

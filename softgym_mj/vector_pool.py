@@ -15,6 +15,9 @@ from softgym_mj.vector_worker import END, READY, serve
 
 # [s] That workers have to finish a call whose answer nobody waits for; one may be stuck.
 _PATIENCE = 5.0
+# [s] After which a waiting thread looks for signals: one that comes just before it goes to sleep
+# does not wake it.
+_GLANCE = 0.5
 
 
 class WorkerPool:
@@ -71,7 +74,7 @@ class WorkerPool:
             )
         result: queue.SimpleQueue = queue.SimpleQueue()
         self._jobs.put((function, args, result))  # In one piece: it is not written in Python.
-        succeeded, value = result.get()
+        succeeded, value = _waited(result)
         if succeeded:
             return value
         try:
@@ -120,6 +123,13 @@ class WorkerPool:
     def close(self) -> None:
         """Ends the processes, after what they are doing if that does not take long."""
         self._end()
+
+
+def _waited(result: queue.SimpleQueue) -> Any:
+    """What comes through a queue; or the error of a signal."""
+    while True:
+        with contextlib.suppress(queue.Empty):
+            return result.get(timeout=_GLANCE)
 
 
 def _work(jobs: queue.SimpleQueue, pipes: list[Connection], processes: list[Any]) -> None:

@@ -408,8 +408,8 @@ def test_no_snapshot_at_all(env, snapshot):
 def test_snapshot_of_another_number_of_pickers(env, variation):
     other = softgym_mj.load(ROPE, num_pickers=1)
     other.reset(variation)
-    assert_refused(env, other.get_state(), "actor")
-    assert_refused(other, env.get_state(), "actor")
+    assert_refused(env, other.get_state(), "action size=4 against 8")
+    assert_refused(other, env.get_state(), "action size=8 against 4")
 
 
 def test_snapshot_of_another_fidelity():
