@@ -13,7 +13,7 @@ assert NOTEBOOKS
 notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 
 
-TRAINING_STEPS = 600  # Of the agent in 07_training, which learns from 20,000.
+TRAINING_STEPS = 320  # Of the agent in 07_training, which learns from 20,000.
 
 
 @notebooks
