@@ -12,12 +12,6 @@ import pytest
 import softgym_mj  # Chooses the OpenGL backend.
 
 
-def pytest_xdist_auto_num_workers(config):
-    """One more than cores: some tests wait for processes of their own."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return (cores or 1) + 1
-
-
 @pytest.fixture(name="register")
 def _register():
     """`softgym_mj.register` for the time of a test."""
