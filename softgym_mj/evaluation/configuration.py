@@ -27,7 +27,7 @@ from softgym_mj.variations import check_variation, split_indices
 # Counts up when scores of the same episode would differ: results of two versions are not mixed.
 PROTOCOL = 1
 POLICIES = (*SIMPLE, *PLANNERS)
-_CHOSEN_HERE = ("split", "random_state")  # Not by settings: an evaluation names its variations.
+_OF_VARIATIONS = ("split", "random_state")  # What settings cannot choose beside variations.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,10 +83,7 @@ class Configuration:
             valid = f"1, as {self.policy!r} is the same policy for every seed; saved ones depend "
             valid += f"on it by FILE{SEED}.pt2 or by an argument `seed` of the FUNCTION"
             raise OutOfRangeError("number of seeds", len(self.seeds), valid)
-        for name in _CHOSEN_HERE:
-            if name in self.settings:
-                valid = f"arguments of the task; not {name!r}, the variations say what is played"
-                raise OutOfRangeError("settings", dict(self.settings), valid)
+        check_settings(self.settings)
         if self.policy in PLANNERS:
             planning = self.planning or Planning()
             usual = usual_horizon(self.task)
@@ -141,6 +138,14 @@ class Configuration:
                 "python": platform.python_version(),
             },
         }
+
+
+def check_settings(settings: Mapping[str, Any]) -> None:
+    """Raises `OutOfRangeError` for settings that say what is played, as the variations do."""
+    for name in _OF_VARIATIONS:
+        if name in settings:
+            valid = f"arguments of the task; not {name!r}, the variations say what is played"
+            raise OutOfRangeError("settings", dict(settings), valid)
 
 
 def evaluation_variations(number: int, split: str = "evaluate") -> tuple[int, ...]:

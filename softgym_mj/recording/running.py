@@ -15,6 +15,7 @@ import softgym_mj
 from softgym_mj import registry
 from softgym_mj.baselines.policies import make_policy
 from softgym_mj.baselines.saved_policies import is_saved, sha256
+from softgym_mj.evaluation.configuration import check_settings
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.recording import datasets
 from softgym_mj.recording.episodes import KeptEpisodes, play
@@ -22,8 +23,6 @@ from softgym_mj.variations import SPLITS, check_variation
 
 if TYPE_CHECKING:
     import minari
-
-_CHOSEN_HERE = ("split", "random_state")  # The variations say what is played.
 
 
 def record(
@@ -72,10 +71,7 @@ def record(
     variations = [check_variation(variation) for variation in variations]
     if not variations:
         raise OutOfRangeError("variations", variations, "at least one")
-    for name in _CHOSEN_HERE:
-        if name in settings:
-            valid = f"arguments of the environment; not {name!r}, the variations say what is played"
-            raise OutOfRangeError("settings", settings, valid)
+    check_settings(settings)
     if dataset is None:
         acts = settings.get("actor"), settings.get("grasp")
         dataset = datasets.dataset_name(found.name, policy, *acts)
