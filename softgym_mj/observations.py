@@ -135,7 +135,7 @@ class TaskCamera:
 
 def wrist_observables(
     cameras: Sequence[str], height: int, width: int
-) -> dict[str, observable.Generic]:
+) -> dict[str, observable.Observable]:
     """The observable of what the cameras on hands see, by name; none without such cameras.
 
     Args:

@@ -8,6 +8,7 @@ from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj.exceptions import InvalidActionError
+from softgym_mj.observations import wrist_observables
 
 SIM_STEP = 0.01  # [s] SoftGym's sim step: actions are applied once in each.
 BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.
@@ -63,9 +64,9 @@ class Actor(abc.ABC):
         """Names of the cameras on the actor's hands: none unless it is an arm."""
         return ()
 
-    def own_observables(self) -> dict[str, observable.Observable]:
-        """Further observables by name."""
-        return {}
+    def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
+        """Further observables by name, with images of height x width pixels."""
+        return wrist_observables(self.wrists, height, width)
 
     @abc.abstractmethod
     def proprioception(self) -> np.ndarray:

@@ -96,8 +96,9 @@ class Gripper(Actor):
     def held(self) -> np.ndarray:
         """Vertex index that each gripper holds, -1 where none: (num_grippers,) int."""
 
-    def own_observables(self) -> dict[str, observable.Observable]:
-        return {HELD: observable.Generic(lambda physics: (self.held >= 0).astype(np.uint8))}
+    def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
+        held = observable.Generic(lambda physics: (self.held >= 0).astype(np.uint8))
+        return {**super().own_observables(height, width), HELD: held}
 
     def diagnostics(self) -> dict[str, float | int]:
         return {"picks_held": int(np.count_nonzero(self.held >= 0))}

@@ -22,7 +22,7 @@ from softgym_mj.exceptions import (
     check_count,
     check_image_size,
 )
-from softgym_mj.observations import TaskCamera, enabled_names, wrist_observables
+from softgym_mj.observations import TaskCamera, enabled_names
 from softgym_mj.rendering import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.tasks.evaluation import Evaluation, check_names
@@ -106,8 +106,7 @@ class DeformableTask(composer.Task, abc.ABC):
             full_mask=observable.Generic(lambda physics: self.full_mask()),
             proprioception=observable.Generic(lambda physics: actor.proprioception()),
             **TaskCamera(*image_size, lambda: self.parts).observables(),
-            **wrist_observables(actor.wrists, *image_size),
-            **actor.own_observables(),
+            **actor.own_observables(*image_size),
             **self.own_observables(*image_size),
         )
         for name in enabled_names(observation, self._observables):
