@@ -45,13 +45,14 @@ gifs: $(VENV)/.installed
 docs: $(VENV)/.installed-dev
 	$(BIN)/mkdocs build --strict
 
-NATIVE = softgym_mj/fluid/plugin
+NATIVE = softgym_mj/native
 # Rebuilds the installed plugins after a change to their sources. It has no prerequisite: that would
 # install everything again.
 native:
 	cmake --build $(NATIVE)
 
-$(VENV)/.installed: pyproject.toml $(wildcard $(NATIVE)/*.cc $(NATIVE)/*.h $(NATIVE)/CMakeLists.txt)
+$(VENV)/.installed: pyproject.toml $(NATIVE)/CMakeLists.txt \
+		$(foreach folder,$(NATIVE) softgym_mj/*/plugin,$(wildcard $(folder)/*.cc $(folder)/*.h))
 	PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup.sh
 	touch $@
 

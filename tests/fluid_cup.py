@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
-from softgym_mj.fluid.library import load_plugin
 from softgym_mj.fluid.reference import REST_DENSITY, SUPPORT
+from softgym_mj.native.library import load_plugin
 
 SPACING = 0.018
 MOCAP = 'mocap="true"'

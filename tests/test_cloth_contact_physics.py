@@ -11,7 +11,7 @@ import softgym_mj
 from softgym_mj.baselines.manipulation_scene import ManipulationScene, fold
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import RADIUS, Cloth
-from softgym_mj.fluid.library import CLOTH_CONTACT, load_plugin
+from softgym_mj.native.library import CLOTH_CONTACT, load_plugin
 from softgym_mj.robots.base import SIM_STEP
 
 SMALL, LARGE = (60, 60), (92, 92)  # 13 x 13 and 20 x 20 vertices.

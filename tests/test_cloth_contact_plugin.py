@@ -15,7 +15,7 @@ from dm_control import mujoco as dm_mujoco
 from mujoco import rollout
 
 from softgym_mj import metrics
-from softgym_mj.fluid import library
+from softgym_mj.native import library
 
 library.load_plugin()
 
@@ -193,7 +193,7 @@ sys.stdout.buffer.write(run(model, data).tobytes())
 def test_a_pickle_continues_in_another_process():
     model = stack()
     data = started(model)
-    code = "from softgym_mj.fluid.library import load_plugin; load_plugin()\n" + _OTHER_PROCESS
+    code = "from softgym_mj.native.library import load_plugin; load_plugin()\n" + _OTHER_PROCESS
     result = subprocess.run(
         [sys.executable, "-c", code],
         input=pickle.dumps((model, data)),
@@ -342,7 +342,9 @@ def test_instances_are_groups_that_do_not_touch():
 
 
 def test_the_example_of_the_readme_comes_to_rest_in_layers():
-    text = (pathlib.Path(library.__file__).parent / "plugin" / "README.md").read_text()
+    text = (
+        pathlib.Path(library.__file__).parents[1] / "fluid" / "plugin" / "README.md"
+    ).read_text()
     (xml,) = (block for block in re.findall(r"```xml\n(.*?)```", text, re.S) if "cloth" in block)
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)

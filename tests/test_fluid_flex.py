@@ -9,8 +9,8 @@ import pytest
 from dm_control import composer
 
 from softgym_mj.fluid import flex_reference, reference
-from softgym_mj.fluid.library import load_plugin
 from softgym_mj.fluid.water import Liquid, Resolution, Water
+from softgym_mj.native.library import load_plugin
 from tests.fluid_cup import SPACING, cup_geoms
 from tests.test_fluid_physics import wall_poses
 

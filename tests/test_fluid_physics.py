@@ -6,7 +6,7 @@ import pytest
 
 from softgym_mj import assets
 from softgym_mj.fluid import reference
-from softgym_mj.fluid.library import load_plugin
+from softgym_mj.native.library import load_plugin
 from tests.fluid_cup import SPACING, FluidCup, compression
 
 SIMD = pytest.mark.parametrize("simd", ["scalar", "avx2", "best"])

@@ -72,7 +72,7 @@ def test_copies_continue_bit_by_bit(method):
 
 _OTHER_PROCESS = """
 import pickle, sys
-from softgym_mj.fluid.library import load_plugin
+from softgym_mj.native.library import load_plugin
 load_plugin()
 from tests.test_fluid_plugin import drive, STEPS
 model, data = pickle.load(sys.stdin.buffer)

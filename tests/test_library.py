@@ -13,7 +13,7 @@ import mujoco
 import pytest
 
 from softgym_mj.exceptions import PluginUnavailableError
-from softgym_mj.fluid import library
+from softgym_mj.native import library
 
 ROOT = pathlib.Path(__file__).parent.parent
 README = ROOT / "softgym_mj" / "fluid" / "plugin" / "README.md"
@@ -58,7 +58,7 @@ def test_a_copy_loaded_from_elsewhere_is_kept(tmp_path):
         import ctypes, threading
         import mujoco
         mujoco.mj_loadPluginLibrary({copy!r})
-        from softgym_mj.fluid import library
+        from softgym_mj.native import library
         library.load_plugin()
         # Loading two would leave the lock of the dynamic linker held by the main thread.
         thread = threading.Thread(target=ctypes.CDLL, args=("libm.so.6",))

@@ -6,7 +6,7 @@ from dm_control import composer, mjcf
 
 from softgym_mj.domain import Parameter, scaled
 from softgym_mj.exceptions import OutOfRangeError
-from softgym_mj.fluid.library import CLOTH_CONTACT, load_plugin
+from softgym_mj.native.library import CLOTH_CONTACT, load_plugin
 
 LAYER_FRICTION = 0.75  # Between layers of cloth.
 MAX_FRICTION = 5.0  # The plugin accepts twice as much; a domain may ask for 1.6 times as much.

@@ -1,4 +1,4 @@
-"""Cloth and cords as walls of the water in slow numpy: the oracle for `plugin/flex_walls.cc`.
+"""Cloth and cords as walls of the water in slow numpy: the oracle for `plugin/flex_boundary.cc`.
 
 One particle after the other looks at every element of every flex, in double precision. Points
 nearest to triangles are found by projection on the plane and on the sides, not as in the plugin.
@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-# As in plugin/flex_walls.cc and plugin/flex_lists.cc, where the reasons are.
+# As in plugin/flex_boundary.cc and plugin/flex_neighbors.cc, where the reasons are.
 REACH = 0.75
 DIG_OUT = 0.1
 NEAREST = 0.1

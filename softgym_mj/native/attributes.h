@@ -1,7 +1,7 @@
 // Reads and checks the attributes of a plugin instance.
 
-#ifndef SOFTGYM_MJ_FLUID_ATTRIBUTES_H_
-#define SOFTGYM_MJ_FLUID_ATTRIBUTES_H_
+#ifndef SOFTGYM_MJ_NATIVE_ATTRIBUTES_H_
+#define SOFTGYM_MJ_NATIVE_ATTRIBUTES_H_
 
 #include <string>
 #include <vector>
@@ -45,4 +45,4 @@ void Fail(const mjModel* m, int instance, const char* reason);
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_FLUID_ATTRIBUTES_H_
+#endif  // SOFTGYM_MJ_NATIVE_ATTRIBUTES_H_

@@ -1,7 +1,7 @@
 // Closest points of a point and a triangle, and of two segments.
 
-#ifndef SOFTGYM_MJ_FLUID_CLOSEST_H_
-#define SOFTGYM_MJ_FLUID_CLOSEST_H_
+#ifndef SOFTGYM_MJ_NATIVE_CLOSEST_H_
+#define SOFTGYM_MJ_NATIVE_CLOSEST_H_
 
 #include <algorithm>
 #include <cmath>
@@ -75,4 +75,4 @@ inline bool ClosestOnSegments(Vector a, Vector b, Vector c, Vector d, double* s,
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_FLUID_CLOSEST_H_
+#endif  // SOFTGYM_MJ_NATIVE_CLOSEST_H_

@@ -1,6 +1,6 @@
-#include "disjoint.h"
+#include "coloring.h"
 
-#include "contact_kernels.h"
+#include "simd.h"
 
 namespace softgym_mj {
 namespace {
@@ -9,7 +9,7 @@ constexpr int kOpen = 64;  // Groups that are filled at the same time; one bit e
 
 }  // namespace
 
-void Disjoint::Order(const std::vector<int>& vertices, int corners, int num_vertices,
+void Coloring::Order(const std::vector<int>& vertices, int corners, int num_vertices,
                      std::vector<int>* order) {
   int group[kOpen][kLanes], size[kOpen] = {}, oldest = 0;
   groups_.assign(num_vertices, 0);

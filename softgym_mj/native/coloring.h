@@ -1,14 +1,14 @@
 // Puts rows in an order in which eight at a time have no vertex in common.
 
-#ifndef SOFTGYM_MJ_FLUID_DISJOINT_H_
-#define SOFTGYM_MJ_FLUID_DISJOINT_H_
+#ifndef SOFTGYM_MJ_NATIVE_COLORING_H_
+#define SOFTGYM_MJ_NATIVE_COLORING_H_
 
 #include <cstdint>
 #include <vector>
 
 namespace softgym_mj {
 
-class Disjoint {
+class Coloring {
  public:
   // `vertices` holds `corners` of each row; those from `num_vertices` on stand for none. Fills `order` with
   // the rows' indices, and -1 where fewer than eight go together.
@@ -20,4 +20,4 @@ class Disjoint {
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_FLUID_DISJOINT_H_
+#endif  // SOFTGYM_MJ_NATIVE_COLORING_H_

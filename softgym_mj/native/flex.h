@@ -1,7 +1,7 @@
 // Which flexes hold particles back, and where their vertices are.
 
-#ifndef SOFTGYM_MJ_FLUID_FLEX_H_
-#define SOFTGYM_MJ_FLUID_FLEX_H_
+#ifndef SOFTGYM_MJ_NATIVE_FLEX_H_
+#define SOFTGYM_MJ_NATIVE_FLEX_H_
 
 #include <string>
 #include <vector>
@@ -27,4 +27,4 @@ bool FindVertices(const mjModel* m, const mjData* d, std::vector<mjtNum>* positi
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_FLUID_FLEX_H_
+#endif  // SOFTGYM_MJ_NATIVE_FLEX_H_

@@ -1,7 +1,7 @@
 // Where bodies and geoms are at the end of a step.
 
-#ifndef SOFTGYM_MJ_FLUID_POSE_H_
-#define SOFTGYM_MJ_FLUID_POSE_H_
+#ifndef SOFTGYM_MJ_NATIVE_POSE_H_
+#define SOFTGYM_MJ_NATIVE_POSE_H_
 
 #include <mujoco/mujoco.h>
 
@@ -30,4 +30,4 @@ bool IsFinite(const Pose& pose);
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_FLUID_POSE_H_
+#endif  // SOFTGYM_MJ_NATIVE_POSE_H_

@@ -1,7 +1,7 @@
 #include <mujoco/mjplugin.h>
 
-#include "cloth_contact.h"
-#include "fluid.h"
+#include "fluid/plugin/cloth_contact.h"
+#include "fluid/plugin/fluid.h"
 
 mjPLUGIN_LIB_INIT(softgym_mj) {
   softgym_mj::RegisterFluid();

@@ -1,4 +1,4 @@
-#include "mishap.h"
+#include "reset.h"
 
 #include <cmath>
 #include <vector>

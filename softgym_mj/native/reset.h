@@ -1,8 +1,8 @@
 // What a plugin does when a step is impossible. After compilation an error is no way out: it would end
 // a process that steps in several threads. So this is what MuJoCo does when a simulation diverges.
 
-#ifndef SOFTGYM_MJ_FLUID_MISHAP_H_
-#define SOFTGYM_MJ_FLUID_MISHAP_H_
+#ifndef SOFTGYM_MJ_NATIVE_RESET_H_
+#define SOFTGYM_MJ_NATIVE_RESET_H_
 
 #include <cstddef>
 
@@ -27,4 +27,4 @@ bool IsRestarting();
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_FLUID_MISHAP_H_
+#endif  // SOFTGYM_MJ_NATIVE_RESET_H_

@@ -9,7 +9,7 @@
 #include <mujoco/mujoco.h>
 
 #include "kernels.h"
-#include "pose.h"
+#include "native/pose.h"
 
 namespace softgym_mj {
 

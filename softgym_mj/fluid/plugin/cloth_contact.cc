@@ -8,11 +8,11 @@
 
 #include <mujoco/mjplugin.h>
 
-#include "attributes.h"
+#include "native/attributes.h"
 #include "contact_solver.h"
 #include "impact.h"
-#include "mishap.h"
-#include "pose.h"
+#include "native/reset.h"
+#include "native/pose.h"
 #include "rigid_contacts.h"
 
 namespace softgym_mj {

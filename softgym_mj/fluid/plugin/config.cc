@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "attributes.h"
+#include "native/attributes.h"
 
 namespace softgym_mj {
 

@@ -236,7 +236,7 @@ void ContactSolver::Group(const Motion& motion) {
   const int none = static_cast<int>(motion.start.size());
   vertices_.clear();
   for (const Row& row : rows_) vertices_.insert(vertices_.end(), row.vertex, row.vertex + 4);
-  disjoint_.Order(vertices_, 4, none, &order_);
+  coloring_.Order(vertices_, 4, none, &order_);
   groups_.assign(order_.size() / kLanes, NoRows<4>(none));
   for (size_t i = 0; i < order_.size(); ++i) {
     if (order_[i] < 0) continue;

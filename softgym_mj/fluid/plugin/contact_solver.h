@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "contact_kernels.h"
-#include "disjoint.h"
+#include "native/coloring.h"
 #include "proximity.h"
 #include "rigid_contacts.h"
 
@@ -60,7 +60,7 @@ class ContactSolver {
 
   const ContactKernels* kernels_ = nullptr;
   float done_ = 0;  // Impulse [kg m] below which a sweep is the last.
-  Disjoint disjoint_;
+  Coloring coloring_;
   std::vector<Row> rows_;
   std::vector<int> vertices_, order_;  // Those of the rows, and what places the rows have in groups_.
   std::vector<Rows<4>> groups_;

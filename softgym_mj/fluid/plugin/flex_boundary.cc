@@ -1,4 +1,4 @@
-#include "flex_walls.h"
+#include "flex_boundary.h"
 
 #include <algorithm>
 #include <cmath>
@@ -44,7 +44,7 @@ Vector Normal(Vector a, Vector b, Vector c) { return Unit(Cross(b - a, c - a)); 
 
 }  // namespace
 
-FlexWalls::Foot FlexWalls::Closest(const FlexElement& e, const std::vector<Vector>& x,
+FlexBoundary::Foot FlexBoundary::Closest(const FlexElement& e, const std::vector<Vector>& x,
                                    Vector p) const {
   Foot foot;
   ClosestOnTriangle(p, x[e.vertex[0]], x[e.vertex[1]], x[e.vertex[2]], foot.weight);
@@ -53,7 +53,7 @@ FlexWalls::Foot FlexWalls::Closest(const FlexElement& e, const std::vector<Vecto
   return foot;
 }
 
-Vector FlexWalls::At(const FlexElement& e, const std::vector<Vector>& x,
+Vector FlexBoundary::At(const FlexElement& e, const std::vector<Vector>& x,
                      const double weight[3]) const {
   return weight[0] * x[e.vertex[0]] + weight[1] * x[e.vertex[1]] + weight[2] * x[e.vertex[2]];
 }
@@ -61,7 +61,7 @@ Vector FlexWalls::At(const FlexElement& e, const std::vector<Vector>& x,
 // What lies behind the tangent plane counts as filled with water, as FindWallShare in kernels_impl.h
 // has it; beyond the rim of a cloth less and less. Where the foot is on a side that two triangles share,
 // the one that faces the particle more counts.
-void FlexWalls::FindShares(const Particles& p) {
+void FlexBoundary::FindShares(const Particles& p) {
   const double reach = Reach(), tie = kTie * fluid_.spacing;
   for (Near& near : near_) {
     const float* position = p.position + 4 * near.particle;
@@ -98,13 +98,13 @@ void FlexWalls::FindShares(const Particles& p) {
   }
 }
 
-void FlexWalls::MultiplyFreeShare(const Particles& p) const {
+void FlexBoundary::MultiplyFreeShare(const Particles& p) const {
   for (const Near& near : near_) {
     p.free_share[near.particle] *= static_cast<float>(1 - near.share);
   }
 }
 
-void FlexWalls::AddGradient(const Particles& p) {
+void FlexBoundary::AddGradient(const Particles& p) {
   for (Near& near : near_) {
     if (near.share == 0) continue;
     near.slope *= p.free_share[near.particle] / (1 - near.share);
@@ -117,7 +117,7 @@ void FlexWalls::AddGradient(const Particles& p) {
 
 // How far a particle that moves by `way` and a point of the element move relative to each other at
 // most. They move along straight lines, so it is one of the corners.
-double FlexWalls::Approach(const FlexElement& e, Vector way) const {
+double FlexBoundary::Approach(const FlexElement& e, Vector way) const {
   double most = 0;
   for (int v : e.vertex) {
     const Vector relative = end_[v] - start_[v] - way;
@@ -129,7 +129,7 @@ double FlexWalls::Approach(const FlexElement& e, Vector way) const {
 // Whether a particle on a straight way comes nearer to an element than a share of its distance. Additive
 // continuous collision detection (Li, Kaufman and Jiang, Codimensional Incremental Potential Contact,
 // 2021, section 5): steps that are never longer than the distance allows.
-bool FlexWalls::Meets(const FlexElement& e, Vector from, Vector way, double distance,
+bool FlexBoundary::Meets(const FlexElement& e, Vector from, Vector way, double distance,
                       double hold) const {
   const double nearest = kNearest * std::min(distance, hold), speed = Approach(e, way);
   if (speed <= distance - nearest || distance < kTouching) return false;
@@ -154,7 +154,7 @@ bool FlexWalls::Meets(const FlexElement& e, Vector from, Vector way, double dist
 }
 
 // What keeps a particle on its way between two places out of an element.
-FlexWalls::Push FlexWalls::FindPush(const FlexElement& e, Vector from, Vector x) const {
+FlexBoundary::Push FlexBoundary::FindPush(const FlexElement& e, Vector from, Vector x) const {
   const double hold = e.radius + fluid_.contact;
   const Vector way = x - from;
   const Foot foot = Closest(e, end_, x);
@@ -190,7 +190,7 @@ FlexWalls::Push FlexWalls::FindPush(const FlexElement& e, Vector from, Vector x)
   return push;
 }
 
-void FlexWalls::Collide(const Particles& p, float wall_push) {
+void FlexBoundary::Collide(const Particles& p, float wall_push) {
   for (const Near& near : near_) {
     const int i = near.particle;
     const Vector from = Position(p.old_position, i), predicted = Position(p.position, i),
@@ -239,7 +239,7 @@ void FlexWalls::Collide(const Particles& p, float wall_push) {
   }
 }
 
-bool FlexWalls::Passes(const Near& near, Vector from, Vector x) const {
+bool FlexBoundary::Passes(const Near& near, Vector from, Vector x) const {
   const float length = static_cast<float>(Norm(x - from) + longest_);
   float at[4];
   Store(x, at, 0);
@@ -254,7 +254,7 @@ bool FlexWalls::Passes(const Near& near, Vector from, Vector x) const {
 }
 
 // Where a particle gets that moves with the triangle that was nearest to it.
-Vector FlexWalls::Carry(const Near& near, Vector from) const {
+Vector FlexBoundary::Carry(const Near& near, Vector from) const {
   Foot nearest = {};
   const FlexElement* triangle = nullptr;
   for (int k = near.first; k < near.last; ++k) {
@@ -280,7 +280,7 @@ Vector FlexWalls::Carry(const Near& near, Vector from) const {
   return x;
 }
 
-void FlexWalls::Guard(const Particles& p) const {
+void FlexBoundary::Guard(const Particles& p) const {
   for (const Near& near : near_) {
     const int i = near.particle;
     const Vector from = Position(p.old_position, i), predicted = Position(p.position, i),
@@ -291,7 +291,7 @@ void FlexWalls::Guard(const Particles& p) const {
 }
 
 // As the walls in Solver::DragAtWalls.
-void FlexWalls::Drag(const Particles& p, float viscosity, float h) const {
+void FlexBoundary::Drag(const Particles& p, float viscosity, float h) const {
   for (const Near& near : near_) {
     const double share = std::min(viscosity * fluid_.rest_density * near.share, 1.0);
     if (share == 0) continue;

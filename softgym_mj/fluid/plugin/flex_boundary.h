@@ -1,13 +1,13 @@
 // Cloth and cords as walls: particles stay on their side of every triangle and out of every cord.
 
-#ifndef SOFTGYM_MJ_FLUID_FLEX_WALLS_H_
-#define SOFTGYM_MJ_FLUID_FLEX_WALLS_H_
+#ifndef SOFTGYM_MJ_FLUID_FLEX_BOUNDARY_H_
+#define SOFTGYM_MJ_FLUID_FLEX_BOUNDARY_H_
 
 #include <algorithm>
 #include <vector>
 
-#include "closest.h"
-#include "flex.h"
+#include "native/closest.h"
+#include "native/flex.h"
 #include "kernels.h"
 
 namespace softgym_mj {
@@ -45,7 +45,7 @@ struct ElementBound {
 
 // The walls' part of a solver. Double precision, one particle after the other: the particles near a
 // flex are few. Those far from all cost next to nothing.
-class FlexWalls {
+class FlexBoundary {
  public:
   // Called at the start of a step, with particles and vertices where they start; positions are relative
   // to `origin` from here on. Velocities move a particle by `way` in a substep at most.
@@ -144,4 +144,4 @@ class FlexWalls {
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_FLUID_FLEX_WALLS_H_
+#endif  // SOFTGYM_MJ_FLUID_FLEX_BOUNDARY_H_

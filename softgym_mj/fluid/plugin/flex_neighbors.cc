@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "flex_walls.h"
+#include "flex_boundary.h"
 
 namespace softgym_mj {
 namespace {
@@ -30,13 +30,13 @@ int Wrapped(int x, int y, int z) {
 
 }  // namespace
 
-double FlexWalls::Reach() const { return kReach * fluid_.radius; }
+double FlexBoundary::Reach() const { return kReach * fluid_.radius; }
 
-double FlexWalls::ListDistance(const FlexElement& e) const {
+double FlexBoundary::ListDistance(const FlexElement& e) const {
   return e.radius + Reach() + kSkin * fluid_.spacing;
 }
 
-void FlexWalls::Begin(const FlexMotion& motion, const double origin[3], const FluidConstants& fluid,
+void FlexBoundary::Begin(const FlexMotion& motion, const double origin[3], const FluidConstants& fluid,
                       const Particles& p, double way, int substeps) {
   motion_ = &motion;
   fluid_ = fluid;
@@ -75,7 +75,7 @@ void FlexWalls::Begin(const FlexMotion& motion, const double origin[3], const Fl
 
 // Puts the elements that particles can reach in this step into all cells from which they are in reach,
 // and shrinks the box to what is in their reach.
-void FlexWalls::FillGrid() {
+void FlexBoundary::FillGrid() {
   const int num_elements = static_cast<int>(motion_->elements.size());
   cell_ = kCellWidth * (Reach() + kSkin * fluid_.spacing);
   bounds_.resize(num_elements);
@@ -134,7 +134,7 @@ void FlexWalls::FillGrid() {
   for (size_t k = 0; k < cells_.size(); ++k) in_cell_[cell_start_[cells_[k] + 1]++] = entries_[k];
 }
 
-void FlexWalls::Place(double fraction) {
+void FlexBoundary::Place(double fraction) {
   if (!active_) return;
   std::swap(start_, end_);
   for (size_t v = 0; v < end_.size(); ++v) end_[v] = from_[v] + fraction * move_[v];
@@ -143,7 +143,7 @@ void FlexWalls::Place(double fraction) {
   for (int element : used_) bounds_[element] = MakeBound(motion_->elements[element]);
 }
 
-ElementBound FlexWalls::MakeBound(const FlexElement& e) const {
+ElementBound FlexBoundary::MakeBound(const FlexElement& e) const {
   const Vector a = end_[e.vertex[0]], b = end_[e.vertex[1]], c = end_[e.vertex[2]];
   ElementBound bound = {};
   const auto set = [&bound](int k, Vector normal, Vector point) {
@@ -166,7 +166,7 @@ ElementBound FlexWalls::MakeBound(const FlexElement& e) const {
   return bound;
 }
 
-void FlexWalls::Look(const float x[3], List* list) {
+void FlexBoundary::Look(const float x[3], List* list) {
   for (int k = 0; k < 3; ++k) list->position[k] = x[k];
   list->fraction = fraction_;
   list->first = static_cast<int>(candidates_.size());
@@ -191,7 +191,7 @@ void FlexWalls::Look(const float x[3], List* list) {
             });
 }
 
-void FlexWalls::FindNear(const Particles& p, const int* order) {
+void FlexBoundary::FindNear(const Particles& p, const int* order) {
   near_.clear();
   if (!active_) return;
   for (int i = 0; i < p.count; ++i) {

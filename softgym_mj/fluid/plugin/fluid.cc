@@ -8,12 +8,12 @@
 
 #include <mujoco/mjplugin.h>
 
-#include "attributes.h"
+#include "native/attributes.h"
 #include "boundary.h"
 #include "config.h"
 #include "draw.h"
-#include "flex.h"
-#include "mishap.h"
+#include "native/flex.h"
+#include "native/reset.h"
 #include "solver.h"
 
 namespace softgym_mj {

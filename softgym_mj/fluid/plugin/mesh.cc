@@ -6,7 +6,7 @@
 #include <map>
 #include <utility>
 
-#include "disjoint.h"
+#include "native/coloring.h"
 
 namespace softgym_mj {
 namespace {
@@ -96,7 +96,7 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes) {
   }
   std::vector<int> ends;
   for (const Mesh::Edge& edge : mesh.edges) ends.insert(ends.end(), edge.vertex, edge.vertex + 2);
-  Disjoint().Order(ends, 2, mesh.NumVertices(), &mesh.edge_groups);
+  Coloring().Order(ends, 2, mesh.NumVertices(), &mesh.edge_groups);
   for (int p = 0; p < count; ++p) {
     for (int q = 0; q < count; ++q) {
       const int f = flexes[p], g = flexes[q];

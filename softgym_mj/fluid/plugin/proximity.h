@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "closest.h"
+#include "native/closest.h"
 #include "contact_kernels.h"
 #include "mesh.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "pose.h"
+#include "native/pose.h"
 
 namespace softgym_mj {
 

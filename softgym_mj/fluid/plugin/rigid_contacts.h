@@ -7,7 +7,7 @@
 
 #include <mujoco/mujoco.h>
 
-#include "closest.h"
+#include "native/closest.h"
 #include "mesh.h"
 
 namespace softgym_mj {

@@ -9,7 +9,7 @@
 
 #include "boundary.h"
 #include "config.h"
-#include "flex_walls.h"
+#include "flex_boundary.h"
 #include "kernels.h"
 
 namespace softgym_mj {
@@ -98,7 +98,7 @@ class Solver {
   double mass_;       // Of a particle [kg].
   double origin_[3];  // Single precision positions are relative to it.
 
-  FlexWalls flexes_;
+  FlexBoundary flexes_;
   const std::vector<Wall>* walls_ = nullptr;
   std::vector<float> wall_start_, wall_end_, wall_built_;  // 12 numbers a wall: see WallPairs.
   std::vector<WallPairs> pairs_;
