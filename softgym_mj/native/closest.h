@@ -4,23 +4,10 @@
 #define SOFTGYM_MJ_NATIVE_CLOSEST_H_
 
 #include <algorithm>
-#include <cmath>
+
+#include "vec.h"
 
 namespace softgym_mj {
-
-struct Vector {
-  double x, y, z;
-};
-// Of an array x y z.
-inline Vector FromArray(const double* a) { return {a[0], a[1], a[2]}; }
-inline Vector operator+(Vector a, Vector b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vector operator-(Vector a, Vector b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vector operator*(double s, Vector a) { return {s * a.x, s * a.y, s * a.z}; }
-inline double Dot(Vector a, Vector b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline Vector Cross(Vector a, Vector b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-inline double Norm(Vector a) { return std::sqrt(Dot(a, a)); }
 
 // Weights (sum 1) of the point of triangle abc closest to p; the set of corners with a weight, as bits.
 // Ericson, Real-Time Collision Detection (2005), section 5.1.5.
