@@ -14,6 +14,9 @@ struct Vec3 {
 
 using Vector = Vec3<double>;
 
+// Unnamed, as in simd.h: files compiled for several instruction sets share none of this code.
+namespace {
+
 template <class T>
 inline Vec3<T> operator+(const Vec3<T>& a, const Vec3<T>& b) {
   return {a.x + b.x, a.y + b.y, a.z + b.z};
@@ -36,6 +39,7 @@ inline Vector FromArray(const double* a) { return {a[0], a[1], a[2]}; }
 inline double Dot(const Vector& a, const Vector& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline double Norm(const Vector& a) { return std::sqrt(Dot(a, a)); }
 
+}  // namespace
 }  // namespace softgym_mj
 
 #endif  // SOFTGYM_MJ_NATIVE_VEC_H_
