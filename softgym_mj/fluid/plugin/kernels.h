@@ -16,7 +16,7 @@ enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
 struct FluidConstants {
   float spacing;         // Rest distance d [m].
   float radius;          // Support H of the kernel [m].
-  float rest_density;    // Sum of (1 - r/H)^3 over the neighbours in water at rest.
+  float rest_density;    // Sum of (1 - r/H)^3 over the neighbors in water at rest.
   float wall_density;    // Scale of what a wall adds to that sum.
   float relaxation;      // Of the one Jacobi iteration in a substep.
   float correction;      // Largest correction in a substep [m].
@@ -50,8 +50,8 @@ struct Grid {
   const int* start;  // First particle of each cell, nx * ny * nz + 1 entries.
 };
 
-// Neighbours of particle i are index[begin[i]] .. index[begin[i + 1]], padded to whole vectors.
-struct Neighbours {
+// Neighbors of particle i are index[begin[i]] .. index[begin[i + 1]], padded to whole vectors.
+struct Neighbors {
   int* begin;
   int* index;
   long capacity;   // Of `index`.
@@ -75,15 +75,15 @@ struct WallPairs {
 
 struct Kernels {
   int width;
-  // Fills the lists with all neighbours within `distance`; false if they exceed the capacity.
-  bool (*FindNeighbours)(const Particles&, const Grid&, float distance, const Neighbours&);
+  // Fills the lists with all neighbors within `distance`; false if they exceed the capacity.
+  bool (*FindNeighbors)(const Particles&, const Grid&, float distance, const Neighbors&);
   // Pressures, and what cohesion moves the particles by into `correction`.
-  void (*FindPressure)(const FluidConstants&, const Particles&, const Neighbours&);
+  void (*FindPressure)(const FluidConstants&, const Particles&, const Neighbors&);
   // Adds what the pressures move the particles by to `correction`.
-  void (*AddCorrection)(const FluidConstants&, const Particles&, const Neighbours&);
-  // Change of the velocity by viscosity (its factor of the weighted differences to the neighbours),
+  void (*AddCorrection)(const FluidConstants&, const Particles&, const Neighbors&);
+  // Change of the velocity by viscosity (its factor of the weighted differences to the neighbors),
   // into `correction`.
-  void (*Smooth)(const FluidConstants&, const Particles&, const Neighbours&, float viscosity);
+  void (*Smooth)(const FluidConstants&, const Particles&, const Neighbors&, float viscosity);
   // Distance [m] of particles to a wall at its end pose.
   void (*FindDistance)(const WallPairs&, const float* position, float* distance);
   void (*FindWallShare)(const FluidConstants&, const Particles&, const WallPairs&);

@@ -29,8 +29,8 @@ constexpr float kApproach = 0.9f;
 constexpr float kCrowded = 0.5f;
 
 template <class V>
-bool FindNeighbours(const Particles& particles, const Grid& grid, float distance,
-                    const Neighbours& out) {
+bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
+                    const Neighbors& out) {
   constexpr int kWidth = V::kWidth;
   const float *px = particles.x, *py = particles.y, *pz = particles.z;
   const int* start = grid.start;
@@ -89,17 +89,17 @@ bool FindNeighbours(const Particles& particles, const Grid& grid, float distance
 
 // Cohesion attracts by 27/4 q^2 (1 - q), at most 1, largest at q = r/H = 2/3.
 template <class V, bool kCohesive>
-void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours) {
+void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
   const V attraction(-6.75f * fluid.cohesion);
   const V one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
-  float *ex = neighbours.e, *ey = ex + neighbours.stride, *ez = ey + neighbours.stride;
+  float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
   for (int i = 0; i < p.count; ++i) {
     const float* xi = p.position + 4 * i;
     const V x(xi[0]), y(xi[1]), z(xi[2]);
     V density(0.0f), squares(0.0f), sum_x(0.0f), sum_y(0.0f), sum_z(0.0f);
     V pull_x(0.0f), pull_y(0.0f), pull_z(0.0f);
-    for (int k = neighbours.begin[i]; k < neighbours.begin[i + 1]; k += V::kWidth) {
-      const Vector3<V> xj = Gather<V>(p.position, neighbours.index + k);
+    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += V::kWidth) {
+      const Vector3<V> xj = Gather<V>(p.position, neighbors.index + k);
       const V dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
       const V squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
       const V inverse = InverseSqrt(squared);
@@ -141,22 +141,22 @@ void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neigh
 }
 
 template <class V>
-void FindPressure(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours) {
+void FindPressure(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
   if (fluid.cohesion > 0) {
-    FindPressureOf<V, true>(fluid, p, neighbours);
+    FindPressureOf<V, true>(fluid, p, neighbors);
   } else {
-    FindPressureOf<V, false>(fluid, p, neighbours);
+    FindPressureOf<V, false>(fluid, p, neighbors);
   }
 }
 
 template <class V>
-void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours) {
+void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
   const float scale = fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f;
-  const float *ex = neighbours.e, *ey = ex + neighbours.stride, *ez = ey + neighbours.stride;
+  const float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
   for (int i = 0; i < p.count; ++i) {
     V x(0.0f), y(0.0f), z(0.0f);
-    for (int k = neighbours.begin[i]; k < neighbours.begin[i + 1]; k += V::kWidth) {
-      const V pressure = V::Pick(p.pressure, neighbours.index + k);
+    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += V::kWidth) {
+      const V pressure = V::Pick(p.pressure, neighbors.index + k);
       x = MultiplyAdd(pressure, V::Load(ex + k), x);
       y = MultiplyAdd(pressure, V::Load(ey + k), y);
       z = MultiplyAdd(pressure, V::Load(ez + k), z);
@@ -177,16 +177,16 @@ void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighb
 }
 
 template <class V>
-void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbours& neighbours,
+void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors,
             float viscosity) {
   const V one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
   for (int i = 0; i < p.count; ++i) {
     const float *xi = p.position + 4 * i, *vi = p.velocity + 4 * i;
     const V x(xi[0]), y(xi[1]), z(xi[2]), u(vi[0]), v(vi[1]), w(vi[2]);
     V sum_u(0.0f), sum_v(0.0f), sum_w(0.0f);
-    for (int k = neighbours.begin[i]; k < neighbours.begin[i + 1]; k += V::kWidth) {
-      const Vector3<V> xj = Gather<V>(p.position, neighbours.index + k);
-      const Vector3<V> vj = Gather<V>(p.velocity, neighbours.index + k);
+    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += V::kWidth) {
+      const Vector3<V> xj = Gather<V>(p.position, neighbors.index + k);
+      const Vector3<V> vj = Gather<V>(p.velocity, neighbors.index + k);
       const V dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
       const V squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
       const V s = Max(one - squared * InverseSqrt(squared) * inverse_radius, zero);
@@ -316,7 +316,7 @@ void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& p
 
 template <class V>
 constexpr Kernels MakeKernels() {
-  return {V::kWidth,        FindNeighbours<V>, FindPressure<V>,    AddCorrection<V>, Smooth<V>,
+  return {V::kWidth,        FindNeighbors<V>, FindPressure<V>,    AddCorrection<V>, Smooth<V>,
           FindDistance<V>,  FindWallShare<V>,  AddWallGradient<V>, Collide<V>};
 }
 

@@ -126,12 +126,12 @@ void Solver::BuildLists() {
   Sort(distance);
   long capacity = std::max<long>(static_cast<long>(index_.size()), 48L * count_ + 4096);
   for (;; capacity *= 2) {
-    neighbours_.index = index_.Reserve(capacity);
-    neighbours_.capacity = capacity;
-    if (kernels_->FindNeighbours(p_, grid_, distance, neighbours_)) break;
+    neighbors_.index = index_.Reserve(capacity);
+    neighbors_.capacity = capacity;
+    if (kernels_->FindNeighbors(p_, grid_, distance, neighbors_)) break;
   }
-  neighbours_.stride = RoundUp(neighbours_.begin[count_] + kMaxWidth, kMaxWidth);
-  neighbours_.e = e_.Reserve(3 * neighbours_.stride);
+  neighbors_.stride = RoundUp(neighbors_.begin[count_] + kMaxWidth, kMaxWidth);
+  neighbors_.e = e_.Reserve(3 * neighbors_.stride);
   std::memcpy(built_position_.get(), p_.position, 4 * sizeof(float) * count_);
   FindPairs();
   lists_valid_ = true;

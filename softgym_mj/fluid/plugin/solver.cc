@@ -18,7 +18,7 @@ constexpr float kRelaxation = 0.45f;  // Above 0.6 the fluid boils.
 constexpr float kCorrection = 0.4f;   // Largest correction in a substep, in spacings.
 constexpr float kContact = 0.3f;      // Distance at which walls are hard, in spacings.
 
-// Sum over the neighbours of (1 - r/H)^3 r^2 / 6 in units of H^2: what turns a sum of velocity
+// Sum over the neighbors of (1 - r/H)^3 r^2 / 6 in units of H^2: what turns a sum of velocity
 // differences into a Laplacian. 4 pi (H/d)^3 times the integral of (1 - q)^3 q^4, over 6.
 constexpr double kLaplacian = 4 * 3.14159265358979 * kSupport * kSupport * kSupport / 280 / 6;
 constexpr double kViscosityPass = 0.7;  // Largest stable factor in one pass.
@@ -88,7 +88,7 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
   cell_.Reserve(n);
   order_.Reserve(n);
   spare_order_.Reserve(n);
-  neighbours_.begin = begin_.Reserve(n);
+  neighbors_.begin = begin_.Reserve(n);
   p_.pressure[count_] = 0;
 }
 
@@ -182,9 +182,9 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
   }
   bool crowded = false;
   p_.crowded = &crowded;
-  kernels_->FindPressure(fluid_, p_, neighbours_);
+  kernels_->FindPressure(fluid_, p_, neighbors_);
   if (crowded) Separate();
-  kernels_->AddCorrection(fluid_, p_, neighbours_);
+  kernels_->AddCorrection(fluid_, p_, neighbors_);
   flexes_.Collide(p_, fluid_.relaxation * fluid_.rest_density * fluid_.radius / 3.0f);
   for (size_t w = 0; w < pairs_.size(); ++w) {
     double sums[6] = {};
@@ -212,7 +212,7 @@ void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse
   flexes_.FindNear(p_, order_.get());
   flexes_.FindShares(p_);
   for (int pass = 0; pass < passes; ++pass) {
-    kernels_->Smooth(fluid_, p_, neighbours_, viscosity);
+    kernels_->Smooth(fluid_, p_, neighbors_, viscosity);
     for (int i = 0; i < 4 * count_; ++i) p_.velocity[i] += p_.correction[i];
     DragAtWalls(viscosity, h, impulses);
     flexes_.Drag(p_, viscosity, h);

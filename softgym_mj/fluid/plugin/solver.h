@@ -92,7 +92,7 @@ class Solver {
   FluidConstants fluid_;
   Particles p_;
   Grid grid_;
-  Neighbours neighbours_;
+  Neighbors neighbors_;
   int count_ = 0;
   bool lists_valid_ = false;
   double mass_;       // Of a particle [kg].
