@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels.h"
+#include "native/instructions.h"
 
 namespace softgym_mj {
 namespace {
@@ -313,7 +313,7 @@ void ContactSolver::Solve(const ContactConfig& config, double timestep, const Me
 
 const ContactKernels& ChooseContactKernels() {
 #ifdef SOFTGYM_MJ_X86
-  if (&ChooseKernels() != &kScalarKernels) return kAvx2ContactKernels;  // AVX-512 has AVX2.
+  if (UseAvx2()) return kAvx2ContactKernels;
 #endif
   return kScalarContactKernels;
 }

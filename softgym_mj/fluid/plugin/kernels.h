@@ -1,4 +1,4 @@
-// The inner loops of the solver. One template, compiled once per instruction set.
+// The inner loops of the solver. One source, compiled for AVX2 and for any processor, with the same results.
 //
 // Translation units that include kernels_impl.h are compiled for different processors, so they must
 // not instantiate anything that another unit could share: no standard containers or algorithms.
@@ -7,8 +7,6 @@
 #define SOFTGYM_MJ_FLUID_KERNELS_H_
 
 namespace softgym_mj {
-
-constexpr int kMaxWidth = 16;  // Most lanes of any instruction set: arrays are padded by this.
 
 enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
 
@@ -74,7 +72,6 @@ struct WallPairs {
 };
 
 struct Kernels {
-  int width;
   // Fills the lists with all neighbors within `distance`; false if they exceed the capacity.
   bool (*FindNeighbors)(const Particles&, const Grid&, float distance, const Neighbors&);
   // Pressures, and what cohesion moves the particles by into `correction`.
@@ -96,12 +93,7 @@ struct Kernels {
 extern const Kernels kScalarKernels;
 #ifdef SOFTGYM_MJ_X86
 extern const Kernels kAvx2Kernels;
-extern const Kernels kAvx512Kernels;
 #endif
-
-// The fastest kernels this processor can run, or slower ones that the environment asks for with
-// SOFTGYM_MJ_SIMD=avx2 or =scalar.
-const Kernels& ChooseKernels();
 
 }  // namespace softgym_mj
 

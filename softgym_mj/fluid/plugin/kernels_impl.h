@@ -1,4 +1,4 @@
-// The kernels, for any vector type V with V::kWidth lanes. See kernels.h for what they must not use.
+// The kernels, eight particles at a time. See kernels.h for what they must not use.
 //
 // Position-based fluid (Macklin and Mueller, 2013) with the kernel w(r) = (1 - r/H)^3 for both
 // density and gradient, the particle itself excluded, and constraints that only push. With
@@ -28,14 +28,34 @@ constexpr float kApproach = 0.9f;
 // hundredth.
 constexpr float kCrowded = 0.5f;
 
-template <class V>
+// The vectors of four floats at `index`, without the fourth.
+inline Vec3<Lanes> Gather(const float* p, const int* index) {
+  Vec3<Lanes> out;
+  Lanes rest;
+  Gather4(p, index, &out.x, &out.y, &out.z, &rest);
+  return out;
+}
+
+// Adds to the vectors of four floats at `index`, one after the other: some may be the same.
+inline void Add(float* p, const int* index, const Vec3<Lanes>& a) {
+  float x[kLanes], y[kLanes], z[kLanes];
+  a.x.Store(x);
+  a.y.Store(y);
+  a.z.Store(z);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    float* q = p + 4 * index[lane];
+    q[0] += x[lane];
+    q[1] += y[lane];
+    q[2] += z[lane];
+  }
+}
+
 bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
                     const Neighbors& out) {
-  constexpr int kWidth = V::kWidth;
   const float *px = particles.x, *py = particles.y, *pz = particles.z;
   const int* start = grid.start;
   const int nx = grid.nx, ny = grid.ny, nz = grid.nz, dummy = particles.count;
-  const V limit(distance * distance);
+  const Lanes limit(distance * distance);
   int* index = out.index;
   int length = 0;
   for (int cz = 0; cz < nz; ++cz) {
@@ -61,24 +81,24 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
             }
           }
         }
-        long candidates = 2 * kMaxWidth;
+        long candidates = 2 * kLanes;
         for (int r = 0; r < ranges; ++r) candidates += last[r] - first[r];
         if (length + candidates * (start[cell + 1] - start[cell]) > out.capacity) return false;
         for (int i = start[cell]; i < start[cell + 1]; ++i) {
           out.begin[i] = length;
-          const V x(px[i]), y(py[i]), z(pz[i]);
+          const Lanes x(px[i]), y(py[i]), z(pz[i]);
           for (int r = 0; r < ranges; ++r) {
-            for (int k = first[r]; k < last[r]; k += kWidth) {
-              const V dx = V::Load(px + k) - x, dy = V::Load(py + k) - y, dz = V::Load(pz + k) - z;
-              const V squared = MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz));
+            for (int k = first[r]; k < last[r]; k += kLanes) {
+              const Lanes dx = Lanes::Load(px + k) - x, dy = Lanes::Load(py + k) - y, dz = Lanes::Load(pz + k) - z;
+              const Lanes squared = dx * dx + dy * dy + dz * dz;
               unsigned hits = Bits(Less(squared, limit));
-              if (last[r] - k < kWidth) hits &= (1u << (last[r] - k)) - 1u;
+              if (last[r] - k < kLanes) hits &= (1u << (last[r] - k)) - 1u;
               const unsigned self = static_cast<unsigned>(i - k);
-              if (self < static_cast<unsigned>(kWidth)) hits &= ~(1u << self);
-              length += V::Compress(k, hits, index + length);
+              if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
+              length += Compress(k, hits, index + length);
             }
           }
-          while ((length - out.begin[i]) % kWidth) index[length++] = dummy;
+          while ((length - out.begin[i]) % kLanes) index[length++] = dummy;
         }
       }
     }
@@ -88,28 +108,28 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
 }
 
 // Cohesion attracts by 27/4 q^2 (1 - q), at most 1, largest at q = r/H = 2/3.
-template <class V, bool kCohesive>
+template <bool kCohesive>
 void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
-  const V attraction(-6.75f * fluid.cohesion);
-  const V one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
+  const Lanes attraction(-6.75f * fluid.cohesion / fluid.radius);
+  const Lanes one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
   float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
   for (int i = 0; i < p.count; ++i) {
     const float* xi = p.position + 4 * i;
-    const V x(xi[0]), y(xi[1]), z(xi[2]);
-    V density(0.0f), squares(0.0f), sum_x(0.0f), sum_y(0.0f), sum_z(0.0f);
-    V pull_x(0.0f), pull_y(0.0f), pull_z(0.0f);
-    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += V::kWidth) {
-      const Vector3<V> xj = Gather<V>(p.position, neighbors.index + k);
-      const V dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
-      const V squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
-      const V inverse = InverseSqrt(squared);
-      const V q = squared * inverse * inverse_radius;
-      const V s = Max(one - q, zero);
-      const V s2 = s * s;
+    const Lanes x(xi[0]), y(xi[1]), z(xi[2]);
+    Lanes density(0.0f), squares(0.0f), sum_x(0.0f), sum_y(0.0f), sum_z(0.0f);
+    Lanes pull_x(0.0f), pull_y(0.0f), pull_z(0.0f);
+    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += kLanes) {
+      const Vec3<Lanes> xj = Gather(p.position, neighbors.index + k);
+      const Lanes dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
+      const Lanes squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
+      const Lanes r = Sqrt(squared);
+      const Lanes q = r * inverse_radius;
+      const Lanes s = Max(one - q, zero);
+      const Lanes s2 = s * s;
       density = MultiplyAdd(s2, s, density);
       squares = MultiplyAdd(s2, s2, squares);
-      const V scale = s2 * inverse;
-      const V e_x = scale * dx, e_y = scale * dy, e_z = scale * dz;
+      const Lanes scale = s2 / r;
+      const Lanes e_x = scale * dx, e_y = scale * dy, e_z = scale * dz;
       e_x.Store(ex + k);
       e_y.Store(ey + k);
       e_z.Store(ez + k);
@@ -117,7 +137,7 @@ void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neigh
       sum_y = sum_y + e_y;
       sum_z = sum_z + e_z;
       if (kCohesive) {
-        const V pull = attraction * q * q * s * inverse;
+        const Lanes pull = attraction * q * s;
         pull_x = MultiplyAdd(pull, dx, pull_x);
         pull_y = MultiplyAdd(pull, dy, pull_y);
         pull_z = MultiplyAdd(pull, dz, pull_z);
@@ -140,26 +160,24 @@ void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neigh
   }
 }
 
-template <class V>
 void FindPressure(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
   if (fluid.cohesion > 0) {
-    FindPressureOf<V, true>(fluid, p, neighbors);
+    FindPressureOf<true>(fluid, p, neighbors);
   } else {
-    FindPressureOf<V, false>(fluid, p, neighbors);
+    FindPressureOf<false>(fluid, p, neighbors);
   }
 }
 
-template <class V>
 void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
   const float scale = fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f;
   const float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
   for (int i = 0; i < p.count; ++i) {
-    V x(0.0f), y(0.0f), z(0.0f);
-    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += V::kWidth) {
-      const V pressure = V::Pick(p.pressure, neighbors.index + k);
-      x = MultiplyAdd(pressure, V::Load(ex + k), x);
-      y = MultiplyAdd(pressure, V::Load(ey + k), y);
-      z = MultiplyAdd(pressure, V::Load(ez + k), z);
+    Lanes x(0.0f), y(0.0f), z(0.0f);
+    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += kLanes) {
+      const Lanes pressure = Pick(p.pressure, neighbors.index + k);
+      x = MultiplyAdd(pressure, Lanes::Load(ex + k), x);
+      y = MultiplyAdd(pressure, Lanes::Load(ey + k), y);
+      z = MultiplyAdd(pressure, Lanes::Load(ez + k), z);
     }
     const float own = p.pressure[i];
     const float *gradient = p.gradient + 4 * i;
@@ -176,21 +194,20 @@ void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighb
   }
 }
 
-template <class V>
 void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors,
             float viscosity) {
-  const V one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
+  const Lanes one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
   for (int i = 0; i < p.count; ++i) {
     const float *xi = p.position + 4 * i, *vi = p.velocity + 4 * i;
-    const V x(xi[0]), y(xi[1]), z(xi[2]), u(vi[0]), v(vi[1]), w(vi[2]);
-    V sum_u(0.0f), sum_v(0.0f), sum_w(0.0f);
-    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += V::kWidth) {
-      const Vector3<V> xj = Gather<V>(p.position, neighbors.index + k);
-      const Vector3<V> vj = Gather<V>(p.velocity, neighbors.index + k);
-      const V dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
-      const V squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
-      const V s = Max(one - squared * InverseSqrt(squared) * inverse_radius, zero);
-      const V weight = s * s * s;
+    const Lanes x(xi[0]), y(xi[1]), z(xi[2]), u(vi[0]), v(vi[1]), w(vi[2]);
+    Lanes sum_u(0.0f), sum_v(0.0f), sum_w(0.0f);
+    for (int k = neighbors.begin[i]; k < neighbors.begin[i + 1]; k += kLanes) {
+      const Vec3<Lanes> xj = Gather(p.position, neighbors.index + k);
+      const Vec3<Lanes> vj = Gather(p.velocity, neighbors.index + k);
+      const Lanes dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
+      const Lanes squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
+      const Lanes s = Max(one - Sqrt(squared) * inverse_radius, zero);
+      const Lanes weight = s * s * s;
       sum_u = MultiplyAdd(weight, vj.x - u, sum_u);
       sum_v = MultiplyAdd(weight, vj.y - v, sum_v);
       sum_w = MultiplyAdd(weight, vj.z - w, sum_w);
@@ -202,44 +219,41 @@ void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbors& ne
   }
 }
 
-template <class V>
 void FindDistance(const WallPairs& pairs, const float* position, float* distance) {
-  Vector3<V> normal;
-  for (int k = 0; k < pairs.count; k += V::kWidth) {
-    const Vector3<V> local = ToLocal(pairs.end, Gather<V>(position, pairs.particle + k));
-    Distance<V>(pairs.shape, pairs.size, local, &normal).Store(distance + k);
+  Vec3<Lanes> normal;
+  for (int k = 0; k < pairs.count; k += kLanes) {
+    const Vec3<Lanes> local = ToLocal(pairs.end, Gather(position, pairs.particle + k));
+    Distance<Lanes>(pairs.shape, pairs.size, local, &normal).Store(distance + k);
   }
 }
 
 // What lies behind the tangent plane at distance d counts as filled with water at rest. With
 // u = 1 - d/H the integral of the kernel over it is proportional to u^5 (1/20 - u/30).
-template <class V>
 void FindWallShare(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs) {
-  const V zero(0.0f), one(1.0f), inverse_radius(1.0f / fluid.radius);
-  const V scale(fluid.wall_density / fluid.rest_density);
-  const V slope_scale(fluid.wall_density / 3.0f);
-  for (int k = 0; k < pairs.count; k += V::kWidth) {
-    const Vector3<V> x = Gather<V>(p.position, pairs.particle + k);
-    Vector3<V> local_normal;
-    const V d = Distance<V>(pairs.shape, pairs.size, ToLocal(pairs.end, x), &local_normal);
-    const Vector3<V> normal = Rotate(pairs.end, local_normal);
-    const V u = Min(Max(one - d * inverse_radius, zero), one);
-    const V u4 = Square(u * u);
-    const V share = scale * u4 * u * (V(1.0f / 20.0f) - u * V(1.0f / 30.0f));
-    const V slope = slope_scale * u4 * (V(0.25f) - u * V(0.2f));
+  const Lanes zero(0.0f), one(1.0f), inverse_radius(1.0f / fluid.radius);
+  const Lanes scale(fluid.wall_density / fluid.rest_density);
+  const Lanes slope_scale(fluid.wall_density / 3.0f);
+  for (int k = 0; k < pairs.count; k += kLanes) {
+    const Vec3<Lanes> x = Gather(p.position, pairs.particle + k);
+    Vec3<Lanes> local_normal;
+    const Lanes d = Distance<Lanes>(pairs.shape, pairs.size, ToLocal(pairs.end, x), &local_normal);
+    const Vec3<Lanes> normal = Rotate(pairs.end, local_normal);
+    const Lanes u = Min(Max(one - d * inverse_radius, zero), one);
+    const Lanes u4 = Square(u * u);
+    const Lanes share = scale * u4 * u * (Lanes(1.0f / 20.0f) - u * Lanes(1.0f / 30.0f));
+    const Lanes slope = slope_scale * u4 * (Lanes(0.25f) - u * Lanes(0.2f));
     normal.x.Store(pairs.normal + k);
     normal.y.Store(pairs.normal + pairs.stride + k);
     normal.z.Store(pairs.normal + 2 * pairs.stride + k);
     share.Store(pairs.share + k);
     slope.Store(pairs.slope + k);
-    for (int lane = k; lane < k + V::kWidth; ++lane) {
+    for (int lane = k; lane < k + kLanes; ++lane) {
       p.free_share[pairs.particle[lane]] *= 1.0f - pairs.share[lane];
     }
   }
 }
 
 // Several walls together fill 1 - prod(1 - share), exact where they are orthogonal.
-template <class V>
 void AddWallGradient(const Particles& p, const WallPairs& pairs) {
   const float *nx = pairs.normal, *ny = nx + pairs.stride, *nz = ny + pairs.stride;
   for (int k = 0; k < pairs.count; ++k) {
@@ -252,57 +266,56 @@ void AddWallGradient(const Particles& p, const WallPairs& pairs) {
   }
 }
 
-template <class V>
 void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs,
              double* impulse) {
-  const V zero(0.0f), contact(fluid.contact), tiny(kTiny), friction(fluid.friction);
-  const V dig_out(kDigOut * fluid.spacing);
-  const V wall_push(fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f);
-  for (int k = 0; k < pairs.count; k += V::kWidth) {
+  const Lanes zero(0.0f), contact(fluid.contact), tiny(kTiny), friction(fluid.friction);
+  const Lanes dig_out(kDigOut * fluid.spacing);
+  const Lanes wall_push(fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f);
+  for (int k = 0; k < pairs.count; k += kLanes) {
     const int* particle = pairs.particle + k;
-    const Vector3<V> old_x = Gather<V>(p.old_position, particle);
-    const Vector3<V> predicted = Gather<V>(p.position, particle);
-    const Vector3<V> correction = Gather<V>(p.correction, particle);
-    const Vector3<V> x = {predicted.x + correction.x, predicted.y + correction.y,
+    const Vec3<Lanes> old_x = Gather(p.old_position, particle);
+    const Vec3<Lanes> predicted = Gather(p.position, particle);
+    const Vec3<Lanes> correction = Gather(p.correction, particle);
+    const Vec3<Lanes> x = {predicted.x + correction.x, predicted.y + correction.y,
                           predicted.z + correction.z};
-    const Vector3<V> from = ToLocal(pairs.start, old_x), to = ToLocal(pairs.end, x);
-    Vector3<V> normal;
-    const V old_distance = Distance<V>(pairs.shape, pairs.size, from, &normal);
+    const Vec3<Lanes> from = ToLocal(pairs.start, old_x), to = ToLocal(pairs.end, x);
+    Vec3<Lanes> normal;
+    const Lanes old_distance = Distance<Lanes>(pairs.shape, pairs.size, from, &normal);
     // The way relative to the wall, shortened so that it cannot pass it.
-    Vector3<V> way = {to.x - from.x, to.y - from.y, to.z - from.z};
-    const V length = Dot(way, way);
-    const V limit = Select(Less(zero, old_distance), V(kApproach) * old_distance, contact);
-    const V shorten = Min(limit * InverseSqrt(Max(length, tiny)), V(1.0f));
+    Vec3<Lanes> way = {to.x - from.x, to.y - from.y, to.z - from.z};
+    const Lanes length = Dot(way, way);
+    const Lanes limit = Select(Less(zero, old_distance), Lanes(kApproach) * old_distance, contact);
+    const Lanes shorten = Min(limit / Sqrt(Max(length, tiny)), Lanes(1.0f));
     way = {way.x * shorten, way.y * shorten, way.z * shorten};
-    const Vector3<V> reached = {from.x + way.x, from.y + way.y, from.z + way.z};
-    const V distance = Distance<V>(pairs.shape, pairs.size, reached, &normal);
-    const V push = Min(Max(contact - distance, zero), Select(Less(zero, distance), contact, dig_out));
+    const Vec3<Lanes> reached = {from.x + way.x, from.y + way.y, from.z + way.z};
+    const Lanes distance = Distance<Lanes>(pairs.shape, pairs.size, reached, &normal);
+    const Lanes push = Min(Max(contact - distance, zero), Select(Less(zero, distance), contact, dig_out));
     // Coulomb friction against the push of the contact and of the pressure.
-    const V pressure_push = wall_push * V::Pick(p.pressure, particle) * V::Load(pairs.slope + k);
-    const V along = Dot(way, normal);
-    const Vector3<V> slide = {way.x - along * normal.x, way.y - along * normal.y,
+    const Lanes pressure_push = wall_push * Pick(p.pressure, particle) * Lanes::Load(pairs.slope + k);
+    const Lanes along = Dot(way, normal);
+    const Vec3<Lanes> slide = {way.x - along * normal.x, way.y - along * normal.y,
                               way.z - along * normal.z};
-    const V grip = Min(friction * (push + pressure_push) *
-                           InverseSqrt(Max(Dot(slide, slide), tiny)), V(1.0f));
-    const Vector3<V> local = {reached.x + push * normal.x - grip * slide.x,
+    const Lanes grip = Min(friction * (push + pressure_push) / Sqrt(Max(Dot(slide, slide), tiny)),
+                           Lanes(1.0f));
+    const Vec3<Lanes> local = {reached.x + push * normal.x - grip * slide.x,
                               reached.y + push * normal.y - grip * slide.y,
                               reached.z + push * normal.z - grip * slide.z};
-    Vector3<V> change = Rotate<V>(pairs.end, {local.x - to.x, local.y - to.y, local.z - to.z});
-    Add<V>(p.correction, particle, change);
+    Vec3<Lanes> change = Rotate<Lanes>(pairs.end, {local.x - to.x, local.y - to.y, local.z - to.z});
+    Add(p.correction, particle, change);
     if (impulse) {
-      float c[3 * kMaxWidth], q[3 * kMaxWidth];
-      const V nx = V::Load(pairs.normal + k), ny = V::Load(pairs.normal + pairs.stride + k),
-              nz = V::Load(pairs.normal + 2 * pairs.stride + k);
+      float c[3 * kLanes], q[3 * kLanes];
+      const Lanes nx = Lanes::Load(pairs.normal + k), ny = Lanes::Load(pairs.normal + pairs.stride + k),
+              nz = Lanes::Load(pairs.normal + 2 * pairs.stride + k);
       MultiplyAdd(pressure_push, nx, change.x).Store(c);
-      MultiplyAdd(pressure_push, ny, change.y).Store(c + V::kWidth);
-      MultiplyAdd(pressure_push, nz, change.z).Store(c + 2 * V::kWidth);
+      MultiplyAdd(pressure_push, ny, change.y).Store(c + kLanes);
+      MultiplyAdd(pressure_push, nz, change.z).Store(c + 2 * kLanes);
       (x.x + change.x).Store(q);
-      (x.y + change.y).Store(q + V::kWidth);
-      (x.z + change.z).Store(q + 2 * V::kWidth);
-      for (int lane = 0; lane < V::kWidth; ++lane) {
+      (x.y + change.y).Store(q + kLanes);
+      (x.z + change.z).Store(q + 2 * kLanes);
+      for (int lane = 0; lane < kLanes; ++lane) {
         if (particle[lane] == p.count) continue;  // Padding.
-        const double cx = c[lane], cy = c[lane + V::kWidth], cz = c[lane + 2 * V::kWidth];
-        const double qx = q[lane], qy = q[lane + V::kWidth], qz = q[lane + 2 * V::kWidth];
+        const double cx = c[lane], cy = c[lane + kLanes], cz = c[lane + 2 * kLanes];
+        const double qx = q[lane], qy = q[lane + kLanes], qz = q[lane + 2 * kLanes];
         impulse[0] -= cx;
         impulse[1] -= cy;
         impulse[2] -= cz;
@@ -314,10 +327,9 @@ void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& p
   }
 }
 
-template <class V>
 constexpr Kernels MakeKernels() {
-  return {V::kWidth,        FindNeighbors<V>, FindPressure<V>,    AddCorrection<V>, Smooth<V>,
-          FindDistance<V>,  FindWallShare<V>,  AddWallGradient<V>, Collide<V>};
+  return {FindNeighbors, FindPressure,  AddCorrection,   Smooth,
+          FindDistance,  FindWallShare, AddWallGradient, Collide};
 }
 
 }  // namespace

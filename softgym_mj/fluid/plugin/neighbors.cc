@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "native/simd.h"
 #include "solver.h"
 
 namespace softgym_mj {
@@ -130,7 +131,7 @@ void Solver::BuildLists() {
     neighbors_.capacity = capacity;
     if (kernels_->FindNeighbors(p_, grid_, distance, neighbors_)) break;
   }
-  neighbors_.stride = RoundUp(neighbors_.begin[count_] + kMaxWidth, kMaxWidth);
+  neighbors_.stride = RoundUp(neighbors_.begin[count_] + kLanes, kLanes);
   neighbors_.e = e_.Reserve(3 * neighbors_.stride);
   std::memcpy(built_position_.get(), p_.position, 4 * sizeof(float) * count_);
   FindPairs();
@@ -140,7 +141,7 @@ void Solver::BuildLists() {
 // Lists the particles near each wall.
 void Solver::FindPairs() {
   const float range = fluid_.radius + kWallSkin * fluid_.spacing;
-  const int width = kernels_->width, most = count_ + kMaxWidth;
+  const int most = count_ + kLanes;
   const int num_walls = static_cast<int>(walls_->size());
   wall_built_ = wall_end_;
   int* particle = pair_particle_.Reserve(static_cast<size_t>(most) * num_walls);
@@ -174,20 +175,20 @@ void Solver::FindPairs() {
              (z[i] > low[2]) & (z[i] < high[2]);
       }
     }
-    for (int k = n; k < RoundUp(n, width); ++k) list[k] = count_;
+    for (int k = n; k < RoundUp(n, kLanes); ++k) list[k] = count_;
     pairs.particle = list;
-    pairs.count = RoundUp(n, width);
+    pairs.count = RoundUp(n, kLanes);
     kernels_->FindDistance(pairs, p_.position, distance_.get());
     int near = 0;
     for (int k = 0; k < n; ++k) {
       list[near] = list[k];
       near += distance_.get()[k] < range;
     }
-    pairs.count = RoundUp(near, width);
+    pairs.count = RoundUp(near, kLanes);
     for (int k = near; k < pairs.count; ++k) list[k] = count_;
     total += pairs.count;
   }
-  const long stride = RoundUp(static_cast<int>(total) + kMaxWidth, kMaxWidth);
+  const long stride = RoundUp(static_cast<int>(total) + kLanes, kLanes);
   float* numbers = pair_numbers_.Reserve(5 * stride);
   long first = 0;
   for (WallPairs& pairs : pairs_) {

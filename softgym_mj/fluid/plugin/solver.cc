@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <string>
+
+#include "native/instructions.h"
+#include "native/simd.h"
 
 namespace softgym_mj {
 namespace {
@@ -49,6 +51,13 @@ void Interpolate(const Pose& a, const Pose& b, double fraction, const double ori
   for (int k = 0; k < 9; ++k) out[3 + k] = static_cast<float>(matrix[k]);
 }
 
+const Kernels& ChooseKernels() {
+#ifdef SOFTGYM_MJ_X86
+  if (UseAvx2()) return kAvx2Kernels;
+#endif
+  return kScalarKernels;
+}
+
 }  // namespace
 
 void Solver::Prepare(const FluidConfig& config, double h, const double* positions) {
@@ -67,7 +76,7 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
   count_ = config.count;
   lists_valid_ = false;
   FindOrigin(positions);
-  const size_t n = static_cast<size_t>(count_) + kMaxWidth;
+  const size_t n = static_cast<size_t>(count_) + kLanes;
   p_.count = count_;
   p_.position = position_.Reserve(4 * n);
   p_.old_position = old_position_.Reserve(4 * n);
@@ -319,20 +328,6 @@ void Solver::TouchingInertia(size_t first, size_t last, const double centre[3],
       inertia[1] += mass_ * squared;
     }
   }
-}
-
-const Kernels& ChooseKernels() {
-  const char* variable = std::getenv("SOFTGYM_MJ_SIMD");
-  const std::string choice = variable ? variable : "";
-  if (choice == "scalar") return kScalarKernels;
-#ifdef SOFTGYM_MJ_X86
-  static const bool fma = __builtin_cpu_supports("fma");
-  static const bool avx2 = fma && __builtin_cpu_supports("avx2");
-  static const bool avx512 = fma && __builtin_cpu_supports("avx512f");
-  if (avx512 && choice != "avx2") return kAvx512Kernels;
-  if (avx2) return kAvx2Kernels;
-#endif
-  return kScalarKernels;
 }
 
 }  // namespace softgym_mj
