@@ -163,23 +163,8 @@ def test_a_policy_sees_the_observation_of_the_settings(tmp_path):
     assert evaluate(configuration, tmp_path) == result
 
 
-def shaken_water():
-    """Particles' bytes after some steps of a shaken cup."""
-    env = softgym_mj.load("transport_water", fidelity="fast", observation="full")
-    env.reset(800)
-    for speed in (1.0, -1.0, 1.0):
-        env.step(np.full(env.task.actor.action_size, speed))
-    return env.physics.get_state().tobytes() + env.physics.data.plugin_state.tobytes()
-
-
-def test_the_instruction_set_is_the_one_in_use(monkeypatch):
-    monkeypatch.delenv("SOFTGYM_MJ_SIMD", raising=False)
-    used, bits = machine()["instructions"], {}
-    for asked in ("", "avx2", "scalar"):
-        monkeypatch.setenv("SOFTGYM_MJ_SIMD", asked)
-        bits[machine()["instructions"]] = shaken_water()
-        assert bits[machine()["instructions"]] == shaken_water()
-    assert used in bits and len(set(bits.values())) == len(bits)
+def test_the_machine_says_which_processor_it_has():
+    assert set(machine()) == {"cpu"}
 
 
 @pytest.mark.parametrize(
