@@ -1,11 +1,11 @@
-"""CPU time of a step of water, at rest and shaken: SIMD kernels, scalar ones, warp's SPH example.
+"""CPU time of a step of water, at rest and shaken: SIMD kernels, portable ones, warp's SPH example.
 
     pip install --editable '.[bench]'    # With warp; without it, its columns are left out.
     OMP_NUM_THREADS=1 python benchmarks/fluid.py --out fluid.json
 
 Water stands in a cup until it rests. It is timed at rest, and while the cup is moved by a square
 wave along both axes, with reversals and stops. In a round, every stretch of that motion is played
-from the same state by the SIMD kernels and by the scalar ones (the same code, one lane) in turn;
+from the same state by the SIMD kernels and by the scalar ones (the same code, for any processor) in turn;
 figures are medians over rounds. They are CPU times of the calling thread for all of `mj_step` (and
 the few microseconds of the loop around it), over the substeps that the plugin chooses by itself.
 
