@@ -235,6 +235,12 @@ def test_reset_restores_the_lattice():
     assert not cup.velocities.any()
 
 
+def test_a_lattice_may_have_more_columns_than_fit_into_an_int():
+    cup = FluidCup((3, 2), 2, settings={"columns": "65536 65536"})
+    np.testing.assert_allclose(np.ptp(cup.positions[:, 1:], axis=0), 0, atol=0.003 * SPACING)
+    cup.step()
+
+
 BAD = [
     ({"count": "0"}, "count"),
     ({"count": "many"}, "count"),

@@ -28,9 +28,10 @@ constexpr double kMeasuredSpacing = 0.018;
 
 }  // namespace
 
+std::int64_t FluidConfig::Columns() const { return std::int64_t{columns[0]} * columns[1]; }
+
 int FluidConfig::Layers() const {
-  int column = columns[0] * columns[1];
-  return (count + column - 1) / column;
+  return static_cast<int>((count + Columns() - 1) / Columns());
 }
 
 int FluidConfig::Substeps(double timestep) const {
@@ -43,10 +44,11 @@ int FluidConfig::Substeps(double timestep) const {
 // A lattice of the rest spacing, filled from below. Up to a thousandth of the spacing is left to
 // chance, so that it does not stand in unstable balance.
 void FluidConfig::PlaceLattice(double* positions) const {
+  const std::int64_t num_columns = Columns();
   unsigned random = 12345;
   for (int i = 0; i < count; ++i) {
-    const int column = i % (columns[0] * columns[1]);
-    const int site[3] = {column % columns[0], column / columns[0], i / (columns[0] * columns[1])};
+    const int column = static_cast<int>(i % num_columns), layer = static_cast<int>(i / num_columns);
+    const int site[3] = {column % columns[0], column / columns[0], layer};
     for (int k = 0; k < 3; ++k) {
       random = random * 1664525u + 1013904223u;
       const double noise = (random >> 8) / 16777216.0 - 0.5;

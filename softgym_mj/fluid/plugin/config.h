@@ -3,6 +3,7 @@
 #ifndef SOFTGYM_MJ_FLUID_CONFIG_H_
 #define SOFTGYM_MJ_FLUID_CONFIG_H_
 
+#include <cstdint>
 #include <string>
 
 #include <mujoco/mujoco.h>
@@ -29,6 +30,7 @@ struct FluidConfig {
   Draw draw = Draw::kSurface;
   float rgba[4] = {0.16f, 0.5f, 0.78f, 1.0f};
 
+  std::int64_t Columns() const;  // Of the lattice.
   int Layers() const;
   // Substeps of a step of `timestep` seconds.
   int Substeps(double timestep) const;
