@@ -188,6 +188,19 @@ def test_a_cup_of_water_in_one_place_spreads():
     assert not cup.escaped().any() and cup.speed() < 0.05
 
 
+def test_too_many_neighbors_are_counted_as_a_warning():
+    """All pairs of these would be 4 billion."""
+    cup = FluidCup((40, 40), 40, height=2.0, substeps=1)
+    cup.positions[:] = [0, 0, SPACING]
+    cup.step(2)
+    assert cup.data.warning[mujoco.mjtWarning.mjWARN_CONTACTFULL].number == 2
+    assert np.isfinite(cup.state).all()
+    small = FluidCup((6, 6), 7, height=2.0)  # 252 particles: the others are no more than the limit.
+    small.positions[:] = [0, 0, SPACING]
+    small.step(5)
+    assert small.data.warning[mujoco.mjtWarning.mjWARN_CONTACTFULL].number == 0
+
+
 @pytest.mark.parametrize("simd", ["avx2", "scalar"])
 def test_particles_in_one_place_part_as_in_the_reference(simd, monkeypatch):
     monkeypatch.setenv("SOFTGYM_MJ_SIMD", simd)

@@ -12,8 +12,8 @@ thread_local bool restarting = false;
 
 }  // namespace
 
-void Warn(const mjModel* m, mjData* d, int instance, const char* reason) {
-  mjWarningStat& warning = d->warning[mjWARN_BADQPOS];
+void Warn(const mjModel* m, mjData* d, int instance, const char* reason, mjtWarning kind) {
+  mjWarningStat& warning = d->warning[kind];
   if (!warning.number) {
     const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
     mju_warning("%s, instance \"%s\": %s Time = %.4f.",

@@ -12,9 +12,10 @@ namespace softgym_mj {
 
 constexpr size_t kReasonSize = 512;  // [bytes] Of a sentence that says what is wrong.
 
-// Counts a warning of the kind mjWARN_BADQPOS, which is what rollouts and dm_control look for; the first
-// one is printed, with the plugin, the instance and the reason.
-void Warn(const mjModel* m, mjData* d, int instance, const char* reason);
+// Counts a warning, of the kind mjWARN_BADQPOS where it is not said, which is what rollouts and dm_control look
+// for; the first one is printed, with the plugin, the instance and the reason.
+void Warn(const mjModel* m, mjData* d, int instance, const char* reason,
+          mjtWarning kind = mjWARN_BADQPOS);
 
 // Whether all numbers are finite and none is huge, by MuJoCo's measure.
 bool AreSane(const mjtNum* numbers, int count);

@@ -240,9 +240,13 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   w.impulses.resize(walls);
   const mjtNum none[3] = {0, 0, 0};
   const mjtNum* gravity = m->opt.disableflags & mjDSBL_GRAVITY ? none : m->opt.gravity;
-  w.solver.Step(w.config, m->opt.timestep, gravity, w.walls, w.start, w.end,
-                w.flexes, state + layout.positions, state + layout.velocities,
-                w.config.two_way ? w.impulses.data() : nullptr);
+  const bool counted = w.solver.Step(
+      w.config, m->opt.timestep, gravity, w.walls, w.start, w.end, w.flexes,
+      state + layout.positions, state + layout.velocities,
+      w.config.two_way ? w.impulses.data() : nullptr);
+  if (!counted) {
+    Warn(m, d, instance, "too many particles are in one place: not all count.", mjWARN_CONTACTFULL);
+  }
   if (w.config.two_way) HandOver(m, d, &w, state + layout.forces, state + layout.pending);
 }
 

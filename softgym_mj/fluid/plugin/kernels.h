@@ -8,6 +8,9 @@
 
 namespace softgym_mj {
 
+// Five times as many as in water at rest. All pairs of particles that lie in one place would take any memory there is.
+constexpr int kMaxNeighbors = 256;
+
 enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
 
 // Constants of a fluid.
@@ -53,6 +56,7 @@ struct Neighbors {
   int* begin;
   int* index;
   long capacity;   // Of `index`.
+  bool* too_many;  // Set if a particle had more than kMaxNeighbors, of which the first ones are listed.
   float* e;        // Three arrays of `stride` floats: e_ij by component.
   long stride;
 };

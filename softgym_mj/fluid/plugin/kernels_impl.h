@@ -81,14 +81,17 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
             }
           }
         }
-        long candidates = 2 * kLanes;
+        long candidates = 0;
         for (int r = 0; r < ranges; ++r) candidates += last[r] - first[r];
-        if (length + candidates * (start[cell + 1] - start[cell]) > out.capacity) return false;
+        if (candidates > kMaxNeighbors) candidates = kMaxNeighbors;
+        const long room = candidates + 3 * kLanes;  // More are written for a moment.
+        if (length + room * (start[cell + 1] - start[cell]) > out.capacity) return false;
         for (int i = start[cell]; i < start[cell + 1]; ++i) {
           out.begin[i] = length;
+          const int most = length + kMaxNeighbors;
           const Lanes x(px[i]), y(py[i]), z(pz[i]);
           for (int r = 0; r < ranges; ++r) {
-            for (int k = first[r]; k < last[r]; k += kLanes) {
+            for (int k = first[r]; k < last[r] && length <= most; k += kLanes) {
               const Lanes dx = Lanes::Load(px + k) - x, dy = Lanes::Load(py + k) - y, dz = Lanes::Load(pz + k) - z;
               const Lanes squared = dx * dx + dy * dy + dz * dz;
               unsigned hits = Bits(Less(squared, limit));
@@ -97,6 +100,10 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
               if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
               length += Compress(k, hits, index + length);
             }
+          }
+          if (length > most) {
+            length = most;
+            *out.too_many = true;
           }
           while ((length - out.begin[i]) % kLanes) index[length++] = dummy;
         }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "native/simd.h"
 #include "solver.h"
@@ -106,17 +107,25 @@ void Solver::Sort(float cell) {
 // Moves particles that are in the place of another, each in a direction of its own.
 void Solver::Separate() {
   const int cells = grid_.nx * grid_.ny * grid_.nz;
+  const auto compare = [this](int i, int j) {
+    return std::memcmp(p_.position + 4 * i, p_.position + 4 * j, 3 * sizeof(float));
+  };
   for (int c = 0; c < cells; ++c) {
-    for (int i = grid_.start[c] + 1; i < grid_.start[c + 1]; ++i) {
-      const float* x = p_.position + 4 * i;
-      int j = grid_.start[c];
-      while (j < i && std::memcmp(p_.position + 4 * j, x, 3 * sizeof(float)) != 0) ++j;
-      if (j == i) continue;
+    // Sorted, as a cell may hold all particles there are.
+    in_cell_.resize(grid_.start[c + 1] - grid_.start[c]);
+    std::iota(in_cell_.begin(), in_cell_.end(), grid_.start[c]);
+    std::sort(in_cell_.begin(), in_cell_.end(), [&compare](int i, int j) {
+      const int order = compare(i, j);
+      return order != 0 ? order < 0 : i < j;
+    });
+    for (size_t k = 1; k < in_cell_.size(); ++k) {
+      const int i = in_cell_[k];
+      if (compare(in_cell_[k - 1], i) != 0) continue;
       unsigned random = static_cast<unsigned>(order_.get()[i]);
-      for (int k = 0; k < 3; ++k) {
+      for (int axis = 0; axis < 3; ++axis) {
         random = (random ^ (random >> 15)) * 2246822519u + 2654435769u;
         const float part = static_cast<float>(random >> 8) / 8388608.0f - 1.0f;
-        p_.correction[4 * i + k] += kNudge * fluid_.spacing * part;
+        p_.correction[4 * i + axis] += kNudge * fluid_.spacing * part;
       }
     }
   }

@@ -74,7 +74,8 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
             static_cast<float>(config.friction)};
   mass_ = config.density * config.spacing * config.spacing * config.spacing;
   count_ = config.count;
-  lists_valid_ = false;
+  lists_valid_ = too_many_ = false;
+  neighbors_.too_many = &too_many_;
   FindOrigin(positions);
   const size_t n = static_cast<size_t>(count_) + kLanes;
   p_.count = count_;
@@ -273,7 +274,7 @@ void Solver::DragAtWalls(float viscosity, float h, Impulse* impulses) {
   }
 }
 
-void Solver::Step(const FluidConfig& config, double timestep, const double gravity[3],
+bool Solver::Step(const FluidConfig& config, double timestep, const double gravity[3],
                   const std::vector<Wall>& walls, const std::vector<Pose>& start,
                   const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
                   double* velocities, Impulse* impulses) {
@@ -298,6 +299,7 @@ void Solver::Step(const FluidConfig& config, double timestep, const double gravi
   }
   Smooth(config, timestep, h, impulses);
   Store(positions, velocities);
+  return !too_many_;
 }
 
 double MaxViscosity(const FluidConfig& config, double timestep) {

@@ -38,8 +38,9 @@ class Buffer {
   T* Reserve(size_t size) {
     if (size > size_) {
       // Aligned by hand: not every platform has a function for it.
-      size_ = size + size / 4;
-      memory_.reset(new char[size_ * sizeof(T) + kAlignment]);
+      const size_t more = size + size / 4;
+      memory_.reset(new char[more * sizeof(T) + kAlignment]);
+      size_ = more;
       const uintptr_t address = reinterpret_cast<uintptr_t>(memory_.get());
       data_ = reinterpret_cast<T*>(memory_.get() + (kAlignment - address % kAlignment));
     }
@@ -60,8 +61,8 @@ class Solver {
  public:
   // Moves `count` particles (positions [m] and velocities [m/s], x y z each) by `timestep` seconds
   // while the walls move from `start` to `end`, and the flexes. Fills `impulses`, one per wall, unless
-  // it is null.
-  void Step(const FluidConfig& config, double timestep, const double gravity[3],
+  // it is null. False if a particle had too many neighbors, of which only kMaxNeighbors counted.
+  bool Step(const FluidConfig& config, double timestep, const double gravity[3],
             const std::vector<Wall>& walls, const std::vector<Pose>& start,
             const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
             double* velocities, Impulse* impulses);
@@ -95,6 +96,7 @@ class Solver {
   Neighbors neighbors_;
   int count_ = 0;
   bool lists_valid_ = false;
+  bool too_many_ = false;
   double mass_;       // Of a particle [kg].
   double origin_[3];  // Single precision positions are relative to it.
 
@@ -108,6 +110,7 @@ class Solver {
       distance_, pair_numbers_;
   Buffer<int> cell_, start_, order_, spare_order_, begin_, index_, pair_particle_;
   std::vector<char> touching_;
+  std::vector<int> in_cell_;
   std::vector<double> scratch_;
 };
 
