@@ -201,6 +201,28 @@ def test_too_many_neighbors_are_counted_as_a_warning():
     assert small.data.warning[mujoco.mjtWarning.mjWARN_CONTACTFULL].number == 0
 
 
+_LITTLE_MEMORY = """
+import mujoco, resource
+from tests.fluid_cup import SPACING, FluidCup
+cup = FluidCup((50, 50), 20, height=2.0, substeps=1)
+cup.step()
+cup.positions[:] = [0, 0, SPACING]
+before = cup.positions.copy()
+with open("/proc/self/statm") as file:
+    used = int(file.read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, 2 * (used + 100 * 2**20,))
+cup.step(2)
+assert cup.data.warning[mujoco.mjtWarning.mjWARN_BADQPOS].number == 2
+assert (cup.positions == before).all()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of memory")
+def test_water_stands_still_where_memory_runs_out():
+    """Its lists would take 200 MB."""
+    subprocess.run([sys.executable, "-c", _LITTLE_MEMORY], check=True, timeout=120)
+
+
 @pytest.mark.parametrize("simd", ["avx2", "scalar"])
 def test_particles_in_one_place_part_as_in_the_reference(simd, monkeypatch):
     monkeypatch.setenv("SOFTGYM_MJ_SIMD", simd)

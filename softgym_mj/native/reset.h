@@ -5,12 +5,28 @@
 #define SOFTGYM_MJ_NATIVE_RESET_H_
 
 #include <cstddef>
+#include <new>
+#include <stdexcept>
 
 #include <mujoco/mujoco.h>
 
 namespace softgym_mj {
 
 constexpr size_t kReasonSize = 512;  // [bytes] Of a sentence that says what is wrong.
+
+// Runs what a plugin does when MuJoCo calls it: C, through which no exception may pass. False if memory ran out.
+// Errors of MuJoCo's are no exceptions here: some programs make them such, which must pass.
+template <class F>
+bool WithinMemory(F f) {
+  try {
+    f();
+    return true;
+  } catch (const std::bad_alloc&) {
+  } catch (const std::length_error&) {  // More than a container can ever hold.
+  }
+  return false;
+}
+constexpr char kNoMemory[] = "there is not enough memory.";
 
 // Counts a warning, of the kind mjWARN_BADQPOS where it is not said, which is what rollouts and dm_control look
 // for; the first one is printed, with the plugin, the instance and the reason.

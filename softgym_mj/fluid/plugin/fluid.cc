@@ -42,21 +42,24 @@ Workspace& ThreadWorkspace() {
 std::string Configure(const mjModel* m, int instance, Workspace* w) {
   std::string error, attributes = RawAttributes(m, instance);
   if (attributes != w->attributes) {
+    w->attributes.clear();  // None are parsed until all are.
     error = ParseConfig(m, instance, &w->config);
-    w->attributes = error.empty() ? attributes : "";
+    if (error.empty()) w->attributes = attributes;
   }
   return error;
 }
 
 // Parses the attributes and finds the walls and flexes. False, with the reason, if something is wrong.
 bool Bind(const mjModel* m, int instance, Workspace* w, char* reason) {
-  std::string error = Configure(m, instance, w);
-  if (error.empty()) error = CollectWalls(m, instance, w->config.world, &w->walls);
-  if (error.empty() && w->walls.size() > kMaxWalls) error = "there are too many walls.";
-  w->flexes.elements.clear();
-  if (error.empty() && w->config.flexes) error = CollectFlexes(m, &w->flexes.elements);
-  std::snprintf(reason, kReasonSize, "%s", error.c_str());
-  return error.empty();
+  std::snprintf(reason, kReasonSize, "%s", kNoMemory);
+  return WithinMemory([&] {
+    std::string error = Configure(m, instance, w);
+    if (error.empty()) error = CollectWalls(m, instance, w->config.world, &w->walls);
+    if (error.empty() && w->walls.size() > kMaxWalls) error = "there are too many walls.";
+    w->flexes.elements.clear();
+    if (error.empty() && w->config.flexes) error = CollectFlexes(m, &w->flexes.elements);
+    std::snprintf(reason, kReasonSize, "%s", error.c_str());
+  }) && !*reason;
 }
 
 StateLayout Layout(const mjModel* m, const FluidConfig& config, size_t num_walls) {
@@ -117,9 +120,11 @@ void Reset(const mjModel* m, mjtNum* state, void*, int instance) {
   Workspace& w = ThreadWorkspace();
   const int size = m->plugin_statenum[instance];
   mju_zero(state, size);
-  if (Configure(m, instance, &w).empty() && 1 + 3 * w.config.count <= size) {
-    w.config.PlaceLattice(state + 1);
-  }
+  WithinMemory([&] {
+    if (Configure(m, instance, &w).empty() && 1 + 3 * w.config.count <= size) {
+      w.config.PlaceLattice(state + 1);
+    }
+  });
 }
 
 void FindPoses(const mjModel* m, const mjData* d, const std::vector<Wall>& walls,
@@ -203,7 +208,7 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
   }
 }
 
-void Advance(const mjModel* m, mjData* d, int instance) {
+void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   StateLayout layout;
   char reason[kReasonSize];
   Workspace* opened = Open(m, instance, &layout, reason);
@@ -250,9 +255,13 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   if (w.config.two_way) HandOver(m, d, &w, state + layout.forces, state + layout.pending);
 }
 
+void Advance(const mjModel* m, mjData* d, int instance) {
+  if (!WithinMemory([&] { TryToAdvance(m, d, instance); })) Warn(m, d, instance, kNoMemory);
+}
+
 // Adds the forces of the last step to the passive forces. Before the first step, notes where the walls
 // are, so that their first move is swept like any other.
-void Compute(const mjModel* m, mjData* d, int instance, int) {
+void TryToCompute(const mjModel* m, mjData* d, int instance) {
   StateLayout layout;
   char reason[kReasonSize];
   Workspace* opened = Open(m, instance, &layout, reason);
@@ -278,13 +287,20 @@ void Compute(const mjModel* m, mjData* d, int instance, int) {
   }
 }
 
+void Compute(const mjModel* m, mjData* d, int instance, int) {
+  if (!WithinMemory([&] { TryToCompute(m, d, instance); })) Warn(m, d, instance, kNoMemory);
+}
+
 void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, int instance) {
   StateLayout layout;
   char reason[kReasonSize];
   Workspace* w = Open(m, instance, &layout, reason);
   if (!w) return;
   const mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
-  DrawFluid(m, w->config, instance, state + layout.positions, &w->surface, scene);
+  const bool drawn = WithinMemory([&] {
+    DrawFluid(m, w->config, instance, state + layout.positions, &w->surface, scene);
+  });
+  if (!drawn) scene->status = 1;  // As where geoms have no room.
 }
 
 }  // namespace
