@@ -5,9 +5,10 @@
 
 Water stands in a cup until it rests. It is timed at rest, and while the cup is moved by a square
 wave along both axes, with reversals and stops. In a round, every stretch of that motion is played
-from the same state by the SIMD kernels and by the scalar ones (the same code, for any processor) in turn;
-figures are medians over rounds. They are CPU times of the calling thread for all of `mj_step` (and
-the few microseconds of the loop around it), over the substeps that the plugin chooses by itself.
+from the same state by the SIMD kernels and by the scalar ones (the same code for any processor) in
+turn; figures are medians over rounds. They are CPU times of the calling thread for all of `mj_step`
+(and the few microseconds of the loop around it), over the substeps that the plugin chooses by
+itself.
 
 The peer is `warp.examples.core.example_sph` of NVIDIA's warp, on the CPU. A substep builds a hash
 grid, then runs the kernels for density, acceleration, bounds and integration, with our ratio of
