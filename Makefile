@@ -27,6 +27,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'softgym_mj/*.h' 'softgym_mj/*.cc')
 
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/throughput.py --out benchmarks/throughput.json
