@@ -52,14 +52,15 @@ std::string Configure(const mjModel* m, int instance, Workspace* w) {
 // Parses the attributes and finds the walls and flexes. False, with the reason, if something is wrong.
 bool Bind(const mjModel* m, int instance, Workspace* w, char* reason) {
   std::snprintf(reason, kReasonSize, "%s", kNoMemory);
-  return WithinMemory([&] {
+  const bool tried = WithinMemory([&] {
     std::string error = Configure(m, instance, w);
     if (error.empty()) error = CollectWalls(m, instance, w->config.world, &w->walls);
     if (error.empty() && w->walls.size() > kMaxWalls) error = "there are too many walls.";
     w->flexes.elements.clear();
     if (error.empty() && w->config.flexes) error = CollectFlexes(m, &w->flexes.elements);
     std::snprintf(reason, kReasonSize, "%s", error.c_str());
-  }) && !*reason;
+  });
+  return tried && !*reason;
 }
 
 StateLayout Layout(const mjModel* m, const FluidConfig& config, size_t num_walls) {
