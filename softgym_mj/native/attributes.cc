@@ -9,8 +9,7 @@
 
 namespace softgym_mj {
 
-bool AttributeReader::Numbers(const char* name, double* out, int n, double low, double high,
-                              bool whole) {
+bool AttributeReader::Numbers(const char* name, double* out, int n, double low, double high, bool whole) {
   const char* text = Text(name);
   if (!text) return false;
   double values[4];
@@ -91,8 +90,7 @@ const char* AttributeReader::Text(const char* name) const {
 
 void AttributeReader::Fail(const char* name, const std::string& value, const std::string& valid) {
   if (error_.empty()) {
-    error_ = std::string("attribute ") + name + "=\"" + value + "\" is not valid: expected " +
-             valid + ".";
+    error_ = std::string("attribute ") + name + "=\"" + value + "\" is not valid: expected " + valid + ".";
   }
 }
 
@@ -105,8 +103,7 @@ std::string RawAttributes(const mjModel* m, int instance) {
 
 void Fail(const mjModel* m, int instance, const char* reason) {
   const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
-  mju_error("%s, instance \"%s\": %s", mjp_getPluginAtSlot(m->plugin[instance])->name,
-            name ? name : "", reason);
+  mju_error("%s, instance \"%s\": %s", mjp_getPluginAtSlot(m->plugin[instance])->name, name ? name : "", reason);
 }
 
 }  // namespace softgym_mj

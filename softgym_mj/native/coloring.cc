@@ -9,8 +9,7 @@ constexpr int kOpen = 64;  // Groups that are filled at the same time; one bit e
 
 }  // namespace
 
-void Coloring::Order(const std::vector<int>& vertices, int corners, int num_vertices,
-                     std::vector<int>* order) {
+void Coloring::Order(const std::vector<int>& vertices, int corners, int num_vertices, std::vector<int>* order) {
   int group[kOpen][kLanes], size[kOpen] = {}, oldest = 0;
   groups_.assign(num_vertices, 0);
   order->clear();

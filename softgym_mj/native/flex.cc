@@ -45,8 +45,7 @@ std::string CollectFlexes(const mjModel* m, std::vector<FlexElement>* elements) 
     const int dim = m->flex_dim[f], first = m->flex_vertadr[f];
     const int* corner = m->flex_elem + m->flex_elemdataadr[f];
     for (int e = 0; e < m->flex_elemnum[f]; ++e, corner += dim + 1) {
-      elements->push_back({{first + corner[0], first + corner[1], first + corner[dim]},
-                           dim == 2, m->flex_radius[f]});
+      elements->push_back({{first + corner[0], first + corner[1], first + corner[dim]}, dim == 2, m->flex_radius[f]});
     }
   }
   return "";

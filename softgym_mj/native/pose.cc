@@ -4,9 +4,7 @@
 
 namespace softgym_mj {
 
-bool IsDynamic(const mjModel* m, int body) {
-  return m->body_jntnum[m->body_weldid[body]] > 0;
-}
+bool IsDynamic(const mjModel* m, int body) { return m->body_jntnum[m->body_weldid[body]] > 0; }
 
 bool IsFixed(const mjModel* m, int body) {
   // Mocap bodies, which only the world can have as their parent, count as welded to it.
@@ -30,8 +28,7 @@ Pose BodyPose(const mjModel* m, const mjData* d, int body) {
   mju_copy4(quaternion, mocap >= 0 ? d->mocap_quat + 4 * mocap : m->body_quat + 4 * body);
   mju_normalize4(quaternion);
   Pose parent = BodyPose(m, d, m->body_parentid[body]);
-  mju_mulPose(pose.position, pose.quaternion, parent.position, parent.quaternion, position,
-              quaternion);
+  mju_mulPose(pose.position, pose.quaternion, parent.position, parent.quaternion, position, quaternion);
   for (int j = joint; j < joint + count; ++j) {
     const mjtNum* q = d->qpos + m->jnt_qposadr[j];
     mjtNum q0 = m->qpos0[m->jnt_qposadr[j]];
@@ -59,8 +56,8 @@ Pose BodyPose(const mjModel* m, const mjData* d, int body) {
 
 Pose GeomPose(const mjModel* m, int geom, const Pose& body) {
   Pose pose;
-  mju_mulPose(pose.position, pose.quaternion, body.position, body.quaternion,
-              m->geom_pos + 3 * geom, m->geom_quat + 4 * geom);
+  mju_mulPose(pose.position, pose.quaternion, body.position, body.quaternion, m->geom_pos + 3 * geom,
+              m->geom_quat + 4 * geom);
   mju_normalize4(pose.quaternion);
   return pose;
 }

@@ -16,8 +16,8 @@ void Warn(const mjModel* m, mjData* d, int instance, const char* reason, mjtWarn
   mjWarningStat& warning = d->warning[kind];
   if (!warning.number) {
     const char* name = mj_id2name(m, mjOBJ_PLUGIN, instance);
-    mju_warning("%s, instance \"%s\": %s Time = %.4f.",
-                mjp_getPluginAtSlot(m->plugin[instance])->name, name ? name : "", reason, d->time);
+    mju_warning("%s, instance \"%s\": %s Time = %.4f.", mjp_getPluginAtSlot(m->plugin[instance])->name,
+                name ? name : "", reason, d->time);
   }
   warning.lastinfo = instance;
   ++warning.number;

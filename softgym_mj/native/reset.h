@@ -30,8 +30,7 @@ constexpr char kNoMemory[] = "there is not enough memory.";
 
 // Counts a warning, of the kind mjWARN_BADQPOS where it is not said, which is what rollouts and dm_control look
 // for; the first one is printed, with the plugin, the instance and the reason.
-void Warn(const mjModel* m, mjData* d, int instance, const char* reason,
-          mjtWarning kind = mjWARN_BADQPOS);
+void Warn(const mjModel* m, mjData* d, int instance, const char* reason, mjtWarning kind = mjWARN_BADQPOS);
 
 // Whether all numbers are finite and none is huge, by MuJoCo's measure.
 bool AreSane(const mjtNum* numbers, int count);

@@ -111,8 +111,8 @@ inline void Scatter4(float* p, const int* index, Lanes x, Lanes y, Lanes z, Lane
 }
 // The floats at `index`. Eight loads: on the processors we measured vgatherdps takes three times as long.
 inline Lanes Pick(const float* p, const int* index) {
-  return _mm256_setr_ps(p[index[0]], p[index[1]], p[index[2]], p[index[3]], p[index[4]], p[index[5]],
-                        p[index[6]], p[index[7]]);
+  return _mm256_setr_ps(p[index[0]], p[index[1]], p[index[2]], p[index[3]], p[index[4]], p[index[5]], p[index[6]],
+                        p[index[7]]);
 }
 
 // For each of the 256 sets of lanes, which lanes they are, in order. Made by the compiler: code for AVX2 must not run
@@ -172,11 +172,21 @@ inline Mask MaskByLane(F f) {
   return out;
 }
 
-inline Lanes operator+(Lanes a, Lanes b) { return ByLane([&](int i) { return a.v[i] + b.v[i]; }); }
-inline Lanes operator-(Lanes a, Lanes b) { return ByLane([&](int i) { return a.v[i] - b.v[i]; }); }
-inline Lanes operator*(Lanes a, Lanes b) { return ByLane([&](int i) { return a.v[i] * b.v[i]; }); }
-inline Lanes operator/(Lanes a, Lanes b) { return ByLane([&](int i) { return a.v[i] / b.v[i]; }); }
-inline Lanes operator-(Lanes a) { return ByLane([&](int i) { return -a.v[i]; }); }
+inline Lanes operator+(Lanes a, Lanes b) {
+  return ByLane([&](int i) { return a.v[i] + b.v[i]; });
+}
+inline Lanes operator-(Lanes a, Lanes b) {
+  return ByLane([&](int i) { return a.v[i] - b.v[i]; });
+}
+inline Lanes operator*(Lanes a, Lanes b) {
+  return ByLane([&](int i) { return a.v[i] * b.v[i]; });
+}
+inline Lanes operator/(Lanes a, Lanes b) {
+  return ByLane([&](int i) { return a.v[i] / b.v[i]; });
+}
+inline Lanes operator-(Lanes a) {
+  return ByLane([&](int i) { return -a.v[i]; });
+}
 inline Lanes MultiplyAdd(Lanes a, Lanes b, Lanes c) {
   return ByLane([&](int i) { return fmaf(a.v[i], b.v[i], c.v[i]); });
 }
@@ -189,16 +199,30 @@ inline Lanes Min(Lanes a, Lanes b) {
 inline Lanes Max(Lanes a, Lanes b) {
   return ByLane([&](int i) { return a.v[i] > b.v[i] ? a.v[i] : b.v[i]; });
 }
-inline Lanes Sqrt(Lanes a) { return ByLane([&](int i) { return sqrtf(a.v[i]); }); }
-inline Lanes Abs(Lanes a) { return ByLane([&](int i) { return fabsf(a.v[i]); }); }
+inline Lanes Sqrt(Lanes a) {
+  return ByLane([&](int i) { return sqrtf(a.v[i]); });
+}
+inline Lanes Abs(Lanes a) {
+  return ByLane([&](int i) { return fabsf(a.v[i]); });
+}
 inline Lanes CopySign(Lanes a, Lanes sign) {
   return ByLane([&](int i) { return copysignf(a.v[i], sign.v[i]); });
 }
-inline Mask Less(Lanes a, Lanes b) { return MaskByLane([&](int i) { return a.v[i] < b.v[i]; }); }
-inline Mask LessEqual(Lanes a, Lanes b) { return MaskByLane([&](int i) { return a.v[i] <= b.v[i]; }); }
-inline Mask Equal(Lanes a, Lanes b) { return MaskByLane([&](int i) { return a.v[i] == b.v[i]; }); }
-inline Mask operator&(Mask a, Mask b) { return MaskByLane([&](int i) { return a.v[i] & b.v[i]; }); }
-inline Mask operator|(Mask a, Mask b) { return MaskByLane([&](int i) { return a.v[i] | b.v[i]; }); }
+inline Mask Less(Lanes a, Lanes b) {
+  return MaskByLane([&](int i) { return a.v[i] < b.v[i]; });
+}
+inline Mask LessEqual(Lanes a, Lanes b) {
+  return MaskByLane([&](int i) { return a.v[i] <= b.v[i]; });
+}
+inline Mask Equal(Lanes a, Lanes b) {
+  return MaskByLane([&](int i) { return a.v[i] == b.v[i]; });
+}
+inline Mask operator&(Mask a, Mask b) {
+  return MaskByLane([&](int i) { return a.v[i] & b.v[i]; });
+}
+inline Mask operator|(Mask a, Mask b) {
+  return MaskByLane([&](int i) { return a.v[i] | b.v[i]; });
+}
 inline Lanes Select(Mask mask, Lanes a, Lanes b) {
   return ByLane([&](int i) { return mask.v[i] ? a.v[i] : b.v[i]; });
 }

@@ -11,12 +11,24 @@ std::string CollectWalls(const mjModel* m, int instance, bool world, std::vector
     if (!carries && !(world && collides && IsFixed(m, body))) continue;
     Wall wall = {geom, body, Shape::kBox, {}};
     switch (m->geom_type[geom]) {
-      case mjGEOM_PLANE: wall.shape = Shape::kPlane; break;
-      case mjGEOM_SPHERE: wall.shape = Shape::kSphere; break;
-      case mjGEOM_CAPSULE: wall.shape = Shape::kCapsule; break;
-      case mjGEOM_ELLIPSOID: wall.shape = Shape::kEllipsoid; break;
-      case mjGEOM_CYLINDER: wall.shape = Shape::kCylinder; break;
-      case mjGEOM_BOX: wall.shape = Shape::kBox; break;
+      case mjGEOM_PLANE:
+        wall.shape = Shape::kPlane;
+        break;
+      case mjGEOM_SPHERE:
+        wall.shape = Shape::kSphere;
+        break;
+      case mjGEOM_CAPSULE:
+        wall.shape = Shape::kCapsule;
+        break;
+      case mjGEOM_ELLIPSOID:
+        wall.shape = Shape::kEllipsoid;
+        break;
+      case mjGEOM_CYLINDER:
+        wall.shape = Shape::kCylinder;
+        break;
+      case mjGEOM_BOX:
+        wall.shape = Shape::kBox;
+        break;
       default: {
         if (!collides) continue;  // A visual mesh.
         const char* name = mj_id2name(m, mjOBJ_GEOM, geom);

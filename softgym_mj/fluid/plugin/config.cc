@@ -8,9 +8,8 @@
 namespace softgym_mj {
 
 const char* const kAttributes[] = {
-    "count",    "spacing",  "columns", "corner", "viscosity", "cohesion",  "friction",
-    "density",  "substeps", "two_way", "world",  "flexes",    "max_speed", "draw",
-    "rgba",
+    "count",    "spacing", "columns", "corner", "viscosity", "cohesion", "friction", "density",
+    "substeps", "two_way", "world",   "flexes", "max_speed", "draw",     "rgba",
 };
 const int kNumAttributes = sizeof(kAttributes) / sizeof(kAttributes[0]);
 
@@ -30,9 +29,7 @@ constexpr double kMeasuredSpacing = 0.018;
 
 std::int64_t FluidConfig::Columns() const { return std::int64_t{columns[0]} * columns[1]; }
 
-int FluidConfig::Layers() const {
-  return static_cast<int>((count + Columns() - 1) / Columns());
-}
+int FluidConfig::Layers() const { return static_cast<int>((count + Columns() - 1) / Columns()); }
 
 int FluidConfig::Substeps(double timestep) const {
   if (substeps) return substeps;

@@ -17,8 +17,8 @@ constexpr double kParticle = 0.5;  // Radius of a particle drawn as a sphere, in
 int Reserved(const mjModel* m) { return 2 * m->ngeom + m->nsite + m->njnt + m->nlight + 100; }
 
 // Adds a geom that segmented pictures show as belonging to the plugin instance.
-void AddGeom(int instance, int type, const mjtNum* size, const mjtNum* position,
-             const mjtNum* matrix, const float* rgba, mjvScene* scene) {
+void AddGeom(int instance, int type, const mjtNum* size, const mjtNum* position, const mjtNum* matrix,
+             const float* rgba, mjvScene* scene) {
   const int index = scene->ngeom++;
   mjvGeom* geom = scene->geoms + index;
   mjv_initGeom(geom, type, size, position, matrix, rgba);
@@ -28,8 +28,7 @@ void AddGeom(int instance, int type, const mjtNum* size, const mjtNum* position,
   geom->segid = index;
 }
 
-void DrawParticles(const FluidConfig& config, int instance, const mjtNum* positions, int room,
-                   mjvScene* scene) {
+void DrawParticles(const FluidConfig& config, int instance, const mjtNum* positions, int room, mjvScene* scene) {
   const mjtNum radius = kParticle * config.spacing, size[3] = {radius, radius, radius};
   if (config.count > room) scene->status = 1;
   for (int i = 0; i < std::min(config.count, room); ++i) {
@@ -69,8 +68,7 @@ void DrawFluid(const mjModel* m, const FluidConfig& config, int instance, const 
   const int most = fine ? room : std::min(room, kMostCoarse);
   double voxel = config.spacing * (fine ? kFine : kCoarse);
   for (int i = 0; i < kMaxTries; ++i, voxel *= kCoarser) {
-    const Triangles& triangles =
-        extractor->Extract(positions, config.count, config.spacing, voxel);
+    const Triangles& triangles = extractor->Extract(positions, config.count, config.spacing, voxel);
     if (static_cast<int>(triangles.size()) > 9 * most) continue;
     for (size_t k = 0; k < triangles.size(); k += 9) {
       DrawTriangle(instance, triangles.data() + k, config.rgba, scene);

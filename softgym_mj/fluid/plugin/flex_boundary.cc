@@ -44,8 +44,7 @@ Vector Normal(Vector a, Vector b, Vector c) { return Unit(Cross(b - a, c - a)); 
 
 }  // namespace
 
-FlexBoundary::Foot FlexBoundary::Closest(const FlexElement& e, const std::vector<Vector>& x,
-                                   Vector p) const {
+FlexBoundary::Foot FlexBoundary::Closest(const FlexElement& e, const std::vector<Vector>& x, Vector p) const {
   Foot foot;
   ClosestOnTriangle(p, x[e.vertex[0]], x[e.vertex[1]], x[e.vertex[2]], foot.weight);
   foot.offset = p - At(e, x, foot.weight);
@@ -53,8 +52,7 @@ FlexBoundary::Foot FlexBoundary::Closest(const FlexElement& e, const std::vector
   return foot;
 }
 
-Vector FlexBoundary::At(const FlexElement& e, const std::vector<Vector>& x,
-                     const double weight[3]) const {
+Vector FlexBoundary::At(const FlexElement& e, const std::vector<Vector>& x, const double weight[3]) const {
   return weight[0] * x[e.vertex[0]] + weight[1] * x[e.vertex[1]] + weight[2] * x[e.vertex[2]];
 }
 
@@ -129,8 +127,7 @@ double FlexBoundary::Approach(const FlexElement& e, Vector way) const {
 // Whether a particle on a straight way comes nearer to an element than a share of its distance. Additive
 // continuous collision detection (Li, Kaufman and Jiang, Codimensional Incremental Potential Contact,
 // 2021, section 5): steps that are never longer than the distance allows.
-bool FlexBoundary::Meets(const FlexElement& e, Vector from, Vector way, double distance,
-                      double hold) const {
+bool FlexBoundary::Meets(const FlexElement& e, Vector from, Vector way, double distance, double hold) const {
   const double nearest = kNearest * std::min(distance, hold), speed = Approach(e, way);
   if (speed <= distance - nearest || distance < kTouching) return false;
   Vector corner[3], move[3];  // Relative to the particle.
@@ -173,8 +170,7 @@ FlexBoundary::Push FlexBoundary::FindPush(const FlexElement& e, Vector from, Vec
   if (close && Meets(e, from, way, before.distance, hold)) {
     // Back to the side it came from: that of the plane, unless it is beside the element.
     const Vector a = end_[e.vertex[0]];
-    const double height = Dot(before.offset, Normal(start_[e.vertex[0]], start_[e.vertex[1]],
-                                                    start_[e.vertex[2]]));
+    const double height = Dot(before.offset, Normal(start_[e.vertex[0]], start_[e.vertex[1]], start_[e.vertex[2]]));
     if (std::fabs(height) > kNearest * before.distance) {
       const Vector normal = Normal(a, end_[e.vertex[1]], end_[e.vertex[2]]);
       push.direction = height > 0 ? normal : -1.0 * normal;
@@ -229,8 +225,8 @@ void FlexBoundary::Collide(const Particles& p, float wall_push) {
     if (hardest == 0 && pressure_push == 0) continue;
     if (hardest > 0) normal = (1 / std::max(Norm(x - target), kTouching)) * (x - target);
     // Coulomb friction against the push of the contact and of the pressure.
-    const Vector material = At(motion_->elements[element], end_, weight) -
-                            At(motion_->elements[element], start_, weight);
+    const Vector material =
+        At(motion_->elements[element], end_, weight) - At(motion_->elements[element], start_, weight);
     Vector slide = x - from - material;
     slide = slide - Dot(slide, normal) * normal;
     const double push = Norm(x - target) + pressure_push;
@@ -267,8 +263,7 @@ Vector FlexBoundary::Carry(const Near& near, Vector from) const {
   }
   const int* v = triangle->vertex;
   Vector before[3], after[3], offset = nearest.offset;
-  if (Frame(start_[v[0]], start_[v[1]], start_[v[2]], before) &&
-      Frame(end_[v[0]], end_[v[1]], end_[v[2]], after)) {
+  if (Frame(start_[v[0]], start_[v[1]], start_[v[2]], before) && Frame(end_[v[0]], end_[v[1]], end_[v[2]], after)) {
     offset = {0, 0, 0};
     for (int k = 0; k < 3; ++k) offset = offset + Dot(before[k], nearest.offset) * after[k];
   }

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <vector>
 
+#include "kernels.h"
 #include "native/closest.h"
 #include "native/flex.h"
-#include "kernels.h"
 
 namespace softgym_mj {
 
@@ -49,8 +49,8 @@ class FlexBoundary {
  public:
   // Called at the start of a step, with particles and vertices where they start; positions are relative
   // to `origin` from here on. Velocities move a particle by `way` in a substep at most.
-  void Begin(const FlexMotion& motion, const double origin[3], const FluidConstants& fluid,
-             const Particles& p, double way, int substeps);
+  void Begin(const FlexMotion& motion, const double origin[3], const FluidConstants& fluid, const Particles& p,
+             double way, int substeps);
   // Moves on to the next substep, which ends after this fraction of the step.
   void Place(double fraction);
 
@@ -100,10 +100,10 @@ class FlexBoundary {
   struct Near {
     int particle;
     int first, last;
-    double moved;      // How much nearer elements can be than when they were found.
-    int element;       // Whose surface is nearest to the prediction, or -1.
+    double moved;  // How much nearer elements can be than when they were found.
+    int element;   // Whose surface is nearest to the prediction, or -1.
     double weight[3];
-    double gap;        // Distance of the prediction to the nearest surface of any kind, or more.
+    double gap;  // Distance of the prediction to the nearest surface of any kind, or more.
     Vector normal;
     double share, slope;
   };
@@ -126,17 +126,17 @@ class FlexBoundary {
   const FlexMotion* motion_ = nullptr;
   FluidConstants fluid_;
   float slack_;
-  bool active_ = false;                 // Whether a particle can come into reach in this step.
-  double low_[3], high_[3];             // Box around all that is in reach of an element.
-  std::vector<Vector> from_, move_;     // Vertices: where they start, displacement in the step.
-  std::vector<Vector> start_, end_;     // The same in this substep.
-  double fraction_;                     // Of the step, at the end of the substep.
-  double furthest_, longest_;           // Largest displacement in the step and the substep [m].
-  double cell_;                         // Width of a cell of the grid [m].
+  bool active_ = false;              // Whether a particle can come into reach in this step.
+  double low_[3], high_[3];          // Box around all that is in reach of an element.
+  std::vector<Vector> from_, move_;  // Vertices: where they start, displacement in the step.
+  std::vector<Vector> start_, end_;  // The same in this substep.
+  double fraction_;                  // Of the step, at the end of the substep.
+  double furthest_, longest_;        // Largest displacement in the step and the substep [m].
+  double cell_;                      // Width of a cell of the grid [m].
   std::vector<int> cells_, entries_, cell_start_, in_cell_;
   std::vector<char> is_used_;
-  std::vector<int> used_;               // Elements that have been near a particle.
-  std::vector<ElementBound> bounds_;    // Of these, at the end of the substep.
+  std::vector<int> used_;             // Elements that have been near a particle.
+  std::vector<ElementBound> bounds_;  // Of these, at the end of the substep.
   std::vector<List> lists_;
   std::vector<Candidate> candidates_;
   std::vector<Near> near_;

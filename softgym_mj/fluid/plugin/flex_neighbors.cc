@@ -32,12 +32,10 @@ int Wrapped(int x, int y, int z) {
 
 double FlexBoundary::Reach() const { return kReach * fluid_.radius; }
 
-double FlexBoundary::ListDistance(const FlexElement& e) const {
-  return e.radius + Reach() + kSkin * fluid_.spacing;
-}
+double FlexBoundary::ListDistance(const FlexElement& e) const { return e.radius + Reach() + kSkin * fluid_.spacing; }
 
 void FlexBoundary::Begin(const FlexMotion& motion, const double origin[3], const FluidConstants& fluid,
-                      const Particles& p, double way, int substeps) {
+                         const Particles& p, double way, int substeps) {
   motion_ = &motion;
   fluid_ = fluid;
   slack_ = static_cast<float>(kSlack * fluid.spacing);
@@ -112,8 +110,7 @@ void FlexBoundary::FillGrid() {
     for (int z = first[2]; z <= last[2]; ++z) {
       for (int y = first[1]; y <= last[1]; ++y) {
         for (int x = first[0]; x <= last[0]; ++x) {
-          const float centre[3] = {static_cast<float>((x + 0.5) * cell_),
-                                   static_cast<float>((y + 0.5) * cell_),
+          const float centre[3] = {static_cast<float>((x + 0.5) * cell_), static_cast<float>((y + 0.5) * cell_),
                                    static_cast<float>((z + 0.5) * cell_)};
           if (!wraps && bound.OutOfReach(centre, most, slack_)) continue;
           cells_.push_back(Wrapped(x, y, z));
@@ -170,8 +167,7 @@ void FlexBoundary::Look(const float x[3], List* list) {
   for (int k = 0; k < 3; ++k) list->position[k] = x[k];
   list->fraction = fraction_;
   list->first = static_cast<int>(candidates_.size());
-  const int cell = Wrapped(static_cast<int>(std::floor(x[0] / cell_)),
-                           static_cast<int>(std::floor(x[1] / cell_)),
+  const int cell = Wrapped(static_cast<int>(std::floor(x[0] / cell_)), static_cast<int>(std::floor(x[1] / cell_)),
                            static_cast<int>(std::floor(x[2] / cell_)));
   for (int k = cell_start_[cell]; k < cell_start_[cell + 1]; ++k) {
     const int element = in_cell_[k];
@@ -185,10 +181,9 @@ void FlexBoundary::Look(const float x[3], List* list) {
     if (distance < ListDistance(e)) candidates_.push_back({distance - e.radius, element});
   }
   list->last = static_cast<int>(candidates_.size());
-  std::sort(candidates_.begin() + list->first, candidates_.end(),
-            [](const Candidate& a, const Candidate& b) {
-              return a.distance != b.distance ? a.distance < b.distance : a.element < b.element;
-            });
+  std::sort(candidates_.begin() + list->first, candidates_.end(), [](const Candidate& a, const Candidate& b) {
+    return a.distance != b.distance ? a.distance < b.distance : a.element < b.element;
+  });
 }
 
 void FlexBoundary::FindNear(const Particles& p, const int* order) {
@@ -196,8 +191,7 @@ void FlexBoundary::FindNear(const Particles& p, const int* order) {
   if (!active_) return;
   for (int i = 0; i < p.count; ++i) {
     const float* x = p.position + 4 * i;
-    if (x[0] < low_[0] || x[0] > high_[0] || x[1] < low_[1] || x[1] > high_[1] ||
-        x[2] < low_[2] || x[2] > high_[2]) {
+    if (x[0] < low_[0] || x[0] > high_[0] || x[1] < low_[1] || x[1] > high_[1] || x[2] < low_[2] || x[2] > high_[2]) {
       continue;
     }
     List& list = lists_[order[i]];

@@ -8,10 +8,10 @@
 
 #include <mujoco/mjplugin.h>
 
-#include "native/attributes.h"
 #include "boundary.h"
 #include "config.h"
 #include "draw.h"
+#include "native/attributes.h"
 #include "native/flex.h"
 #include "native/reset.h"
 #include "solver.h"
@@ -84,7 +84,8 @@ Workspace* Open(const mjModel* m, int instance, StateLayout* layout, char* reaso
   if (!Bind(m, instance, &w, reason)) return nullptr;
   *layout = Layout(m, w.config, w.walls.size());
   if (layout->size == m->plugin_statenum[instance]) return &w;
-  std::snprintf(reason, kReasonSize, "walls were added or removed, by contype, conaffinity or "
+  std::snprintf(reason, kReasonSize,
+                "walls were added or removed, by contype, conaffinity or "
                 "geom_type, after the model was compiled: the fluid stands still.");
   return nullptr;
 }
@@ -94,16 +95,17 @@ int NumState(const mjModel* m, int instance) {
   char reason[kReasonSize];
   Workspace& w = ThreadWorkspace();
   if (!Bind(m, instance, &w, reason)) Fail(m, instance, reason);
-  if (w.config.two_way && (m->opt.disableflags & mjDSBL_SPRING) &&
-      (m->opt.disableflags & mjDSBL_DAMPER)) {
-    Fail(m, instance, "two_way=\"true\" needs MuJoCo's passive forces, which the flags spring and "
-                      "damper disable: enable one of them.");
+  if (w.config.two_way && (m->opt.disableflags & mjDSBL_SPRING) && (m->opt.disableflags & mjDSBL_DAMPER)) {
+    Fail(m, instance,
+         "two_way=\"true\" needs MuJoCo's passive forces, which the flags spring and "
+         "damper disable: enable one of them.");
   }
   const double most = MaxViscosity(w.config, m->opt.timestep);
   if (w.config.viscosity > most) {
     std::snprintf(reason, sizeof(reason),
                   "attribute viscosity=\"%g\" is not valid: with this spacing and time step "
-                  "expected at most %g.", w.config.viscosity, most);
+                  "expected at most %g.",
+                  w.config.viscosity, most);
     Fail(m, instance, reason);
   }
   return Layout(m, w.config, w.walls.size()).size;
@@ -128,8 +130,7 @@ void Reset(const mjModel* m, mjtNum* state, void*, int instance) {
   });
 }
 
-void FindPoses(const mjModel* m, const mjData* d, const std::vector<Wall>& walls,
-               std::vector<Pose>* poses) {
+void FindPoses(const mjModel* m, const mjData* d, const std::vector<Wall>& walls, std::vector<Pose>* poses) {
   poses->resize(walls.size());
   Pose body;
   for (size_t i = 0; i < walls.size(); ++i) {
@@ -246,10 +247,9 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   w.impulses.resize(walls);
   const mjtNum none[3] = {0, 0, 0};
   const mjtNum* gravity = m->opt.disableflags & mjDSBL_GRAVITY ? none : m->opt.gravity;
-  const bool counted = w.solver.Step(
-      w.config, m->opt.timestep, gravity, w.walls, w.start, w.end, w.flexes,
-      state + layout.positions, state + layout.velocities,
-      w.config.two_way ? w.impulses.data() : nullptr);
+  const bool counted =
+      w.solver.Step(w.config, m->opt.timestep, gravity, w.walls, w.start, w.end, w.flexes, state + layout.positions,
+                    state + layout.velocities, w.config.two_way ? w.impulses.data() : nullptr);
   if (!counted) {
     Warn(m, d, instance, "too many particles are in one place: not all count.", mjWARN_CONTACTFULL);
   }
@@ -298,9 +298,8 @@ void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, i
   Workspace* w = Open(m, instance, &layout, reason);
   if (!w) return;
   const mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
-  const bool drawn = WithinMemory([&] {
-    DrawFluid(m, w->config, instance, state + layout.positions, &w->surface, scene);
-  });
+  const bool drawn =
+      WithinMemory([&] { DrawFluid(m, w->config, instance, state + layout.positions, &w->surface, scene); });
   if (!drawn) scene->status = 1;  // As where geoms have no room.
 }
 

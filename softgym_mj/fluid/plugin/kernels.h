@@ -15,32 +15,32 @@ enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
 
 // Constants of a fluid.
 struct FluidConstants {
-  float spacing;         // Rest distance d [m].
-  float radius;          // Support H of the kernel [m].
-  float rest_density;    // Sum of (1 - r/H)^3 over the neighbors in water at rest.
-  float wall_density;    // Scale of what a wall adds to that sum.
-  float relaxation;      // Of the one Jacobi iteration in a substep.
-  float correction;      // Largest correction in a substep [m].
-  float contact;         // Distance at which walls are hard [m].
-  float cohesion;        // Largest displacement of a pair by cohesion in a substep [m].
-  float friction;        // Coulomb coefficient at walls.
+  float spacing;       // Rest distance d [m].
+  float radius;        // Support H of the kernel [m].
+  float rest_density;  // Sum of (1 - r/H)^3 over the neighbors in water at rest.
+  float wall_density;  // Scale of what a wall adds to that sum.
+  float relaxation;    // Of the one Jacobi iteration in a substep.
+  float correction;    // Largest correction in a substep [m].
+  float contact;       // Distance at which walls are hard [m].
+  float cohesion;      // Largest displacement of a pair by cohesion in a substep [m].
+  float friction;      // Coulomb coefficient at walls.
 };
 
 // Particles in sorted order. Arrays of 4 floats per particle (x, y, z, 0); `count` real ones and one
 // more, far away, that pads lists.
 struct Particles {
   int count;
-  float* position;      // Predicted, then corrected [m].
-  float* old_position;  // At the start of the substep [m].
-  float* velocity;      // [m/s].
-  float* correction;    // Displacement of the substep [m].
-  float* gradient;      // Sum of e_ij, plus the walls' part (see kernels_impl.h).
-  float* wall_gradient; // The walls' part.
-  float* wall_density;  // What the walls add to the density, one float per particle.
-  float* free_share;    // Product over the walls of what they leave open, one float per particle.
-  float* pressure;      // One float per particle.
-  bool* crowded;        // Set if two particles may be in one place.
-  const float* x;       // Coordinates at the time the lists were built.
+  float* position;       // Predicted, then corrected [m].
+  float* old_position;   // At the start of the substep [m].
+  float* velocity;       // [m/s].
+  float* correction;     // Displacement of the substep [m].
+  float* gradient;       // Sum of e_ij, plus the walls' part (see kernels_impl.h).
+  float* wall_gradient;  // The walls' part.
+  float* wall_density;   // What the walls add to the density, one float per particle.
+  float* free_share;     // Product over the walls of what they leave open, one float per particle.
+  float* pressure;       // One float per particle.
+  bool* crowded;         // Set if two particles may be in one place.
+  const float* x;        // Coordinates at the time the lists were built.
   const float* y;
   const float* z;
 };
@@ -63,15 +63,15 @@ struct Neighbors {
 
 // Particles near one wall, padded, and what the kernels pass on about each.
 struct WallPairs {
-  int count;             // Whole vectors.
+  int count;  // Whole vectors.
   Shape shape;
-  const float* size;     // (3,)
-  const float* start;    // Pose at the start of the substep: position (3,), rotation matrix (9,).
-  const float* end;      // The same at its end.
+  const float* size;   // (3,)
+  const float* start;  // Pose at the start of the substep: position (3,), rotation matrix (9,).
+  const float* end;    // The same at its end.
   const int* particle;
-  float* normal;         // Three arrays of `stride` floats.
-  float* share;          // What the wall fills of the kernel, 0..1.
-  float* slope;          // Its decrease with distance, times H / 3 and the rest density.
+  float* normal;  // Three arrays of `stride` floats.
+  float* share;   // What the wall fills of the kernel, 0..1.
+  float* slope;   // Its decrease with distance, times H / 3 and the rest density.
   long stride;
 };
 

@@ -50,8 +50,7 @@ inline void Add(float* p, const int* index, const Vec3<Lanes>& a) {
   }
 }
 
-bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
-                    const Neighbors& out) {
+bool FindNeighbors(const Particles& particles, const Grid& grid, float distance, const Neighbors& out) {
   const float *px = particles.x, *py = particles.y, *pz = particles.z;
   const int* start = grid.start;
   const int nx = grid.nx, ny = grid.ny, nz = grid.nz, dummy = particles.count;
@@ -187,7 +186,7 @@ void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighb
       z = MultiplyAdd(pressure, Lanes::Load(ez + k), z);
     }
     const float own = p.pressure[i];
-    const float *gradient = p.gradient + 4 * i;
+    const float* gradient = p.gradient + 4 * i;
     const float dx = scale * (Sum(x) + own * gradient[0]);
     const float dy = scale * (Sum(y) + own * gradient[1]);
     const float dz = scale * (Sum(z) + own * gradient[2]);
@@ -201,8 +200,7 @@ void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighb
   }
 }
 
-void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors,
-            float viscosity) {
+void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, float viscosity) {
   const Lanes one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
   for (int i = 0; i < p.count; ++i) {
     const float *xi = p.position + 4 * i, *vi = p.velocity + 4 * i;
@@ -273,8 +271,7 @@ void AddWallGradient(const Particles& p, const WallPairs& pairs) {
   }
 }
 
-void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs,
-             double* impulse) {
+void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs, double* impulse) {
   const Lanes zero(0.0f), contact(fluid.contact), tiny(kTiny), friction(fluid.friction);
   const Lanes dig_out(kDigOut * fluid.spacing);
   const Lanes wall_push(fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f);
@@ -283,8 +280,7 @@ void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& p
     const Vec3<Lanes> old_x = Gather(p.old_position, particle);
     const Vec3<Lanes> predicted = Gather(p.position, particle);
     const Vec3<Lanes> correction = Gather(p.correction, particle);
-    const Vec3<Lanes> x = {predicted.x + correction.x, predicted.y + correction.y,
-                          predicted.z + correction.z};
+    const Vec3<Lanes> x = {predicted.x + correction.x, predicted.y + correction.y, predicted.z + correction.z};
     const Vec3<Lanes> from = ToLocal(pairs.start, old_x), to = ToLocal(pairs.end, x);
     Vec3<Lanes> normal;
     const Lanes old_distance = Distance<Lanes>(pairs.shape, pairs.size, from, &normal);
@@ -300,19 +296,17 @@ void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& p
     // Coulomb friction against the push of the contact and of the pressure.
     const Lanes pressure_push = wall_push * Pick(p.pressure, particle) * Lanes::Load(pairs.slope + k);
     const Lanes along = Dot(way, normal);
-    const Vec3<Lanes> slide = {way.x - along * normal.x, way.y - along * normal.y,
-                              way.z - along * normal.z};
-    const Lanes grip = Min(friction * (push + pressure_push) / Sqrt(Max(Dot(slide, slide), tiny)),
-                           Lanes(1.0f));
+    const Vec3<Lanes> slide = {way.x - along * normal.x, way.y - along * normal.y, way.z - along * normal.z};
+    const Lanes grip = Min(friction * (push + pressure_push) / Sqrt(Max(Dot(slide, slide), tiny)), Lanes(1.0f));
     const Vec3<Lanes> local = {reached.x + push * normal.x - grip * slide.x,
-                              reached.y + push * normal.y - grip * slide.y,
-                              reached.z + push * normal.z - grip * slide.z};
+                               reached.y + push * normal.y - grip * slide.y,
+                               reached.z + push * normal.z - grip * slide.z};
     Vec3<Lanes> change = Rotate<Lanes>(pairs.end, {local.x - to.x, local.y - to.y, local.z - to.z});
     Add(p.correction, particle, change);
     if (impulse) {
       float c[3 * kLanes], q[3 * kLanes];
       const Lanes nx = Lanes::Load(pairs.normal + k), ny = Lanes::Load(pairs.normal + pairs.stride + k),
-              nz = Lanes::Load(pairs.normal + 2 * pairs.stride + k);
+                  nz = Lanes::Load(pairs.normal + 2 * pairs.stride + k);
       MultiplyAdd(pressure_push, nx, change.x).Store(c);
       MultiplyAdd(pressure_push, ny, change.y).Store(c + kLanes);
       MultiplyAdd(pressure_push, nz, change.z).Store(c + 2 * kLanes);
@@ -335,8 +329,7 @@ void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& p
 }
 
 constexpr Kernels MakeKernels() {
-  return {FindNeighbors, FindPressure,  AddCorrection,   Smooth,
-          FindDistance,  FindWallShare, AddWallGradient, Collide};
+  return {FindNeighbors, FindPressure, AddCorrection, Smooth, FindDistance, FindWallShare, AddWallGradient, Collide};
 }
 
 }  // namespace

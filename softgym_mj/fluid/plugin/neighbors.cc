@@ -23,10 +23,21 @@ constexpr float kNudge = 0.01f;
 void HalfExtents(const Wall& wall, float out[3]) {
   const float* s = wall.size;
   switch (wall.shape) {
-    case Shape::kSphere: out[0] = out[1] = out[2] = s[0]; break;
-    case Shape::kCapsule: out[0] = out[1] = s[0]; out[2] = s[0] + s[1]; break;
-    case Shape::kCylinder: out[0] = out[1] = s[0]; out[2] = s[1]; break;
-    default: out[0] = s[0]; out[1] = s[1]; out[2] = s[2];
+    case Shape::kSphere:
+      out[0] = out[1] = out[2] = s[0];
+      break;
+    case Shape::kCapsule:
+      out[0] = out[1] = s[0];
+      out[2] = s[0] + s[1];
+      break;
+    case Shape::kCylinder:
+      out[0] = out[1] = s[0];
+      out[2] = s[1];
+      break;
+    default:
+      out[0] = s[0];
+      out[1] = s[1];
+      out[2] = s[2];
   }
 }
 
@@ -70,14 +81,11 @@ void Solver::Sort(float cell) {
   grid_.start = start;
   std::fill(start, start + cells + 2, 0);
   const float inverse = 1.0f / cell;
-  const auto wrap = [inverse](float x, int size) {
-    return static_cast<int>(std::floor(x * inverse)) & (size - 1);
-  };
+  const auto wrap = [inverse](float x, int size) { return static_cast<int>(std::floor(x * inverse)) & (size - 1); };
   int* index = cell_.get();
   for (int i = 0; i < count_; ++i) {
     const float* x = p_.position + 4 * i;
-    index[i] = wrap(x[0], grid_.nx) +
-               grid_.nx * (wrap(x[1], grid_.ny) + grid_.ny * wrap(x[2], grid_.nz));
+    index[i] = wrap(x[0], grid_.nx) + grid_.nx * (wrap(x[1], grid_.ny) + grid_.ny * wrap(x[2], grid_.nz));
     ++start[index[i] + 2];
   }
   for (int c = 2; c < cells + 2; ++c) start[c] += start[c - 1];
@@ -172,16 +180,15 @@ void Solver::FindPairs() {
       HalfExtents(wall, half);
       for (int k = 0; k < 3; ++k) {
         const float* r = pose + 3 + 3 * k;
-        const float reach = std::fabs(r[0]) * half[0] + std::fabs(r[1]) * half[1] +
-                            std::fabs(r[2]) * half[2] + range;
+        const float reach = std::fabs(r[0]) * half[0] + std::fabs(r[1]) * half[1] + std::fabs(r[2]) * half[2] + range;
         low[k] = pose[k] - reach;
         high[k] = pose[k] + reach;
       }
       const float *x = p_.x, *y = p_.y, *z = p_.z;
       for (int i = 0; i < count_; ++i) {
         list[n] = i;
-        n += (x[i] > low[0]) & (x[i] < high[0]) & (y[i] > low[1]) & (y[i] < high[1]) &
-             (z[i] > low[2]) & (z[i] < high[2]);
+        n += (x[i] > low[0]) & (x[i] < high[0]) & (y[i] > low[1]) & (y[i] < high[1]) & (z[i] > low[2]) &
+             (z[i] < high[2]);
       }
     }
     for (int k = n; k < RoundUp(n, kLanes); ++k) list[k] = count_;

@@ -34,8 +34,7 @@ constexpr double kFurthest = 1e4;
 constexpr float kLayer = 0.8f;  // Particles nearer than this to a wall touch it, in spacings.
 
 // Position relative to `origin` and rotation matrix at a fraction of the way between two poses.
-void Interpolate(const Pose& a, const Pose& b, double fraction, const double origin[3],
-                 float out[12]) {
+void Interpolate(const Pose& a, const Pose& b, double fraction, const double origin[3], float out[12]) {
   double position[3], quaternion[4];
   double sign = mju_dot(a.quaternion, b.quaternion, 4) < 0 ? -1 : 1;
   for (int k = 0; k < 3; ++k) {
@@ -146,8 +145,7 @@ void Solver::Store(double* positions, double* velocities) const {
   }
 }
 
-void Solver::PlaceWalls(const std::vector<Pose>& start, const std::vector<Pose>& end,
-                        double fraction) {
+void Solver::PlaceWalls(const std::vector<Pose>& start, const std::vector<Pose>& end, double fraction) {
   for (size_t w = 0; w < walls_->size(); ++w) {
     Interpolate(start[w], end[w], fraction, origin_, &wall_end_[12 * w]);
   }
@@ -212,12 +210,10 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
 
 // Viscosity, once a step.
 void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse* impulses) {
-  const double total =
-      config.viscosity * timestep / (kLaplacian * fluid_.radius * fluid_.radius);
+  const double total = config.viscosity * timestep / (kLaplacian * fluid_.radius * fluid_.radius);
   if (total == 0) return;
   // The lists are those of the last substep: a pair that has come into reach since weighs nothing.
-  const int passes =
-      std::clamp(static_cast<int>(std::ceil(total / kViscosityPass)), 1, kMaxPasses);
+  const int passes = std::clamp(static_cast<int>(std::ceil(total / kViscosityPass)), 1, kMaxPasses);
   const float viscosity = static_cast<float>(std::min(total / passes, kViscosityPass));
   flexes_.FindNear(p_, order_.get());
   flexes_.FindShares(p_);
@@ -274,10 +270,9 @@ void Solver::DragAtWalls(float viscosity, float h, Impulse* impulses) {
   }
 }
 
-bool Solver::Step(const FluidConfig& config, double timestep, const double gravity[3],
-                  const std::vector<Wall>& walls, const std::vector<Pose>& start,
-                  const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
-                  double* velocities, Impulse* impulses) {
+bool Solver::Step(const FluidConfig& config, double timestep, const double gravity[3], const std::vector<Wall>& walls,
+                  const std::vector<Pose>& start, const std::vector<Pose>& end, const FlexMotion& flexes,
+                  double* positions, double* velocities, Impulse* impulses) {
   const int substeps = config.Substeps(timestep);
   const float h = static_cast<float>(timestep / substeps);
   Prepare(config, h, positions);
@@ -312,8 +307,7 @@ double MaxSpeed(const FluidConfig& config, double timestep) {
   return std::min(config.max_speed, 0.5 * kSupport * config.spacing / h);
 }
 
-void Solver::TouchingInertia(size_t first, size_t last, const double centre[3],
-                             double inertia[2]) {
+void Solver::TouchingInertia(size_t first, size_t last, const double centre[3], double inertia[2]) {
   touching_.assign(count_ + 1, 0);
   for (size_t w = first; w < last; ++w) {
     kernels_->FindDistance(pairs_[w], p_.position, distance_.get());

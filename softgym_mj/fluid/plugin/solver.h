@@ -21,7 +21,7 @@ struct Impulse {
   double angular[3];
 };
 
-constexpr float kFar = 1e6f;  // [m] Where the particle is that pads lists.
+constexpr float kFar = 1e6f;       // [m] Where the particle is that pads lists.
 constexpr size_t kAlignment = 64;  // [bytes] Of the widest vectors.
 
 // Speed [m/s] that particles are held to and above which a wall counts as teleported: neither moves
@@ -62,9 +62,8 @@ class Solver {
   // Moves `count` particles (positions [m] and velocities [m/s], x y z each) by `timestep` seconds
   // while the walls move from `start` to `end`, and the flexes. Fills `impulses`, one per wall, unless
   // it is null. False if a particle had too many neighbors, of which only kMaxNeighbors counted.
-  bool Step(const FluidConfig& config, double timestep, const double gravity[3],
-            const std::vector<Wall>& walls, const std::vector<Pose>& start,
-            const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
+  bool Step(const FluidConfig& config, double timestep, const double gravity[3], const std::vector<Wall>& walls,
+            const std::vector<Pose>& start, const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
             double* velocities, Impulse* impulses);
 
   // Mass [kg] and moment about `centre` [kg m^2] of the particles that touch one of the walls
@@ -105,9 +104,8 @@ class Solver {
   std::vector<float> wall_start_, wall_end_, wall_built_;  // 12 numbers a wall: see WallPairs.
   std::vector<WallPairs> pairs_;
 
-  Buffer<float> position_, old_position_, velocity_, spare_, correction_, gradient_,
-      wall_gradient_, wall_density_, free_share_, pressure_, x_, y_, z_, built_position_, e_,
-      distance_, pair_numbers_;
+  Buffer<float> position_, old_position_, velocity_, spare_, correction_, gradient_, wall_gradient_, wall_density_,
+      free_share_, pressure_, x_, y_, z_, built_position_, e_, distance_, pair_numbers_;
   Buffer<int> cell_, start_, order_, spare_order_, begin_, index_, pair_particle_;
   std::vector<char> touching_;
   std::vector<int> in_cell_;

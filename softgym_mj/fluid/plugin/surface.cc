@@ -49,15 +49,14 @@ void SurfaceExtractor::Splat(const double position[3], double radius, double vox
   for (int bz = down(low[2]); bz <= down(high[2]); ++bz) {
     for (int by = down(low[1]); by <= down(high[1]); ++by) {
       for (int bx = down(low[0]); bx <= down(high[0]); ++bx) {
-        float(*sums)[4] = FindBlock(bx, by, bz).sums;
+        float (*sums)[4] = FindBlock(bx, by, bz).sums;
         const int base[3] = {bx * kBlock, by * kBlock, bz * kBlock};
         for (int z = std::max(low[2], base[2]); z <= std::min(high[2], base[2] + kBlock - 1); ++z) {
           const float dz = offset(z, 2);
           for (int y = std::max(low[1], base[1]); y <= std::min(high[1], base[1] + kBlock - 1); ++y) {
             const float dy = offset(y, 1), yz = dy * dy + dz * dz;
-            float(*row)[4] = sums + kBlock * ((y - base[1]) + kBlock * (z - base[2])) - base[0];
-            for (int x = std::max(low[0], base[0]); x <= std::min(high[0], base[0] + kBlock - 1);
-                 ++x) {
+            float (*row)[4] = sums + kBlock * ((y - base[1]) + kBlock * (z - base[2])) - base[0];
+            for (int x = std::max(low[0], base[0]); x <= std::min(high[0], base[0] + kBlock - 1); ++x) {
               const float dx = offset(x, 0);
               const float s = std::max(0.0f, 1.0f - scale * (dx * dx + yz));
               const float weight = s * s * s;
@@ -83,7 +82,7 @@ void SurfaceExtractor::Mesh(const Block& block, float radius, float drop_radius,
     for (int by = -1; by <= 1; ++by) {
       for (int bx = -1; bx <= 1; ++bx) {
         auto entry = index_.find(Key(block.x + bx, block.y + by, block.z + bz));
-        const float(*sums)[4] = entry == index_.end() ? nullptr : blocks_[entry->second].sums;
+        const float (*sums)[4] = entry == index_.end() ? nullptr : blocks_[entry->second].sums;
         const auto range = [](int b, int* first, int* last) {
           *first = b < 0 ? -1 : b * kBlock;
           *last = b < 0 ? -1 : b == 0 ? kBlock - 1 : kBlock;
@@ -116,8 +115,7 @@ void SurfaceExtractor::Mesh(const Block& block, float radius, float drop_radius,
   if (!inside || !outside) return;
   const float* centre = values + 1 + kSide * (1 + kSide);
   constexpr int kStep[3] = {1, kSide, kSide * kSide};
-  const double base[3] = {block.x * kBlock * voxel, block.y * kBlock * voxel,
-                          block.z * kBlock * voxel};
+  const double base[3] = {block.x * kBlock * voxel, block.y * kBlock * voxel, block.z * kBlock * voxel};
   // The vertex of a cell: the mean of where its edges cross the surface.
   const auto vertex = [&](int x, int y, int z, float out[3]) {
     const float* v = centre + x + kStep[1] * y + kStep[2] * z;
@@ -167,8 +165,7 @@ void SurfaceExtractor::Mesh(const Block& block, float radius, float drop_radius,
   }
 }
 
-const Triangles& SurfaceExtractor::Extract(const double* positions, int count, double spacing,
-                                           double voxel) {
+const Triangles& SurfaceExtractor::Extract(const double* positions, int count, double spacing, double voxel) {
   index_.clear();
   blocks_.clear();
   triangles_.clear();
