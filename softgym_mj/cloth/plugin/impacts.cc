@@ -1,0 +1,117 @@
+#include "cloth/plugin/impacts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "native/aligned.h"
+#include "native/closest.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+// A pair may come as near as this share of its distance in one step.
+constexpr double kNearest = 0.1;
+constexpr int kMaxAdvances = 100;  // Of one pair: as good as touching after that.
+constexpr int kMaxRounds = 100;
+
+double Distance(bool edges, const Vector x[4]) {
+  if (edges) {
+    double s, t;
+    ClosestOnSegments(x[0], x[1], x[2], x[3], &s, &t);
+    return Norm((1 - s) * x[0] + s * x[1] - (1 - t) * x[2] - t * x[3]);
+  }
+  double w[3];
+  ClosestOnTriangle(x[0], x[1], x[2], x[3], w);
+  return Norm(x[0] - w[0] * x[1] - w[1] * x[2] - w[2] * x[3]);
+}
+
+// Additive continuous collision detection (Li, Kaufman and Jiang, Codimensional Incremental Potential Contact, 2021,
+// section 5): steps that are never longer than the distance allows.
+bool Meets(const Pair& pair, const Motion& motion) {
+  const int first = 1 + pair.edges;  // Number of vertices on the first side.
+  Vector u[4], x[4], mean = {0, 0, 0};
+  for (int k = 0; k < 4; ++k) {
+    u[k] = FromArray(&motion.move[3 * pair.vertex[k]]);
+    x[k] = FromArray(motion.start + 3 * pair.vertex[k]);
+    mean = mean + 0.25 * u[k];
+  }
+  double fastest[2] = {0, 0};
+  for (int k = 0; k < 4; ++k) {
+    u[k] = u[k] - mean;
+    fastest[k >= first] = std::max(fastest[k >= first], Norm(u[k]));
+  }
+  double distance = Distance(pair.edges, x), time = 0;
+  const double speed = fastest[0] + fastest[1], nearest = kNearest * distance;
+  for (int i = 0; i < kMaxAdvances; ++i) {
+    const double advance = 0.9 * (distance - 0.5 * nearest) / speed;
+    time += advance;
+    if (time >= 1) return false;
+    for (int k = 0; k < 4; ++k) x[k] = x[k] + advance * u[k];
+    distance = Distance(pair.edges, x);
+    if (distance < nearest) return true;
+  }
+  return true;
+}
+
+int Root(std::vector<int>* parent, int v) {
+  while ((*parent)[v] != v) v = (*parent)[v] = (*parent)[(*parent)[v]];
+  return v;
+}
+
+}  // namespace
+
+int PreventImpacts(const ClothKernels& kernels, const std::vector<Pair>& pairs, Motion* motion) {
+  const int count = static_cast<int>(motion->mass.size());
+  std::vector<int> zone, near(pairs.size());
+  std::vector<double> sum;
+  AlignedFloats move(4 * count);
+  int changed = 0;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    for (int v = 0; v < count; ++v) {
+      for (int k = 0; k < 3; ++k) move[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
+    }
+    // The plane across the normal between the closest points parts the two sides of all others.
+    const int approaching = kernels.FindApproaching(move.data(), pairs.data(), static_cast<int>(pairs.size()),
+                                                    1 - kNearest, near.data());
+    bool found = false;
+    for (int i = 0; i < approaching; ++i) {
+      const Pair& pair = pairs[near[i]];
+      if (!Meets(pair, *motion)) continue;
+      if (zone.empty()) {
+        zone.resize(count);
+        std::iota(zone.begin(), zone.end(), 0);
+      }
+      found = true;
+      for (int k = 1; k < 4; ++k) {
+        const int a = Root(&zone, pair.vertex[0]), b = Root(&zone, pair.vertex[k]);
+        zone[std::max(a, b)] = std::min(a, b);
+      }
+    }
+    if (!found) break;
+    // Mass, displacement and velocity times mass, number of vertices.
+    sum.assign(8 * count, 0);
+    for (int v = 0; v < count; ++v) {
+      double* s = &sum[8 * Root(&zone, v)];
+      s[0] += motion->mass[v];
+      s[7] += 1;
+      for (int k = 0; k < 3; ++k) {
+        s[1 + k] += motion->mass[v] * motion->move[3 * v + k];
+        s[4 + k] += motion->mass[v] * motion->velocity[3 * v + k];
+      }
+    }
+    changed = 0;
+    for (int v = 0; v < count; ++v) {
+      const double* s = &sum[8 * Root(&zone, v)];
+      if (s[7] == 1) continue;
+      ++changed;
+      for (int k = 0; k < 3; ++k) {
+        motion->move[3 * v + k] = s[1 + k] / s[0];
+        motion->velocity[3 * v + k] = s[4 + k] / s[0];
+      }
+    }
+  }
+  return changed;
+}
+
+}  // namespace softgym_mj::cloth

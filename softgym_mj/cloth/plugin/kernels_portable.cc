@@ -1,0 +1,10 @@
+#include "cloth/plugin/kernels.h"
+#include "cloth/plugin/search.h"
+#include "cloth/plugin/sweeps.h"
+
+namespace softgym_mj::cloth {
+
+const ClothKernels kPortableClothKernels = {Move,    Bend,            SweepEdges,  SweepLayers,    WarmLayers, RewindEdges, RewindLayers, SweepPlane,
+                                 BoundItems, Overlap, FilterTriangles, FilterEdges, FindApproaching};
+
+}  // namespace softgym_mj::cloth

@@ -1,0 +1,261 @@
+#include "cloth/plugin/layers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace softgym_mj::cloth {
+namespace {
+
+constexpr float kInterest = 1.3f;  // Pairs further apart than this many thicknesses are left out.
+// Boxes get this share of the reach more, so that candidates can be kept for some steps of slow motion.
+constexpr float kSlack = 0.25f;
+// Edges in flat surfaces, whose normals are within 14 degrees of the pair's, count only if they overlap by more than
+// this share of the thickness: vertices and triangles do their work.
+constexpr float kFlat = 0.97f, kOverlap = 0.1f;
+// Pieces of a cord with at most one piece between them are as near as their thickness when it is straight: friction
+// between them would lock its bending.
+constexpr int kNextPieces = 2;
+
+// Bits of three coordinates in turn: near items get near numbers.
+std::uint64_t Morton(const double* x, const double* low, double size) {
+  std::uint64_t code = 0;
+  for (int k = 0; k < 3; ++k) {
+    const auto cell = static_cast<std::uint64_t>(std::min(1023.0, (x[k] - low[k]) / size * 1024));
+    for (int bit = 0; bit < 10; ++bit) code |= (cell >> bit & 1) << (3 * bit + k);
+  }
+  return code;
+}
+
+}  // namespace
+
+void Layers::Tree::Build(const std::vector<int>& items_by_place, const std::vector<int>& vertices,
+                         int corners_of_item) {
+  id = items_by_place;
+  const int padded = (static_cast<int>(id.size()) + kBlock - 1) / kBlock * kBlock;
+  id.resize(padded, -1);
+  corners.resize(3 * padded);
+  for (int i = 0; i < padded; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      corners[3 * i + k] = id[i] < 0 ? 0 : vertices[corners_of_item * id[i] + std::min(k, corners_of_item - 1)];
+    }
+  }
+  items.resize(padded / kBlock);
+  leaves.resize((items.size() + kBlock - 1) / kBlock);
+  bounds.resize(6 * leaves.size());
+}
+
+void Layers::Tree::Bound(const ClothKernels& kernels, const float* low, const float* high) {
+  constexpr float kFar = std::numeric_limits<float>::max();
+  for (size_t leaf = 0; leaf < items.size(); ++leaf) {
+    Boxes& boxes = items[leaf];
+    kernels.BoundItems(low, high, &corners[3 * kBlock * leaf], &boxes);
+    Boxes& node = leaves[leaf / kBlock];
+    for (int k = 0; k < 3; ++k) {
+      for (int i = 0; i < kBlock; ++i) {
+        if (id[kBlock * leaf + i] < 0) boxes.low[k][i] = kFar, boxes.high[k][i] = -kFar;
+      }
+      node.low[k][leaf % kBlock] = *std::min_element(boxes.low[k], boxes.low[k] + kBlock);
+      node.high[k][leaf % kBlock] = *std::max_element(boxes.high[k], boxes.high[k] + kBlock);
+    }
+  }
+  for (size_t node = 0; node < leaves.size(); ++node) {
+    const int size = std::min<int>(kBlock, static_cast<int>(items.size() - kBlock * node));
+    for (int k = 0; k < 3; ++k) {
+      for (int i = size; i < kBlock; ++i) leaves[node].low[k][i] = kFar, leaves[node].high[k][i] = -kFar;
+      bounds[6 * node + k] = *std::min_element(leaves[node].low[k], leaves[node].low[k] + size);
+      bounds[6 * node + 3 + k] = *std::max_element(leaves[node].high[k], leaves[node].high[k] + size);
+    }
+  }
+}
+
+BoxTree Layers::Tree::View() {
+  return {static_cast<int>(items.size()), static_cast<int>(leaves.size()), items.data(), leaves.data(),
+          bounds.data(), id.data(), corners.data()};
+}
+
+void Layers::Reset(const Mesh& mesh, const ClothKernels& kernels) {
+  kernels_ = &kernels;
+  found_once_ = false;
+  reach_ = kInterest * *std::max_element(mesh.thickness.begin(), mesh.thickness.end());
+  corners_.clear();
+  ends_.clear();
+  for (const Mesh::Triangle& t : mesh.triangles) corners_.insert(corners_.end(), t.vertex, t.vertex + 3);
+  for (const Mesh::Edge& e : mesh.edges) ends_.insert(ends_.end(), e.vertex, e.vertex + 2);
+  chain_.assign(mesh.edges.size(), -1);
+  place_.assign(mesh.edges.size(), 0);
+  for (size_t c = 0; c < mesh.chains.size(); ++c) {
+    for (size_t i = 0; i < mesh.chains[c].edge.size(); ++i) {
+      chain_[mesh.chains[c].edge[i]] = static_cast<int>(c);
+      place_[mesh.chains[c].edge[i]] = static_cast<int>(i);
+    }
+  }
+  const auto order = [&](const std::vector<int>& vertices, int corners) {
+    const int count = static_cast<int>(vertices.size()) / corners;
+    std::vector<double> middle(3 * count, 0.0);
+    double low[3], high[3];
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::numeric_limits<double>::max(), high[k] = -low[k];
+      for (int i = 0; i < count; ++i) {
+        for (int c = 0; c < corners; ++c) middle[3 * i + k] += mesh.rest[3 * vertices[corners * i + c] + k] / corners;
+        low[k] = std::min(low[k], middle[3 * i + k]);
+        high[k] = std::max(high[k], middle[3 * i + k]);
+      }
+    }
+    const double size = std::max({high[0] - low[0], high[1] - low[1], high[2] - low[2], 1e-9});
+    std::vector<std::pair<std::uint64_t, int>> codes(count);
+    for (int i = 0; i < count; ++i) codes[i] = {Morton(&middle[3 * i], low, size), i};
+    std::sort(codes.begin(), codes.end());
+    std::vector<int> ids(count);
+    for (int i = 0; i < count; ++i) ids[i] = codes[i].second;
+    return ids;
+  };
+  // Only surfaces have vertices that can touch triangles' insides.
+  std::vector<int> single(mesh.NumVertices());
+  for (int v = 0; v < mesh.NumVertices(); ++v) single[v] = v;
+  vertices_.Build(order(single, 1), single, 1);
+  triangles_.Build(mesh.triangles.empty() ? std::vector<int>() : order(corners_, 3), corners_, 3);
+  edges_.Build(order(ends_, 2), ends_, 2);
+}
+
+bool Layers::Covers(const AlignedFloats& position, const AlignedFloats& move) const {
+  if (low_.size() != position.size()) return false;
+  const float margin = reach_ / 2;
+  for (size_t i = 0; i < position.size(); ++i) {
+    if (i % 4 == 3) continue;
+    const float a = position[i], b = position[i] + move[i];
+    if (std::min(a, b) - margin < low_[i] || std::max(a, b) + margin > high_[i]) return false;
+  }
+  return true;
+}
+
+void Layers::Collect(Tree* a, Tree* b, bool same, std::vector<int>* out) {
+  if (a->items.empty() || b->items.empty()) return out->clear();
+  out->resize(std::max<size_t>(out->capacity(), 1 << 12));
+  int count;
+  while ((count = kernels_->Overlap(a->View(), b->View(), same, out->data(), static_cast<int>(out->size() / 2))) < 0) {
+    out->resize(2 * out->size());
+  }
+  out->resize(2 * count);
+  for (int i = 0; i < count; ++i) {
+    (*out)[2 * i] = a->id[(*out)[2 * i]];
+    (*out)[2 * i + 1] = b->id[(*out)[2 * i + 1]];
+  }
+}
+
+void Layers::FindCandidates(const AlignedFloats& position, const AlignedFloats& move) {
+  if (Covers(position, move)) return;
+  const float margin = reach_ / 2 + kSlack * reach_;
+  low_.resize(position.size());
+  high_.resize(position.size());
+  for (size_t i = 0; i < position.size(); ++i) {
+    const float a = position[i], b = position[i] + move[i];
+    low_[i] = std::min(a, b) - margin;
+    high_[i] = std::max(a, b) + margin;
+  }
+  for (Tree* tree : {&vertices_, &triangles_, &edges_}) tree->Bound(*kernels_, low_.data(), high_.data());
+  Collect(&vertices_, &triangles_, false, &triangle_candidates_);
+  Collect(&edges_, &edges_, true, &edge_candidates_);
+}
+
+void Layers::FindNormals(const Mesh& mesh, const AlignedFloats& position) {
+  normals_.resize(3 * mesh.triangles.size());
+  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const int* v = mesh.triangles[t].vertex;
+    const float *a = &position[4 * v[0]], *b = &position[4 * v[1]], *c = &position[4 * v[2]];
+    const float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, w[3] = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
+    const float n[3] = {u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]};
+    const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    for (int k = 0; k < 3; ++k) normals_[3 * t + k] = length > 0 ? n[k] / length : 0;
+  }
+}
+
+bool Layers::IsFlat(const Mesh::Edge& edge, const float* normal) const {
+  for (int t : edge.triangle) {
+    if (t < 0) continue;
+    const float* n = &normals_[3 * t];
+    if (std::fabs(n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2]) < kFlat) return false;
+  }
+  return edge.triangle[0] >= 0;
+}
+
+bool Layers::Counts(const Mesh& mesh, const Pair& pair) const {
+  if (!pair.edges) return mesh.triangles[pair.second].owned >> pair.region & 1;
+  if (chain_[pair.first] >= 0 && chain_[pair.first] == chain_[pair.second]) {
+    return std::abs(place_[pair.first] - place_[pair.second]) > kNextPieces;
+  }
+  const float thickness = mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
+  if (pair.distance < (1 - kOverlap) * thickness) return true;
+  return !IsFlat(mesh.edges[pair.first], pair.normal) || !IsFlat(mesh.edges[pair.second], pair.normal);
+}
+
+void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move) {
+  FindCandidates(position, move);
+  const Scene scene = {position.data(), move.data(), corners_.data(), ends_.data(), mesh.part.data(),
+                       mesh.thickness.data(), static_cast<int>(mesh.flexes.size()), kInterest};
+  const int triangles = static_cast<int>(triangle_candidates_.size() / 2);
+  const int edges = static_cast<int>(edge_candidates_.size() / 2);
+  found_.resize(triangles + edges);
+  int count = kernels_->FilterTriangles(scene, triangle_candidates_.data(), triangles, found_.data());
+  count += kernels_->FilterEdges(scene, edge_candidates_.data(), edges, found_.data() + count);
+  FindNormals(mesh, position);
+  pairs.clear();
+  for (int i = 0; i < count; ++i) {
+    if (Counts(mesh, found_[i])) pairs.push_back(found_[i]);
+  }
+}
+
+void Layers::MakeRows(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move,
+                      const std::vector<float>& inverse_mass, float gamma) {
+  if (found_once_ && position == position_ && move == move_ && inverse_mass == inverse_mass_) return;
+  if (!found_once_ || position != position_ || move != move_) Find(mesh, position, move);
+  found_once_ = true;
+  position_ = position, move_ = move, inverse_mass_ = inverse_mass;
+  const int count = static_cast<int>(pairs.size()), dummy = mesh.NumVertices();
+  row_vertices_.resize(4 * count);
+  for (int i = 0; i < count; ++i) std::copy(pairs[i].vertex, pairs[i].vertex + 4, &row_vertices_[4 * i]);
+  movable_.resize(dummy + 1);
+  for (int v = 0; v < dummy; ++v) movable_[v] = inverse_mass[v] > 0;
+  levels_.Order(row_vertices_.data(), count, 4, movable_.data(), dummy + 1, &order_);
+  blocks.resize(order_.size() / kBlock);
+  for (size_t i = 0; i < order_.size(); ++i) {
+    LayerBlock& block = blocks[i / kBlock];
+    const int lane = i % kBlock, row = order_[i];
+    block.gap[lane] = 1;
+    block.friction[lane] = block.mass[lane] = block.inverse[lane] = 0;
+    for (int k = 0; k < 3; ++k) block.normal[k][lane] = 0;
+    for (int k = 0; k < 4; ++k) block.vertex[k][lane] = dummy, block.weight[k][lane] = 0;
+    if (row < 0) continue;
+    const Pair& pair = pairs[row];
+    float mass = 0;
+    for (int k = 0; k < 4; ++k) {
+      block.vertex[k][lane] = pair.vertex[k];
+      block.weight[k][lane] = pair.weight[k];
+      mass += pair.weight[k] * pair.weight[k] * inverse_mass[pair.vertex[k]];
+    }
+    for (int k = 0; k < 3; ++k) block.normal[k][lane] = pair.normal[k];
+    block.friction[lane] = mesh.friction[mesh.Pair(pair.vertex[0], pair.vertex[3])];
+    block.mass[lane] = mass;
+    block.inverse[lane] = mass > 0 ? 1 / (mass + gamma) : 0;
+  }
+}
+
+void Layers::Start(const Mesh& mesh, const double* position) {
+  for (size_t i = 0; i < order_.size(); ++i) {
+    LayerBlock& block = blocks[i / kBlock];
+    const int lane = i % kBlock, row = order_[i];
+    for (int k = 0; k < 3; ++k) block.before[k][lane] = block.held[k][lane] = 0;
+    block.impulse[lane] = 0;
+    if (row < 0) continue;
+    const Pair& pair = pairs[row];
+    double gap = -mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
+    for (int k = 0; k < 3; ++k) {
+      double apart = 0;
+      for (int c = 0; c < 4; ++c) apart += static_cast<double>(pair.weight[c]) * position[3 * pair.vertex[c] + k];
+      gap += pair.normal[k] * apart;
+    }
+    block.gap[lane] = static_cast<float>(gap);
+  }
+}
+
+}  // namespace softgym_mj::cloth

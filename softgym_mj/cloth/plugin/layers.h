@@ -1,0 +1,75 @@
+// Contact between layers: finds the pairs that may touch in a step, and makes rows of them.
+
+#ifndef SOFTGYM_MJ_CLOTH_LAYERS_H_
+#define SOFTGYM_MJ_CLOTH_LAYERS_H_
+
+#include <cstdint>
+#include <vector>
+
+#include "cloth/plugin/kernels.h"
+#include "cloth/plugin/levels.h"
+#include "cloth/plugin/mesh.h"
+#include "native/aligned.h"
+
+namespace softgym_mj::cloth {
+
+// What comes out depends on the arguments alone; what is kept from step to step only saves time.
+class Layers {
+ public:
+  std::vector<Pair> pairs;
+  Aligned<LayerBlock> blocks;
+
+  // To be called when the mesh has changed.
+  void Reset(const Mesh& mesh, const ClothKernels& kernels);
+  // Finds the pairs for vertices at `position` with the displacements `move` in the step, four floats each.
+  void Find(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move);
+  // Makes rows of the pairs: `inverse_mass` of each vertex, 0 if it is held.
+  void MakeRows(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move,
+                const std::vector<float>& inverse_mass, float gamma);
+  // Sets the gaps for vertices at `position` (n, 3), and forgets all impulses.
+  void Start(const Mesh& mesh, const double* position);
+
+  // Makes the next rows anew: `Find` has been called for other displacements.
+  void Forget() { found_once_ = false; }
+  // The pair of each lane of the blocks, or -1.
+  const std::vector<int>& order() const { return order_; }
+
+ private:
+  // Items of one kind and the boxes around them.
+  struct Tree {
+    std::vector<int> id, corners;  // By place.
+    Aligned<Boxes> items, leaves;
+    std::vector<float> bounds;
+    void Build(const std::vector<int>& items_by_place, const std::vector<int>& vertices, int corners_of_item);
+    void Bound(const ClothKernels& kernels, const float* low, const float* high);
+    BoxTree View();
+  };
+
+  bool Covers(const AlignedFloats& position, const AlignedFloats& move) const;
+  void FindCandidates(const AlignedFloats& position, const AlignedFloats& move);
+  void Collect(Tree* a, Tree* b, bool same, std::vector<int>* out);
+  bool IsFlat(const Mesh::Edge& edge, const float* normal) const;
+  bool Counts(const Mesh& mesh, const Pair& pair) const;
+  void FindNormals(const Mesh& mesh, const AlignedFloats& position);
+
+  const ClothKernels* kernels_ = nullptr;
+  float reach_ = 0;  // Largest distance at which pairs are of interest [m].
+  Tree vertices_, triangles_, edges_;
+  std::vector<int> corners_, ends_;    // Of triangles, and of edges.
+  std::vector<int> chain_, place_;     // Of each edge: the cord that it belongs to, and where; or -1.
+  std::vector<float> normals_;         // Of triangles.
+  AlignedFloats low_, high_;           // Boxes of the vertices that the candidates were found with.
+  std::vector<int> triangle_candidates_, edge_candidates_;
+  std::vector<Pair> found_;
+  // What pairs and rows were last made of.
+  AlignedFloats position_, move_;
+  std::vector<float> inverse_mass_;
+  bool found_once_ = false;
+  Levels levels_;
+  std::vector<int> order_, row_vertices_;
+  std::vector<std::uint8_t> movable_;
+};
+
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_LAYERS_H_

@@ -1,0 +1,80 @@
+#include "cloth/plugin/levels.h"
+
+#include <cstddef>
+#include <utility>
+
+#include "cloth/plugin/kernels.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+// As the finalizer of MurmurHash3 by Appleby, which is in the public domain.
+std::uint32_t Mix(std::uint32_t h) {
+  h ^= h >> 16;
+  h *= 0x85ebca6bu;
+  h ^= h >> 13;
+  h *= 0xc2b2ae35u;
+  return h ^ h >> 16;
+}
+
+// Sorts by the upper 32 bits; the order of equal ones stays.
+void SortByHash(std::vector<std::uint64_t>* keys, std::vector<std::uint64_t>* other) {
+  constexpr int kBits = 11, kSize = 1 << kBits;
+  other->resize(keys->size());
+  for (int shift = 32; shift < 64; shift += kBits) {
+    int place[kSize] = {}, sum = 0;
+    for (std::uint64_t key : *keys) ++place[key >> shift & (kSize - 1)];
+    for (int& p : place) sum += std::exchange(p, sum);
+    for (std::uint64_t key : *keys) (*other)[place[key >> shift & (kSize - 1)]++] = key;
+    std::swap(*keys, *other);
+  }
+}
+
+}  // namespace
+
+void Levels::Order(const int* vertices, int rows, int corners, const std::uint8_t* counts, int num_vertices,
+                   std::vector<int>* order) {
+  keys_.resize(rows);
+  for (int row = 0; row < rows; ++row) {
+    std::uint32_t hash = 0;
+    for (int k = 0; k < corners; ++k) hash = Mix(hash * 31 + static_cast<std::uint32_t>(vertices[corners * row + k]));
+    keys_[row] = std::uint64_t{hash} << 32 | static_cast<std::uint32_t>(row);
+  }
+  SortByHash(&keys_, &sorted_);
+  taken_.assign(static_cast<size_t>(kWords) * num_vertices, 0);
+  level_.resize(rows);
+  begin_.assign(64 * kWords + 1, 0);
+  int num_levels = 64 * kWords;
+  for (std::uint64_t key : keys_) {
+    const int row = static_cast<int>(key & 0xffffffffu);
+    const int* vertex = vertices + corners * row;
+    int level = -1;
+    for (int word = 0; word < kWords && level < 0; ++word) {
+      std::uint64_t taken = 0;
+      for (int k = 0; k < corners; ++k) taken |= counts[vertex[k]] ? taken_[kWords * vertex[k] + word] : 0;
+      if (~taken == 0) continue;
+      level = 64 * word + __builtin_ctzll(~taken);
+      const std::uint64_t bit = std::uint64_t{1} << (level % 64);
+      for (int k = 0; k < corners; ++k) taken_[kWords * vertex[k] + word] |= bit;
+    }
+    if (level < 0) {
+      level = num_levels++;
+      begin_.push_back(0);
+    }
+    level_[row] = level;
+    ++begin_[level];
+  }
+  int sum = 0;
+  for (int& begin : begin_) {
+    const int size = (begin + kBlock - 1) / kBlock * kBlock;
+    begin = sum;
+    sum += size;
+  }
+  order->assign(sum, -1);
+  for (std::uint64_t key : keys_) {
+    const int row = static_cast<int>(key & 0xffffffffu);
+    (*order)[begin_[level_[row]]++] = row;
+  }
+}
+
+}  // namespace softgym_mj::cloth

@@ -1,0 +1,102 @@
+// A step of all flexes: substeps of elasticity, contact and friction in one solve.
+
+#ifndef SOFTGYM_MJ_CLOTH_SOLVER_H_
+#define SOFTGYM_MJ_CLOTH_SOLVER_H_
+
+#include <cstdint>
+#include <vector>
+
+#include "cloth/plugin/impacts.h"
+#include "cloth/plugin/kernels.h"
+#include "cloth/plugin/layers.h"
+#include "cloth/plugin/mesh.h"
+#include "native/aligned.h"
+
+namespace softgym_mj::cloth {
+
+struct Settings {
+  int substeps = 25;
+  int sweeps = 15;                  // Over contacts near bodies that give way, in each substep.
+  double contact_stiffness = 2000;  // [N/m] Of a contact,
+  double contact_damping = 0.01;    // [s] and its dashpot as a multiple of it.
+};
+
+// A fixed plane that vertices stay in front of.
+struct PlaneContact {
+  double point[3], normal[3];
+  std::vector<float> friction;  // With each flex.
+  std::vector<bool> touches;    // Each flex.
+};
+
+// What the vertices start a step with.
+struct Start {
+  std::vector<double> position;      // (n, 3) [m]
+  std::vector<double> velocity;      // (n, 3) [m/s]
+  std::vector<double> acceleration;  // (n, 3) [m/s^2], mean of the step without flexes' forces.
+  std::vector<float> inverse_mass;   // [1/kg], 0 if something holds or carries a vertex.
+  std::vector<double> mass;          // [kg]
+};
+
+class Solids;
+
+class Solver {
+ public:
+  // To be called when the mesh, the settings or the time step [s] have changed.
+  void Reset(const Mesh& mesh, const Settings& settings, double timestep);
+
+  // Moves the vertices by a step; `motion` holds their displacements and final velocities. `reference` (n, 3) are the
+  // positions that pairs of layers are found for, part of the state.
+  void Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
+            double* reference, Motion* motion);
+
+  // Mean force [N] of its edges on a vertex in the last step (n, 3); that of held ones only.
+  const std::vector<double>& holding_forces() const { return holding_forces_; }
+
+  const Layers& layers() const { return layers_; }
+
+ private:
+  // Edges of a cord, solved at once.
+  struct ChainRow {
+    std::vector<int> vertex;
+    std::vector<float> start, length, gamma, keep, before, impulse;
+    std::vector<double> lower, diagonal, right, normal;
+  };
+  struct ActivePlane {
+    Plane plane;
+    AlignedFloats gap, friction, impulse;
+    std::vector<int> blocks;
+  };
+
+  void StartPoints(const Mesh& mesh, const Start& start);
+  void StartEdges(const Start& start);
+  void StartHinges(const Start& start);
+  void StartPlanes(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes);
+  void FindLayers(const Mesh& mesh, const Start& start, double* reference);
+  void Substep(bool bend);
+  void SolveChain(ChainRow* chain);
+  void AddHoldingForces(const Mesh& mesh);
+  void AddAir(const Mesh& mesh, const Start& start, std::vector<double>* acceleration) const;
+  void Finish(const Mesh& mesh, const Start& start, double* reference, Motion* motion);
+
+  const ClothKernels* kernels_ = nullptr;
+  Settings settings_;
+  double timestep_ = 0, h_ = 0;
+  ContactRow contact_ = {};
+  Points points_ = {};
+  AlignedFloats now_, before_, drift_, bent_drift_, predicted_;
+  Aligned<EdgeBlock> edges_;
+  std::vector<int> edge_order_;
+  Aligned<HingeBlock> hinges_;
+  std::vector<int> hinge_order_;
+  int bend_interval_ = 1;  // Substeps from one bending to the next.
+  std::vector<ChainRow> chains_;
+  std::vector<ActivePlane> planes_;
+  Layers layers_;
+  AlignedFloats position_, move_, first_move_;
+  std::vector<double> holding_forces_;
+  std::vector<int> held_edges_;
+};
+
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_SOLVER_H_

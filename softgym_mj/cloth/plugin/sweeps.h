@@ -1,0 +1,227 @@
+// Sweeps over rows, eight at a time. See native/simd.h for what this must not use, kernels.h for the equation.
+
+#ifndef SOFTGYM_MJ_CLOTH_SWEEPS_H_
+#define SOFTGYM_MJ_CLOTH_SWEEPS_H_
+
+#include "cloth/plugin/kernels.h"
+#include "native/simd.h"
+#include "native/vec.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+constexpr float kTinyLength = 1e-9f;  // [m] Shorter edges have no direction.
+constexpr float kTinySquare = 1e-24f;  // [m^2] Slips below its root are none.
+
+using Lanes3 = Vec3<Lanes>;
+
+template <class T>
+inline T Inner(const Vec3<T>& a, const Vec3<T>& b) {
+  return MultiplyAdd(a.x, b.x, MultiplyAdd(a.y, b.y, a.z * b.z));
+}
+// a + s b.
+template <class T>
+inline Vec3<T> AddScaled(const Vec3<T>& a, T s, const Vec3<T>& b) {
+  return {MultiplyAdd(s, b.x, a.x), MultiplyAdd(s, b.y, a.y), MultiplyAdd(s, b.z, a.z)};
+}
+
+inline Lanes3 Load3(const float (*p)[kBlock]) { return {Lanes::Load(p[0]), Lanes::Load(p[1]), Lanes::Load(p[2])}; }
+inline void Store3(const Lanes3& a, float (*p)[kBlock]) {
+  a.x.Store(p[0]);
+  a.y.Store(p[1]);
+  a.z.Store(p[2]);
+}
+inline Lanes3 Gather(const float* p, const int* index, Lanes* w) {
+  Lanes3 out;
+  Gather4(p, index, &out.x, &out.y, &out.z, w);
+  return out;
+}
+inline void Scatter(float* p, const int* index, const Lanes3& a, Lanes w) { Scatter4(p, index, a.x, a.y, a.z, w); }
+
+inline void Move(const Points& points) {
+  for (int i = 0; i < 4 * points.count; i += kLanes) {
+    const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
+    now.Store(points.before + i);
+    (now + (moved + Lanes::Load(points.bent_drift + i))).Store(points.now + i);
+  }
+}
+
+// One row of an edge. `d`: from the second to the first vertex. Returns the impulse and sets its direction and the
+// length after it.
+template <class T>
+SGM_DEVICE inline T EdgeImpulse(const Vec3<T>& d, T length, T gamma, T keep, T mass, T* before, Vec3<T>* normal) {
+  const T now = Max(Sqrt(Inner(d, d)), T(kTinyLength));
+  const T inverse = T(1.0f) / now;
+  *normal = {d.x * inverse, d.y * inverse, d.z * inverse};
+  const T violation = NegativeMultiplyAdd(keep, *before - length, now - length);
+  const T impulse = -(violation / (mass + gamma));
+  *before = MultiplyAdd(mass, impulse, now);
+  return impulse;
+}
+
+inline void SweepEdges(const Points& points, EdgeBlock* blocks, int count) {
+  for (EdgeBlock* block = blocks; block < blocks + count; ++block) {
+    Lanes wa, wb, before = Lanes::Load(block->before);
+    const Lanes3 a = Gather(points.now, block->vertex[0], &wa), b = Gather(points.now, block->vertex[1], &wb);
+    Lanes3 normal;
+    const Lanes impulse = EdgeImpulse(Load3(block->start) + (a - b), Lanes::Load(block->length),
+                                      Lanes::Load(block->gamma), Lanes::Load(block->keep), wa + wb, &before, &normal);
+    before.Store(block->before);
+    impulse.Store(block->impulse);
+    Scatter(points.now, block->vertex[0], AddScaled(a, wa * impulse, normal), wa);
+    Scatter(points.now, block->vertex[1], AddScaled(b, -(wb * impulse), normal), wb);
+  }
+}
+
+// Bending in one step as long as `substeps`; its change of velocity is spread evenly over them.
+inline void Bend(const Points& points, HingeBlock* blocks, int count, float substeps) {
+  const Lanes n(substeps), square(substeps * substeps), share(1.0f / (substeps * substeps));
+  for (int i = 0; i < 4 * points.count; i += kLanes) {
+    const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
+    MultiplyAdd(square, Lanes::Load(points.drift + i), MultiplyAdd(n, moved, now)).Store(points.predicted + i);
+  }
+  for (HingeBlock* block = blocks; block < blocks + count; ++block) {
+    Lanes w[4], masses[4], mass(0.0f);
+    Lanes3 x[4], sum = Load3(block->start);
+    for (int k = 0; k < 4; ++k) {
+      x[k] = Gather(points.predicted, block->vertex[k], &masses[k]);
+      const Lanes weight = Lanes::Load(block->weight[k]);
+      sum = AddScaled(sum, weight, x[k]);
+      w[k] = weight * masses[k];
+      mass = MultiplyAdd(weight, w[k], mass);
+    }
+    const Lanes scale = Lanes(-1.0f) / (mass + Lanes::Load(block->gamma));
+    const Lanes3 impulse = scale * AddScaled(sum, -Lanes::Load(block->keep), Load3(block->before));
+    Store3(AddScaled(sum, mass, impulse), block->before);
+    for (int k = 0; k < 4; ++k) {
+      Scatter(points.predicted, block->vertex[k], AddScaled(x[k], w[k], impulse), masses[k]);
+    }
+  }
+  for (int i = 0; i < 4 * points.count; i += kLanes) {
+    const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
+    const Lanes drift = Lanes::Load(points.drift + i);
+    const Lanes free = MultiplyAdd(square, drift, MultiplyAdd(n, moved, now));
+    MultiplyAdd(share, Lanes::Load(points.predicted + i) - free, drift).Store(points.bent_drift + i);
+  }
+}
+
+// What an impulse has to make up for along the normal: gaps may close; overlaps are springs with dashpots, but leave
+// at a limited speed. `gap` at the last turn, `way` since then.
+template <class T>
+SGM_DEVICE inline T ContactViolation(T gap, T way, T b, T recovery) {
+  return way + Select(Less(gap, T(0.0f)), Max(b * gap, -recovery), gap);
+}
+
+// Coulomb's cone: the share of what friction would hold that it may.
+template <class T>
+SGM_DEVICE inline T Grip(T square, T most) {
+  return Min(T(1.0f), Max(most, T(0.0f)) / Sqrt(Max(square, T(kTinySquare))));
+}
+
+inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock* blocks, int count, Turn turn) {
+  const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
+  for (LayerBlock* block = blocks; block < blocks + count; ++block) {
+    Lanes w[4], masses[4];
+    Lanes3 x[4], sum = {zero, zero, zero};
+    for (int k = 0; k < 4; ++k) {
+      x[k] = Gather(points.now, block->vertex[k], &masses[k]);
+      const Lanes weight = Lanes::Load(block->weight[k]);
+      sum = AddScaled(sum, weight, x[k]);
+      w[k] = weight * masses[k];
+    }
+    const Lanes3 normal = Load3(block->normal), before = Load3(block->before);
+    const Lanes3 moved = sum - before;
+    const Lanes way = Inner(normal, moved), mass = Lanes::Load(block->mass);
+    const Lanes gap = MultiplyAdd(Lanes(1.0f), Inner(normal, before), Lanes::Load(block->gap));
+    const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
+    const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
+    const Lanes impulse = Max(NegativeMultiplyAdd(violation, Lanes::Load(block->inverse), old), zero);
+    if (turn.first && turn.last && !Bits(Less(zero, impulse))) {
+      Store3(sum, block->before);
+      impulse.Store(block->impulse);
+      continue;
+    }
+    // Friction holds what slips, up to its share of the normal impulse.
+    const Lanes3 slip = AddScaled(moved, -way, normal);
+    const Lanes inverse = Lanes(1.0f) / Max(mass, Lanes(1e-12f));
+    const Lanes3 old_held = turn.first ? Lanes3{zero, zero, zero} : Load3(block->held);
+    Lanes3 held = AddScaled(old_held, -inverse, slip);
+    const Lanes grip = Grip(Inner(held, held), Lanes::Load(block->friction) * impulse);
+    held = grip * held;
+    const Lanes3 change = AddScaled(held - old_held, impulse - old, normal);
+    for (int k = 0; k < 4; ++k) {
+      Scatter(points.now, block->vertex[k], AddScaled(x[k], w[k], change), masses[k]);
+    }
+    impulse.Store(block->impulse);
+    if (!turn.last || !turn.first) Store3(held, block->held);
+    if (turn.last) Store3(AddScaled(sum, mass, change), block->before);
+  }
+}
+
+// The trial has shown how far later rows undo a turn. At the start of the step all of them have done so.
+inline void RewindEdges(const Points& points, EdgeBlock* blocks, int count) {
+  for (EdgeBlock* block = blocks; block < blocks + count; ++block) {
+    Lanes unused;
+    const Lanes3 a = Gather(points.now, block->vertex[0], &unused), b = Gather(points.now, block->vertex[1], &unused);
+    const Lanes3 start = Load3(block->start), d = start + (a - b);
+    (Lanes::Load(block->before) + (Sqrt(Inner(start, start)) - Sqrt(Inner(d, d)))).Store(block->before);
+  }
+}
+
+inline void RewindLayers(const Points& points, LayerBlock* blocks, int count) {
+  for (LayerBlock* block = blocks; block < blocks + count; ++block) {
+    Lanes unused;
+    Lanes3 before = Load3(block->before);
+    for (int k = 0; k < 4; ++k) {
+      before = AddScaled(before, -Lanes::Load(block->weight[k]), Gather(points.now, block->vertex[k], &unused));
+    }
+    Store3(before, block->before);
+  }
+}
+
+// Gives vertices a share of the impulses of the last substep.
+inline void WarmLayers(const Points& points, LayerBlock* blocks, int count, float share) {
+  for (LayerBlock* block = blocks; block < blocks + count; ++block) {
+    const Lanes impulse = Lanes(share) * Lanes::Load(block->impulse);
+    const Lanes3 held = Lanes(share) * Load3(block->held);
+    impulse.Store(block->impulse);
+    Store3(held, block->held);
+    if (!Bits(Less(Lanes(0.0f), impulse))) continue;
+    const Lanes3 change = AddScaled(held, impulse, Load3(block->normal));
+    for (int k = 0; k < 4; ++k) {
+      Lanes mass;
+      const Lanes3 x = Gather(points.now, block->vertex[k], &mass);
+      Scatter(points.now, block->vertex[k], AddScaled(x, Lanes::Load(block->weight[k]) * mass, change), mass);
+    }
+  }
+}
+
+inline void SweepPlane(const Points& points, const ContactRow& row, const Plane& plane, Turn turn) {
+  const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
+  const Lanes3 normal = {Lanes(plane.normal[0]), Lanes(plane.normal[1]), Lanes(plane.normal[2])};
+  for (int i = 0; i < plane.num_blocks; ++i) {
+    const int first = plane.blocks[i];
+    const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
+    Lanes w, unused;
+    const Lanes3 now = Gather(points.now, index, &w), before = Gather(points.before, index, &unused);
+    const Lanes3 moved = now - before;
+    const Lanes way = Inner(normal, moved);
+    const Lanes gap = Lanes::Load(plane.gap + first) + Inner(normal, before);
+    Lanes old = zero;
+    Lanes3 old_held = {zero, zero, zero};
+    if (!turn.first) old_held = Gather(plane.impulse, index, &old);
+    const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
+    const Lanes impulse = Max(old - violation / (w + gamma), zero);
+    const Lanes3 slip = AddScaled(moved, -way, normal);
+    const Lanes inverse = Lanes(1.0f) / Max(w, Lanes(1e-12f));
+    Lanes3 held = AddScaled(old_held, -inverse, slip);
+    held = Grip(Inner(held, held), Lanes::Load(plane.friction + first) * impulse) * held;
+    Scatter(points.now, index, AddScaled(now, w, AddScaled(held - old_held, impulse - old, normal)), w);
+    Scatter(plane.impulse, index, held, impulse);
+  }
+}
+
+}  // namespace
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_SWEEPS_H_
