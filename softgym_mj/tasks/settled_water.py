@@ -56,7 +56,7 @@ class SettledWater:
     def parameters(self) -> dict[str, object]:
         """What the states depend on, besides the scenes."""
         liquid = dataclasses.asdict(self.liquid)
-        return {"version": 3, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
+        return {"version": 4, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
 
     def generate(self, index: int) -> np.ndarray:
         """Positions (num_particles, 3) [m] relative to the middle of the cup's floor."""
