@@ -195,7 +195,7 @@ def test_too_many_neighbors_are_counted_as_a_warning():
     cup.step(2)
     assert cup.data.warning[mujoco.mjtWarning.mjWARN_CONTACTFULL].number == 2
     assert np.isfinite(cup.state).all()
-    small = FluidCup((6, 6), 7, height=2.0)  # 252 particles: the others are no more than the limit.
+    small = FluidCup((16, 16), 16, height=2.0, substeps=1)  # So few that all pairs have room.
     small.positions[:] = [0, 0, SPACING]
     small.step(5)
     assert small.data.warning[mujoco.mjtWarning.mjWARN_CONTACTFULL].number == 0

@@ -8,9 +8,6 @@
 
 namespace softgym_mj {
 
-// Five times as many as in water at rest. All pairs of particles that lie in one place would take any memory there is.
-constexpr int kMaxNeighbors = 256;
-
 enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
 
 // Constants of a fluid.
@@ -56,7 +53,8 @@ struct Neighbors {
   int* begin;
   int* index;
   long capacity;   // Of `index`.
-  bool* too_many;  // Set if a particle had more than kMaxNeighbors, of which the first ones are listed.
+  int most;        // Of one particle; of those that have more, the first ones are listed.
+  bool* too_many;  // Set if one has more.
   float* e;        // Three arrays of `stride` floats: e_ij by component.
   long stride;
 };

@@ -82,12 +82,12 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
         }
         long candidates = 0;
         for (int r = 0; r < ranges; ++r) candidates += last[r] - first[r];
-        if (candidates > kMaxNeighbors) candidates = kMaxNeighbors;
+        if (candidates > out.most) candidates = out.most;
         const long room = candidates + 3 * kLanes;  // More are written for a moment.
         if (length + room * (start[cell + 1] - start[cell]) > out.capacity) return false;
         for (int i = start[cell]; i < start[cell + 1]; ++i) {
           out.begin[i] = length;
-          const int most = length + kMaxNeighbors;
+          const int most = length + out.most;
           const Lanes x(px[i]), y(py[i]), z(pz[i]);
           for (int r = 0; r < ranges; ++r) {
             for (int k = first[r]; k < last[r] && length <= most; k += kLanes) {

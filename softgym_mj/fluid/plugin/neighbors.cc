@@ -16,6 +16,11 @@ namespace {
 constexpr float kSkin = 0.45f;
 constexpr float kWallSkin = 1.0f;
 
+// All pairs of particles that lie in one place would take any memory there is: 16 bytes each. There is room for this
+// many pairs in all, and in any case for five times as many neighbors of a particle as in water at rest.
+constexpr int kMaxPairs = 1 << 24;
+constexpr int kMaxNeighbors = 256;
+
 // Particles in one place push each other nowhere: all but one are moved by this, in spacings.
 constexpr float kNudge = 0.01f;
 
@@ -143,6 +148,7 @@ void Solver::BuildLists() {
   const float distance = ListDistance();
   Sort(distance);
   long capacity = std::max<long>(static_cast<long>(index_.size()), 48L * count_ + 4096);
+  neighbors_.most = std::max(kMaxNeighbors, kMaxPairs / count_);
   for (;; capacity *= 2) {
     neighbors_.index = index_.Reserve(capacity);
     neighbors_.capacity = capacity;
