@@ -21,7 +21,7 @@ namespace {
 
 constexpr const char* kName = "softgym_mj.cloth";
 constexpr const char* kAttributes[] = {"stretch", "shear", "bend", "stretch_damping", "bend_damping", "friction",
-                                       "drag", "added_mass", "substeps", "sweeps", "contact_stiffness",
+                                       "drag", "added_mass", "contype", "conaffinity", "substeps", "sweeps", "contact_stiffness",
                                        "contact_damping"};
 
 // [kg] A vertex that counts as heavier in mjModel.dof_M0 is held: it keeps the velocity that it is given.
@@ -41,10 +41,11 @@ struct Workspace {
   Mesh mesh;
   std::vector<Vertex> vertices;
   std::vector<mjtNum> axes;  // World directions of the slides of each vertex (n, 3, 3).
-  std::vector<mjtNum> qpos, qvel;  // At the start of the step.
+  std::vector<mjtNum> qpos, qvel;  // Of all that moves, at the start of the step.
   Start start;
   std::vector<PlaneContact> planes;
   Motion motion;
+  Settings settings;
   Solids solids;
   Solver solver;
 
@@ -99,6 +100,8 @@ std::string ParseMaterial(const mjModel* m, int instance, Material* out) {
   read.Numbers("friction", &out->friction, 1, 0, 10);
   read.Numbers("drag", &out->drag, 1, 0, 100);
   read.Numbers("added_mass", &out->added_mass, 1, 0, 100);
+  read.Numbers("contype", &out->contype, 1, 0, 1 << 30);
+  read.Numbers("conaffinity", &out->conaffinity, 1, 0, 1 << 30);
   return read.error();
 }
 
@@ -148,6 +151,9 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
   w->signature = w->scratch;
   w->mesh = MakeMesh(m, w->flexes, materials);
   w->solver.Reset(w->mesh, settings, m->opt.timestep);
+  w->settings = settings;
+  const std::string wrong = CheckGeoms(m, w->mesh);
+  if (!wrong.empty()) return wrong;
   w->vertices.clear();
   for (int f : w->flexes) {
     const int* body = m->flex_vertbodyid + m->flex_vertadr[f];
@@ -196,7 +202,7 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
       for (int k = 0; k < 3; ++k) {
         mjtNum* axis = &w->axes[9 * v + 3 * k];
         mju_rotVecQuat(axis, m->jnt_axis + 3 * (joint + k), quaternion);
-        const double before = w->qvel[3 * v + k], after = d->qvel[vertex.dof + k];
+        const double before = w->qvel[vertex.dof + k], after = d->qvel[vertex.dof + k];
         mju_addToScl3(&start.velocity[3 * v], axis, before);
         if (!held) mju_addToScl3(&start.acceleration[3 * v], axis, (after - before) / dt);
       }
@@ -227,37 +233,34 @@ void HoldTied(const mjModel* m, const mjData* d, Workspace* w) {
   }
 }
 
-// Planes that stay where they are. Friction is the larger of the two, or that of the higher priority, as in MuJoCo.
 void FindPlanes(const mjModel* m, const mjData* d, Workspace* w) {
   w->planes.clear();
   for (int g = 0; g < m->ngeom; ++g) {
-    if (m->geom_type[g] != mjGEOM_PLANE || !(m->geom_contype[g] | m->geom_conaffinity[g])) continue;
-    PlaneContact plane;
-    const mjtNum* matrix = d->geom_xmat + 9 * g;
+    if (m->geom_type[g] != mjGEOM_PLANE) continue;
+    PlaneContact plane = {g, {}, {}, {}, {}};
     for (int k = 0; k < 3; ++k) {
       plane.point[k] = d->geom_xpos[3 * g + k];
-      plane.normal[k] = matrix[3 * k + 2];
+      plane.normal[k] = d->geom_xmat[9 * g + 3 * k + 2];
     }
-    for (int f : w->mesh.flexes) {
-      const double of_geom = m->geom_friction[3 * g], of_flex = m->flex_friction[3 * f];
-      const int ahead = m->geom_priority[g] - m->flex_priority[f];
-      plane.friction.push_back(static_cast<float>(ahead > 0 ? of_geom : ahead < 0 ? of_flex : std::max(of_geom, of_flex)));
-      plane.touches.push_back(true);
+    bool touches = false;
+    for (size_t p = 0; p < w->mesh.flexes.size(); ++p) {
+      plane.touches.push_back(MayTouch(m, g, w->mesh, static_cast<int>(p)));
+      plane.friction.push_back(static_cast<float>(Friction(m, g, w->mesh.flexes[p])));
+      touches |= plane.touches.back();
     }
-    w->planes.push_back(plane);
+    if (touches) w->planes.push_back(plane);
   }
 }
 
 // Writes the motion to qvel and qpos.
-void Apply(const mjModel* m, mjData* d, const Workspace& w) {
-  (void)m;
+void Apply(mjData* d, const Workspace& w) {
   for (int v = 0; v < w.mesh.NumVertices(); ++v) {
     if (w.vertices[v].dof < 0) continue;
     const Vector move = FromArray(&w.motion.move[3 * v]), velocity = FromArray(&w.motion.velocity[3 * v]);
     for (int k = 0; k < 3; ++k) {
       const Vector axis = FromArray(&w.axes[9 * v + 3 * k]);
       d->qvel[w.vertices[v].dof + k] = Dot(axis, velocity);
-      d->qpos[w.vertices[v].qpos + k] = w.qpos[3 * v + k] + Dot(axis, move);
+      d->qpos[w.vertices[v].qpos + k] = w.qpos[w.vertices[v].qpos + k] + Dot(axis, move);
     }
   }
 }
@@ -291,15 +294,8 @@ int Init(const mjModel* m, mjData* d, int instance) {
 void Compute(const mjModel* m, mjData* d, int instance, int) {
   Workspace* w = Get(d, instance);
   if (!w) return;
-  const size_t count = w->vertices.size();
-  w->qpos.resize(3 * count);
-  w->qvel.resize(3 * count);
-  (void)m;
-  for (size_t v = 0; v < count; ++v) {
-    if (w->vertices[v].dof < 0) continue;
-    mju_copy3(&w->qpos[3 * v], d->qpos + w->vertices[v].qpos);
-    mju_copy3(&w->qvel[3 * v], d->qvel + w->vertices[v].dof);
-  }
+  w->qpos.assign(d->qpos, d->qpos + m->nq);
+  w->qvel.assign(d->qvel, d->qvel + m->nv);
 }
 
 void Advance(const mjModel* m, mjData* d, int instance) {
@@ -311,12 +307,14 @@ void Advance(const mjModel* m, mjData* d, int instance) {
     std::snprintf(reason, kReasonSize, "%s", error.c_str());
     return Warn(m, d, instance, reason);
   }
-  if (w->qvel.size() != 3 * w->vertices.size()) return;  // There was no step yet.
+  if (w->qvel.size() != static_cast<size_t>(m->nv)) return;  // There was no step yet.
   if (!Gather(m, d, w)) return;  // MuJoCo finds what is not finite and resets in the next step.
   HoldTied(m, d, w);
   FindPlanes(m, d, w);
+  w->solids.Start(m, d, w->mesh, w->start, w->qvel.data(), w->solver.substep());
   w->solver.Step(w->mesh, w->start, w->planes, &w->solids, References(m, d, instance, *w), &w->motion);
-  Apply(m, d, *w);
+  Apply(d, *w);
+  w->solids.Apply(m, d, w->settings.substeps);
 }
 
 }  // namespace

@@ -16,6 +16,8 @@
 
 #include <cstdint>
 
+#include "native/shapes.h"
+
 namespace softgym_mj::cloth {
 
 constexpr int kBlock = 8;  // Rows of a block, which have no vertex in common.
@@ -83,6 +85,39 @@ struct Turn {
   bool first, last;
 };
 
+// A rigid body that gives way, or moves as it is told to. Displacements and impulses are linear and angular, about its
+// centre of mass.
+struct Rigid {
+  double move[6];           // In the substep [m], [rad].
+  double compliance[6][6];  // 0 of one that does not give way.
+  double impulse[6];        // In the sweep, to be emptied by whoever reads it [kg m], [kg m^2].
+  float centre[3];          // [m]
+};
+
+// Rows of a geom and points of triangles, of cords or of vertices.
+struct alignas(32) SolidBlock {
+  int vertex[3][kBlock];
+  float weight[3][kBlock];
+  float cord[kBlock];      // 1 for a piece of a cord, whose third vertex stands for none.
+  float friction[kBlock];
+  float radius[kBlock];    // Of the flex [m].
+  float side[kBlock];      // Of a box: the face 2 axis + (0 low, 1 high) that a point inside belongs to, or -1.
+  float normal[3][kBlock];  // Towards the flex.
+  float gap[kBlock];       // At the start of the substep [m].
+  float mass[kBlock];      // Inverse mass of the vertices, and with the body [1/kg].
+  float arm[3][kBlock];    // From the body's centre to the point [m].
+  float impulse[kBlock];   // [kg m], and what friction holds:
+  float held[3][kBlock];
+  float total[3][kBlock];  // Impulses of the step so far, in the world.
+  float pressed[kBlock];   // Their normal parts.
+};
+
+struct Geom {
+  Shape shape;
+  float size[3];
+  float pose[12];  // Position [m] and row-major rotation now.
+};
+
 // Boxes in leaves of eight items, nodes of eight leaves. Empty places hold boxes that overlap nothing.
 struct alignas(32) Boxes {
   float low[3][kBlock], high[3][kBlock];
@@ -125,10 +160,13 @@ struct ClothKernels {
   void (*SweepEdges)(const Points&, EdgeBlock*, int count);
   void (*SweepLayers)(const Points&, const ContactRow&, LayerBlock*, int count, Turn);
   void (*WarmLayers)(const Points&, LayerBlock*, int count, float share);
-  // For rows that have had a turn in a trial: makes `before` what it would have been at the start.
-  void (*RewindEdges)(const Points&, EdgeBlock*, int count);
-  void (*RewindLayers)(const Points&, LayerBlock*, int count);
   void (*SweepPlane)(const Points&, const ContactRow&, const Plane&, Turn);
+  void (*WarmPlane)(const Points&, const Plane&, float share);
+  // Sets normals, gaps and masses for the start of the substep. With `search`, points of triangles and cords become
+  // those where they are nearest to the geom. `start`: four floats a vertex [m].
+  void (*FindSolid)(const Points&, const float* start, const Geom&, const Rigid*, SolidBlock*, int count, bool search);
+  void (*SweepSolid)(const Points&, const ContactRow&, SolidBlock*, int count, Rigid*, Turn);
+  void (*WarmSolid)(const Points&, SolidBlock*, int count, Rigid*, float share);
   // Fills boxes of eight items: those of the corners' boxes (low and high, four floats a vertex each).
   void (*BoundItems)(const float* low, const float* high, const int* corners, Boxes* out);
   // Pairs of places of items whose boxes overlap and that share no corner; -1 if there are more than `capacity`.

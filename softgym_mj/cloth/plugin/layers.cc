@@ -16,6 +16,8 @@ constexpr float kFlat = 0.97f, kOverlap = 0.1f;
 // Pieces of a cord with at most one piece between them are as near as their thickness when it is straight: friction
 // between them would lock its bending.
 constexpr int kNextPieces = 2;
+// Pairs that are apart by more than this share of the thickness do not push for now.
+constexpr float kNotYet = 0.01f;
 
 // Bits of three coordinates in turn: near items get near numbers.
 std::uint64_t Morton(const double* x, const double* low, double size) {
@@ -205,18 +207,50 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
   }
 }
 
+// 0 of pairs near marked vertices that push, 1 of others near them, 2 of others. It depends on the reference positions
+// only, not on gaps.
+std::vector<int> Layers::GroupRows(const Mesh& mesh, const std::vector<bool>& near) {
+  std::vector<int> group(pairs.size(), 2);
+  std::vector<bool> marked = near;
+  for (int ring = 0; ring < 2 && !near.empty(); ++ring) {
+    std::vector<bool> next = marked;
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      const int* v = pairs[i].vertex;
+      if (!marked[v[0]] && !marked[v[1]] && !marked[v[2]] && !marked[v[3]]) continue;
+      group[i] = pairs[i].distance > (1 + kNotYet) * mesh.thickness[mesh.Pair(v[0], v[3])];
+      for (int k = 0; k < 4; ++k) next[v[k]] = true;
+    }
+    marked = next;
+  }
+  near_vertex_ = marked;
+  return group;
+}
+
 void Layers::MakeRows(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move,
-                      const std::vector<float>& inverse_mass, float gamma) {
-  if (found_once_ && position == position_ && move == move_ && inverse_mass == inverse_mass_) return;
-  if (!found_once_ || position != position_ || move != move_) Find(mesh, position, move);
+                      const std::vector<float>& inverse_mass, const std::vector<bool>& near, float gamma) {
+  const bool same = found_once_ && position == position_ && move == move_;
+  if (same && inverse_mass == inverse_mass_ && near == near_) return;
+  if (!same) Find(mesh, position, move);
   found_once_ = true;
-  position_ = position, move_ = move, inverse_mass_ = inverse_mass;
-  const int count = static_cast<int>(pairs.size()), dummy = mesh.NumVertices();
-  row_vertices_.resize(4 * count);
-  for (int i = 0; i < count; ++i) std::copy(pairs[i].vertex, pairs[i].vertex + 4, &row_vertices_[4 * i]);
+  position_ = position, move_ = move, inverse_mass_ = inverse_mass, near_ = near;
+  const int dummy = mesh.NumVertices();
   movable_.resize(dummy + 1);
   for (int v = 0; v < dummy; ++v) movable_[v] = inverse_mass[v] > 0;
-  levels_.Order(row_vertices_.data(), count, 4, movable_.data(), dummy + 1, &order_);
+  const std::vector<int> group = GroupRows(mesh, near);
+  order_.clear();
+  std::vector<int> rows, part;
+  for (int g = 0; g < 3; ++g) {
+    rows.clear();
+    row_vertices_.clear();
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      if (group[i] != g) continue;
+      rows.push_back(static_cast<int>(i));
+      row_vertices_.insert(row_vertices_.end(), pairs[i].vertex, pairs[i].vertex + 4);
+    }
+    if (g == 2) num_near_ = static_cast<int>(order_.size()) / kBlock;
+    levels_.Order(row_vertices_.data(), static_cast<int>(rows.size()), 4, movable_.data(), dummy + 1, &part);
+    for (int i : part) order_.push_back(i < 0 ? -1 : rows[i]);
+  }
   blocks.resize(order_.size() / kBlock);
   for (size_t i = 0; i < order_.size(); ++i) {
     LayerBlock& block = blocks[i / kBlock];

@@ -23,14 +23,19 @@ class Layers {
   void Reset(const Mesh& mesh, const ClothKernels& kernels);
   // Finds the pairs for vertices at `position` with the displacements `move` in the step, four floats each.
   void Find(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move);
-  // Makes rows of the pairs: `inverse_mass` of each vertex, 0 if it is held.
+  // Makes rows of the pairs: `inverse_mass` of each vertex, 0 if it is held. Rows that a chain of at most two of them
+  // joins to vertices that `near` marks come first, and those that push first among them.
   void MakeRows(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move,
-                const std::vector<float>& inverse_mass, float gamma);
+                const std::vector<float>& inverse_mass, const std::vector<bool>& near, float gamma);
   // Sets the gaps for vertices at `position` (n, 3), and forgets all impulses.
   void Start(const Mesh& mesh, const double* position);
 
   // Makes the next rows anew: `Find` has been called for other displacements.
   void Forget() { found_once_ = false; }
+  // Blocks of rows that are near.
+  int num_near() const { return num_near_; }
+  // Whether one of them, or a marked vertex, is at a vertex.
+  bool IsNear(int vertex) const { return near_vertex_[vertex]; }
   // The pair of each lane of the blocks, or -1.
   const std::vector<int>& order() const { return order_; }
 
@@ -45,6 +50,7 @@ class Layers {
     BoxTree View();
   };
 
+  std::vector<int> GroupRows(const Mesh& mesh, const std::vector<bool>& near);
   bool Covers(const AlignedFloats& position, const AlignedFloats& move) const;
   void FindCandidates(const AlignedFloats& position, const AlignedFloats& move);
   void Collect(Tree* a, Tree* b, bool same, std::vector<int>* out);
@@ -64,6 +70,8 @@ class Layers {
   // What pairs and rows were last made of.
   AlignedFloats position_, move_;
   std::vector<float> inverse_mass_;
+  std::vector<bool> near_, near_vertex_;
+  int num_near_ = 0;
   bool found_once_ = false;
   Levels levels_;
   std::vector<int> order_, row_vertices_;

@@ -21,6 +21,7 @@ struct Material {
   double friction = 0.75;      // Between layers.
   double drag = 0;             // Coefficient of the air's drag on what moves along its normal.
   double added_mass = 0;       // [kg/m^2] Of air that is moved along with it.
+  int contype = 1, conaffinity = 1;  // What geoms it touches, as in MuJoCo.
 };
 
 // Where on a triangle a point is: the set of corners it lies between, as bits.

@@ -1,6 +1,102 @@
+// Contact of flexes with geoms: spheres, capsules, cylinders, ellipsoids and boxes, at rest or moving.
+
 #ifndef SOFTGYM_MJ_CLOTH_SOLIDS_H_
 #define SOFTGYM_MJ_CLOTH_SOLIDS_H_
+
+#include <string>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+#include "cloth/plugin/bodies.h"
+#include "cloth/plugin/kernels.h"
+#include "cloth/plugin/levels.h"
+#include "cloth/plugin/mesh.h"
+#include "native/aligned.h"
+
 namespace softgym_mj::cloth {
-class Solids {};
-}
-#endif
+
+struct Start;
+
+// A contact between a geom and a flex in the last step.
+struct Contact {
+  int geom;
+  int vertex[3];     // Of the solver's mesh; those without weight count as none.
+  double weight[3];
+  double normal[3];  // Towards the flex.
+  double force[3];   // On the flex, mean of the step [N].
+  double pressure;   // Its part along the normal [N].
+};
+
+// A fixed plane that vertices stay in front of.
+struct PlaneContact {
+  int geom;
+  double point[3], normal[3];
+  std::vector<float> friction;  // With each flex.
+  std::vector<bool> touches;    // Each flex.
+};
+
+// Whether a geom and a flex may touch, and with which friction: MuJoCo's rules.
+bool MayTouch(const mjModel* m, int geom, const Mesh& mesh, int part);
+double Friction(const mjModel* m, int geom, int flex);
+// "" or what is wrong with a geom that may touch.
+std::string CheckGeoms(const mjModel* m, const Mesh& mesh);
+
+class Solids {
+ public:
+  // Finds what may touch in a step of substeps of h [s]. `position`: four floats a vertex.
+  void Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cloth::Start& start, const mjtNum* qvel,
+             double h);
+  void Move();
+  void Find(const ClothKernels& kernels, const Points& points, bool search);
+  void Warm(const ClothKernels& kernels, const Points& points, float share);
+  void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn);
+  void Finish();
+
+  // Whether a body that gives way may be touched, and whether one of less than 5 kg is among them.
+  bool TouchesBodies() const { return touches_bodies_; }
+  bool TouchesLightBodies() const { return touches_light_; }
+  // Marks the vertices of rows with bodies that give way.
+  void MarkNear(std::vector<bool>* near) const;
+
+  Bodies& bodies() { return bodies_; }
+  const std::vector<Contact>& contacts() const { return contacts_; }
+  // Ends a step: bodies move, contacts are kept.
+  void Apply(const mjModel* m, mjData* d, int substeps);
+
+ private:
+  void Collect(int substeps);
+
+  // What a row is of: three vertices with weights.
+  struct Row {
+    int vertex[3];
+    float weight[3];
+  };
+  struct Active {
+    int geom, body;  // body: in the bodies, or -1.
+    bool small;      // A gripper's pad or something as small, which moves.
+    double offset[3], matrix[9];  // From the body's centre, at the start of the step.
+    Geom view;
+    std::vector<Row> points, triangles;  // Fixed points, and points that are searched.
+    std::vector<int> point_order, triangle_order;
+    Aligned<SolidBlock> point_blocks, triangle_blocks;
+  };
+
+  void AddRows(const Mesh& mesh, Active* active, double margin);
+  void MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* active, std::vector<int>* order,
+                  Aligned<SolidBlock>* blocks);
+
+  const mjModel* m_ = nullptr;
+  std::vector<Active> actives_;
+  Bodies bodies_;
+  double h_ = 0;
+  AlignedFloats position_;
+  std::vector<std::uint8_t> counts_;
+  Levels levels_;
+  bool touches_bodies_ = false, touches_light_ = false;
+  std::vector<Contact> contacts_;
+};
+
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_SOLIDS_H_

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cloth/plugin/solids.h"
 #include "native/vec.h"
 
 namespace softgym_mj::cloth {
@@ -22,6 +21,10 @@ constexpr double kAirDensity = 1.2;  // [kg/m^3]
 constexpr double kPlaneMargin = 0.02;
 constexpr float kVouched = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
 constexpr int kMaxSearches = 4;
+constexpr int kSearchInterval = 5;  // Substeps after which the nearest points of triangles to solids are found anew.
+// Share of its impulses that a contact near a light body starts a substep with. Decisive: what is between them and the
+// floor has to learn of their weight.
+constexpr float kWarm = 0.9f;
 
 // b and b / (k h^2) of a row, see kernels.h.
 struct Compliance {
@@ -32,7 +35,7 @@ Compliance Comply(double stiffness, double damping, double h) {
   return {b, b / (std::max(stiffness, 1e-12) * h * h)};
 }
 
-double HingeMass(const Mesh& mesh, const Mesh::Hinge& hinge, const std::vector<double>& mass) {
+double HingeMass(const Mesh::Hinge& hinge, const std::vector<double>& mass) {
   double sum = 0;
   for (int k = 0; k < 4; ++k) {
     if (hinge.vertex[k] >= 0) sum += hinge.weight[k] * hinge.weight[k] / mass[hinge.vertex[k]];
@@ -86,7 +89,7 @@ void Solver::Reset(const Mesh& mesh, const Settings& settings, double timestep) 
   bend_interval_ = kBendInterval;
   for (const Mesh::Hinge& hinge : mesh.hinges) {
     const Compliance row = Comply(hinge.stiffness, hinge.damping, kBendInterval * h_);
-    if (row.gamma < kSoft * HingeMass(mesh, hinge, mesh.mass)) bend_interval_ = 1;
+    if (row.gamma < kSoft * HingeMass(hinge, mesh.mass)) bend_interval_ = 1;
   }
   vertices.clear();
   for (const Mesh::Hinge& hinge : mesh.hinges) {
@@ -238,6 +241,7 @@ void Solver::StartPlanes(const Mesh& mesh, const Start& start, const std::vector
     active.friction.assign(points_.count, 0);
     active.impulse.assign(4 * points_.count, 0);
     active.blocks.clear();
+    active.near_blocks.clear();
     for (int v = 0; v < count; ++v) {
       const int part = mesh.part[v];
       if (!contact.touches[part]) continue;
@@ -254,14 +258,26 @@ void Solver::StartPlanes(const Mesh& mesh, const Start& start, const std::vector
         active.blocks.push_back(block);
       }
     }
-    Plane& plane = active.plane;
-    for (int k = 0; k < 3; ++k) plane.normal[k] = static_cast<float>(contact.normal[k]);
-    plane.gap = active.gap.data(), plane.friction = active.friction.data(), plane.impulse = active.impulse.data();
-    plane.blocks = active.blocks.data(), plane.num_blocks = static_cast<int>(active.blocks.size());
+    // With bodies about, vertices that the repeated rows push are pushed as often by the floor.
+    if (!near_.empty()) {
+      std::vector<int> far;
+      for (int block : active.blocks) {
+        bool repeat = false;
+        for (int v = block; v < block + kBlock; ++v) repeat |= v < count && layers_.IsNear(v);
+        (repeat ? active.near_blocks : far).push_back(block);
+      }
+      active.blocks = far;
+    }
+    for (int k = 0; k < 3; ++k) active.normal[k] = static_cast<float>(contact.normal[k]);
   }
 }
 
-void Solver::FindLayers(const Mesh& mesh, const Start& start, double* reference) {
+Plane Solver::ActivePlane::View(const std::vector<int>& some) {
+  return {{normal[0], normal[1], normal[2]}, gap.data(), friction.data(), impulse.data(), some.data(),
+          static_cast<int>(some.size())};
+}
+
+void Solver::FindLayers(const Mesh& mesh, const Start& start, const Solids& solids, double* reference) {
   const int count = mesh.NumVertices();
   position_.assign(4 * (count + 1), 0);
   move_.assign(4 * (count + 1), 0);
@@ -289,7 +305,12 @@ void Solver::FindLayers(const Mesh& mesh, const Start& start, double* reference)
   for (int v = 0; moves && v < count; ++v) {
     for (int k = 0; k < 3; ++k) move_[4 * v + k] -= static_cast<float>(mean[k]);
   }
-  layers_.MakeRows(mesh, position_, move_, start.inverse_mass, contact_.gamma);
+  near_.clear();
+  if (solids.TouchesBodies()) {
+    near_.assign(count + 1, false);
+    solids.MarkNear(&near_);
+  }
+  layers_.MakeRows(mesh, position_, move_, start.inverse_mass, near_, contact_.gamma);
   layers_.Start(mesh, start.position.data());
 }
 
@@ -371,22 +392,44 @@ void Solver::AddHoldingForces(const Mesh& mesh) {
   }
 }
 
-void Solver::Substep(bool bend) {
-  if (bend && !hinges_.empty()) {
+void Solver::Substep(int substep, Solids* solids) {
+  const int near = layers_.num_near(), all = static_cast<int>(layers_.blocks.size());
+  const bool repeats = solids->TouchesBodies() && settings_.sweeps > 1;
+  const bool warm = solids->TouchesLightBodies() && substep > 0;
+  LayerBlock* layers = layers_.blocks.data();
+  if (substep % bend_interval_ == 0 && !hinges_.empty()) {
     kernels_->Bend(points_, hinges_.data(), static_cast<int>(hinges_.size()), static_cast<float>(bend_interval_));
   }
   kernels_->Move(points_);
+  solids->Move();
+  solids->Find(*kernels_, points_, substep % kSearchInterval == 0);
   kernels_->SweepEdges(points_, edges_.data(), static_cast<int>(edges_.size()));
   for (ChainRow& chain : chains_) SolveChain(&chain);
-  kernels_->SweepLayers(points_, contact_, layers_.blocks.data(), static_cast<int>(layers_.blocks.size()), {true, true});
-  for (const ActivePlane& plane : planes_) {
-    if (plane.plane.num_blocks) kernels_->SweepPlane(points_, contact_, plane.plane, {true, true});
+  if (warm) {
+    kernels_->WarmLayers(points_, layers, near, kWarm);
+    solids->Warm(*kernels_, points_, kWarm);
+    for (ActivePlane& plane : planes_) kernels_->WarmPlane(points_, plane.Near(), kWarm);
   }
+  const Turn turn = {!warm, !repeats};
+  kernels_->SweepLayers(points_, contact_, layers, near, turn);
+  kernels_->SweepLayers(points_, contact_, layers + near, all - near, {true, true});
+  solids->Sweep(*kernels_, points_, contact_, turn);
+  for (ActivePlane& plane : planes_) {
+    kernels_->SweepPlane(points_, contact_, plane.Far(), {true, true});
+    kernels_->SweepPlane(points_, contact_, plane.Near(), turn);
+  }
+  for (int sweep = 1; repeats && sweep < settings_.sweeps; ++sweep) {
+    const Turn again = {false, sweep + 1 == settings_.sweeps};
+    solids->Sweep(*kernels_, points_, contact_, again);
+    kernels_->SweepLayers(points_, contact_, layers, near, again);
+    for (ActivePlane& plane : planes_) kernels_->SweepPlane(points_, contact_, plane.Near(), again);
+  }
+  solids->Finish();
 }
 
 void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
                   double* reference, Motion* motion) {
-  FindLayers(mesh, start, reference);
+  FindLayers(mesh, start, *solids, reference);
   StartPoints(mesh, start);
   StartEdges(start);
   StartHinges(start);
@@ -401,7 +444,7 @@ void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
     held_edges_.push_back(static_cast<int>(i));
   }
   for (int substep = 0; substep < settings_.substeps; ++substep) {
-    Substep(substep % bend_interval_ == 0);
+    Substep(substep, solids);
     AddHoldingForces(mesh);
   }
   Finish(mesh, start, reference, motion);

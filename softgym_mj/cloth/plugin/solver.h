@@ -10,6 +10,7 @@
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/layers.h"
 #include "cloth/plugin/mesh.h"
+#include "cloth/plugin/solids.h"
 #include "native/aligned.h"
 
 namespace softgym_mj::cloth {
@@ -21,13 +22,6 @@ struct Settings {
   double contact_damping = 0.01;    // [s] and its dashpot as a multiple of it.
 };
 
-// A fixed plane that vertices stay in front of.
-struct PlaneContact {
-  double point[3], normal[3];
-  std::vector<float> friction;  // With each flex.
-  std::vector<bool> touches;    // Each flex.
-};
-
 // What the vertices start a step with.
 struct Start {
   std::vector<double> position;      // (n, 3) [m]
@@ -36,8 +30,6 @@ struct Start {
   std::vector<float> inverse_mass;   // [1/kg], 0 if something holds or carries a vertex.
   std::vector<double> mass;          // [kg]
 };
-
-class Solids;
 
 class Solver {
  public:
@@ -49,6 +41,7 @@ class Solver {
   void Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
             double* reference, Motion* motion);
 
+  double substep() const { return h_; }
   // Mean force [N] of its edges on a vertex in the last step (n, 3); that of held ones only.
   const std::vector<double>& holding_forces() const { return holding_forces_; }
 
@@ -62,17 +55,21 @@ class Solver {
     std::vector<double> lower, diagonal, right, normal;
   };
   struct ActivePlane {
-    Plane plane;
+    float normal[3];
     AlignedFloats gap, friction, impulse;
-    std::vector<int> blocks;
+    std::vector<int> blocks, near_blocks;  // Those that may touch, and that bodies push.
+
+    Plane View(const std::vector<int>& some);
+    Plane Far() { return View(blocks); }
+    Plane Near() { return View(near_blocks); }
   };
 
   void StartPoints(const Mesh& mesh, const Start& start);
   void StartEdges(const Start& start);
   void StartHinges(const Start& start);
   void StartPlanes(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes);
-  void FindLayers(const Mesh& mesh, const Start& start, double* reference);
-  void Substep(bool bend);
+  void FindLayers(const Mesh& mesh, const Start& start, const Solids& solids, double* reference);
+  void Substep(int substep, Solids* solids);
   void SolveChain(ChainRow* chain);
   void AddHoldingForces(const Mesh& mesh);
   void AddAir(const Mesh& mesh, const Start& start, std::vector<double>* acceleration) const;
@@ -92,7 +89,8 @@ class Solver {
   std::vector<ChainRow> chains_;
   std::vector<ActivePlane> planes_;
   Layers layers_;
-  AlignedFloats position_, move_, first_move_;
+  AlignedFloats position_, move_;
+  std::vector<bool> near_;
   std::vector<double> holding_forces_;
   std::vector<int> held_edges_;
 };

@@ -121,6 +121,9 @@ SGM_DEVICE inline T Grip(T square, T most) {
 inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock* blocks, int count, Turn turn) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
   for (LayerBlock* block = blocks; block < blocks + count; ++block) {
+    const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
+    // What does not push by now is met in the next substep.
+    if (!turn.first && !Bits(Less(zero, old))) continue;
     Lanes w[4], masses[4];
     Lanes3 x[4], sum = {zero, zero, zero};
     for (int k = 0; k < 4; ++k) {
@@ -133,12 +136,11 @@ inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock*
     const Lanes3 moved = sum - before;
     const Lanes way = Inner(normal, moved), mass = Lanes::Load(block->mass);
     const Lanes gap = MultiplyAdd(Lanes(1.0f), Inner(normal, before), Lanes::Load(block->gap));
-    const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
     const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
     const Lanes impulse = Max(NegativeMultiplyAdd(violation, Lanes::Load(block->inverse), old), zero);
-    if (turn.first && turn.last && !Bits(Less(zero, impulse))) {
+    impulse.Store(block->impulse);
+    if (turn.first && !Bits(Less(zero, impulse))) {
       Store3(sum, block->before);
-      impulse.Store(block->impulse);
       continue;
     }
     // Friction holds what slips, up to its share of the normal impulse.
@@ -152,30 +154,8 @@ inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock*
     for (int k = 0; k < 4; ++k) {
       Scatter(points.now, block->vertex[k], AddScaled(x[k], w[k], change), masses[k]);
     }
-    impulse.Store(block->impulse);
-    if (!turn.last || !turn.first) Store3(held, block->held);
+    Store3(held, block->held);
     if (turn.last) Store3(AddScaled(sum, mass, change), block->before);
-  }
-}
-
-// The trial has shown how far later rows undo a turn. At the start of the step all of them have done so.
-inline void RewindEdges(const Points& points, EdgeBlock* blocks, int count) {
-  for (EdgeBlock* block = blocks; block < blocks + count; ++block) {
-    Lanes unused;
-    const Lanes3 a = Gather(points.now, block->vertex[0], &unused), b = Gather(points.now, block->vertex[1], &unused);
-    const Lanes3 start = Load3(block->start), d = start + (a - b);
-    (Lanes::Load(block->before) + (Sqrt(Inner(start, start)) - Sqrt(Inner(d, d)))).Store(block->before);
-  }
-}
-
-inline void RewindLayers(const Points& points, LayerBlock* blocks, int count) {
-  for (LayerBlock* block = blocks; block < blocks + count; ++block) {
-    Lanes unused;
-    Lanes3 before = Load3(block->before);
-    for (int k = 0; k < 4; ++k) {
-      before = AddScaled(before, -Lanes::Load(block->weight[k]), Gather(points.now, block->vertex[k], &unused));
-    }
-    Store3(before, block->before);
   }
 }
 
@@ -185,8 +165,8 @@ inline void WarmLayers(const Points& points, LayerBlock* blocks, int count, floa
     const Lanes impulse = Lanes(share) * Lanes::Load(block->impulse);
     const Lanes3 held = Lanes(share) * Load3(block->held);
     impulse.Store(block->impulse);
-    Store3(held, block->held);
     if (!Bits(Less(Lanes(0.0f), impulse))) continue;
+    Store3(held, block->held);
     const Lanes3 change = AddScaled(held, impulse, Load3(block->normal));
     for (int k = 0; k < 4; ++k) {
       Lanes mass;
@@ -217,6 +197,19 @@ inline void SweepPlane(const Points& points, const ContactRow& row, const Plane&
     Lanes3 held = AddScaled(old_held, -inverse, slip);
     held = Grip(Inner(held, held), Lanes::Load(plane.friction + first) * impulse) * held;
     Scatter(points.now, index, AddScaled(now, w, AddScaled(held - old_held, impulse - old, normal)), w);
+    Scatter(plane.impulse, index, held, impulse);
+  }
+}
+
+inline void WarmPlane(const Points& points, const Plane& plane, float share) {
+  const Lanes3 normal = {Lanes(plane.normal[0]), Lanes(plane.normal[1]), Lanes(plane.normal[2])};
+  for (int i = 0; i < plane.num_blocks; ++i) {
+    const int first = plane.blocks[i];
+    const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
+    Lanes w, impulse;
+    const Lanes3 now = Gather(points.now, index, &w), held = Lanes(share) * Gather(plane.impulse, index, &impulse);
+    impulse = Lanes(share) * impulse;
+    Scatter(points.now, index, AddScaled(now, w, AddScaled(held, impulse, normal)), w);
     Scatter(plane.impulse, index, held, impulse);
   }
 }

@@ -6,9 +6,9 @@
 #ifndef SOFTGYM_MJ_FLUID_KERNELS_H_
 #define SOFTGYM_MJ_FLUID_KERNELS_H_
 
-namespace softgym_mj {
+#include "native/shapes.h"
 
-enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
+namespace softgym_mj {
 
 // Constants of a fluid.
 struct FluidConstants {

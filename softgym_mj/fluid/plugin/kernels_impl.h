@@ -13,7 +13,7 @@
 #include <math.h>
 
 #include "kernels.h"
-#include "shapes.h"
+#include "native/shapes.h"
 
 namespace softgym_mj {
 namespace {

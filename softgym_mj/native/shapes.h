@@ -1,13 +1,15 @@
-// Poses and distances to shapes, for T = float or `Lanes`. See kernels.h for what this must not use.
+// Poses and distances to shapes, for T = float or `Lanes`. See simd.h for what this must not use.
 
-#ifndef SOFTGYM_MJ_FLUID_SHAPES_H_
-#define SOFTGYM_MJ_FLUID_SHAPES_H_
+#ifndef SOFTGYM_MJ_NATIVE_SHAPES_H_
+#define SOFTGYM_MJ_NATIVE_SHAPES_H_
 
-#include "kernels.h"
 #include "native/simd.h"
 #include "native/vec.h"
 
 namespace softgym_mj {
+
+enum class Shape { kPlane, kSphere, kCapsule, kEllipsoid, kCylinder, kBox };
+
 namespace {
 
 constexpr float kTiny = 1e-12f;  // [m^2] Squared distances below it count as zero.
@@ -105,4 +107,4 @@ inline T Distance(Shape shape, const float* size, const Vec3<T>& p, Vec3<T>* nor
 }  // namespace
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_FLUID_SHAPES_H_
+#endif  // SOFTGYM_MJ_NATIVE_SHAPES_H_

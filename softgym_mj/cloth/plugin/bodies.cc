@@ -1,0 +1,205 @@
+#include "cloth/plugin/bodies.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "native/pose.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+// [1/kg] A body that gives way less is told where to go, as pickers are: it is not pushed.
+constexpr double kImmovable = 1e-3;
+
+// Inertia that an implicit integrator gives a degree of freedom besides M: dt D + dt^2 K of damping and servos.
+double ServoInertia(const mjModel* m, const mjData* d, int dof) {
+  const double dt = m->opt.timestep;
+  double damping = m->dof_damping[dof], stiffness = 0;
+  for (int a = 0; a < m->nu; ++a) {
+    if (m->actuator_trntype[a] != mjTRN_JOINT || m->jnt_dofadr[m->actuator_trnid[2 * a]] != dof) continue;
+    if (m->actuator_biastype[a] != mjBIAS_AFFINE) continue;
+    const double *range = m->actuator_forcerange + 2 * a, force = d->actuator_force[a];
+    if (m->actuator_forcelimited[a] && (force <= range[0] || force >= range[1])) continue;
+    const double gear = m->actuator_gear[6 * a], *bias = m->actuator_biasprm + mjNBIAS * a;
+    damping -= gear * gear * bias[2];
+    stiffness -= gear * gear * bias[1];
+  }
+  const bool implicit = m->opt.integrator != mjINT_EULER;
+  return dt * std::max(damping, 0.0) + (implicit ? dt * dt * std::max(stiffness, 0.0) : 0);
+}
+
+// Lower Cholesky factor in place, (n, n).
+void Factor(std::vector<double>* a, int n) {
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      double sum = (*a)[n * i + j];
+      for (int k = 0; k < j; ++k) sum -= (*a)[n * i + k] * (*a)[n * j + k];
+      (*a)[n * i + j] = i == j ? std::sqrt(std::max(sum, 1e-12)) : sum / (*a)[n * j + j];
+    }
+  }
+}
+
+void SolveFactored(const std::vector<double>& l, int n, double* x) {
+  for (int i = 0; i < n; ++i) {
+    for (int k = 0; k < i; ++k) x[i] -= l[n * i + k] * x[k];
+    x[i] /= l[n * i + i];
+  }
+  for (int i = n; i-- > 0;) {
+    for (int k = i + 1; k < n; ++k) x[i] -= l[n * k + i] * x[k];
+    x[i] /= l[n * i + i];
+  }
+}
+
+}  // namespace
+
+void Bodies::Start(const mjModel* m, const mjData* d, const mjtNum* qvel, double h) {
+  m_ = m, d_ = d, qvel_ = qvel, h_ = h;
+  trees_.clear();
+  bodies_.clear();
+  of_body_.assign(m->nbody, -1);
+}
+
+int Bodies::FindTree(int id) {
+  for (size_t t = 0; t < trees_.size(); ++t) {
+    if (trees_[t].id == id) return static_cast<int>(t);
+  }
+  Tree tree = {id, m_->tree_dofadr[id], m_->tree_dofnum[id], {}, {}};
+  const int n = tree.count;
+  tree.factor.assign(n * n, 0);
+  tree.acceleration.resize(n);
+  for (int i = 0; i < n; ++i) {
+    const int dof = tree.first + i, row = m_->M_rowadr[dof];
+    for (int k = row; k < row + m_->M_rownnz[dof]; ++k) tree.factor[n * i + m_->M_colind[k] - tree.first] = d_->M[k];
+    tree.factor[n * i + i] += ServoInertia(m_, d_, dof);
+    tree.acceleration[i] = (d_->qvel[dof] - qvel_[dof]) / m_->opt.timestep;
+  }
+  Factor(&tree.factor, n);
+  trees_.push_back(tree);
+  return static_cast<int>(trees_.size()) - 1;
+}
+
+Body* Bodies::Find(int id) {
+  if (m_->body_treeid[id] < 0) return nullptr;
+  if (of_body_[id] >= 0) return &bodies_[of_body_[id]];
+  Body body = {};
+  body.id = id;
+  body.tree = FindTree(m_->body_treeid[id]);
+  const Tree& tree = trees_[body.tree];
+  const int n = tree.count;
+  mju_copy3(body.centre, d_->xipos + 3 * id);
+  body.turn[0] = 1;
+  body.jacobian.assign(6 * n, 0);
+  body.response.assign(6 * n, 0);
+  int with_joints = id;
+  while (with_joints && !m_->body_dofnum[with_joints]) with_joints = m_->body_parentid[with_joints];
+  mjtNum offset[3];
+  mju_sub3(offset, body.centre, d_->subtree_com + 3 * m_->body_rootid[id]);
+  for (int dof = m_->body_dofadr[with_joints] + m_->body_dofnum[with_joints] - 1; dof >= 0; dof = m_->dof_parentid[dof]) {
+    const mjtNum* motion = d_->cdof + 6 * dof;  // Rotation, then translation of the tree's centre of mass.
+    mjtNum linear[3];
+    mju_cross(linear, motion, offset);
+    mju_addTo3(linear, motion + 3);
+    for (int k = 0; k < 3; ++k) {
+      body.jacobian[n * k + dof - tree.first] = linear[k];
+      body.jacobian[n * (3 + k) + dof - tree.first] = motion[k];
+    }
+  }
+  std::vector<double> column(n);
+  for (int k = 0; k < 6; ++k) {
+    for (int i = 0; i < n; ++i) {
+      column[i] = body.jacobian[n * k + i];
+      body.velocity[k] += column[i] * qvel_[tree.first + i];
+      body.acceleration[k] += column[i] * tree.acceleration[i];
+    }
+    SolveFactored(tree.factor, n, column.data());
+    for (int i = 0; i < n; ++i) body.response[6 * i + k] = column[i];
+  }
+  double (*c)[6] = body.rigid.compliance;
+  for (int k = 0; k < 6; ++k) {
+    for (int l = 0; l < 6; ++l) {
+      for (int i = 0; i < n; ++i) c[k][l] += body.jacobian[n * k + i] * body.response[6 * i + l];
+    }
+  }
+  body.inverse_mass = std::max({c[0][0], c[1][1], c[2][2]});
+  body.gives_way = body.inverse_mass > kImmovable;
+  if (!body.gives_way) std::fill(&c[0][0], &c[0][0] + 36, 0.0);
+  for (int k = 0; k < 6; ++k) body.rigid.move[k] = h_ * body.velocity[k];
+  of_body_[id] = static_cast<int>(bodies_.size());
+  bodies_.push_back(body);
+  return &bodies_.back();
+}
+
+void Bodies::Move() {
+  for (Body& body : bodies_) {
+    for (int k = 0; k < 6; ++k) {
+      body.rigid.move[k] += h_ * h_ * body.acceleration[k];
+      body.rigid.impulse[k] = 0;
+    }
+    for (int k = 0; k < 3; ++k) body.rigid.centre[k] = static_cast<float>(body.centre[k] + body.shift[k]);
+  }
+}
+
+void Bodies::Share() {
+  for (Body& body : bodies_) {
+    double* impulse = body.rigid.impulse;
+    if (std::all_of(impulse, impulse + 6, [](double x) { return x == 0; })) continue;
+    body.touched = true;
+    for (Body& other : bodies_) {
+      if (&other == &body || other.tree != body.tree || !other.gives_way) continue;
+      const int n = trees_[body.tree].count;
+      for (int i = 0; i < n; ++i) {
+        double response = 0;
+        for (int k = 0; k < 6; ++k) response += body.response[6 * i + k] * impulse[k];
+        for (int k = 0; k < 6; ++k) other.rigid.move[k] += other.jacobian[n * k + i] * response;
+      }
+    }
+    for (int k = 0; k < 6; ++k) {
+      body.impulse[k] += impulse[k];
+      impulse[k] = 0;
+    }
+  }
+}
+
+void Bodies::Finish() {
+  for (Body& body : bodies_) {
+    for (int k = 0; k < 6; ++k) body.moved[k] += body.impulse[k];
+    for (int k = 0; k < 3; ++k) body.shift[k] += body.rigid.move[k];
+    // A small rotation: no sine is needed, and none that differs between libraries.
+    const double* w = body.rigid.move + 3;
+    const double q[4] = {1, w[0] / 2, w[1] / 2, w[2] / 2};
+    double turn[4];
+    mju_mulQuat(turn, q, body.turn);
+    mju_normalize4(turn);
+    mju_copy4(body.turn, turn);
+  }
+}
+
+void Bodies::Apply(const mjModel* m, mjData* d, int substeps) {
+  const double dt = m->opt.timestep;
+  std::vector<mjtNum> change;
+  for (size_t t = 0; t < trees_.size(); ++t) {
+    const Tree& tree = trees_[t];
+    std::vector<double> speed(tree.count), way(tree.count);
+    bool touched = false;
+    for (const Body& body : bodies_) {
+      if (body.tree != static_cast<int>(t) || !body.touched || !body.gives_way) continue;
+      touched = true;
+      for (int i = 0; i < tree.count; ++i) {
+        for (int k = 0; k < 6; ++k) {
+          speed[i] += body.response[6 * i + k] * body.impulse[k] / h_;
+          way[i] += body.response[6 * i + k] * body.moved[k];
+        }
+      }
+    }
+    if (!touched) continue;
+    change.resize(m->nv, 0);
+    for (int i = 0; i < tree.count; ++i) {
+      d->qvel[tree.first + i] += speed[i];
+      // MuJoCo has moved on with the last velocity, substeps move with their own.
+      change[tree.first + i] = way[i] - dt * dt * tree.acceleration[i] * (1 - 1.0 / substeps) / 2;
+    }
+  }
+  if (!change.empty()) mj_integratePos(m, d->qpos, change.data(), 1);
+}
+
+}  // namespace softgym_mj::cloth

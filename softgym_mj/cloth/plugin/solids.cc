@@ -1,0 +1,323 @@
+#include "cloth/plugin/solids.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cloth/plugin/solver.h"
+#include "native/simd.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+constexpr double kSlack = 0.002;     // [m] Beyond what can come near in a step.
+constexpr double kBodyHaste = 0.2;   // [m/s] By which bodies may be faster at the end of a step than at its start.
+constexpr double kLight = 5;         // [kg] Lighter bodies need impulses to be kept from substep to substep.
+// Bodies of this bounding radius [m] count as small: pads of grippers.
+constexpr double kSmall = 0.05;
+// [m] Against them cloth is thinner, so that a pad that comes down beside it finds room between floor and cloth.
+constexpr double kThin = 0.002;
+// [m] Fixed points of triangles against them: the nearest point of a triangle jumps between the ends of a flat pad.
+constexpr double kPointDistance = 0.0075;
+
+Shape ShapeOf(int type) {
+  switch (type) {
+    case mjGEOM_SPHERE:
+      return Shape::kSphere;
+    case mjGEOM_CAPSULE:
+      return Shape::kCapsule;
+    case mjGEOM_ELLIPSOID:
+      return Shape::kEllipsoid;
+    case mjGEOM_CYLINDER:
+      return Shape::kCylinder;
+    case mjGEOM_BOX:
+      return Shape::kBox;
+    default:
+      return Shape::kPlane;
+  }
+}
+
+}  // namespace
+
+bool MayTouch(const mjModel* m, int geom, const Mesh& mesh, int part) {
+  const Material& material = mesh.materials[part];
+  return (m->geom_contype[geom] & material.conaffinity) || (material.contype & m->geom_conaffinity[geom]);
+}
+
+double Friction(const mjModel* m, int geom, int flex) {
+  if (m->geom_condim[geom] == 1 && m->flex_condim[flex] == 1) return 0;
+  const double of_geom = m->geom_friction[3 * geom], of_flex = m->flex_friction[3 * flex];
+  const int ahead = m->geom_priority[geom] - m->flex_priority[flex];
+  return ahead > 0 ? of_geom : ahead < 0 ? of_flex : std::max(of_geom, of_flex);
+}
+
+std::string CheckGeoms(const mjModel* m, const Mesh& mesh) {
+  for (int g = 0; g < m->ngeom; ++g) {
+    const int type = m->geom_type[g];
+    if (type != mjGEOM_PLANE && ShapeOf(type) != Shape::kPlane) continue;
+    const bool still = m->body_treeid[m->geom_bodyid[g]] < 0;
+    if (type == mjGEOM_PLANE && still) continue;
+    for (size_t p = 0; p < mesh.flexes.size(); ++p) {
+      if (!MayTouch(m, g, mesh, static_cast<int>(p))) continue;
+      const char* name = mj_id2name(m, mjOBJ_GEOM, g);
+      return "geom " + (name && *name ? "\"" + std::string(name) + "\"" : std::to_string(g)) +
+             " cannot touch a flex: expected a sphere, capsule, cylinder, ellipsoid, box or a plane that stands still, "
+             "or contype and conaffinity without a bit in common with the flex's.";
+    }
+  }
+  return "";
+}
+
+void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cloth::Start& start, const mjtNum* qvel,
+                   double h) {
+  m_ = m;
+  h_ = h;
+  bodies_.Start(m, d, qvel, h);
+  touches_bodies_ = touches_light_ = false;
+  const int count = mesh.NumVertices();
+  counts_.assign(count + 1, 1);
+  counts_[count] = 0;
+  position_.assign(4 * (count + 1), 0);
+  double low[3], high[3], fastest = 0;
+  for (int k = 0; k < 3; ++k) low[k] = std::numeric_limits<double>::max(), high[k] = -low[k];
+  for (int v = 0; v < count; ++v) {
+    double square = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double x = start.position[3 * v + k];
+      position_[4 * v + k] = static_cast<float>(x);
+      low[k] = std::min(low[k], x);
+      high[k] = std::max(high[k], x);
+      square += start.velocity[3 * v + k] * start.velocity[3 * v + k];
+    }
+    fastest = std::max(fastest, square);
+  }
+  fastest = std::sqrt(fastest);
+  const double radius = *std::max_element(mesh.radius.begin(), mesh.radius.end()), dt = m->opt.timestep;
+  size_t used = 0;
+  for (int g = 0; g < m->ngeom; ++g) {
+    if (m->geom_type[g] == mjGEOM_PLANE) continue;
+    bool touches = false;
+    for (size_t p = 0; p < mesh.flexes.size(); ++p) touches |= MayTouch(m, g, mesh, static_cast<int>(p));
+    if (!touches) continue;
+    double margin = radius + dt * fastest + kSlack;
+    const double* centre = d->geom_xpos + 3 * g;
+    // Bodies are looked at only if their geoms may be near: nothing moves further than this in a step.
+    const auto away = [&](double most) {
+      for (int k = 0; k < 3; ++k) {
+        if (centre[k] + most < low[k] || centre[k] - most > high[k]) return true;
+      }
+      return false;
+    };
+    const bool moves = m->body_treeid[m->geom_bodyid[g]] >= 0;
+    if (away(m->geom_rbound[g] + margin + (moves ? 0.1 : 0))) continue;
+    Body* body = bodies_.Find(m->geom_bodyid[g]);
+    if (body) {
+      const double* v = body->velocity;
+      const double turning = std::sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5]);
+      margin += dt * (std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + turning * m->geom_rbound[g] + kBodyHaste);
+      if (away(m->geom_rbound[g] + margin)) continue;
+    }
+    if (actives_.size() <= used) actives_.emplace_back();
+    Active& active = actives_[used];
+    active.geom = g;
+    active.body = body ? static_cast<int>(body - bodies_.all().data()) : -1;
+    active.small = body && body->gives_way && m->geom_rbound[g] < kSmall;
+    active.view.shape = ShapeOf(m->geom_type[g]);
+    for (int k = 0; k < 3; ++k) {
+      active.view.size[k] = static_cast<float>(m->geom_size[3 * g + k]);
+      active.offset[k] = centre[k] - (body ? body->centre[k] : 0);
+    }
+    if (active.view.shape == Shape::kCylinder || active.view.shape == Shape::kCapsule) active.view.size[2] = 0;
+    mju_copy(active.matrix, d->geom_xmat + 9 * g, 9);
+    for (int k = 0; k < 3; ++k) active.view.pose[k] = static_cast<float>(centre[k]);
+    for (int k = 0; k < 9; ++k) active.view.pose[3 + k] = static_cast<float>(active.matrix[k]);
+    AddRows(mesh, &active, margin);
+    if (active.points.empty() && active.triangles.empty()) continue;
+    MakeBlocks(mesh, active.points, &active, &active.point_order, &active.point_blocks);
+    MakeBlocks(mesh, active.triangles, &active, &active.triangle_order, &active.triangle_blocks);
+    if (body && body->gives_way) {
+      touches_bodies_ = true;
+      touches_light_ |= body->inverse_mass > 1 / kLight;
+    }
+    ++used;
+  }
+  actives_.resize(used);
+}
+
+// Rows for all that may come nearer than `margin`.
+void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
+  active->points.clear();
+  active->triangles.clear();
+  const int dummy = mesh.NumVertices();
+  const Geom& view = active->view;
+  const auto distance = [&](const float* x) {
+    Vec3<float> normal;
+    return Distance<float>(view.shape, view.size, ToLocal(view.pose, Vec3<float>{x[0], x[1], x[2]}), &normal);
+  };
+  // Of the middle of some vertices, less how far the furthest of them is from it.
+  const auto nearest = [&](const int* vertex, int corners) {
+    float middle[3] = {0, 0, 0}, furthest = 0;
+    for (int k = 0; k < 3; ++k) {
+      for (int c = 0; c < corners; ++c) middle[k] += position_[4 * vertex[c] + k] / corners;
+    }
+    for (int c = 0; c < corners; ++c) {
+      float square = 0;
+      for (int k = 0; k < 3; ++k) {
+        const float d = position_[4 * vertex[c] + k] - middle[k];
+        square += d * d;
+      }
+      furthest = std::max(furthest, square);
+    }
+    return distance(middle) - std::sqrt(furthest);
+  };
+  std::vector<bool> touches(mesh.flexes.size());
+  for (size_t p = 0; p < mesh.flexes.size(); ++p) touches[p] = MayTouch(m_, active->geom, mesh, static_cast<int>(p));
+  for (int v = 0; v < dummy; ++v) {
+    if (touches[mesh.part[v]] && nearest(&v, 1) < margin) active->points.push_back({{v, dummy, dummy}, {1, 0, 0}});
+  }
+  const auto add = [&](const int* vertex, int corners, double longest) {
+    if (!touches[mesh.part[vertex[0]]] || nearest(vertex, corners) > margin) return;
+    const int second = vertex[1], third = corners == 3 ? vertex[2] : dummy;
+    if (!active->small) {
+      active->triangles.push_back({{vertex[0], second, third}, {0, 0, 0}});
+      return;
+    }
+    const int n = static_cast<int>(std::ceil(longest / kPointDistance));
+    for (int i = 0; i <= n; ++i) {
+      for (int j = 0; i + j <= n; ++j) {
+        const int k = n - i - j;
+        if (i == n || j == n || k == n || (corners == 2 && k > 0)) continue;
+        const float scale = 1.0f / n;
+        active->points.push_back({{vertex[0], second, third}, {scale * i, scale * j, scale * k}});
+      }
+    }
+  };
+  for (const Mesh::Triangle& t : mesh.triangles) {
+    const double longest =
+        std::max({mesh.edges[t.edge[0]].length, mesh.edges[t.edge[1]].length, mesh.edges[t.edge[2]].length});
+    add(t.vertex, 3, longest);
+  }
+  for (const Mesh::Edge& e : mesh.edges) {
+    if (e.triangle[0] < 0) add(e.vertex, 2, e.length);
+  }
+}
+
+void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* active, std::vector<int>* order,
+                        Aligned<SolidBlock>* blocks) {
+  const int dummy = mesh.NumVertices(), count = static_cast<int>(rows.size());
+  std::vector<int> vertices(3 * count);
+  for (int i = 0; i < count; ++i) std::copy(rows[i].vertex, rows[i].vertex + 3, &vertices[3 * i]);
+  levels_.Order(vertices.data(), count, 3, counts_.data(), dummy + 1, order);
+  blocks->resize(order->size() / kBlock);
+  for (size_t i = 0; i < order->size(); ++i) {
+    SolidBlock& block = (*blocks)[i / kBlock];
+    const int lane = i % kBlock, row = (*order)[i];
+    block.side[lane] = -1;
+    block.cord[lane] = row >= 0 && rows[row].vertex[2] == dummy;
+    block.friction[lane] = block.impulse[lane] = block.pressed[lane] = 0;
+    block.radius[lane] = row < 0 ? -1e3f : 0;  // Empty lanes touch nothing.
+    for (int k = 0; k < 3; ++k) {
+      block.vertex[k][lane] = row < 0 ? dummy : rows[row].vertex[k];
+      block.weight[k][lane] = row < 0 ? 0 : rows[row].weight[k];
+      block.held[k][lane] = block.total[k][lane] = block.arm[k][lane] = 0;
+    }
+    if (row < 0) continue;
+    const int part = mesh.part[rows[row].vertex[0]];
+    block.friction[lane] = static_cast<float>(Friction(m_, active->geom, mesh.flexes[part]));
+    block.radius[lane] = static_cast<float>(active->small ? std::min(kThin, mesh.radius[part]) : mesh.radius[part]);
+  }
+}
+
+void Solids::Move() { bodies_.Move(); }
+
+void Solids::Find(const ClothKernels& kernels, const Points& points, bool search) {
+  for (Active& active : actives_) {
+    Rigid* rigid = nullptr;
+    if (active.body >= 0) {
+      Body& body = bodies_.all()[active.body];
+      rigid = &body.rigid;
+      mjtNum turned[9], offset[3], column[3], result[3];
+      mju_rotVecQuat(offset, active.offset, body.turn);
+      for (int c = 0; c < 3; ++c) {
+        for (int k = 0; k < 3; ++k) column[k] = active.matrix[3 * k + c];
+        mju_rotVecQuat(result, column, body.turn);
+        for (int k = 0; k < 3; ++k) turned[3 * k + c] = result[k];
+      }
+      for (int k = 0; k < 3; ++k) {
+        active.view.pose[k] = static_cast<float>(body.centre[k] + body.shift[k] + offset[k]);
+      }
+      for (int k = 0; k < 9; ++k) active.view.pose[3 + k] = static_cast<float>(turned[k]);
+    }
+    kernels.FindSolid(points, position_.data(), active.view, rigid, active.point_blocks.data(),
+                      static_cast<int>(active.point_blocks.size()), false);
+    kernels.FindSolid(points, position_.data(), active.view, rigid, active.triangle_blocks.data(),
+                      static_cast<int>(active.triangle_blocks.size()), search);
+  }
+}
+
+void Solids::Warm(const ClothKernels& kernels, const Points& points, float share) {
+  for (Active& active : actives_) {
+    Rigid* rigid = active.body >= 0 ? &bodies_.all()[active.body].rigid : nullptr;
+    for (auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
+      kernels.WarmSolid(points, blocks->data(), static_cast<int>(blocks->size()), rigid, share);
+    }
+  }
+  bodies_.Share();
+}
+
+void Solids::Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn) {
+  for (Active& active : actives_) {
+    Rigid* rigid = active.body >= 0 ? &bodies_.all()[active.body].rigid : nullptr;
+    for (auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
+      kernels.SweepSolid(points, row, blocks->data(), static_cast<int>(blocks->size()), rigid, turn);
+    }
+  }
+  bodies_.Share();
+}
+
+void Solids::Finish() { bodies_.Finish(); }
+
+void Solids::MarkNear(std::vector<bool>* near) const {
+  for (const Active& active : actives_) {
+    if (active.body < 0 || !bodies_.all()[active.body].gives_way) continue;
+    for (const auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
+      for (const SolidBlock& block : *blocks) {
+        for (const int* vertex : {block.vertex[0], block.vertex[1], block.vertex[2]}) {
+          for (int lane = 0; lane < kBlock; ++lane) (*near)[vertex[lane]] = true;
+        }
+      }
+    }
+  }
+  near->back() = false;  // The one that stands for none.
+}
+
+void Solids::Apply(const mjModel* m, mjData* d, int substeps) {
+  bodies_.Apply(m, d, substeps);
+  Collect(substeps);
+}
+
+void Solids::Collect(int substeps) {
+  contacts_.clear();
+  const double share = 1 / (h_ * h_ * substeps);
+  for (const Active& active : actives_) {
+    for (const auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
+      for (const SolidBlock& block : *blocks) {
+        for (int lane = 0; lane < kBlock; ++lane) {
+          if (!(block.pressed[lane] > 0)) continue;
+          Contact contact = {};
+          contact.geom = active.geom;
+          contact.pressure = share * block.pressed[lane];
+          for (int k = 0; k < 3; ++k) {
+            contact.vertex[k] = block.vertex[k][lane];
+            contact.weight[k] = block.weight[k][lane];
+            contact.normal[k] = block.normal[k][lane];
+            contact.force[k] = share * block.total[k][lane];
+          }
+          contacts_.push_back(contact);
+        }
+      }
+    }
+  }
+}
+
+}  // namespace softgym_mj::cloth
