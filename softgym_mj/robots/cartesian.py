@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.robots.guide import drawn_in
+from softgym_mj.robots.kinematics import Clearance, Reference, Summed, ToolTask
 
 PERIOD = 0.02  # [s] From one solution to the next: 50 Hz.
 # Costs of the tasks [1/m, 1/rad]. A firm orientation makes a Panda jump near singular poses.
@@ -60,17 +61,17 @@ class CartesianController:
         low, high = model.jnt_range.T
         self._low, self._high = low + LIMIT_MARGIN, high - LIMIT_MARGIN
         self._home = np.array(home, float)
-        self._configuration = mink.Configuration(model, self._home)
+        self._configuration = Reference(model, self._home)
         self._sites = [model.site(name).id for name in tools]
         rotations = self._configuration.data.site_xmat[self._sites].reshape(-1, 3, 3)
         self._rotations = [mink.SO3.from_matrix(rotation) for rotation in rotations]
         self._frames = [
-            mink.FrameTask(name, "site", POSITION_COST, orientation_cost, lm_damping=TASK_DAMPING)
+            ToolTask(name, "site", POSITION_COST, orientation_cost, lm_damping=TASK_DAMPING)
             for name in tools
         ]
         posture = mink.PostureTask(model, POSTURE_COST)
         posture.set_target(self._home)
-        self._tasks = [*self._frames, posture]
+        self._tasks = [Summed(task) for task in (*self._frames, posture)]
         self._limits: list[mink.Limit] = [
             mink.ConfigurationLimit(model, gain=LIMIT_GAIN),
             mink.VelocityLimit(model, dict(velocity_limits)),
@@ -84,7 +85,7 @@ class CartesianController:
 
     def _keep_apart(self, first: Sequence[int], second: Sequence[int], distance: float) -> None:
         self._limits.append(
-            mink.CollisionAvoidanceLimit(
+            Clearance(
                 self._configuration.model,
                 [(first, second)],
                 gain=APPROACH * PERIOD,  # mink divides the gain by the period.

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
+from softgym_mj.arithmetic import product
 from softgym_mj.entities.cup import GRIP, Cup
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.cartesian import LEAD, CartesianController
@@ -135,9 +136,9 @@ class CupArm(composer.Entity, CupMover):
     def reference_pose(self) -> np.ndarray:
         """The pose (3,) of the cup in the hand of the controller's reference."""
         (point,), (rotation,) = self._controller.points(), self._controller.rotations()
-        turn = rotation @ UPRIGHT.T
+        turn = product(rotation, UPRIGHT.T)
         theta = math.atan2(turn[0, 2], turn[0, 0])
-        x, _, z = point - turned(theta) @ GRIP
+        x, _, z = point - product(turned(theta), np.array(GRIP))
         return np.array([x, z, theta])
 
     def place(self, pose: np.ndarray) -> None:
@@ -151,10 +152,10 @@ class CupArm(composer.Entity, CupMover):
 
     def _tool(self, pose: np.ndarray) -> np.ndarray:
         """The tool point (3,) [m] that gives the cup a pose."""
-        return np.array([pose[0], 0.0, pose[1]]) + turned(pose[2]) @ GRIP
+        return np.array([pose[0], 0.0, pose[1]]) + product(turned(pose[2]), np.array(GRIP))
 
     def _aim(self, pose: np.ndarray) -> None:
-        self._controller.turn((turned(pose[2]) @ UPRIGHT)[None])
+        self._controller.turn(product(turned(pose[2]), UPRIGHT)[None])
 
     def plan(self) -> None:
         self._guide.advance((self._wanted() * TURNS_AS)[None], self._within_lead)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from softgym_mj.arithmetic import squares
 from softgym_mj.robots.base import SIM_STEP
 
 # [m/s^2] Commands may jump from -1 m/s to 1 m/s; what the arms follow speeds up and slows down by
@@ -58,7 +59,7 @@ class Guide:
         self.commanded = self._draw(wanted, self.points, LEAD)
         along = drawn_in(self.commanded - before, np.zeros_like(before), ALONG * SIM_STEP)
         gap = self.commanded - along - self.points
-        distance = np.sqrt(np.vecdot(gap, gap))[:, None]
+        distance = np.sqrt(squares(gap))[:, None]
         braking = (np.sqrt(1.0 + 8.0 * distance / SPEED_UP) - 1.0) / 2.0 * SPEED_UP
         step = gap * (np.minimum(braking, distance) / np.maximum(distance, 1e-12))
         points = hold(self.points + drawn_in(along + step, self.step, SPEED_UP))
@@ -77,5 +78,5 @@ class Guide:
 def drawn_in(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:
     """Points (n, 3), moved straight to within `radius` of their `centres` (n, 3)."""
     offset = points - centres
-    distance = np.sqrt(np.vecdot(offset, offset))[:, None]
+    distance = np.sqrt(squares(offset))[:, None]
     return centres + offset * (radius / np.maximum(distance, radius))

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import mujoco
 import numpy as np
 
+from softgym_mj.arithmetic import product
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cartesian import ORIENTATION_COST, PERIOD, CartesianController
@@ -133,7 +134,7 @@ class Servos:
         velocities = np.empty((len(self._sites), 3))
         for i, site in enumerate(self._sites):
             mujoco.mj_jacSite(self._kinematics, self._posture, jacobian, None, site)
-            velocities[i] = jacobian @ speeds
+            velocities[i] = product(jacobian, speeds)
         return velocities
 
     def sensed(self, openings: np.ndarray) -> np.ndarray:
