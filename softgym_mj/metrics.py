@@ -21,7 +21,7 @@ def covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int = AREA_
         lines: number of lines.
     """
     x, y = vertices[triangles, 0], vertices[triangles, 1]
-    order = np.argsort(y, axis=1)
+    order = np.argsort(y, axis=1, kind="stable")
     x, y = np.take_along_axis(x, order, axis=1), np.take_along_axis(y, order, axis=1)
     bottom, top = y[:, 0].min(), y[:, 2].max()
     pitch = (top - bottom) / lines
@@ -46,7 +46,7 @@ def covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int = AREA_
     # The union of intervals on all lines in one sweep: lines are laid out far apart.
     shift = line * (2.0 * (right.max() - left.min()) + 1.0)
     left, right = left + shift, right + shift
-    order = np.argsort(left)
+    order = np.argsort(left, kind="stable")
     left, right = left[order], right[order]
     reach = np.concatenate([[-np.inf], np.maximum.accumulate(right)[:-1]])
     return float(np.sum(np.maximum(right - np.maximum(left, reach), 0.0)) * pitch)

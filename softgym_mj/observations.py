@@ -2,6 +2,7 @@
 
 import contextlib
 import contextvars
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import mujoco
@@ -9,6 +10,7 @@ import numpy as np
 from dm_control.composer.observation import observable
 from dm_env import specs
 
+from softgym_mj.arithmetic import product
 from softgym_mj.exceptions import UnknownNameError
 from softgym_mj.rendering import CameraView
 
@@ -120,11 +122,11 @@ class TaskCamera:
         rows, columns, depth = rows[sure], columns[sure], depth[sure]
         model, data = physics.model.ptr, physics.data.ptr
         camera = model.camera("task").id
-        pitch = 2.0 * np.tan(np.deg2rad(model.cam_fovy[camera]) / 2) / self._height
+        pitch = 2.0 * math.tan(math.radians(model.cam_fovy[camera]) / 2) / self._height
         right = (columns + 0.5 - self._width / 2) * pitch * depth
         up = (self._height / 2 - rows - 0.5) * pitch * depth
         local = np.column_stack([right, up, -depth])
-        points = data.cam_xpos[camera] + local @ data.cam_xmat[camera].reshape(3, 3).T
+        points = data.cam_xpos[camera] + product(local, data.cam_xmat[camera].reshape(3, 3).T)
         if len(points) > NUM_CLOUD_POINTS:
             points = points[np.linspace(0, len(points) - 1, NUM_CLOUD_POINTS).astype(int)]
         cloud = np.zeros((NUM_CLOUD_POINTS, 4), np.float32)

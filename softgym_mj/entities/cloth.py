@@ -1,10 +1,12 @@
 """`Cloth`: a rectangular sheet of woven cotton as a two-dimensional MuJoCo flex."""
 
 import dataclasses
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
+from softgym_mj.arithmetic import product
 from softgym_mj.entities.contact import FlexContact
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, RADIUS, Fabric, Sheet
 from softgym_mj.exceptions import OutOfRangeError, check_name
@@ -131,9 +133,9 @@ class Cloth(Sheet):
             centre: (X, Y) of its centre [m].
             angle: rotation about +Z [rad].
         """
-        cosine, sine = np.cos(angle), np.sin(angle)
-        positions = self._rest_points @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
-        return positions + np.array([*centre, RADIUS])
+        cosine, sine = math.cos(angle), math.sin(angle)
+        turn = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+        return product(self._rest_points, turn) + np.array([*centre, RADIUS])
 
     def resize(self, dims: tuple[int, int]) -> bool:
         """Gives the cloth another size; True when the model changed and must be recompiled."""

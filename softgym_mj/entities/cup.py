@@ -1,11 +1,13 @@
 """`Cup`: an open box of five walls that is moved by its pose (facts 3.0)."""
 
 import dataclasses
+import math
 
 import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
+from softgym_mj.arithmetic import product
 from softgym_mj.exceptions import OutOfRangeError
 
 # SoftGym's light grey; so translucent that the water level shows through the walls.
@@ -166,16 +168,16 @@ class Cup(composer.Entity):
     def pose(self) -> np.ndarray:
         """(x [m], z [m], theta [rad]), a fresh array (3,). It can be set unless a hand has it."""
         self._look()
-        angle = 2.0 * np.arctan2(self._quaternion[2], self._quaternion[0])
+        angle = 2.0 * math.atan2(self._quaternion[2], self._quaternion[0])
         if self._is_held:
-            angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+            angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
         return np.array([self._position[0], self._position[2], angle])
 
     @pose.setter
     def pose(self, pose: np.ndarray) -> None:
         x, z, theta = pose
         self._position[:] = x, 0.0, z
-        self._quaternion[:] = np.cos(theta / 2), 0.0, np.sin(theta / 2), 0.0
+        self._quaternion[:] = math.cos(theta / 2), 0.0, math.sin(theta / 2), 0.0
 
     def _look(self) -> None:
         """Finds out where the hand is that has the cup: a step leaves that one step behind."""
@@ -192,7 +194,7 @@ class Cup(composer.Entity):
         self._look()
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, self._quaternion)
-        local = (points - self._position) @ rotation.reshape(3, 3)
+        local = product(points - self._position, rotation.reshape(3, 3))
         low, high = self._size.box
         return np.all((low <= local) & (local <= high), axis=1)
 
@@ -217,8 +219,8 @@ class Cup(composer.Entity):
 def _placed(points, pose: np.ndarray) -> np.ndarray:
     """Points (n, 2) of the cup's x-z plane in the world's."""
     x, z, theta = pose
-    cosine, sine = np.cos(theta), np.sin(theta)
-    return np.asarray(points) @ np.array([[cosine, -sine], [sine, cosine]]) + [x, z]
+    cosine, sine = math.cos(theta), math.sin(theta)
+    return product(np.asarray(points), np.array([[cosine, -sine], [sine, cosine]])) + [x, z]
 
 
 def overlap(first: np.ndarray, second: np.ndarray) -> bool:
@@ -226,7 +228,7 @@ def overlap(first: np.ndarray, second: np.ndarray) -> bool:
     for polygon in (first, second):
         edges = np.roll(polygon, -1, axis=0) - polygon
         normals = np.column_stack([-edges[:, 1], edges[:, 0]])
-        a, b = first @ normals.T, second @ normals.T
+        a, b = product(first, normals.T), product(second, normals.T)
         if np.any((a.max(axis=0) < b.min(axis=0)) | (b.max(axis=0) < a.min(axis=0))):
             return False
     return True

@@ -1,5 +1,6 @@
 """`Garment`: a sheet of any shape, read from a mesh file."""
 
+import math
 import os
 import pathlib
 from collections.abc import Iterator, Sequence
@@ -8,6 +9,7 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
+from softgym_mj.arithmetic import product
 from softgym_mj.entities.contact import FlexContact
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, RADIUS, Fabric, Sheet
 from softgym_mj.exceptions import MeshError, OutOfRangeError
@@ -141,10 +143,10 @@ class Garment(Sheet):
             angle: rotation about +Z [rad].
         """
         low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
-        cosine, sine = np.cos(angle), np.sin(angle)
+        cosine, sine = math.cos(angle), math.sin(angle)
         turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         upright = self._rest_points - [*(low + high)[:2] / 2, low[2]]
-        return upright @ turn + [*centre, self.radius]
+        return product(upright, turn) + [*centre, self.radius]
 
     def _mass(self, density: float) -> float:
         return density * self._area

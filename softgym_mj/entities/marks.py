@@ -4,6 +4,8 @@ They are moved by writing the model, where the compiler has noted that their fra
 their bodies: that note has to go.
 """
 
+import math
+
 import mujoco
 import numpy as np
 from dm_control import composer, mjcf
@@ -54,12 +56,12 @@ class GoalLine(composer.Entity):
             raise OutOfRangeError("points", points.shape, f"shape ({len(self._geoms) + 1}, 2)")
         along = np.diff(points, axis=0)
         lengths = np.linalg.norm(along, axis=1)
-        angles = np.arctan2(along[:, 1], along[:, 0]) / 2
+        angles = [math.atan2(y, x) / 2 for x, y in along]
         for geom, middle, length, angle in zip(
             self._geoms, points[:-1] + along / 2, lengths, angles, strict=True
         ):
             self._model.geom_pos[geom] = [*middle, 0.0]
-            self._model.geom_quat[geom] = [np.cos(angle), 0.0, 0.0, np.sin(angle)]
+            self._model.geom_quat[geom] = [math.cos(angle), 0.0, 0.0, math.sin(angle)]
             self._model.geom_size[geom, 0] = length / 2
             self._model.geom_rbound[geom] = length / 2 + LINE_HALF[0]
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import mujoco
 import numpy as np
 
+from softgym_mj.arithmetic import product, squares
 from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.robots.base import SIM_STEP
@@ -58,7 +59,7 @@ class Fingers:
         Offsets are from the tool point.
         """
         opened = self.data.qpos[self.positions_at[i]].min() > sum(self.arm.finger_range) / 2
-        return bool(opened and np.vecdot(offsets, offsets).min() > OUT_OF_THE_WAY**2)
+        return bool(opened and squares(offsets).min() > OUT_OF_THE_WAY**2)
 
     def set_solid(self, i: int, solid: bool) -> None:
         """Makes the pads of arm `i` push the object, or pass through it."""
@@ -157,7 +158,7 @@ class AttachGrasp(Grasp, Holding):
     def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
         if any(vertex >= 0 for vertex in self.vertices):
             offsets = self.offsets
-            distance = np.maximum(np.sqrt(np.vecdot(offsets, offsets)), 1e-9)[:, None]
+            distance = np.maximum(np.sqrt(squares(offsets)), 1e-9)[:, None]
             offsets *= np.maximum(1.0 - DRAW_SPEED * timestep / distance, 0.0)
             self.drive(ahead(timestep), timestep)
 
@@ -235,7 +236,7 @@ class FrictionGrasp(Grasp):
         if before in vertices:
             return before
         offsets = self._target.offsets(tool)[vertices]
-        return int(vertices[np.vecdot(offsets, offsets).argmin()])
+        return int(vertices[squares(offsets).argmin()])
 
     def _pinched(self, i: int) -> np.ndarray:
         """Vertices of the elements that both pads of arm `i` pressed on in the last step."""
@@ -244,7 +245,7 @@ class FrictionGrasp(Grasp):
         pinched = np.arange(self._target.num_vertices)
         for pad in self._fingers.pads[i]:
             inward = -self._fingers.data.geom_xmat[pad].reshape(3, 3)[:, 1]
-            towards = contact.frame[:, :3] @ inward > PRESSING
+            towards = product(contact.frame[:, :3], inward) > PRESSING
             # A flex comes second in a contact; of rigid bodies there is no element there.
             mine = active & (contact.geom[:, 0] == pad) & (contact.elem[:, 1] >= 0) & towards
             pinched = np.intersect1d(pinched, self._corners(contact.elem[mine, 1]))

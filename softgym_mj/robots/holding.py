@@ -5,6 +5,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from dm_control import composer, mjcf
 
+from softgym_mj.arithmetic import squares
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.robots.gripper import Gripper
@@ -73,7 +74,7 @@ class Holding(Held):
         The first index wins a tie.
         """
         offsets = self._target.offsets(centre)
-        distances = np.vecdot(offsets, offsets)
+        distances = squares(offsets)
         for vertex in self.vertices:
             if vertex >= 0:
                 distances[vertex] = np.inf

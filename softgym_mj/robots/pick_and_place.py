@@ -1,10 +1,12 @@
 """Pickers that go all the way in one action: `PickAndPlace` and `PixelPickAndPlace` (facts 2.5)."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from dm_control import composer
 
+from softgym_mj.arithmetic import product
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.robots.picker import Picker
 
@@ -118,10 +120,10 @@ class PixelPickAndPlace(RoutePicker):
         A ray that looks above the horizon gives the point below the camera.
         """
         camera = self._camera_id
-        half = np.tan(np.deg2rad(self._model.cam_fovy[camera]) / 2)
+        half = math.tan(math.radians(self._model.cam_fovy[camera]) / 2)
         rotation = self._data.cam_xmat[camera].reshape(3, 3)
         origin = self._data.cam_xpos[camera]
-        ray = rotation @ [pixel[0] * half, -pixel[1] * half, -1.0]
+        ray = product(rotation, np.array([pixel[0] * half, -pixel[1] * half, -1.0]))
         height = self._target.radius
         way = (origin[2] - height) / -ray[2] if ray[2] < 0.0 else 0.0
         return np.array([*(origin + way * ray)[:2], height])

@@ -1,6 +1,7 @@
 """`Picker`: SoftGym's abstract gripper, a solid sphere that can hold the nearest vertex."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -113,10 +114,10 @@ class Picker(HoldingGripper):
     def default_positions(self, point: np.ndarray) -> np.ndarray:
         # Facts 2.3: a ring of radius 2 r sqrt(n - 1) from FleX's +z, which is -Y here.
         number = self.num_grippers
-        angle = 2 * np.pi * np.arange(number) / number
-        ring = 2 * self._radius * np.sqrt(number - 1)
-        offset = np.column_stack([np.sin(angle), -np.cos(angle), np.zeros(number)])
-        return np.asarray(point) + ring * offset
+        angles = [2 * math.pi * i / number for i in range(number)]
+        ring = 2 * self._radius * math.sqrt(number - 1)
+        offsets = np.array([(math.sin(angle), -math.cos(angle), 0.0) for angle in angles])
+        return np.asarray(point) + ring * offsets
 
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._holding.reset()

@@ -6,6 +6,7 @@ compressible; ours takes the volume of that seed, N r^3 / 2, whatever the number
 
 import abc
 import dataclasses
+import math
 
 import numpy as np
 
@@ -109,7 +110,7 @@ class Scene:
     def resolution(self, fidelity: str) -> Resolution:
         """Particles that have this volume, in as many columns as the cup's floor has room for."""
         count = num_particles(self.sample.count, fidelity)
-        spacing = float(np.cbrt(self.volume / count))
+        spacing = math.cbrt(self.volume / count)
         columns = round(self.cup.length / spacing), round(self.cup.width / spacing)
         return Resolution(count, spacing, columns)
 
