@@ -6,6 +6,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from softgym_mj.arithmetic import length
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.robots.base import SIM_STEP
@@ -109,7 +110,7 @@ class ManipulationScene:
         record, vertices = self.record, self.cloth.vertices()
         for goal, vertex in zip(self.picker.held_positions(), self.picker.held, strict=True):
             if vertex >= 0:
-                error = float(np.linalg.norm(vertices[vertex] - goal))
+                error = length(vertices[vertex] - goal)
                 record.held_error = max(record.held_error, error)
         strain = float(np.percentile(self.cloth.edge_strain(), 99))
         record.strain_99 = max(record.strain_99, strain)

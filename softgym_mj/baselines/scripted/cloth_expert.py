@@ -1,9 +1,11 @@
 """`ClothExpert`: finds its way on a sheet and takes vertices of it."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from softgym_mj.arithmetic import length
 from softgym_mj.baselines.scripted.picker_expert import (
     ARRIVED,
     OPEN,
@@ -52,15 +54,10 @@ class ClothExpert(PickerExpert):
             flat = self._env.task.cloth.flat() * [1.0, mirror, 1.0]
             residual = np.ones(len(flat))
             for _ in range(20):  # Iteratively reweighted Procrustes: folds are outliers.
-                weights = 1.0 / (0.02 + residual)
-                weights /= weights.sum()
-                mean, goal = weights @ flat[:, :2], weights @ vertices[:, :2]
-                moment = (flat[:, :2] - mean).T @ (weights[:, None] * (vertices[:, :2] - goal))
-                u, _, vt = np.linalg.svd(moment)
-                rotation = u @ np.diag([1.0, np.linalg.det(u @ vt)]) @ vt
-                placed = np.column_stack([(flat[:, :2] - mean) @ rotation + goal, flat[:, 2]])
+                laid = _fitted(flat[:, :2], vertices[:, :2], 1.0 / (0.02 + residual))
+                placed = np.column_stack([laid, flat[:, 2]])
                 residual = np.linalg.norm(placed - vertices, axis=1)
-            fits.append((np.log(0.02 + residual).sum(), placed))
+            fits.append((sum(map(math.log, 0.02 + residual)), placed))
         return min(fits, key=lambda fit: fit[0])[1]
 
     def _clearance(self, i: int, vertex: int) -> float:
@@ -125,7 +122,7 @@ class ClothExpert(PickerExpert):
         clear = {v: self._grasp(v)[2] for v in ends}
         a, b, _ = max(pairs, key=lambda pair: (min(clear[pair[0]], clear[pair[1]]), pair[2]))
         wanted = dict(enumerate(self._matched([a, b])))
-        apart = np.linalg.norm(self._target.vertex(a) - self._target.vertex(b))
+        apart = length(self._target.vertex(a) - self._target.vertex(b))
         if (
             apart >= self._actor.least_distance
             and min(self._clearance(i, v) for i, v in wanted.items()) > 0.0
@@ -169,7 +166,7 @@ class ClothExpert(PickerExpert):
         value = distance.copy()
         value[self._env.task.cloth.corners] *= 1.5
         chosen: dict[int, np.ndarray] = {}
-        for v in np.argsort(-value).tolist():
+        for v in np.argsort(-value, kind="stable").tolist():
             if value[v] < MISPLACED or len(chosen) == 2:
                 break
             others = [*chosen]
@@ -177,7 +174,7 @@ class ClothExpert(PickerExpert):
                 np.linalg.norm(points[v] - points[others], axis=1) for points in (placed, vertices)
             ]
             if np.min(apart, initial=np.inf) > APART and self._grasp(v)[2] > 0.0:
-                chosen[v] = placed[v] + OVERSHOOT * offset[v] / np.linalg.norm(offset[v])
+                chosen[v] = placed[v] + OVERSHOOT * offset[v] / length(offset[v])
         return chosen
 
     def _put(self, places: dict[int, np.ndarray]) -> Iterator[np.ndarray]:
@@ -200,3 +197,18 @@ class ClothExpert(PickerExpert):
         yield from self._move(arc, grips, SLOW, PASSED)
         yield from self._move(goals, grips, SLOW)
         yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
+
+
+def _fitted(points: np.ndarray, goals: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Points (n, 2) [m], turned and moved so that they are nearest to their goals (n, 2).
+
+    The least squares have a closed form in the plane: the angle of the sum of w p* g, with centred
+    points p and goals g as complex numbers. It needs no decomposition.
+    """
+    weights = (weights / weights.sum())[:, None]
+    centre = (weights * goals).sum(axis=0)
+    points = points - (weights * points).sum(axis=0)
+    (x, y), (u, v) = points.T, (weights * (goals - centre)).T
+    angle = math.atan2((x * v - y * u).sum(), (x * u + y * v).sum())
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return centre + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])

@@ -1,5 +1,6 @@
 """The expert of FoldCloth: takes the corners of column 0 and swings them over to their mirrors."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -51,8 +52,8 @@ class FoldCloth(ClothExpert):
         ends = ends - (self._target.vertices()[self._actor.held] - start)
         middle, half = (start + ends) / 2, (ends - start) / 2
         for angle in np.linspace(0.0, np.pi, ARC)[1:]:
-            goals = middle - np.cos(angle) * half
-            goals[:, 2] += np.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
+            goals = middle - math.cos(angle) * half
+            goals[:, 2] += math.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
             last = angle == np.pi
             yield from self._move(goals, CLOSED, SLOW, near=ARRIVED if last else PASSED / 2)
         yield self._rest(OPEN)

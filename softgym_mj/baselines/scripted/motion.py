@@ -7,4 +7,4 @@ def smooth(progress: float) -> float:
     The largest speed is 1.875 ways per duration, the largest acceleration 5.77 per its square.
     """
     s = min(max(progress, 0.0), 1.0)
-    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)

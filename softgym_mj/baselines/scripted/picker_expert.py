@@ -1,9 +1,11 @@
 """`PickerExpert`: moves two pickers, or the hands of two arms, and finds how to take a vertex."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from softgym_mj.arithmetic import length
 from softgym_mj.baselines.scripted.expert import Expert
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError
@@ -22,8 +24,9 @@ CLEAR = 0.003  # [m] Clearance from which a vertex counts as fully exposed.
 def _directions() -> np.ndarray:
     """Unit vectors (n, 3) over the upper half-sphere, the vertical first."""
     rows = [(90, 1), (70, 12), (52, 12), (35, 12), (18, 12), (0, 12)]  # (elevation [deg], number)
-    angles = [(np.deg2rad(e), 2 * np.pi * k / n) for e, n in rows for k in range(n)]
-    return np.array([(np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)) for e, a in angles])
+    angles = [(math.radians(e), 2 * math.pi * k / n) for e, n in rows for k in range(n)]
+    sin, cos = math.sin, math.cos
+    return np.array([(cos(e) * cos(a), cos(e) * sin(a), sin(e)) for e, a in angles])
 
 
 _DIRECTIONS = _directions()
@@ -65,7 +68,7 @@ class PickerExpert(Expert):
     def _can_reach(self, i: int, vertex: int) -> bool:
         """Whether gripper `i` gets to where a vertex is taken from."""
         centre = self._grasp(vertex)[0]
-        return bool(np.linalg.norm(self._actor.within_reach(i, centre) - centre) < ARRIVED)
+        return length(self._actor.within_reach(i, centre) - centre) < ARRIVED
 
     def _own_sides(self) -> np.ndarray:
         """The directions along Y (2,) in which the grippers' own sides are."""

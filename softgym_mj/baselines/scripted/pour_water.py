@@ -4,6 +4,7 @@ The lip is the outer upper edge on the target's side: wherever it is, the uprigh
 lies behind it, so that it can come near the target without touching it.
 """
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -23,7 +24,7 @@ LEFT_OVER = 1.0  # [s] For the last drops.
 # A part of the water: angles [rad] by which the cup is tipped and tipped back in an env step, env
 # steps for which water goes on leaving it, and share that is left to drops.
 TIP, BACK, IN_THE_AIR, SHORT = 0.025, 0.12, 6.0, 0.01
-DRAINED = np.deg2rad(115.0)  # Angle at which nothing stays in the cup.
+DRAINED = math.radians(115.0)  # Angle at which nothing stays in the cup.
 
 Path = Iterator[tuple[float, float, float]]  # The lip's x, z [m] and the angle [rad].
 
@@ -36,8 +37,8 @@ def spill_angle(size: CupSize, held: float) -> float:
     """
     length, depth = size.length, size.depth
     if held >= length * depth / 2:
-        return float(np.arctan(2 * (depth - held / length) / length))
-    return float(np.arctan2(depth**2, 2 * held))
+        return math.atan(2 * (depth - held / length) / length)
+    return math.atan2(depth**2, 2 * held)
 
 
 class PourWater(Expert):
@@ -59,7 +60,7 @@ class PourWater(Expert):
         """The cup's pose that puts its lip at (x, z) [m] with the cup at an angle [rad]."""
         size = self._env.task.cup.size
         along, up = size.length / 2 + size.wall, size.height
-        cosine, sine = np.cos(theta), np.sin(theta)
+        cosine, sine = math.cos(theta), math.sin(theta)
         return np.array([x - along * cosine - up * sine, z + along * sine - up * cosine, theta])
 
     def _path(self) -> Path:
@@ -74,12 +75,12 @@ class PourWater(Expert):
 
         def height(theta: float) -> float:
             """Where the lip must be for the cup's wall, which slopes down from it, to clear."""
-            return target.height + CLEARANCE + (over - near) / np.tan(theta)
+            return target.height + CLEARANCE + (over - near) / math.tan(theta)
 
         start = size.length / 2 + size.wall, size.height
         top = height(ready)
-        way = np.hypot(near - STANDOFF - start[0], top - start[1])
-        duration = max(SHORTEST, np.sqrt(5.77 * way / ACCELERATION), travel * 1.875)
+        way = math.hypot(near - STANDOFF - start[0], top - start[1])
+        duration = max(SHORTEST, math.sqrt(5.77 * way / ACCELERATION), travel * 1.875)
         for s in map(smooth, phase(duration, step)):
             yield (
                 start[0] + s * (near - STANDOFF - start[0]),
@@ -104,7 +105,7 @@ class PourWater(Expert):
             angle = max(theta, spill_angle(size, (1.0 - s) * held))
             yield x, height(angle), angle
         for s in map(smooth, phase(DRAIN, step)):
-            yield x, height(np.pi / 2), np.pi / 2 + s * (DRAINED - np.pi / 2)
+            yield x, height(math.pi / 2), math.pi / 2 + s * (DRAINED - math.pi / 2)
 
 
 class PourWaterAmount(PourWater):

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from softgym_mj.arithmetic import length
 from softgym_mj.baselines.scripted.picker_expert import ARRIVED, OPEN, PASSED, PickerExpert
 
 TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centres, with open grips and holding.
@@ -38,13 +39,13 @@ class RopeConfiguration(PickerExpert):
         error = np.linalg.norm(goal - vertices, axis=1)
         room = max(ROOM, self._actor.least_distance)
         chosen: list[int] = []
-        for v in np.argsort(-error).tolist():
+        for v in np.argsort(-error, kind="stable").tolist():
             if error[v] < GOOD or len(chosen) == 2:
                 break
             free = all(
                 abs(v - w) >= APART
-                and np.linalg.norm(vertices[v] - vertices[w]) > room
-                and np.linalg.norm(goal[v] - goal[w]) > room
+                and length(vertices[v] - vertices[w]) > room
+                and length(goal[v] - goal[w]) > room
                 for w in chosen
             )
             if free and self._grasp(v)[2] > 0.0 and self._takers([*chosen, v], goal):

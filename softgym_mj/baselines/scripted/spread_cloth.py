@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from softgym_mj.arithmetic import length, product
 from softgym_mj.baselines.scripted.cloth_expert import LIFT, PUT_STEPS, TRAVEL_HEIGHT, ClothExpert
 from softgym_mj.baselines.scripted.picker_expert import OPEN, PASSED, SLOW
 
@@ -48,10 +49,10 @@ class SpreadCloth(ClothExpert):
         low, high = self._actor.limits
         centre = (low + high) / 2
         flat, (a, b) = self._env.task.cloth.flat(), self._actor.held
-        width = np.linalg.norm(flat[b] - flat[a])
+        width = length(flat[b] - flat[a])
         across = (flat[b] - flat[a]) / width
         away = flat - (flat[a] + flat[b]) / 2
-        away = np.linalg.norm(away - np.outer(away @ across, across), axis=1)
+        away = np.linalg.norm(away - product(away, across)[:, None] * across, axis=1)
         depth, tail = away.max(), np.flatnonzero(away > away.max() - 0.01)
         offset = (self._target.vertices()[[a, b]] - self._actor.positions()) * [1.0, 1.0, 0.0]
         sign = np.sign(self._target.vertex(a)[1] - self._target.vertex(b)[1]) or 1.0

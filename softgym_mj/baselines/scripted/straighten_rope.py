@@ -4,6 +4,7 @@ from collections.abc import Generator, Iterator, Sequence
 
 import numpy as np
 
+from softgym_mj.arithmetic import length
 from softgym_mj.baselines.scripted.picker_expert import CLOSED, OPEN, PASSED, SLOW, PickerExpert
 from softgym_mj.entities.rope import LENGTH
 
@@ -34,7 +35,7 @@ class StraightenRope(PickerExpert):
         while abs(error := LENGTH - rope.end_distance()) > ROPE_TOLERANCE:
             line = self._target.vertex(ends[0]) - self._target.vertex(ends[1])
             line *= [1.0, 1.0, 0.0]
-            line *= error / 2 / (np.linalg.norm(line) + 1e-9)
+            line *= error / 2 / (length(line) + 1e-9)
             positions = self._actor.positions()
             to_centre = (centre - positions.mean(axis=0)) * [1.0, 1.0, 0.0]
             yield self._step(positions + [line, -line] + to_centre, CLOSED, ROPE_SPEED)
