@@ -17,6 +17,7 @@ INFO = {
     "max_edge_strain": "largest elongation of an edge, as a share of its length",
     "picks_held": "grippers that hold something",
     "dropped": "how often a gripper has let go in this episode",
+    "yielded": "how often of these the hold gave way to a pull that was too hard",
     "rejected_moves": "sim steps of the last env step in which the cup was not allowed to move",
     "end_point_distance": "distance of the two ends [m]",
     "initial_normalized_performance": "`normalized_performance` at reset",

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
+import scipy.sparse.csgraph
 from dm_control import composer, mjcf
 
 from softgym_mj.domain import Parameter
@@ -52,6 +53,10 @@ class Flex(composer.Entity):
     bound to the physics it was last compiled into.
     """
 
+    # By which share of their way along the mesh two held vertices may be moved further apart. Cloth
+    # that hangs or is drawn taut stretches by some per cent, and keeps its holds. What two pickers
+    # pull apart at 1 m/s each is stretched no more than by the jerk of one alone, not 20-fold.
+    hold_stretch = 0.1
     _self_contact = "mujoco"
     _contact: FlexContact | None = None
 
@@ -65,6 +70,7 @@ class Flex(composer.Entity):
         self._rest_points = np.zeros((0, 3))
         self._radius = 0.0
         self._held: dict[int, np.ndarray] = {}
+        self._ways: dict[int, np.ndarray] = {}  # From held vertices to all others.
         self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
 
     @property
@@ -181,7 +187,7 @@ class Flex(composer.Entity):
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self._edges = np.array(model.flex_edge[edges])
         self._rest_lengths = np.array(model.flexedge_length0[edges])
-        self._held = {}
+        self._held, self._ways = {}, {}
 
     def vertices(self) -> np.ndarray:
         """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""
@@ -234,11 +240,28 @@ class Flex(composer.Entity):
         """Gives a held vertex its own mass back; it keeps the velocity it was driven at."""
         dof = self._dofs[index]
         self._dof_mass[dof : dof + 3] = self._held.pop(index)
+        self._ways.pop(index, None)
 
     def release_all(self) -> None:
         """Releases every vertex that is held."""
         for index in list(self._held):
             self.release(index)
+
+    def largest_gap(self, first: int, second: int) -> float:
+        """How far apart [m] two held vertices may be moved; infinite if nothing connects them.
+
+        It is the shortest way along the edges of the mesh at rest, and `hold_stretch` more.
+        """
+        start, end = min(first, second), max(first, second)  # Sums depend on the direction.
+        if start not in self._ways:
+            self._ways[start] = self._ways_from(start)
+        return (1.0 + self.hold_stretch) * float(self._ways[start][end])
+
+    def _ways_from(self, index: int) -> np.ndarray:
+        """Shortest ways (num_vertices,) [m] from a vertex along the edges at rest."""
+        ends, number = self._edges.T, self.num_vertices
+        mesh = scipy.sparse.csr_array((self._rest_lengths, tuple(ends)), shape=(number, number))
+        return scipy.sparse.csgraph.dijkstra(mesh, directed=False, indices=index)
 
     def drive(self, index: int, target: np.ndarray, duration: float) -> None:
         """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s].

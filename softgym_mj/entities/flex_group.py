@@ -1,5 +1,6 @@
 """`FlexGroup`: several flexes as one, for what handles vertices whatever they belong to."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -79,6 +80,11 @@ class FlexGroup:
         """Releases every vertex that is held."""
         for flex in self._flexes:
             flex.release_all()
+
+    def largest_gap(self, first: int, second: int) -> float:
+        """How far apart [m] two held vertices may be moved; infinite if nothing connects them."""
+        (flex, first), (other, second) = self.owner(first), self.owner(second)
+        return flex.largest_gap(first, second) if flex is other else math.inf
 
     def drive(self, index: int, target: np.ndarray, duration: float) -> None:
         """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s]."""

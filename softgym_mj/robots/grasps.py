@@ -131,11 +131,9 @@ class AttachGrasp(Grasp, Holding):
         self._fingers.put(i, arm.finger_range[0], arm.finger_commands[0])
 
     def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
+        self.open(grips)
         for i, grip in enumerate(grips):
-            if not grip and self.vertices[i] >= 0:
-                self.release(i)
-        for i, grip in enumerate(grips):
-            if grip and self.vertices[i] < 0:
+            if grip and self.can_take(i):
                 self.pick(i, tools[i], PICK_DISTANCE)
         self._grip(grips, tools)
 

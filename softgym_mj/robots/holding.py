@@ -1,5 +1,7 @@
 """`Holding`: the vertices of a flex that grippers hold, shared by pickers and arms."""
 
+import math
+from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -14,12 +16,18 @@ MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1)
 
 
 class Held:
-    """Which vertex each gripper holds, -1 for none, and how often one was let go."""
+    """Which vertex each gripper holds, and what became of holds in this episode.
+
+    Attributes:
+        vertices: that each gripper holds, -1 for none.
+        dropped: how often one was let go.
+        yielded: how often that was because grippers pulled too hard.
+    """
 
     def __init__(self, num_grippers: int):
         """All of `num_grippers` grippers hold nothing."""
         self.vertices = [-1] * num_grippers  # A list: it is read several times in every sim step.
-        self.dropped = 0
+        self.dropped = self.yielded = 0
 
     def manipulate(self, target: Flex | FlexGroup) -> None:
         """Chooses the object whose vertices are held."""
@@ -28,33 +36,43 @@ class Held:
     def reset(self) -> None:
         """Starts an episode: nothing is held."""
         self.vertices[:] = [-1] * len(self.vertices)
-        self.dropped = 0
+        self.dropped = self.yielded = 0
 
     def get_state(self) -> dict[str, np.ndarray]:
         """What is held, for snapshots."""
-        return {"held": np.array(self.vertices), "dropped": np.array(self.dropped)}
+        return {
+            "held": np.array(self.vertices),
+            "dropped": np.array(self.dropped),
+            "yielded": np.array(self.yielded),
+        }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Restores what `get_state` returned."""
         self.vertices[:] = [int(vertex) for vertex in state["held"]]
-        self.dropped = int(state["dropped"])
+        self.dropped, self.yielded = int(state["dropped"]), int(state["yielded"])
 
 
 class Holding(Held):
     """Vertices attached to grippers, each where it is relative to the gripper's centre.
 
     A held vertex keeps its offset to the centre, except that it is never pushed below its resting
-    height on the floor.
+    height on the floor. Held vertices go where they are told, so no force in the object can stop
+    two that are pulled apart: before they get further from each other than `Flex.largest_gap`, the
+    one that was taken later slips away. Its gripper takes nothing more until it has been open.
     """
 
     def __init__(self, num_grippers: int):
         """All of `num_grippers` grippers hold nothing."""
         super().__init__(num_grippers)
         self.offsets = np.zeros((num_grippers, 3))
+        self._order = np.zeros(num_grippers, int)  # Later holds have higher numbers.
+        self._slipped = np.zeros(num_grippers, bool)  # And have not been open since.
 
     def reset(self) -> None:
         self._target.release_all()
         super().reset()
+        self._order[:] = 0
+        self._slipped[:] = False
 
     def release(self, i: int) -> None:
         """Lets go of what gripper `i` holds."""
@@ -66,7 +84,20 @@ class Holding(Held):
         """Gripper `i` holds a vertex at `offset` (3,) [m] from its centre."""
         self.vertices[i] = vertex
         self.offsets[i] = offset
+        self._order[i] = self._order.max() + 1
         self._target.hold(vertex)
+
+    def open(self, grips: Sequence[bool]) -> None:
+        """Lets go of what grippers hold whose grip is off; they can take something again."""
+        for i, grip in enumerate(grips):
+            if not grip:
+                self._slipped[i] = False
+                if self.vertices[i] >= 0:
+                    self.release(i)
+
+    def can_take(self, i: int) -> bool:
+        """Whether gripper `i` takes something if it grips."""
+        return self.vertices[i] < 0 and not self._slipped[i]
 
     def pick(self, i: int, centre: np.ndarray, reach: float) -> None:
         """Gripper `i` takes the nearest free vertex within `reach` [m] of `centre`, if any.
@@ -84,11 +115,31 @@ class Holding(Held):
 
     def drive(self, centres: np.ndarray, timestep: float) -> None:
         """Moves what is held so that it belongs to `centres` (n, 3) [m] after `timestep` [s]."""
-        for i, vertex in enumerate(self.vertices):
+        goals = self.places(centres)
+        self._give_way(goals)
+        for goal, vertex in zip(goals, self.vertices, strict=True):
             if vertex >= 0:
-                goal = centres[i] + self.offsets[i]
-                goal[2] = max(goal[2], self._target.resting_height(vertex))
                 self._target.drive(vertex, goal, timestep)
+
+    def _give_way(self, goals: np.ndarray) -> None:
+        """Ends later holds that would be pulled too far from earlier ones by `goals` (n, 3) [m]."""
+        kept: list[int] = []
+        holders = [i for i, vertex in enumerate(self.vertices) if vertex >= 0]
+        for i in sorted(holders, key=self._order.__getitem__):
+            vertex = self.vertices[i]
+            if all(
+                math.dist(goals[i], goals[j]) <= self._target.largest_gap(vertex, self.vertices[j])
+                for j in kept
+            ):
+                kept.append(i)
+            else:
+                self.slip(i)
+
+    def slip(self, i: int) -> None:
+        """What gripper `i` holds is pulled out of it."""
+        self.release(i)
+        self.yielded += 1
+        self._slipped[i] = True
 
     def places(self, centres: np.ndarray) -> np.ndarray:
         """Where held vertices belong (n, 3) [m] with grippers at `centres`; NaN if none is held."""
@@ -101,12 +152,19 @@ class Holding(Held):
         return goals
 
     def get_state(self) -> dict[str, np.ndarray]:
-        return {**super().get_state(), "offset": self.offsets.copy()}
+        return {
+            **super().get_state(),
+            "offset": self.offsets.copy(),
+            "order": self._order.copy(),
+            "slipped": self._slipped.copy(),
+        }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         self._target.release_all()
         super().set_state(state)
         self.offsets[:] = state["offset"]
+        self._order[:] = state["order"]
+        self._slipped[:] = state["slipped"]
         for vertex in self.vertices:
             if vertex >= 0:
                 self._target.hold(vertex)
@@ -168,4 +226,9 @@ class HoldingGripper(composer.Entity, Gripper, Generic[H]):
         self._grips = (action[:, 3] > 0.0).tolist()
 
     def diagnostics(self) -> dict[str, float | int]:
-        return {**super().diagnostics(), "dropped": self._holding.dropped}
+        holding = self._holding
+        return {
+            **super().diagnostics(),
+            "dropped": holding.dropped,
+            "yielded": holding.yielded,
+        }

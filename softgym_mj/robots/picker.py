@@ -50,7 +50,8 @@ class Picker(HoldingGripper):
     each picker moves by its clipped displacement; one that grips and holds nothing takes the
     vertex nearest to its old centre within the pick distance that no picker holds (the first
     index wins a tie). A held vertex keeps its offset to the picker, except that it is never
-    pushed below its resting height on the floor.
+    pushed below its resting height on the floor. Pickers that pull two vertices apart, further than
+    the object stretches, lose the one that was taken later, see `Holding`.
     """
 
     def _build(
@@ -134,10 +135,7 @@ class Picker(HoldingGripper):
 
     def plan(self) -> None:
         holding = self._holding
-        held = holding.vertices
-        for i, grip in enumerate(self._grips):
-            if not grip and held[i] >= 0:
-                holding.release(i)
+        holding.open(self._grips)
         centre, old_centre = self._centre, self._old_centre
         old_centre[:] = centre
         centre += self._displacement
@@ -145,7 +143,7 @@ class Picker(HoldingGripper):
         np.maximum(centre, self._low, out=centre)
         np.subtract(centre, old_centre, out=self._step)
         for i, grip in enumerate(self._grips):
-            if grip and held[i] < 0:
+            if grip and holding.can_take(i):
                 holding.pick(i, old_centre[i], self._pick_distance)
 
     def take(self, vertices: Sequence[int]) -> None:
