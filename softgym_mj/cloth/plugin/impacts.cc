@@ -12,6 +12,8 @@ namespace {
 
 // A pair may come as near as this share of its distance in one step.
 constexpr double kNearest = 0.1;
+// Pairs that are nearer than this [m] are past help: to hold them would only freeze them where they are.
+constexpr float kPast = 1e-4f;
 constexpr int kMaxAdvances = 100;  // Of one pair: as good as touching after that.
 constexpr int kMaxRounds = 100;
 
@@ -77,7 +79,7 @@ int PreventImpacts(const ClothKernels& kernels, const std::vector<Pair>& pairs, 
     bool found = false;
     for (int i = 0; i < approaching; ++i) {
       const Pair& pair = pairs[near[i]];
-      if (!Meets(pair, *motion)) continue;
+      if (pair.distance < kPast || !Meets(pair, *motion)) continue;
       if (zone.empty()) {
         zone.resize(count);
         std::iota(zone.begin(), zone.end(), 0);

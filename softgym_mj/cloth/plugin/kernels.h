@@ -139,7 +139,7 @@ struct Pair {
   float normal[3];
   float distance;   // [m]
   std::int16_t edges;   // Whether it is two edges.
-  std::int16_t region;  // Of a triangle: the corners that it lies between, as bits.
+  std::int16_t region;  // The vertices with a weight, as bits; of a triangle only its corners.
   int first, second;    // Ids of the vertex or edge, and of the triangle or edge.
 };
 
@@ -148,6 +148,7 @@ struct Scene {
   const float* move;      // Displacements in the step [m].
   const int* triangles;   // Three vertices each.
   const int* edges;       // Two vertices each.
+  const float* cord;      // Of each edge: 1 if it belongs to a cord, whose ends count as well as its inside.
   const int* part;        // Of each vertex.
   const float* thickness;  // Of pairs of parts [m].
   int num_parts;

@@ -86,10 +86,17 @@ void Layers::Reset(const Mesh& mesh, const ClothKernels& kernels) {
   for (const Mesh::Edge& e : mesh.edges) ends_.insert(ends_.end(), e.vertex, e.vertex + 2);
   chain_.assign(mesh.edges.size(), -1);
   place_.assign(mesh.edges.size(), 0);
+  cord_.assign(mesh.edges.size(), 0);
+  owner_.assign(mesh.NumVertices(), -1);
   for (size_t c = 0; c < mesh.chains.size(); ++c) {
     for (size_t i = 0; i < mesh.chains[c].edge.size(); ++i) {
       chain_[mesh.chains[c].edge[i]] = static_cast<int>(c);
       place_[mesh.chains[c].edge[i]] = static_cast<int>(i);
+    }
+    for (size_t i = 0; i < mesh.chains[c].edge.size(); ++i) {
+      const int edge = mesh.chains[c].edge[i];
+      cord_[edge] = 1;
+      for (int v : mesh.edges[edge].vertex) owner_[v] = owner_[v] < 0 ? edge : owner_[v];
     }
   }
   const auto order = [&](const std::vector<int>& vertices, int corners) {
@@ -183,7 +190,13 @@ bool Layers::IsFlat(const Mesh::Edge& edge, const float* normal) const {
 
 bool Layers::Counts(const Mesh& mesh, const Pair& pair) const {
   if (!pair.edges) return mesh.triangles[pair.second].owned >> pair.region & 1;
-  if (chain_[pair.first] >= 0 && chain_[pair.first] == chain_[pair.second]) {
+  if (cord_[pair.first] > 0 && cord_[pair.second] > 0) {
+    for (int k = 0; k < 4; ++k) {
+      // At an end: of the edge that owns it.
+      const int only = pair.region & 3 << (k & 2), edge = k < 2 ? pair.first : pair.second;
+      if (only == 1 << k && owner_[pair.vertex[k]] != edge) return false;
+    }
+    if (chain_[pair.first] != chain_[pair.second]) return true;
     return std::abs(place_[pair.first] - place_[pair.second]) > kNextPieces;
   }
   const float thickness = mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
@@ -193,7 +206,7 @@ bool Layers::Counts(const Mesh& mesh, const Pair& pair) const {
 
 void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move) {
   FindCandidates(position, move);
-  const Scene scene = {position.data(), move.data(), corners_.data(), ends_.data(), mesh.part.data(),
+  const Scene scene = {position.data(), move.data(), corners_.data(), ends_.data(), cord_.data(), mesh.part.data(),
                        mesh.thickness.data(), static_cast<int>(mesh.flexes.size()), kInterest};
   const int triangles = static_cast<int>(triangle_candidates_.size() / 2);
   const int edges = static_cast<int>(edge_candidates_.size() / 2);

@@ -185,12 +185,12 @@ inline int Append(const Scene& scene, const Eight& eight, int num_first, const L
     for (int k = 0; k < 4; ++k) {
       pair.vertex[k] = eight.vertex[k][i];
       pair.weight[k] = q[k][i];
-      if (k > 0) region |= (q[k][i] != 0) << (k - 1);
+      region |= (q[k][i] != 0) << k;
     }
     for (int k = 0; k < 3; ++k) pair.normal[k] = n[k][i];
     pair.distance = d[i];
     pair.edges = edges;
-    pair.region = static_cast<std::int16_t>(region);
+    pair.region = static_cast<std::int16_t>(edges ? region : region >> 1);
     pair.first = ids[2 * i];
     pair.second = ids[2 * i + 1];
   }
@@ -233,7 +233,12 @@ inline int FilterEdges(const Scene& scene, const int* pairs, int count, Pair* ou
     const Lanes3* x = eight.position;
     Lanes s, t;
     ClosestOnSegments(x[1] - x[0], x[3] - x[2], x[0] - x[2], &s, &t);
-    const Mask inside = Less(zero, s) & Less(s, one) & Less(zero, t) & Less(t, one);
+    float both[kBlock];
+    for (int i = 0; i < kBlock; ++i) {
+      const int* id = ids + 2 * (i < size ? i : 0);
+      both[i] = scene.cord[id[0]] * scene.cord[id[1]];
+    }
+    const Mask inside = (Less(zero, s) & Less(s, one) & Less(zero, t) & Less(t, one)) | Less(zero, Lanes::Load(both));
     const Lanes weight[4] = {one - s, s, t - one, -t};
     found += Append(scene, eight, 2, weight, Bits(inside) & ((1u << size) - 1), ids, true, out + found);
   }
