@@ -2,7 +2,6 @@
 
 from softgym_mj.entities.arena import Arena, CameraPose
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.contact import FlexContact
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.entities.garment import Garment
 from softgym_mj.entities.rope import Rope
@@ -15,7 +14,6 @@ __all__ = [
     "Cup",
     "CupSize",
     "Fabric",
-    "FlexContact",
     "Garment",
     "Rope",
 ]

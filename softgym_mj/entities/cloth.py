@@ -1,13 +1,11 @@
-"""`Cloth`: a rectangular sheet of woven cotton as a two-dimensional MuJoCo flex."""
+"""`Cloth`: a rectangular sheet of woven fabric as a two-dimensional MuJoCo flex."""
 
-import dataclasses
 import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from softgym_mj.arithmetic import product
-from softgym_mj.entities.contact import FlexContact
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, RADIUS, Fabric, Sheet
 from softgym_mj.exceptions import OutOfRangeError, check_name
 
@@ -17,25 +15,14 @@ MIN_DIM, MAX_DIM = 10, 200  # Accepted sizes in particles: 0.06 m to 1.24 m.
 DEFAULT_DIMS = (96, 58)  # SoftGym's size when variations are off (facts 3.0).
 
 
-@dataclasses.dataclass(frozen=True)
-class Fidelity:
-    """Resolution of a cloth: vertex spacing [m] and solver iterations that converge there."""
-
-    spacing: float
-    iterations: int
-
-
-FIDELITIES = {
-    "fast": Fidelity(spacing=0.04, iterations=250),
-    "default": Fidelity(spacing=0.03, iterations=200),
-    "accurate": Fidelity(spacing=0.02, iterations=300),
-}
+# Vertex spacing [m].
+FIDELITIES = {"fast": 0.04, "default": 0.03, "accurate": 0.02}
 
 
 def grid_shape(dims: tuple[int, int], fidelity: str) -> tuple[int, int]:
     """Number of vertex (rows, columns) of a cloth of `dims` = (dimx, dimy) particles."""
     check_name("fidelity", fidelity, FIDELITIES)
-    spacing = FIDELITIES[fidelity].spacing
+    spacing = FIDELITIES[fidelity]
     columns, rows = (round((dim - 1) * PARTICLE_SPACING / spacing) + 1 for dim in dims)
     return rows, columns
 
@@ -52,7 +39,7 @@ class Cloth(Sheet):
         self,
         dims: tuple[int, int] = DEFAULT_DIMS,
         fidelity: str = "default",
-        self_contact: str | FlexContact = "plugin",
+        fabric: Fabric | None = None,
         marker: bool = False,
         name: str = "cloth",
     ):
@@ -61,22 +48,18 @@ class Cloth(Sheet):
         Args:
             dims: (dimx, dimy) size in SoftGym particles, each 10..200.
             fidelity: "fast", "default" or "accurate".
-            self_contact: "plugin" for softgym_mj.cloth_contact, "mujoco" for MuJoCo's own flex
-                self-collision (two to three times slower on folded cloth, and fast layers come
-                through each other), "none" for none; or a contact that it shares with other
-                flexes.
+            fabric: what it is made of; None for a woven tablecloth.
             marker: whether a strip of 3 cm along the rows' first eighth shows the other side's
                 colour, as in SoftGym's folding tasks: it tells which half is to be folded over.
             name: model name.
 
         Raises:
-            UnknownNameError, OutOfRangeError: for a bad fidelity, self_contact or size.
+            UnknownNameError, OutOfRangeError: for a bad fidelity or size.
         """
         check_name("fidelity", fidelity, FIDELITIES)
         self._fidelity, self._marker = fidelity, marker
         colors = {"front": FRONT_COLOR, "back": BACK_COLOR}
-        iterations = FIDELITIES[fidelity].iterations
-        self._start_sheet(name, self_contact, Fabric(), iterations, colors)
+        self._start_sheet(name, Fabric() if fabric is None else fabric, colors)
         self._dims = (0, 0)
         self.resize(dims)
 

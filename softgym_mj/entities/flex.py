@@ -1,7 +1,6 @@
 """`Flex`: a deformable object made of point-mass vertices, the base of `Sheet` and `Rope`."""
 
 import abc
-import functools
 from collections.abc import Mapping, Sequence
 
 import mujoco
@@ -9,8 +8,8 @@ import numpy as np
 import scipy.sparse.csgraph
 from dm_control import composer, mjcf
 
+from softgym_mj.cloth import solver
 from softgym_mj.domain import Parameter
-from softgym_mj.entities.contact import FlexContact, keep_apart
 from softgym_mj.exceptions import OutOfRangeError
 
 # Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
@@ -38,13 +37,6 @@ def slide_views(model, data, bodies: Sequence[int]) -> tuple[np.ndarray, np.ndar
     )
 
 
-def _mean_mass(model: mujoco.MjModel, flex: int) -> float:
-    """Mean mass [kg] of the vertices of a flex."""
-    first, count = model.flex_vertadr[flex], model.flex_vertnum[flex]
-    bodies = model.flex_vertbodyid[first : first + count]
-    return model.dof_M0[model.body_dofadr[bodies]].mean()
-
-
 class Flex(composer.Entity):
     """A flexcomp of free vertices (three world-aligned slides each), in the order of `points`.
 
@@ -57,16 +49,16 @@ class Flex(composer.Entity):
     # that hangs or is drawn taut stretches by some per cent, and keeps its holds. What two pickers
     # pull apart at 1 m/s each is stretched no more than by the jerk of one alone, not 20-fold.
     hold_stretch = 0.1
-    _self_contact = "mujoco"
-    _contact: FlexContact | None = None
-
-    def _share(self, contact: FlexContact) -> None:
-        """To be called before the flexcomp is added, if it shares its contact with others."""
-        self._contact, self._self_contact = contact, "plugin"
 
     def _start_model(self, name: str) -> None:
         """To be called first in a subclass's `_build`."""
         self._mjcf_root = mjcf.RootElement(model=name)
+        option = self._mjcf_root.option
+        option.timestep = solver.TIMESTEP
+        option.jacobian = "sparse"
+        option.integrator = "discrete"  # Implicit in the servos of arms; flexes do not mind.
+        self._mjcf_root.size.memory = "16M"
+        self._instance = solver.add_instance(self._mjcf_root)
         self._rest_points = np.zeros((0, 3))
         self._radius = 0.0
         self._held: dict[int, np.ndarray] = {}
@@ -110,19 +102,9 @@ class Flex(composer.Entity):
         return self._radius
 
     @property
-    def self_contact(self) -> str:
-        """What keeps the object from passing through itself: "plugin", "mujoco" or "none"."""
-        return self._self_contact
-
-    @property
-    def contact(self) -> FlexContact | None:
-        """The contact that it shares with other flexes, None if it does not."""
-        return self._contact
-
-    @property
-    @abc.abstractmethod
     def timestep(self) -> float:
-        """Physics step [s] this object needs; it divides the sim step of 0.01 s."""
+        """Physics step [s]."""
+        return solver.TIMESTEP
 
     def _add_flexcomp(
         self, points: np.ndarray, elements: np.ndarray, radius: float, **attributes
@@ -140,30 +122,18 @@ class Flex(composer.Entity):
             radius=radius,
             **attributes,
         )
-        flexcomp.contact.contype = OBJECT_CONTACT
-        flexcomp.contact.conaffinity = OBJECT_CONTACT | GRIPPER_CONTACT
-        if self._contact is not None:
-            flexcomp.contact.contype = 0  # Or MuJoCo would collide those that share it as well.
-            keep_apart(flexcomp, self._contact.instance)
+        solver.leave_to_plugin(flexcomp, self._instance)
         return flexcomp
 
     @property
     def physical_parameters(self) -> dict[str, dict[str, object]]:
-        """What determines the motion besides the mesh: solver, mass, elasticity, contact."""
+        """What determines the motion besides the mesh: mass, what it is made of, friction."""
         flexcomp = self._mjcf_root.worldbody.flexcomp[0]
-        parts = {
-            "option": self._mjcf_root.option.get_attributes(),
-            "body": {"radius": flexcomp.radius, "mass": flexcomp.mass},
-            "elasticity": flexcomp.elasticity.get_attributes(),
-            "edge": flexcomp.edge.get_attributes(),
-            "contact": flexcomp.contact.get_attributes(),
-        }
+        friction = flexcomp.contact.friction
         return {
-            part: {
-                name: value.tolist() if isinstance(value, np.ndarray) else value
-                for name, value in sorted(attributes.items())
-            }
-            for part, attributes in parts.items()
+            "body": {"radius": flexcomp.radius, "mass": flexcomp.mass},
+            "material": {config.key: config.value for config in self._instance.config},
+            "contact": {"friction": None if friction is None else friction.tolist()},
         }
 
     def vertex_body(self, vertex: int) -> str:
@@ -182,8 +152,7 @@ class Flex(composer.Entity):
         self._origin = np.array(model.body_pos[bodies])
         self._qpos, self._qvel = slide_views(model, data, bodies)
         self._dof_mass = model.dof_M0
-        # The solver's tolerance is relative to the mean inertia: heavy things must not loosen it.
-        model.stat.meaninertia = min(map(functools.partial(_mean_mass, model), range(model.nflex)))
+        solver.forget_damping(model)
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self._edges = np.array(model.flex_edge[edges])
         self._rest_lengths = np.array(model.flexedge_length0[edges])

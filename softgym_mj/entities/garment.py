@@ -10,14 +10,11 @@ import mujoco
 import numpy as np
 
 from softgym_mj.arithmetic import product
-from softgym_mj.entities.contact import FlexContact
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, RADIUS, Fabric, Sheet
 from softgym_mj.exceptions import MeshError, OutOfRangeError
 
-# Solver iterations that converge with edges of 2 to 4 cm, as those of `cloth.FIDELITIES`.
-ITERATIONS = 300
-# Accepted lengths of edges in contact radii. Below, the solver does not converge in a time step and
-# edges stretch by a third; above, folds are coarse. Cloths have 4 to 8.
+# Accepted lengths of edges in contact radii. Below, layers would be
+# thinner than they are drawn; above, folds are coarse. Cloths have 4 to 8.
 SHORTEST_EDGE, LONGEST_EDGE = 3.0, 12.0
 # Least height of a triangle over its longest edge: slimmer ones are as stiff as wire.
 LEAST_HEIGHT = 0.1
@@ -96,7 +93,6 @@ class Garment(Sheet):
         scale: float = 1.0,
         fabric: Fabric | None = None,
         radius: float = RADIUS,
-        self_contact: str | FlexContact = "plugin",
         colors: tuple[Sequence[float], Sequence[float]] = (FRONT_COLOR, BACK_COLOR),
         name: str = "garment",
     ):
@@ -106,16 +102,15 @@ class Garment(Sheet):
             file: an OBJ, STL or MSH file, as in `read_mesh`. Layers that lie upon each other have
                 to be two radii apart, but where they are sewn together.
             scale: metres in a unit of the file.
-            fabric: what it is made of; None for cotton.
+            fabric: what it is made of; None for a woven tablecloth.
             radius: contact radius [m]: edges have to be 3 to 12 times as long.
-            self_contact: "plugin", "mujoco" or "none", or a shared contact, as in `Cloth`.
             colors: (r, g, b, a) in 0..1 of the side on which triangles are counter-clockwise, and
                 of the other side.
             name: model name.
 
         Raises:
             MeshError: if the file is missing, no mesh, or none that can be a sheet.
-            UnknownNameError, OutOfRangeError: for a bad self_contact, scale or radius.
+            OutOfRangeError: for a bad scale or radius.
         """
         if not 0.0 < radius < np.inf:
             raise OutOfRangeError("radius", radius, "finite and above 0 [m]")
@@ -127,7 +122,7 @@ class Garment(Sheet):
         outside, inside = colors
         fabric = Fabric() if fabric is None else fabric
         sides = {"outside": outside, "inside": inside}
-        self._start_sheet(name, self_contact, fabric, ITERATIONS, sides)
+        self._start_sheet(name, fabric, sides)
         self._set_mesh(points, triangles, radius)
 
     @property

@@ -9,14 +9,14 @@ import mujoco
 from softgym_mj.exceptions import PluginUnavailableError
 
 FLUID = "softgym_mj.fluid"
-CLOTH_CONTACT = "softgym_mj.cloth_contact"
+CLOTH = "softgym_mj.cloth"
 
 _FOLDER = pathlib.Path(__file__).parent
 # Followed by the MuJoCo version that the library was built for.
 _STEM = "softgym_mj_plugins-mujoco-"
 _SUFFIX = {"win32": ".dll"}.get(sys.platform, ".so")
 
-_USER = f'<mujoco><extension><plugin plugin="{CLOTH_CONTACT}"/></extension></mujoco>'
+_USER = f'<mujoco><extension><plugin plugin="{CLOTH}"/></extension></mujoco>'
 
 _lock = threading.Lock()
 

@@ -104,7 +104,6 @@ def drop_cloth(
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
-    self_contact: str = "plugin",
     count_intersections: bool = False,
     sizes: tuple[int, int] = SIZES,
     action_repeat: int | None = None,
@@ -118,7 +117,6 @@ def drop_cloth(
         observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
-        self_contact: "plugin", "mujoco" or "none", as in `Cloth`.
         count_intersections: adds "intersections" to info: where the cloth passes through itself.
         sizes: of the sides [particles], the upper end exclusive; the paper's are (60, 120).
         action_repeat: sim steps per env step; None for the usual number.
@@ -128,7 +126,7 @@ def drop_cloth(
     """
     check_name("actor", actor, ACTORS)
     return DropCloth(
-        Cloth(fidelity=fidelity, self_contact=self_contact),
+        Cloth(fidelity=fidelity),
         make_gripper(actor, "cloth", base_height=BASE_HEIGHT, **actor_settings),
         HangingCloth(fidelity, sizes),
         SUCCESS,
@@ -146,7 +144,6 @@ def drop_fold_cloth(
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
-    self_contact: str = "plugin",
     count_intersections: bool = False,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
@@ -155,7 +152,7 @@ def drop_fold_cloth(
     """Builds the task; arguments as for `drop_cloth`."""
     check_name("actor", actor, ACTORS)
     return DropFoldCloth(
-        Cloth(fidelity=fidelity, self_contact=self_contact),
+        Cloth(fidelity=fidelity),
         make_gripper(actor, "cloth", base_height=BASE_HEIGHT, **actor_settings),
         HangingCloth(fidelity, SIZE_RANGE),
         FOLD_SUCCESS,

@@ -116,7 +116,3 @@ class FlexTask(StoredTask):
 
     def diagnostics(self) -> dict[str, float | int]:
         return {"max_edge_strain": float(np.max(self._target.edge_strain()))}
-
-    @property
-    def state_layout(self) -> dict[str, object]:
-        return {**super().state_layout, "self-contact": self._target.self_contact}

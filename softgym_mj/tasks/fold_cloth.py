@@ -85,7 +85,6 @@ def fold_cloth(
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
-    self_contact: str = "plugin",
     count_intersections: bool = False,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
@@ -98,7 +97,6 @@ def fold_cloth(
         observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
-        self_contact: "plugin", "mujoco" or "none", as in `Cloth`.
         count_intersections: adds "intersections" to info: where the cloth passes through itself.
         action_repeat: sim steps per env step; None for the usual number.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
@@ -106,7 +104,7 @@ def fold_cloth(
         **actor_settings: as in `GripperSettings`.
     """
     return FoldCloth(
-        Cloth(fidelity=fidelity, self_contact=self_contact, marker=True),
+        Cloth(fidelity=fidelity, marker=True),
         make_gripper(actor, "cloth", **actor_settings),
         FlatCloth(fidelity),
         FOLD_HEIGHT,
@@ -124,7 +122,6 @@ def fold_crumpled_cloth(
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
-    self_contact: str = "plugin",
     count_intersections: bool = False,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
@@ -132,7 +129,7 @@ def fold_crumpled_cloth(
 ) -> FoldCrumpledCloth:
     """Builds the task; arguments as for `fold_cloth`."""
     return FoldCrumpledCloth(
-        Cloth(fidelity=fidelity, self_contact=self_contact, marker=True),
+        Cloth(fidelity=fidelity, marker=True),
         make_gripper(actor, "cloth", **actor_settings),
         CrumpledCloth(fidelity),
         CRUMPLED_HEIGHT,

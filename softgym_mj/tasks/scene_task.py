@@ -64,8 +64,7 @@ class SceneTask(DeformableTask):
 
         Args:
             objects: what deforms or flows, at least one flex, with different model names; not yet
-                attached. If there are several flexes, all have been given the same `FlexContact`
-                as `self_contact`.
+                attached.
             actor: what acts, not yet attached.
             camera: the task's camera, or its name in `arena.CAMERAS`.
             workspace: of the grippers.
@@ -80,8 +79,7 @@ class SceneTask(DeformableTask):
                 object have its model name before theirs: "rope_friction".
 
         Raises:
-            OutOfRangeError: for objects without a flex, flexes that do not share their contact,
-                two of the same name, or another argument of a wrong type.
+            OutOfRangeError: for objects without a flex, two of the same name, or another argument of a wrong type.
             UnknownNameError: for a bad name.
         """
         _check_types(objects, actor, camera, workspace)
@@ -90,14 +88,7 @@ class SceneTask(DeformableTask):
         if not flexes:
             raise OutOfRangeError("objects", self._objects, "at least one rope, cloth or garment")
         self._flexes = FlexGroup(flexes)
-        contact = flexes[0].contact
-        if any(flex.contact is not contact or contact is None for flex in flexes[1:]):
-            contacts = [
-                flex.self_contact if flex.contact is None else flex.contact.mjcf_model.model
-                for flex in flexes
-            ]
-            raise OutOfRangeError("self_contact", contacts, "one FlexContact that all flexes share")
-        parts: list[Any] = [*self._objects, *([] if contact is None else [contact])]
+        parts: list[Any] = list(self._objects)
         names = [part.mjcf_model.model for part in parts]
         if len(set(names)) < len(names):
             raise OutOfRangeError("objects", names, "a different `name` for each of them")

@@ -53,7 +53,6 @@ def spread_cloth(
     observation: str | Sequence[str] = "reduced",
     image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
     fidelity: str = "default",
-    self_contact: str = "plugin",
     count_intersections: bool = False,
     action_repeat: int | None = None,
     domain: str | Mapping[str, object] = "nominal",
@@ -66,14 +65,13 @@ def spread_cloth(
         observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
         image_size: (height, width) of images [pixels].
         fidelity: resolution of the cloth: "fast", "default" or "accurate".
-        self_contact: "plugin", "mujoco" or "none", as in `Cloth`.
         count_intersections: adds "intersections" to info: where the cloth passes through itself.
         action_repeat: sim steps per env step; None for the usual number.
         domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
             "out_of_distribution", or a dict of parameters, as in `Domain`.
         **actor_settings: as in `GripperSettings`.
     """
-    cloth = Cloth(fidelity=fidelity, self_contact=self_contact)
+    cloth = Cloth(fidelity=fidelity)
     return SpreadCloth(
         cloth,
         make_gripper(actor, "cloth", **actor_settings),

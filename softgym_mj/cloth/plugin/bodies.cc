@@ -94,7 +94,8 @@ Body* Bodies::Find(int id) {
   while (with_joints && !m_->body_dofnum[with_joints]) with_joints = m_->body_parentid[with_joints];
   mjtNum offset[3];
   mju_sub3(offset, body.centre, d_->subtree_com + 3 * m_->body_rootid[id]);
-  for (int dof = m_->body_dofadr[with_joints] + m_->body_dofnum[with_joints] - 1; dof >= 0; dof = m_->dof_parentid[dof]) {
+  for (int dof = m_->body_dofadr[with_joints] + m_->body_dofnum[with_joints] - 1; dof >= 0;
+       dof = m_->dof_parentid[dof]) {
     const mjtNum* motion = d_->cdof + 6 * dof;  // Rotation, then translation of the tree's centre of mass.
     mjtNum linear[3];
     mju_cross(linear, motion, offset);

@@ -13,14 +13,14 @@ namespace softgym_mj::cloth {
 
 // A body during a step. It moves on as MuJoCo has moved it, and by impulses.
 struct Body {
-  int id, tree;         // Of the model; tree: among `Bodies::trees`.
-  double centre[3];     // Of mass, at the start of the step [m].
-  double turn[4];       // Quaternion of its rotation since then.
-  double shift[3];      // Of the centre since then [m].
-  double velocity[6];   // Linear and angular, at the start of the step.
+  int id, tree;            // Of the model; tree: among `Bodies::trees`.
+  double centre[3];        // Of mass, at the start of the step [m].
+  double turn[4];          // Quaternion of its rotation since then.
+  double shift[3];         // Of the centre since then [m].
+  double velocity[6];      // Linear and angular, at the start of the step.
   double acceleration[6];  // Mean of the step without flexes.
-  double impulse[6];    // Sum of the substeps so far [kg m], and
-  double moved[6];      // the sum of these sums.
+  double impulse[6];       // Sum of the substeps so far [kg m], and
+  double moved[6];         // the sum of these sums.
   bool gives_way;
   double inverse_mass;  // Largest in any direction [1/kg].
   bool touched;
@@ -48,8 +48,8 @@ class Bodies {
 
  private:
   struct Tree {
-    int id, first, count;             // Of the degrees of freedom.
-    std::vector<double> factor;       // Lower Cholesky factor of the inertia (n, n).
+    int id, first, count;              // Of the degrees of freedom.
+    std::vector<double> factor;        // Lower Cholesky factor of the inertia (n, n).
     std::vector<double> acceleration;  // (n,)
   };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <memory>
 #include <string>
 #include <vector>
@@ -20,9 +21,9 @@ namespace softgym_mj::cloth {
 namespace {
 
 constexpr const char* kName = "softgym_mj.cloth";
-constexpr const char* kAttributes[] = {"stretch", "shear", "bend", "stretch_damping", "bend_damping", "friction",
-                                       "drag", "added_mass", "contype", "conaffinity", "substeps", "sweeps", "contact_stiffness",
-                                       "contact_damping"};
+constexpr const char* kAttributes[] = {
+    "stretch",    "shear",   "bend",        "stretch_damping", "bend_damping", "friction",          "drag",
+    "added_mass", "contype", "conaffinity", "substeps",        "sweeps",       "contact_stiffness", "contact_damping"};
 
 // [kg] A vertex that counts as heavier in mjModel.dof_M0 is held: it keeps the velocity that it is given.
 constexpr double kHeldMass = 1;
@@ -40,7 +41,7 @@ struct Workspace {
   std::vector<int> flexes;
   Mesh mesh;
   std::vector<Vertex> vertices;
-  std::vector<mjtNum> axes;  // World directions of the slides of each vertex (n, 3, 3).
+  std::vector<mjtNum> axes;        // World directions of the slides of each vertex (n, 3, 3).
   std::vector<mjtNum> qpos, qvel;  // Of all that moves, at the start of the step.
   Start start;
   std::vector<PlaneContact> planes;
@@ -79,14 +80,17 @@ int InstanceOf(const mjModel* m, int flex, int slot) {
 
 std::string CheckFlex(const mjModel* m, int f) {
   if (m->flex_dim[f] > 2 || m->flex_interp[f] || m->flex_rigid[f]) {
-    return FlexName(m, f) + " cannot be handled: expected a deformable one of dimension 1 or 2 with vertices, "
-                            "dof=\"full\".";
+    return FlexName(m, f) +
+           " cannot be handled: expected a deformable one of dimension 1 or 2 with vertices, "
+           "dof=\"full\".";
   }
   if (m->flex_selfcollide[f] != mjFLEXSELF_NONE || m->flex_contype[f] || m->flex_conaffinity[f]) {
-    return FlexName(m, f) + " would collide twice: expected <contact selfcollide=\"none\" contype=\"0\" "
-                            "conaffinity=\"0\"/>.";
+    return FlexName(m, f) +
+           " would collide twice: expected <contact selfcollide=\"none\" contype=\"0\" "
+           "conaffinity=\"0\"/>.";
   }
-  if (m->flex_edgeequality[f]) return FlexName(m, f) + " would be stretched twice: expected <edge equality=\"false\"/>.";
+  if (m->flex_edgeequality[f])
+    return FlexName(m, f) + " would be stretched twice: expected <edge equality=\"false\"/>.";
   return "";
 }
 
@@ -207,7 +211,8 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
         if (!held) mju_addToScl3(&start.acceleration[3 * v], axis, (after - before) / dt);
       }
     }
-    for (int k = 0; k < 3; ++k) sum += start.position[3 * v + k] + start.velocity[3 * v + k] + start.acceleration[3 * v + k];
+    for (int k = 0; k < 3; ++k)
+      sum += start.position[3 * v + k] + start.velocity[3 * v + k] + start.acceleration[3 * v + k];
   }
   return std::isfinite(sum);
 }
@@ -319,6 +324,26 @@ void Advance(const mjModel* m, mjData* d, int instance) {
 
 }  // namespace
 
+namespace {
+
+// The workspace of the instance that solves for all; null if the model has none.
+const Workspace* FindWorkspace(const mjModel* m, const mjData* d) {
+  for (int instance = 0; instance < m->nplugin; ++instance) {
+    const mjpPlugin* plugin = mjp_getPluginAtSlot(m->plugin[instance]);
+    if (plugin && std::strcmp(plugin->name, kName) == 0 && Leads(m, instance)) return Get(d, instance);
+  }
+  return nullptr;
+}
+
+// Index of a vertex in mjModel; -1 for none.
+int ModelVertex(const mjModel* m, const Workspace& w, int vertex) {
+  if (vertex >= w.mesh.NumVertices()) return -1;
+  const int part = w.mesh.part[vertex];
+  return m->flex_vertadr[w.mesh.flexes[part]] + vertex - w.mesh.first[part];
+}
+
+}  // namespace
+
 void RegisterCloth() {
   mjpPlugin plugin;
   mjp_defaultPlugin(&plugin);
@@ -345,3 +370,36 @@ void RegisterCloth() {
 }
 
 }  // namespace softgym_mj::cloth
+
+#ifdef _WIN32
+#define SGM_EXPORT extern "C" __declspec(dllexport)
+#else
+#define SGM_EXPORT extern "C" __attribute__((visibility("default")))
+#endif
+
+// Copies the contacts between geoms and flexes in the last step, `capacity` at most, with vertices as in mjModel.
+// Returns how many there are.
+SGM_EXPORT int softgym_mj_cloth_contacts(const mjModel* m, const mjData* d, softgym_mj::cloth::Contact* out,
+                                         int capacity) {
+  using namespace softgym_mj::cloth;
+  const Workspace* w = FindWorkspace(m, d);
+  if (!w) return 0;
+  const std::vector<Contact>& contacts = w->solids.contacts();
+  const int count = static_cast<int>(contacts.size());
+  for (int i = 0; i < std::min(count, capacity); ++i) {
+    out[i] = contacts[i];
+    for (int& vertex : out[i].vertex) vertex = ModelVertex(m, *w, vertex);
+  }
+  return count;
+}
+
+// Mean force [N] of the last step with which its flex pulls each vertex of the model (nflexvert, 3) that is held.
+SGM_EXPORT void softgym_mj_cloth_holding_forces(const mjModel* m, const mjData* d, double* out) {
+  using namespace softgym_mj::cloth;
+  std::fill(out, out + 3 * m->nflexvert, 0.0);
+  const Workspace* w = FindWorkspace(m, d);
+  if (!w || w->solver.holding_forces().empty()) return;
+  for (int v = 0; v < w->mesh.NumVertices(); ++v) {
+    mju_copy3(out + 3 * ModelVertex(m, *w, v), &w->solver.holding_forces()[3 * v]);
+  }
+}

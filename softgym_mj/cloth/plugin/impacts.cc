@@ -74,8 +74,8 @@ int PreventImpacts(const ClothKernels& kernels, const std::vector<Pair>& pairs, 
       for (int k = 0; k < 3; ++k) move[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
     }
     // The plane across the normal between the closest points parts the two sides of all others.
-    const int approaching = kernels.FindApproaching(move.data(), pairs.data(), static_cast<int>(pairs.size()),
-                                                    1 - kNearest, near.data());
+    const int approaching =
+        kernels.FindApproaching(move.data(), pairs.data(), static_cast<int>(pairs.size()), 1 - kNearest, near.data());
     bool found = false;
     for (int i = 0; i < approaching; ++i) {
       const Pair& pair = pairs[near[i]];

@@ -11,7 +11,7 @@ namespace softgym_mj::cloth {
 
 // What the vertices do in a step.
 struct Motion {
-  const double* start;         // (n, 3) [m]
+  const double* start;           // (n, 3) [m]
   std::vector<double> move;      // (n, 3) [m]
   std::vector<double> velocity;  // (n, 3) [m/s], at the end.
   std::vector<double> mass;      // [kg]; huge where something holds a vertex.

@@ -24,12 +24,12 @@ constexpr int kBlock = 8;  // Rows of a block, which have no vertex in common.
 
 // All vertices and one more that never moves, which fills blocks, up to a multiple of eight.
 struct Points {
-  int count;            // Padded.
-  float* now;           // Displacement since the start of the step [m]; inverse mass [1/kg].
-  float* before;        // The same at the start of the substep.
-  float* drift;         // Acceleration times h^2 [m], without and
-  float* bent_drift;    // with bending.
-  float* predicted;     // Scratch for bending.
+  int count;          // Padded.
+  float* now;         // Displacement since the start of the step [m]; inverse mass [1/kg].
+  float* before;      // The same at the start of the substep.
+  float* drift;       // Acceleration times h^2 [m], without and
+  float* bent_drift;  // with bending.
+  float* predicted;   // Scratch for bending.
 };
 
 struct alignas(32) EdgeBlock {
@@ -55,27 +55,27 @@ struct alignas(32) LayerBlock {
   int vertex[4][kBlock];
   float weight[4][kBlock];
   float normal[3][kBlock];
-  float gap[kBlock];          // At the start of the step [m].
+  float gap[kBlock];  // At the start of the step [m].
   float friction[kBlock];
-  float mass[kBlock];         // Inverse mass: sum of weight^2 / mass [1/kg].
-  float inverse[kBlock];      // 1 / (mass + gamma).
-  float before[3][kBlock];    // Sum of weight times displacement at the end of the last turn [m].
-  float impulse[kBlock];      // [kg m], and what friction holds:
+  float mass[kBlock];       // Inverse mass: sum of weight^2 / mass [1/kg].
+  float inverse[kBlock];    // 1 / (mass + gamma).
+  float before[3][kBlock];  // Sum of weight times displacement at the end of the last turn [m].
+  float impulse[kBlock];    // [kg m], and what friction holds:
   float held[3][kBlock];
 };
 
 // Of the rows of contacts.
 struct ContactRow {
-  float gamma;     // b / (k h^2) [1/kg]
+  float gamma;  // b / (k h^2) [1/kg]
   float b;
   float recovery;  // Largest way out of an overlap in a substep [m].
 };
 
 struct Plane {
   float normal[3];
-  float* gap;       // Of each vertex at the start of the step [m].
-  float* friction;  // Of each vertex.
-  float* impulse;   // Of each vertex: along the normal, and what friction holds: four floats.
+  float* gap;         // Of each vertex at the start of the step [m].
+  float* friction;    // Of each vertex.
+  float* impulse;     // Of each vertex: along the normal, and what friction holds: four floats.
   const int* blocks;  // First vertices of the blocks of eight that may touch it.
   int num_blocks;
 };
@@ -98,15 +98,15 @@ struct Rigid {
 struct alignas(32) SolidBlock {
   int vertex[3][kBlock];
   float weight[3][kBlock];
-  float cord[kBlock];      // 1 for a piece of a cord, whose third vertex stands for none.
+  float cord[kBlock];  // 1 for a piece of a cord, whose third vertex stands for none.
   float friction[kBlock];
-  float radius[kBlock];    // Of the flex [m].
-  float side[kBlock];      // Of a box: the face 2 axis + (0 low, 1 high) that a point inside belongs to, or -1.
+  float radius[kBlock];     // Of the flex [m].
+  float side[kBlock];       // Of a box: the face 2 axis + (0 low, 1 high) that a point inside belongs to, or -1.
   float normal[3][kBlock];  // Towards the flex.
-  float gap[kBlock];       // At the start of the substep [m].
-  float mass[kBlock];      // Inverse mass of the vertices, and with the body [1/kg].
-  float arm[3][kBlock];    // From the body's centre to the point [m].
-  float impulse[kBlock];   // [kg m], and what friction holds:
+  float gap[kBlock];        // At the start of the substep [m].
+  float mass[kBlock];       // Inverse mass of the vertices, and with the body [1/kg].
+  float arm[3][kBlock];     // From the body's centre to the point [m].
+  float impulse[kBlock];    // [kg m], and what friction holds:
   float held[3][kBlock];
   float total[3][kBlock];  // Impulses of the step so far, in the world.
   float pressed[kBlock];   // Their normal parts.
@@ -124,10 +124,10 @@ struct alignas(32) Boxes {
 };
 struct BoxTree {
   int num_leaves, num_nodes;
-  Boxes* items;   // One a leaf.
-  Boxes* leaves;  // One a node.
-  float* bounds;  // Of the nodes: low x y z, high x y z.
-  const int* id;  // Of the items, -1 for empty places.
+  Boxes* items;        // One a leaf.
+  Boxes* leaves;       // One a node.
+  float* bounds;       // Of the nodes: low x y z, high x y z.
+  const int* id;       // Of the items, -1 for empty places.
   const int* corners;  // Vertices of the items by place, three each; some may be the same.
 };
 
@@ -137,22 +137,22 @@ struct Pair {
   int vertex[4];
   float weight[4];
   float normal[3];
-  float distance;   // [m]
+  float distance;       // [m]
   std::int16_t edges;   // Whether it is two edges.
   std::int16_t region;  // The vertices with a weight, as bits; of a triangle only its corners.
   int first, second;    // Ids of the vertex or edge, and of the triangle or edge.
 };
 
 struct Scene {
-  const float* position;  // Four floats a vertex [m].
-  const float* move;      // Displacements in the step [m].
-  const int* triangles;   // Three vertices each.
-  const int* edges;       // Two vertices each.
-  const float* cord;      // Of each edge: 1 if it belongs to a cord, whose ends count as well as its inside.
-  const int* part;        // Of each vertex.
+  const float* position;   // Four floats a vertex [m].
+  const float* move;       // Displacements in the step [m].
+  const int* triangles;    // Three vertices each.
+  const int* edges;        // Two vertices each.
+  const float* cord;       // Of each edge: 1 if it belongs to a cord, whose ends count as well as its inside.
+  const int* part;         // Of each vertex.
   const float* thickness;  // Of pairs of parts [m].
   int num_parts;
-  float interest;          // Pairs further apart than this many thicknesses are left out.
+  float interest;  // Pairs further apart than this many thicknesses are left out.
 };
 
 struct ClothKernels {

@@ -72,8 +72,13 @@ void Layers::Tree::Bound(const ClothKernels& kernels, const float* low, const fl
 }
 
 BoxTree Layers::Tree::View() {
-  return {static_cast<int>(items.size()), static_cast<int>(leaves.size()), items.data(), leaves.data(),
-          bounds.data(), id.data(), corners.data()};
+  return {static_cast<int>(items.size()),
+          static_cast<int>(leaves.size()),
+          items.data(),
+          leaves.data(),
+          bounds.data(),
+          id.data(),
+          corners.data()};
 }
 
 void Layers::Reset(const Mesh& mesh, const ClothKernels& kernels) {
@@ -206,8 +211,9 @@ bool Layers::Counts(const Mesh& mesh, const Pair& pair) const {
 
 void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move) {
   FindCandidates(position, move);
-  const Scene scene = {position.data(), move.data(), corners_.data(), ends_.data(), cord_.data(), mesh.part.data(),
-                       mesh.thickness.data(), static_cast<int>(mesh.flexes.size()), kInterest};
+  const Scene scene = {position.data(), move.data(),      corners_.data(),       ends_.data(),
+                       cord_.data(),    mesh.part.data(), mesh.thickness.data(), static_cast<int>(mesh.flexes.size()),
+                       kInterest};
   const int triangles = static_cast<int>(triangle_candidates_.size() / 2);
   const int edges = static_cast<int>(edge_candidates_.size() / 2);
   found_.resize(triangles + edges);

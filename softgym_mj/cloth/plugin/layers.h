@@ -61,12 +61,12 @@ class Layers {
   const ClothKernels* kernels_ = nullptr;
   float reach_ = 0;  // Largest distance at which pairs are of interest [m].
   Tree vertices_, triangles_, edges_;
-  std::vector<int> corners_, ends_;    // Of triangles, and of edges.
-  std::vector<int> chain_, place_;     // Of each edge: the cord that it belongs to, and where; or -1.
-  std::vector<float> cord_;            // 1 of those, else 0.
-  std::vector<int> owner_;             // Of each vertex: the edge of a cord that it is counted with.
-  std::vector<float> normals_;         // Of triangles.
-  AlignedFloats low_, high_;           // Boxes of the vertices that the candidates were found with.
+  std::vector<int> corners_, ends_;  // Of triangles, and of edges.
+  std::vector<int> chain_, place_;   // Of each edge: the cord that it belongs to, and where; or -1.
+  std::vector<float> cord_;          // 1 of those, else 0.
+  std::vector<int> owner_;           // Of each vertex: the edge of a cord that it is counted with.
+  std::vector<float> normals_;       // Of triangles.
+  AlignedFloats low_, high_;         // Boxes of the vertices that the candidates were found with.
   std::vector<int> triangle_candidates_, edge_candidates_;
   std::vector<Pair> found_;
   // What pairs and rows were last made of.

@@ -81,8 +81,10 @@ void AddHinges(const Material& material, int first_edge, Mesh* mesh) {
   for (size_t e = first_edge; e < mesh->edges.size(); ++e) {
     const Mesh::Edge& edge = mesh->edges[e];
     if (edge.triangle[1] < 0) continue;
-    Mesh::Hinge hinge = {{edge.vertex[0], edge.vertex[1], edge.opposite[0], edge.opposite[1]}, {0, 0, 0, 0},
-                         kBend * material.bend / (edge.length * edge.length), material.bend_damping};
+    Mesh::Hinge hinge = {{edge.vertex[0], edge.vertex[1], edge.opposite[0], edge.opposite[1]},
+                         {0, 0, 0, 0},
+                         kBend * material.bend / (edge.length * edge.length),
+                         material.bend_damping};
     for (int k = 0; k < 2; ++k) {
       const Mesh::Triangle& triangle = mesh->triangles[edge.triangle[k]];
       double to_opposite[2] = {};  // From the two ends of the edge.
@@ -170,7 +172,10 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vecto
     }
     for (int e = m->flex_edgeadr[f]; e < m->flex_edgeadr[f] + m->flex_edgenum[f]; ++e) {
       mesh.edges.push_back({{first + m->flex_edge[2 * e], first + m->flex_edge[2 * e + 1]},
-                            {-1, -1}, {-1, -1}, m->flexedge_length0[e], 0});
+                            {-1, -1},
+                            {-1, -1},
+                            m->flexedge_length0[e],
+                            0});
     }
     if (m->flex_dim[f] == 2) {
       AddTriangles(m, f, first, &mesh);

@@ -13,14 +13,14 @@ namespace softgym_mj::cloth {
 
 // What a flex is made of. Of a cord, forces are not per metre of width, and moments not either.
 struct Material {
-  double stretch = 1000;       // [N/m] Force per width and strain; of a cord [N].
-  double shear = 0.3;          // Stiffness of diagonals as a share of that of other edges.
-  double bend = 1e-5;          // [N m] Moment per width and curvature; of a cord [N m^2].
-  double stretch_damping = 1e-3;  // [s] Dashpots as a multiple of the stiffness.
-  double bend_damping = 0.05;     // [s]
-  double friction = 0.75;      // Between layers.
-  double drag = 0;             // Coefficient of the air's drag on what moves along its normal.
-  double added_mass = 0;       // [kg/m^2] Of air that is moved along with it.
+  double stretch = 1000;             // [N/m] Force per width and strain; of a cord [N].
+  double shear = 0.3;                // Stiffness of diagonals as a share of that of other edges.
+  double bend = 1e-5;                // [N m] Moment per width and curvature; of a cord [N m^2].
+  double stretch_damping = 1e-3;     // [s] Dashpots as a multiple of the stiffness.
+  double bend_damping = 0.05;        // [s]
+  double friction = 0.75;            // Between layers.
+  double drag = 0;                   // Coefficient of the air's drag on what moves along its normal.
+  double added_mass = 0;             // [kg/m^2] Of air that is moved along with it.
   int contype = 1, conaffinity = 1;  // What geoms it touches, as in MuJoCo.
 };
 
@@ -55,13 +55,13 @@ struct Mesh {
     double damping;    // [s]
   };
 
-  std::vector<int> flexes;  // Ids in the model.
-  std::vector<Material> materials;  // Of each of them.
-  std::vector<int> first;   // First vertex of each of them.
-  std::vector<int> part;    // Which of them each vertex belongs to.
-  std::vector<double> mass;  // Of each vertex [kg].
+  std::vector<int> flexes;              // Ids in the model.
+  std::vector<Material> materials;      // Of each of them.
+  std::vector<int> first;               // First vertex of each of them.
+  std::vector<int> part;                // Which of them each vertex belongs to.
+  std::vector<double> mass;             // Of each vertex [kg].
   std::vector<double> radius, density;  // Of each flex [m], [kg/m^2] (of a cord [kg/m]).
-  std::vector<double> rest;  // Where the vertices are in the model (n, 3) [m].
+  std::vector<double> rest;             // Where the vertices are in the model (n, 3) [m].
   std::vector<Edge> edges;
   std::vector<Triangle> triangles;
   std::vector<Chain> chains;

@@ -171,7 +171,8 @@ inline int Append(const Scene& scene, const Eight& eight, int num_first, const L
     }
   }
   const Lanes approach = Max(highest - lowest, Lanes(0.0f));
-  wanted &= Bits(Less(distance - approach, Lanes(scene.interest) * eight.thickness) & Less(Lanes(kTinyLength), distance));
+  wanted &=
+      Bits(Less(distance - approach, Lanes(scene.interest) * eight.thickness) & Less(Lanes(kTinyLength), distance));
   if (!wanted) return 0;
   float q[4][kBlock], n[3][kBlock], d[kBlock];
   for (int k = 0; k < 4; ++k) weight[k].Store(q[k]);

@@ -89,11 +89,11 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
       const Lanes3 arm = there - centre;
       Store3(arm, block->arm);
       // At most what the point gives way for a unit impulse in any direction. All eight rows may push the body.
-      const double(*c)[6] = body->compliance;
+      const double (*c)[6] = body->compliance;
       const float linear = static_cast<float>(c[0][0] + c[1][1] + c[2][2]);
       const float angular = static_cast<float>(c[3][3] + c[4][4] + c[5][5]);
-      mass = mass + Lanes(static_cast<float>(kBlock)) *
-                        MultiplyAdd(Lanes(2 * angular), Inner(arm, arm), Lanes(2 * linear));
+      mass = mass +
+             Lanes(static_cast<float>(kBlock)) * MultiplyAdd(Lanes(2 * angular), Inner(arm, arm), Lanes(2 * linear));
     }
     mass.Store(block->mass);
   }
@@ -111,8 +111,8 @@ inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes
   const Lanes3 moment = {NegativeMultiplyAdd(arm.z, change.y, arm.y * change.z),
                          NegativeMultiplyAdd(arm.x, change.z, arm.z * change.x),
                          NegativeMultiplyAdd(arm.y, change.x, arm.x * change.y)};
-  const double wrench[6] = {-Sum(change.x), -Sum(change.y), -Sum(change.z), -Sum(moment.x), -Sum(moment.y),
-                            -Sum(moment.z)};
+  const double wrench[6] = {-Sum(change.x), -Sum(change.y), -Sum(change.z),
+                            -Sum(moment.x), -Sum(moment.y), -Sum(moment.z)};
   for (int i = 0; i < 6; ++i) {
     body->impulse[i] += wrench[i];
     double sum = 0;

@@ -10,9 +10,9 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr double kSlack = 0.002;     // [m] Beyond what can come near in a step.
-constexpr double kBodyHaste = 0.2;   // [m/s] By which bodies may be faster at the end of a step than at its start.
-constexpr double kLight = 5;         // [kg] Lighter bodies need impulses to be kept from substep to substep.
+constexpr double kSlack = 0.002;    // [m] Beyond what can come near in a step.
+constexpr double kBodyHaste = 0.2;  // [m/s] By which bodies may be faster at the end of a step than at its start.
+constexpr double kLight = 5;        // [kg] Lighter bodies need impulses to be kept from substep to substep.
 // Bodies of this bounding radius [m] count as small: pads of grippers.
 constexpr double kSmall = 0.05;
 // [m] Against them cloth is thinner, so that a pad that comes down beside it finds room between floor and cloth.

@@ -21,7 +21,7 @@ struct Start;
 // A contact between a geom and a flex in the last step.
 struct Contact {
   int geom;
-  int vertex[3];     // Of the solver's mesh; those without weight count as none.
+  int vertex[3];  // Of the solver's mesh; those without weight count as none.
   double weight[3];
   double normal[3];  // Towards the flex.
   double force[3];   // On the flex, mean of the step [N].
@@ -73,8 +73,8 @@ class Solids {
     float weight[3];
   };
   struct Active {
-    int geom, body;  // body: in the bodies, or -1.
-    bool small;      // A gripper's pad or something as small, which moves.
+    int geom, body;               // body: in the bodies, or -1.
+    bool small;                   // A gripper's pad or something as small, which moves.
     double offset[3], matrix[9];  // From the body's centre, at the start of the step.
     Geom view;
     std::vector<Row> points, triangles;  // Fixed points, and points that are searched.

@@ -97,7 +97,8 @@ void Solver::Reset(const Mesh& mesh, const Settings& settings, double timestep) 
   }
   std::vector<std::uint8_t> without_dummy = counts;
   without_dummy[dummy] = 0;
-  levels.Order(vertices.data(), static_cast<int>(mesh.hinges.size()), 4, without_dummy.data(), count + 1, &hinge_order_);
+  levels.Order(vertices.data(), static_cast<int>(mesh.hinges.size()), 4, without_dummy.data(), count + 1,
+               &hinge_order_);
   hinges_.resize(hinge_order_.size() / kBlock);
   for (size_t i = 0; i < hinge_order_.size(); ++i) {
     HingeBlock& block = hinges_[i / kBlock];
@@ -160,7 +161,8 @@ void Solver::AddAir(const Mesh& mesh, const Start& start, std::vector<double>* a
     const double force = 0.5 * kAirDensity * material.drag * triangle.area * speed * std::fabs(speed);
     // Implicit: what is light stops, and does not turn round. The mass is that of the triangle's own share.
     const double own = mesh.density[mesh.part[triangle.vertex[0]]] * triangle.area;
-    const double damped = force / (1 + kAirDensity * material.drag * triangle.area * std::fabs(speed) * timestep_ / own);
+    const double damped =
+        force / (1 + kAirDensity * material.drag * triangle.area * std::fabs(speed) * timestep_ / own);
     for (int k = 0; k < 3; ++k) {
       const int vertex = triangle.vertex[k];
       if (start.inverse_mass[vertex] == 0) continue;

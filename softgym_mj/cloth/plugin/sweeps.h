@@ -10,7 +10,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr float kTinyLength = 1e-9f;  // [m] Shorter edges have no direction.
+constexpr float kTinyLength = 1e-9f;   // [m] Shorter edges have no direction.
 constexpr float kTinySquare = 1e-24f;  // [m^2] Slips below its root are none.
 
 using Lanes3 = Vec3<Lanes>;

@@ -1,0 +1,120 @@
+"""The engine plugin softgym_mj.cloth in a model: what a flex is made of.
+
+It is the elasticity, bending, damping and friction of flexes and all that they touch, in one solve of
+25 substeps a step; MuJoCo moves everything else. See plugin/README.md.
+"""
+
+import ctypes
+import dataclasses
+import functools
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from softgym_mj.native.library import CLOTH, load_plugin
+
+TIMESTEP = 0.01  # [s]: a sim step. Of which the plugin makes 25.
+
+_INSTANCE = "cloth"  # Name of an instance in the model of its flex.
+
+
+@dataclasses.dataclass(frozen=True)
+class Material:
+    """What a flex is made of; of a cord, forces and moments are not per metre of width.
+
+    Attributes:
+        stretch: force per width and strain [N/m]; of a cord [N].
+        shear: stiffness of a mesh's diagonals as a share of that of its other edges.
+        bend: moment per width and curvature [N m]; of a cord [N m^2].
+        stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
+        friction: between layers.
+        drag: coefficient of the air's drag on what moves along its normal.
+        contype, conaffinity: what geoms it touches, as MuJoCo's attributes of this name.
+    """
+
+    stretch: float
+    bend: float
+    shear: float = 1.0
+    stretch_damping: float = 0.0
+    bend_damping: float = 0.0
+    friction: float = 0.0
+    drag: float = 0.0
+    contype: int = 1
+    conaffinity: int = 1
+
+
+def add_instance(root: mjcf.RootElement) -> mjcf.Element:
+    """An instance of the plugin in a flex's own model; `set_material` completes it."""
+    load_plugin()
+    instance = root.extension.add("plugin", plugin=CLOTH).add("instance", name=_INSTANCE)
+    for field in dataclasses.fields(Material):
+        instance.add("config", key=field.name)
+    return instance
+
+
+def set_material(instance: mjcf.Element, material: Material) -> None:
+    """Says what the flex of an instance is made of."""
+    for config in instance.config:
+        config.value = repr(getattr(material, config.key))
+
+
+def leave_to_plugin(flexcomp: mjcf.Element, instance: mjcf.Element) -> None:
+    """Makes an instance of the plugin move a flexcomp, and MuJoCo keep its hands off it."""
+    flexcomp.edge.equality = "false"
+    # The compiler warns of a flex without any force of MuJoCo's: see `forget_damping`.
+    flexcomp.edge.damping = 1e-12
+    flexcomp.contact.selfcollide = "none"
+    flexcomp.contact.contype = flexcomp.contact.conaffinity = 0
+    flexcomp.add("plugin", plugin=CLOTH, instance=instance)
+
+
+def forget_damping(model: mujoco.MjModel) -> None:
+    """Takes away what `leave_to_plugin` had to say to the compiler: it costs a fifth of a step."""
+    model.flex_edgedamping[:] = 0.0
+
+
+# A `Contact` of plugin/solids.h.
+CONTACT = np.dtype(
+    [
+        ("geom", np.int32),
+        ("vertex", np.int32, 3),
+        ("weight", np.float64, 3),
+        ("normal", np.float64, 3),
+        ("force", np.float64, 3),
+        ("pressure", np.float64),
+    ],
+    align=True,
+)
+_MOST_CONTACTS = 4096
+
+
+@functools.cache
+def _library() -> ctypes.CDLL:
+    library = ctypes.CDLL(str(load_plugin()))
+    pointers = [ctypes.c_void_p] * 3
+    library.softgym_mj_cloth_contacts.argtypes = [*pointers, ctypes.c_int]
+    library.softgym_mj_cloth_holding_forces.argtypes = pointers
+    library.softgym_mj_cloth_holding_forces.restype = None
+    return library
+
+
+def contacts(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """The contacts between geoms and flexes in the last step, an array of `CONTACT`.
+
+    geom is one of the model's, vertex are three of its flex vertices, -1 for none, with weights that
+    give the point; normal is the direction from the geom to the flex, force what the flex felt [N],
+    mean of the step, pressure its part along the normal.
+    """
+    found = np.empty(_MOST_CONTACTS, CONTACT)
+    count = _library().softgym_mj_cloth_contacts(
+        model._address, data._address, found.ctypes.data, len(found)
+    )
+    return found[: min(count, len(found))]
+
+
+def holding_forces(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Force (nflexvert, 3) [N], mean of the last step, with which flexes pull held vertices."""
+    forces = np.empty((model.nflexvert, 3))
+    _library().softgym_mj_cloth_holding_forces(model._address, data._address, forces.ctypes.data)
+    return forces
