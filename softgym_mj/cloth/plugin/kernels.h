@@ -110,6 +110,7 @@ struct alignas(32) SolidBlock {
   float held[3][kBlock];
   float total[3][kBlock];  // Impulses of the step so far, in the world.
   float pressed[kBlock];   // Their normal parts.
+  int active;              // Whether it may touch before the next search.
 };
 
 struct Geom {
@@ -163,9 +164,11 @@ struct ClothKernels {
   void (*WarmLayers)(const Points&, LayerBlock*, int count, float share);
   void (*SweepPlane)(const Points&, const ContactRow&, const Plane&, Turn);
   void (*WarmPlane)(const Points&, const Plane&, float share);
-  // Sets normals, gaps and masses for the start of the substep. With `search`, points of triangles and cords become
-  // those where they are nearest to the geom. `start`: four floats a vertex [m].
-  void (*FindSolid)(const Points&, const float* start, const Geom&, const Rigid*, SolidBlock*, int count, bool search);
+  // Sets normals, gaps and masses for the start of the substep. With the number of substeps to the next search, instead
+  // of 0, it is one: with `nearest`, points of triangles and cords become those where they are nearest to the geom.
+  // `start`: four floats a vertex [m].
+  void (*FindSolid)(const Points&, const float* start, const Geom&, const Rigid*, SolidBlock*, int count, bool nearest,
+                    float substeps);
   void (*SweepSolid)(const Points&, const ContactRow&, SolidBlock*, int count, Rigid*, Turn);
   void (*WarmSolid)(const Points&, SolidBlock*, int count, Rigid*, float share);
   // Fills boxes of eight items: those of the corners' boxes (low and high, four floats a vertex each).

@@ -159,7 +159,10 @@ void Layers::Collect(Tree* a, Tree* b, bool same, std::vector<int>* out) {
 
 void Layers::FindCandidates(const AlignedFloats& position, const AlignedFloats& move) {
   if (Covers(position, move)) return;
-  const float margin = reach_ / 2 + kSlack * reach_;
+  // What moves too fast for them to be kept gets none.
+  float fastest = 0;
+  for (float u : move) fastest = std::max(fastest, std::fabs(u));
+  const float slack = kSlack * reach_, margin = reach_ / 2 + (fastest < slack / 2 ? slack : 0);
   low_.resize(position.size());
   high_.resize(position.size());
   for (size_t i = 0; i < position.size(); ++i) {

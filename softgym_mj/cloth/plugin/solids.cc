@@ -78,6 +78,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
   counts_.assign(count + 1, 1);
   counts_[count] = 0;
   position_.assign(4 * (count + 1), 0);
+  const double dt = m->opt.timestep;
   double low[3], high[3], fastest = 0;
   for (int k = 0; k < 3; ++k) low[k] = std::numeric_limits<double>::max(), high[k] = -low[k];
   for (int v = 0; v < count; ++v) {
@@ -89,17 +90,18 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
       high[k] = std::max(high[k], x);
       square += start.velocity[3 * v + k] * start.velocity[3 * v + k];
     }
-    fastest = std::max(fastest, square);
+    // In the fourth number: how far it moves in the step.
+    position_[4 * v + 3] = static_cast<float>(dt * std::sqrt(square));
+    fastest = std::max(fastest, dt * std::sqrt(square));
   }
-  fastest = std::sqrt(fastest);
-  const double radius = *std::max_element(mesh.radius.begin(), mesh.radius.end()), dt = m->opt.timestep;
+  const double radius = *std::max_element(mesh.radius.begin(), mesh.radius.end());
   size_t used = 0;
   for (int g = 0; g < m->ngeom; ++g) {
     if (m->geom_type[g] == mjGEOM_PLANE) continue;
     bool touches = false;
     for (size_t p = 0; p < mesh.flexes.size(); ++p) touches |= MayTouch(m, g, mesh, static_cast<int>(p));
     if (!touches) continue;
-    double margin = radius + dt * fastest + kSlack;
+    double margin = radius + kSlack;
     const double* centre = d->geom_xpos + 3 * g;
     // Bodies are looked at only if their geoms may be near: nothing moves further than this in a step.
     const auto away = [&](double most) {
@@ -109,13 +111,13 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
       return false;
     };
     const bool moves = m->body_treeid[m->geom_bodyid[g]] >= 0;
-    if (away(m->geom_rbound[g] + margin + (moves ? 0.1 : 0))) continue;
+    if (away(m->geom_rbound[g] + margin + fastest + (moves ? 0.1 : 0))) continue;
     Body* body = bodies_.Find(m->geom_bodyid[g]);
     if (body) {
       const double* v = body->velocity;
       const double turning = std::sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5]);
       margin += dt * (std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + turning * m->geom_rbound[g] + kBodyHaste);
-      if (away(m->geom_rbound[g] + margin)) continue;
+      if (away(m->geom_rbound[g] + margin + fastest)) continue;
     }
     if (actives_.size() <= used) actives_.emplace_back();
     Active& active = actives_[used];
@@ -154,11 +156,14 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
     Vec3<float> normal;
     return Distance<float>(view.shape, view.size, ToLocal(view.pose, Vec3<float>{x[0], x[1], x[2]}), &normal);
   };
-  // Of the middle of some vertices, less how far the furthest of them is from it.
-  const auto nearest = [&](const int* vertex, int corners) {
-    float middle[3] = {0, 0, 0}, furthest = 0;
+  // Whether some vertices may come near: of the middle of them, less how far the furthest of them is from it.
+  const float bound = static_cast<float>(m_->geom_rbound[active->geom]);
+  const auto near = [&](const int* vertex, int corners) {
+    float middle[3] = {0, 0, 0}, furthest = 0, fastest = 0, away = 0;
     for (int k = 0; k < 3; ++k) {
-      for (int c = 0; c < corners; ++c) middle[k] += position_[4 * vertex[c] + k] / corners;
+      for (int c = 0; c < corners; ++c) middle[k] += position_[4 * vertex[c] + k];
+      middle[k] /= corners;
+      away += (middle[k] - view.pose[k]) * (middle[k] - view.pose[k]);
     }
     for (int c = 0; c < corners; ++c) {
       float square = 0;
@@ -167,16 +172,19 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
         square += d * d;
       }
       furthest = std::max(furthest, square);
+      fastest = std::max(fastest, position_[4 * vertex[c] + 3]);
     }
-    return distance(middle) - std::sqrt(furthest);
+    const float reach = std::sqrt(furthest) + static_cast<float>(margin) + fastest;
+    if (away > (bound + reach) * (bound + reach)) return false;
+    return distance(middle) < reach;
   };
   std::vector<bool> touches(mesh.flexes.size());
   for (size_t p = 0; p < mesh.flexes.size(); ++p) touches[p] = MayTouch(m_, active->geom, mesh, static_cast<int>(p));
   for (int v = 0; v < dummy; ++v) {
-    if (touches[mesh.part[v]] && nearest(&v, 1) < margin) active->points.push_back({{v, dummy, dummy}, {1, 0, 0}});
+    if (touches[mesh.part[v]] && near(&v, 1)) active->points.push_back({{v, dummy, dummy}, {1, 0, 0}});
   }
   const auto add = [&](const int* vertex, int corners, double longest) {
-    if (!touches[mesh.part[vertex[0]]] || nearest(vertex, corners) > margin) return;
+    if (!touches[mesh.part[vertex[0]]] || !near(vertex, corners)) return;
     const int second = vertex[1], third = corners == 3 ? vertex[2] : dummy;
     if (!active->small) {
       active->triangles.push_back({{vertex[0], second, third}, {0, 0, 0}});
@@ -212,6 +220,7 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
   for (size_t i = 0; i < order->size(); ++i) {
     SolidBlock& block = (*blocks)[i / kBlock];
     const int lane = i % kBlock, row = (*order)[i];
+    block.active = 1;
     block.side[lane] = -1;
     block.cord[lane] = row >= 0 && rows[row].vertex[2] == dummy;
     block.friction[lane] = block.impulse[lane] = block.pressed[lane] = 0;
@@ -230,7 +239,7 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
 
 void Solids::Move() { bodies_.Move(); }
 
-void Solids::Find(const ClothKernels& kernels, const Points& points, bool search) {
+void Solids::Find(const ClothKernels& kernels, const Points& points, int substeps) {
   for (Active& active : actives_) {
     Rigid* rigid = nullptr;
     if (active.body >= 0) {
@@ -249,9 +258,9 @@ void Solids::Find(const ClothKernels& kernels, const Points& points, bool search
       for (int k = 0; k < 9; ++k) active.view.pose[3 + k] = static_cast<float>(turned[k]);
     }
     kernels.FindSolid(points, position_.data(), active.view, rigid, active.point_blocks.data(),
-                      static_cast<int>(active.point_blocks.size()), false);
+                      static_cast<int>(active.point_blocks.size()), false, static_cast<float>(substeps));
     kernels.FindSolid(points, position_.data(), active.view, rigid, active.triangle_blocks.data(),
-                      static_cast<int>(active.triangle_blocks.size()), search);
+                      static_cast<int>(active.triangle_blocks.size()), true, static_cast<float>(substeps));
   }
 }
 

@@ -48,7 +48,8 @@ class Solids {
   void Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cloth::Start& start, const mjtNum* qvel,
              double h);
   void Move();
-  void Find(const ClothKernels& kernels, const Points& points, bool search);
+  // With the number of substeps to the next search, or 0 if this is none.
+  void Find(const ClothKernels& kernels, const Points& points, int substeps);
   void Warm(const ClothKernels& kernels, const Points& points, float share);
   void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn);
   void Finish();

@@ -15,7 +15,7 @@ constexpr double kHysteresis = 5e-4;
 // Bending is solved every so many substeps, if its rows are then so much softer than their vertices are light that one
 // sweep solves them.
 constexpr int kBendInterval = 5;
-constexpr double kSoft = 10;
+constexpr double kSoft = 5;
 constexpr double kAirDensity = 1.2;  // [kg/m^3]
 // Vertices further from a plane than they move in two steps and this [m] cannot reach it in a step.
 constexpr double kPlaneMargin = 0.02;
@@ -404,7 +404,8 @@ void Solver::Substep(int substep, Solids* solids) {
   }
   kernels_->Move(points_);
   solids->Move();
-  solids->Find(*kernels_, points_, substep % kSearchInterval == 0);
+  const int to_search = std::min(kSearchInterval, settings_.substeps - substep);
+  solids->Find(*kernels_, points_, substep % kSearchInterval == 0 ? to_search : 0);
   kernels_->SweepEdges(points_, edges_.data(), static_cast<int>(edges_.size()));
   for (ChainRow& chain : chains_) SolveChain(&chain);
   if (warm) {
