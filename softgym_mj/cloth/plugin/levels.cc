@@ -1,5 +1,6 @@
 #include "cloth/plugin/levels.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -7,6 +8,8 @@
 
 namespace softgym_mj::cloth {
 namespace {
+
+constexpr size_t kFew = 300;  // Keys that are sorted faster by comparing them.
 
 // As the finalizer of MurmurHash3 by Appleby, which is in the public domain.
 std::uint32_t Mix(std::uint32_t h) {
@@ -19,6 +22,10 @@ std::uint32_t Mix(std::uint32_t h) {
 
 // Sorts by the upper 32 bits; the order of equal ones stays.
 void SortByHash(std::vector<std::uint64_t>* keys, std::vector<std::uint64_t>* other) {
+  if (keys->size() < kFew) {
+    std::sort(keys->begin(), keys->end());  // No two are equal: their lower bits are not.
+    return;
+  }
   constexpr int kBits = 11, kSize = 1 << kBits;
   other->resize(keys->size());
   for (int shift = 32; shift < 64; shift += kBits) {
