@@ -270,14 +270,17 @@ void Apply(mjData* d, const Workspace& w) {
   }
 }
 
-// Positions in the state that layers are found for; those of the start before the first step.
-double* References(const mjModel* m, mjData* d, int instance, const Workspace& w) {
+// What the state in mjData keeps, made for the first step: whether it is, two
+// times three numbers a vertex, and one an edge.
+Kept StateOf(const mjModel* m, mjData* d, int instance, const Workspace& w) {
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
+  const size_t size = w.start.position.size();
   if (state[0] != 1) {
+    std::fill(state, state + 1 + 2 * size + w.mesh.edges.size(), 0.0);
     state[0] = 1;
     std::copy(w.start.position.begin(), w.start.position.end(), state + 1);
   }
-  return state + 1;
+  return {state + 1, state + 1 + size, state + 1 + 2 * size};
 }
 
 // The compiler makes an mjData of every model, so what is wrong is found there.
@@ -317,7 +320,7 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   HoldTied(m, d, w);
   FindPlanes(m, d, w);
   w->solids.Start(m, d, w->mesh, w->start, w->qvel.data(), w->solver.substep());
-  w->solver.Step(w->mesh, w->start, w->planes, &w->solids, References(m, d, instance, *w), &w->motion);
+  w->solver.Step(w->mesh, w->start, w->planes, &w->solids, StateOf(m, d, instance, *w), &w->motion);
   Apply(d, *w);
   w->solids.Apply(m, d, w->settings.substeps);
 }
@@ -353,7 +356,7 @@ void RegisterCloth() {
   plugin.capabilityflags = mjPLUGIN_PASSIVE;
   // Of those that lead, but tables that tell so may not be filled yet.
   plugin.nstate = [](const mjModel* m, int instance) {
-    return Leads(m, instance) ? 1 + 3 * static_cast<int>(m->nflexvert) : 0;
+    return Leads(m, instance) ? 1 + 6 * static_cast<int>(m->nflexvert) + static_cast<int>(m->nflexedge) : 0;
   };
   plugin.init = Init;
   plugin.destroy = [](mjData* d, int instance) {

@@ -296,7 +296,7 @@ void Layers::MakeRows(const Mesh& mesh, const AlignedFloats& position, const Ali
   }
 }
 
-void Layers::Start(const Mesh& mesh, const double* position) {
+void Layers::Start(const Mesh& mesh, const double* position, const double* after) {
   for (size_t i = 0; i < order_.size(); ++i) {
     LayerBlock& block = blocks[i / kBlock];
     const int lane = i % kBlock, row = order_[i];
@@ -306,8 +306,12 @@ void Layers::Start(const Mesh& mesh, const double* position) {
     const Pair& pair = pairs[row];
     double gap = -mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
     for (int k = 0; k < 3; ++k) {
-      double apart = 0;
-      for (int c = 0; c < 4; ++c) apart += static_cast<double>(pair.weight[c]) * position[3 * pair.vertex[c] + k];
+      double apart = 0, moved = 0;
+      for (int c = 0; c < 4; ++c) {
+        apart += static_cast<double>(pair.weight[c]) * position[3 * pair.vertex[c] + k];
+        moved += static_cast<double>(pair.weight[c]) * after[3 * pair.vertex[c] + k];
+      }
+      block.before[k][lane] = static_cast<float>(-moved);
       gap += pair.normal[k] * apart;
     }
     block.gap[lane] = static_cast<float>(gap);

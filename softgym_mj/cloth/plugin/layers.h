@@ -27,8 +27,9 @@ class Layers {
   // joins to vertices that `near` marks come first, and those that push first among them.
   void MakeRows(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move,
                 const std::vector<float>& inverse_mass, const std::vector<bool>& near, float gamma);
-  // Sets the gaps for vertices at `position` (n, 3), and forgets all impulses.
-  void Start(const Mesh& mesh, const double* position);
+  // Sets the gaps for vertices at `position` (n, 3), and forgets all impulses. `after` (n, 3): how far they were moved
+  // after the rows' last turn.
+  void Start(const Mesh& mesh, const double* position, const double* after);
 
   // Makes the next rows anew: `Find` has been called for other displacements.
   void Forget() { found_once_ = false; }

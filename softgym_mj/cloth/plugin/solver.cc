@@ -122,6 +122,7 @@ void Solver::Reset(const Mesh& mesh, const Settings& settings, double timestep) 
   for (const Mesh::Chain& chain : mesh.chains) {
     ChainRow row;
     row.vertex = chain.vertex;
+    row.edge = chain.edge;
     for (int e : chain.edge) {
       const Mesh::Edge& edge = mesh.edges[e];
       const double damping = mesh.materials[mesh.part[edge.vertex[0]]].stretch_damping;
@@ -189,30 +190,30 @@ void Solver::StartPoints(const Mesh& mesh, const Start& start) {
   }
 }
 
-void Solver::StartEdges(const Start& start) {
+void Solver::StartEdges(const Start& start, const double* after) {
   const double* x = start.position.data();
+  // From the second to the first vertex; returns the length.
+  const auto apart = [&](int a, int b, float* out[3]) {
+    float square = 0;
+    for (int k = 0; k < 3; ++k) {
+      *out[k] = static_cast<float>(x[3 * a + k] - x[3 * b + k]);
+      square += *out[k] * *out[k];
+    }
+    return std::sqrt(square);
+  };
   for (size_t i = 0; i < edge_order_.size(); ++i) {
     if (edge_order_[i] < 0) continue;
     EdgeBlock& block = edges_[i / kBlock];
-    const int lane = i % kBlock, a = block.vertex[0][lane], b = block.vertex[1][lane];
-    float square = 0;
-    for (int k = 0; k < 3; ++k) {
-      const float d = static_cast<float>(x[3 * a + k] - x[3 * b + k]);
-      block.start[k][lane] = d;
-      square += d * d;
-    }
-    block.before[lane] = std::sqrt(square);
+    const int lane = i % kBlock;
+    float* to[3] = {&block.start[0][lane], &block.start[1][lane], &block.start[2][lane]};
+    const float length = apart(block.vertex[0][lane], block.vertex[1][lane], to);
+    block.before[lane] = length - static_cast<float>(after[edge_order_[i]]);
   }
   for (ChainRow& chain : chains_) {
     for (size_t e = 0; e < chain.length.size(); ++e) {
-      const int a = chain.vertex[e], b = chain.vertex[e + 1];
-      float square = 0;
-      for (int k = 0; k < 3; ++k) {
-        const float d = static_cast<float>(x[3 * b + k] - x[3 * a + k]);
-        chain.start[3 * e + k] = d;
-        square += d * d;
-      }
-      chain.before[e] = std::sqrt(square);
+      float* to[3] = {&chain.start[3 * e], &chain.start[3 * e + 1], &chain.start[3 * e + 2]};
+      const float length = apart(chain.vertex[e + 1], chain.vertex[e], to);
+      chain.before[e] = length - static_cast<float>(after[chain.edge[e]]);
     }
   }
 }
@@ -279,7 +280,8 @@ Plane Solver::ActivePlane::View(const std::vector<int>& some) {
           static_cast<int>(some.size())};
 }
 
-void Solver::FindLayers(const Mesh& mesh, const Start& start, const Solids& solids, double* reference) {
+void Solver::FindLayers(const Mesh& mesh, const Start& start, const Solids& solids, const Kept& kept) {
+  double* reference = kept.reference;
   const int count = mesh.NumVertices();
   position_.assign(4 * (count + 1), 0);
   move_.assign(4 * (count + 1), 0);
@@ -313,7 +315,7 @@ void Solver::FindLayers(const Mesh& mesh, const Start& start, const Solids& soli
     solids.MarkNear(&near_);
   }
   layers_.MakeRows(mesh, position_, move_, start.inverse_mass, near_, contact_.gamma);
-  layers_.Start(mesh, start.position.data());
+  layers_.Start(mesh, start.position.data(), kept.after_layers);
 }
 
 // All edges at once: they form a tridiagonal system (Thomas' algorithm).
@@ -416,6 +418,7 @@ void Solver::Substep(int substep, Solids* solids) {
   const Turn turn = {!warm, !repeats};
   kernels_->SweepLayers(points_, contact_, layers, near, turn);
   kernels_->SweepLayers(points_, contact_, layers + near, all - near, {true, true});
+  if (substep + 1 == settings_.substeps) with_layers_ = now_;
   solids->Sweep(*kernels_, points_, contact_, turn);
   for (ActivePlane& plane : planes_) {
     kernels_->SweepPlane(points_, contact_, plane.Far(), {true, true});
@@ -431,10 +434,10 @@ void Solver::Substep(int substep, Solids* solids) {
 }
 
 void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
-                  double* reference, Motion* motion) {
-  FindLayers(mesh, start, *solids, reference);
+                  const Kept& kept, Motion* motion) {
+  FindLayers(mesh, start, *solids, kept);
   StartPoints(mesh, start);
-  StartEdges(start);
+  StartEdges(start, kept.after_edge);
   StartHinges(start);
   StartPlanes(mesh, start, planes);
   holding_forces_.assign(3 * mesh.NumVertices(), 0);
@@ -450,10 +453,38 @@ void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
     Substep(substep, solids);
     AddHoldingForces(mesh);
   }
-  Finish(mesh, start, reference, motion);
+  Keep(mesh.NumVertices(), kept);
+  Finish(mesh, start, motion);
 }
 
-void Solver::Finish(const Mesh& mesh, const Start& start, double* reference, Motion* motion) {
+void Solver::Keep(int count, const Kept& kept) const {
+  for (int v = 0; v < count; ++v) {
+    for (int k = 0; k < 3; ++k) kept.after_layers[3 * v + k] = now_[4 * v + k] - with_layers_[4 * v + k];
+  }
+  const auto length = [&](int a, int b, const float start[3]) {
+    float square = 0;
+    for (int k = 0; k < 3; ++k) {
+      const float d = start[k] + (now_[4 * a + k] - now_[4 * b + k]);
+      square += d * d;
+    }
+    return std::sqrt(square);
+  };
+  for (size_t i = 0; i < edge_order_.size(); ++i) {
+    if (edge_order_[i] < 0) continue;
+    const EdgeBlock& block = edges_[i / kBlock];
+    const int lane = i % kBlock;
+    const float start[3] = {block.start[0][lane], block.start[1][lane], block.start[2][lane]};
+    kept.after_edge[edge_order_[i]] = length(block.vertex[0][lane], block.vertex[1][lane], start) - block.before[lane];
+  }
+  for (const ChainRow& chain : chains_) {
+    for (size_t e = 0; e < chain.length.size(); ++e) {
+      kept.after_edge[chain.edge[e]] =
+          length(chain.vertex[e + 1], chain.vertex[e], &chain.start[3 * e]) - chain.before[e];
+    }
+  }
+}
+
+void Solver::Finish(const Mesh& mesh, const Start& start, Motion* motion) {
   const int count = mesh.NumVertices();
   motion->start = start.position.data();
   motion->move.resize(3 * count);
@@ -494,7 +525,6 @@ void Solver::Finish(const Mesh& mesh, const Start& start, double* reference, Mot
     layers_.Forget();
     if (!PreventImpacts(*kernels_, layers_.pairs, motion)) break;
   }
-  (void)reference;
 }
 
 }  // namespace softgym_mj::cloth

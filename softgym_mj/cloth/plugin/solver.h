@@ -31,15 +31,22 @@ struct Start {
   std::vector<double> mass;          // [kg]
 };
 
+// What a step leaves for the next one, part of the state in mjData. Rows begin where they have ended: else springs
+// would let go at the start of each step, and heaps would creep.
+struct Kept {
+  double* reference;     // (n, 3) Positions that pairs of layers are found for [m].
+  double* after_layers;  // (n, 3) How far planes and solids moved vertices after the layers' last turn [m].
+  double* after_edge;    // (edges,) By how much edges got longer after their last turn [m].
+};
+
 class Solver {
  public:
   // To be called when the mesh, the settings or the time step [s] have changed.
   void Reset(const Mesh& mesh, const Settings& settings, double timestep);
 
-  // Moves the vertices by a step; `motion` holds their displacements and final velocities. `reference` (n, 3) are the
-  // positions that pairs of layers are found for, part of the state.
+  // Moves the vertices by a step; `motion` holds their displacements and final velocities.
   void Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
-            double* reference, Motion* motion);
+            const Kept& kept, Motion* motion);
 
   double substep() const { return h_; }
   // Mean force [N] of its edges on a vertex in the last step (n, 3); that of held ones only.
@@ -50,7 +57,7 @@ class Solver {
  private:
   // Edges of a cord, solved at once.
   struct ChainRow {
-    std::vector<int> vertex;
+    std::vector<int> vertex, edge;
     std::vector<float> start, length, gamma, keep, before, impulse;
     std::vector<double> lower, diagonal, right, normal;
   };
@@ -65,15 +72,16 @@ class Solver {
   };
 
   void StartPoints(const Mesh& mesh, const Start& start);
-  void StartEdges(const Start& start);
+  void StartEdges(const Start& start, const double* after);
   void StartHinges(const Start& start);
   void StartPlanes(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes);
-  void FindLayers(const Mesh& mesh, const Start& start, const Solids& solids, double* reference);
+  void FindLayers(const Mesh& mesh, const Start& start, const Solids& solids, const Kept& kept);
   void Substep(int substep, Solids* solids);
   void SolveChain(ChainRow* chain);
   void AddHoldingForces(const Mesh& mesh);
   void AddAir(const Mesh& mesh, const Start& start, std::vector<double>* acceleration) const;
-  void Finish(const Mesh& mesh, const Start& start, double* reference, Motion* motion);
+  void Finish(const Mesh& mesh, const Start& start, Motion* motion);
+  void Keep(int count, const Kept& kept) const;
 
   const ClothKernels* kernels_ = nullptr;
   Settings settings_;
@@ -81,6 +89,7 @@ class Solver {
   ContactRow contact_ = {};
   Points points_ = {};
   AlignedFloats now_, before_, drift_, bent_drift_, predicted_;
+  AlignedFloats with_layers_;  // What `now_` was after their last turn.
   Aligned<EdgeBlock> edges_;
   std::vector<int> edge_order_;
   Aligned<HingeBlock> hinges_;
