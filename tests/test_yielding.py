@@ -205,6 +205,20 @@ def test_arms_lose_what_they_pull_apart():
     assert actor.held[1] == -1
 
 
+def test_a_vertex_that_pulls_too_hard_slips(monkeypatch):
+    env = lay(CLOTH)
+    vertices = middle(env)
+    hold(env, vertices)
+    still = [0.0, 0.0, 0.0]
+    limit = env.task.target.hold_force
+    forces = {vertices[0]: limit + 0.1, vertices[1]: limit - 0.1}
+    monkeypatch.setattr(env.task.target, "holding_force", forces.__getitem__)
+    env.step(moves(still, still))
+    assert env.task.actor.held.tolist() == [-1, vertices[1]]
+    env.step(moves(still, still))
+    assert env.info()["yielded"] == env.info()["picks_held"] == 1
+
+
 def test_ways_along_the_mesh():
     rope = lay(ROPE).task.target
     assert rope.largest_gap(0, 40) == rope.largest_gap(40, 0) == pytest.approx(1.05 * 0.5)

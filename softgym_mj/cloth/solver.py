@@ -92,10 +92,10 @@ _MOST_CONTACTS = 4096
 @functools.cache
 def _library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(load_plugin()))
-    pointers = [ctypes.c_void_p] * 3
-    library.softgym_mj_cloth_contacts.argtypes = [*pointers, ctypes.c_int]
-    library.softgym_mj_cloth_holding_forces.argtypes = pointers
-    library.softgym_mj_cloth_holding_forces.restype = None
+    pointer = ctypes.c_void_p
+    library.softgym_mj_cloth_contacts.argtypes = [pointer, pointer, pointer, ctypes.c_int]
+    library.softgym_mj_cloth_holding_force.argtypes = [pointer, pointer, ctypes.c_int]
+    library.softgym_mj_cloth_holding_force.restype = ctypes.c_double
     return library
 
 
@@ -113,8 +113,9 @@ def contacts(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return found[: min(count, len(found))]
 
 
-def holding_forces(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """Force (nflexvert, 3) [N], mean of the last step, with which flexes pull held vertices."""
-    forces = np.empty((model.nflexvert, 3))
-    _library().softgym_mj_cloth_holding_forces(model._address, data._address, forces.ctypes.data)
-    return forces
+def holding_force(model: mujoco.MjModel, data: mujoco.MjData, vertex: int) -> float:
+    """Force [N], mean of the last step, with which its edges pulled a held flex vertex.
+
+    `vertex` is one of the model's. It is part of the state: a restored mjData knows it.
+    """
+    return _library().softgym_mj_cloth_holding_force(model._address, data._address, vertex)

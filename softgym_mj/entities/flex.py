@@ -49,6 +49,9 @@ class Flex(composer.Entity):
     # that hangs or is drawn taut stretches by some per cent, and keeps its holds. What two pickers
     # pull apart at 1 m/s each is stretched no more than by the jerk of one alone, not 20-fold.
     hold_stretch = 0.1
+    # [N] With which a held vertex may pull at its gripper, on average over a step: what two pads
+    # that press with 10 N each hold at a friction of 0.5. A cloth's edges stretch by 15 % then.
+    hold_force = 10.0
 
     def _start_model(self, name: str) -> None:
         """To be called first in a subclass's `_build`."""
@@ -152,6 +155,7 @@ class Flex(composer.Entity):
         self._origin = np.array(model.body_pos[bodies])
         self._qpos, self._qvel = slide_views(model, data, bodies)
         self._dof_mass = model.dof_M0
+        self._model, self._data, self._first = model, data, int(first)
         solver.forget_damping(model)
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self._edges = np.array(model.flex_edge[edges])
@@ -225,6 +229,14 @@ class Flex(composer.Entity):
         if start not in self._ways:
             self._ways[start] = self._ways_from(start)
         return (1.0 + self.hold_stretch) * float(self._ways[start][end])
+
+    def holding_force(self, index: int) -> float:
+        """The force [N] of a held vertex on its gripper, averaged over the last physics step."""
+        return solver.holding_force(self._model, self._data, self._first + index)
+
+    def is_overpowered(self, index: int) -> bool:
+        """Whether a held vertex pulls at its gripper with more than `hold_force`."""
+        return self.holding_force(index) > self.hold_force
 
     def _ways_from(self, index: int) -> np.ndarray:
         """Shortest ways (num_vertices,) [m] from a vertex along the edges at rest."""

@@ -86,6 +86,11 @@ class FlexGroup:
         (flex, first), (other, second) = self.owner(first), self.owner(second)
         return flex.largest_gap(first, second) if flex is other else math.inf
 
+    def is_overpowered(self, index: int) -> bool:
+        """Whether a held vertex pulls at its gripper with more than its flex's `hold_force`."""
+        flex, index = self.owner(index)
+        return flex.is_overpowered(index)
+
     def drive(self, index: int, target: np.ndarray, duration: float) -> None:
         """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s]."""
         flex, index = self.owner(index)

@@ -58,7 +58,8 @@ class Holding(Held):
     A held vertex keeps its offset to the centre, except that it is never pushed below its resting
     height on the floor. Held vertices go where they are told, so no force in the object can stop
     two that are pulled apart: before they get further from each other than `Flex.largest_gap`, the
-    one that was taken later slips away. Its gripper takes nothing more until it has been open.
+    one that was taken later slips away. So does one that friction or weight pulls at with more than
+    `Flex.hold_force`. The gripper takes nothing more until it has been open.
     """
 
     def __init__(self, num_grippers: int):
@@ -122,7 +123,13 @@ class Holding(Held):
                 self._target.drive(vertex, goal, timestep)
 
     def _give_way(self, goals: np.ndarray) -> None:
-        """Ends later holds that would be pulled too far from earlier ones by `goals` (n, 3) [m]."""
+        """Ends holds that pull too hard.
+
+        And later ones that `goals` (n, 3) [m] would pull too far from earlier ones.
+        """
+        for i, vertex in enumerate(self.vertices):
+            if vertex >= 0 and self._target.is_overpowered(vertex):
+                self.slip(i)
         kept: list[int] = []
         holders = [i for i, vertex in enumerate(self.vertices) if vertex >= 0]
         for i in sorted(holders, key=self._order.__getitem__):

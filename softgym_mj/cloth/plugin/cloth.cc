@@ -271,16 +271,17 @@ void Apply(mjData* d, const Workspace& w) {
 }
 
 // What the state in mjData keeps, made for the first step: whether it is, two
-// times three numbers a vertex, and one an edge.
+// times three numbers a vertex, one an edge, one a vertex.
 Kept StateOf(const mjModel* m, mjData* d, int instance, const Workspace& w) {
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   const size_t size = w.start.position.size();
   if (state[0] != 1) {
-    std::fill(state, state + 1 + 2 * size + w.mesh.edges.size(), 0.0);
+    std::fill(state, state + 1 + 2 * size + w.mesh.edges.size() + size / 3, 0.0);
     state[0] = 1;
     std::copy(w.start.position.begin(), w.start.position.end(), state + 1);
   }
-  return {state + 1, state + 1 + size, state + 1 + 2 * size};
+  double* edges = state + 1 + 2 * size;
+  return {state + 1, state + 1 + size, edges, edges + w.mesh.edges.size()};
 }
 
 // The compiler makes an mjData of every model, so what is wrong is found there.
@@ -330,8 +331,9 @@ void Advance(const mjModel* m, mjData* d, int instance) {
 namespace {
 
 // The workspace of the instance that solves for all; null if the model has none.
-const Workspace* FindWorkspace(const mjModel* m, const mjData* d) {
+const Workspace* FindWorkspace(const mjModel* m, const mjData* d, int* found) {
   for (int instance = 0; instance < m->nplugin; ++instance) {
+    *found = instance;
     const mjpPlugin* plugin = mjp_getPluginAtSlot(m->plugin[instance]);
     if (plugin && std::strcmp(plugin->name, kName) == 0 && Leads(m, instance)) return Get(d, instance);
   }
@@ -356,7 +358,7 @@ void RegisterCloth() {
   plugin.capabilityflags = mjPLUGIN_PASSIVE;
   // Of those that lead, but tables that tell so may not be filled yet.
   plugin.nstate = [](const mjModel* m, int instance) {
-    return Leads(m, instance) ? 1 + 6 * static_cast<int>(m->nflexvert) + static_cast<int>(m->nflexedge) : 0;
+    return Leads(m, instance) ? 1 + 7 * static_cast<int>(m->nflexvert) + static_cast<int>(m->nflexedge) : 0;
   };
   plugin.init = Init;
   plugin.destroy = [](mjData* d, int instance) {
@@ -385,7 +387,8 @@ void RegisterCloth() {
 SGM_EXPORT int softgym_mj_cloth_contacts(const mjModel* m, const mjData* d, softgym_mj::cloth::Contact* out,
                                          int capacity) {
   using namespace softgym_mj::cloth;
-  const Workspace* w = FindWorkspace(m, d);
+  int instance;
+  const Workspace* w = FindWorkspace(m, d, &instance);
   if (!w) return 0;
   const std::vector<Contact>& contacts = w->solids.contacts();
   const int count = static_cast<int>(contacts.size());
@@ -396,13 +399,16 @@ SGM_EXPORT int softgym_mj_cloth_contacts(const mjModel* m, const mjData* d, soft
   return count;
 }
 
-// Mean force [N] of the last step with which its flex pulls each vertex of the model (nflexvert, 3) that is held.
-SGM_EXPORT void softgym_mj_cloth_holding_forces(const mjModel* m, const mjData* d, double* out) {
+// Mean force [N] of the last step with which its flex pulled a vertex of the model that is held. It is in the state.
+SGM_EXPORT double softgym_mj_cloth_holding_force(const mjModel* m, mjData* d, int vertex) {
   using namespace softgym_mj::cloth;
-  std::fill(out, out + 3 * m->nflexvert, 0.0);
-  const Workspace* w = FindWorkspace(m, d);
-  if (!w || w->solver.holding_forces().empty()) return;
-  for (int v = 0; v < w->mesh.NumVertices(); ++v) {
-    mju_copy3(out + 3 * ModelVertex(m, *w, v), &w->solver.holding_forces()[3 * v]);
+  int instance;
+  const Workspace* w = FindWorkspace(m, d, &instance);
+  if (!w || d->plugin_state[m->plugin_stateadr[instance]] != 1) return 0;
+  for (size_t p = 0; p < w->flexes.size(); ++p) {
+    const int first = m->flex_vertadr[w->flexes[p]];
+    if (vertex < first || vertex >= first + m->flex_vertnum[w->flexes[p]]) continue;
+    return StateOf(m, d, instance, *w).holding_force[w->mesh.first[p] + vertex - first];
   }
+  return 0;
 }

@@ -459,6 +459,7 @@ void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
 
 void Solver::Keep(int count, const Kept& kept) const {
   for (int v = 0; v < count; ++v) {
+    kept.holding_force[v] = mju_norm3(&holding_forces_[3 * v]);
     for (int k = 0; k < 3; ++k) kept.after_layers[3 * v + k] = now_[4 * v + k] - with_layers_[4 * v + k];
   }
   const auto length = [&](int a, int b, const float start[3]) {

@@ -34,9 +34,10 @@ struct Start {
 // What a step leaves for the next one, part of the state in mjData. Rows begin where they have ended: else springs
 // would let go at the start of each step, and heaps would creep.
 struct Kept {
-  double* reference;     // (n, 3) Positions that pairs of layers are found for [m].
-  double* after_layers;  // (n, 3) How far planes and solids moved vertices after the layers' last turn [m].
-  double* after_edge;    // (edges,) By how much edges got longer after their last turn [m].
+  double* reference;      // (n, 3) Positions that pairs of layers are found for [m].
+  double* after_layers;   // (n, 3) How far planes and solids moved vertices after the layers' last turn [m].
+  double* after_edge;     // (edges,) By how much edges got longer after their last turn [m].
+  double* holding_force;  // (n,) With which its edges pulled a held vertex, mean of the step [N]; of others 0.
 };
 
 class Solver {
@@ -49,9 +50,6 @@ class Solver {
             const Kept& kept, Motion* motion);
 
   double substep() const { return h_; }
-  // Mean force [N] of its edges on a vertex in the last step (n, 3); that of held ones only.
-  const std::vector<double>& holding_forces() const { return holding_forces_; }
-
   const Layers& layers() const { return layers_; }
 
  private:
