@@ -35,7 +35,7 @@ _HOLD_STEPS, _FALL_STEPS = 300, 300
 _SLUMP_STEPS = 200  # A heap goes on slumping for a second or two where FleX freezes it.
 # It counts as settled when its root mean square speed is below this [m/s]: single vertices may
 # tremble for long.
-_CLOTH_SETTLED_RMS = 0.002
+_CLOTH_SETTLED_RMS = 0.01
 _CLOTH_MAX_STEPS = 2000
 
 # Hanging cloth: place and height of its lower edge, and the lowest upper edge [m].
