@@ -47,12 +47,18 @@ inline bool ShareCorner(const int* a, const int* b) {
 inline int OverlapLeaves(const BoxTree& a, int leaf_a, const BoxTree& b, int leaf_b, bool same, int* out) {
   int count = 0;
   const Boxes &of_a = a.items[leaf_a], &of_b = b.items[leaf_b];
-  for (int i = 0; i < kBlock; ++i) {
-    const int at = kBlock * leaf_a + i;
-    if (a.id[at] < 0) continue;
-    Lanes3 low, high;
+  // Only items that touch the other leaf's box.
+  Lanes3 low, high;
+  Broadcast(b.leaves[leaf_b / kBlock], leaf_b % kBlock, &low, &high);
+  unsigned near_a = Touching(of_a, low, high);
+  if (!near_a) return 0;
+  Broadcast(a.leaves[leaf_a / kBlock], leaf_a % kBlock, &low, &high);
+  const unsigned near_b = Touching(of_b, low, high);
+  if (!near_b) return 0;
+  for (; near_a; near_a &= near_a - 1) {
+    const int i = __builtin_ctz(near_a), at = kBlock * leaf_a + i;
     Broadcast(of_a, i, &low, &high);
-    unsigned bits = Touching(of_b, low, high);
+    unsigned bits = Touching(of_b, low, high) & near_b;
     if (same && leaf_a == leaf_b) bits &= ~0u << (i + 1);
     for (; bits; bits &= bits - 1) {
       const int other = kBlock * leaf_b + __builtin_ctz(bits);
