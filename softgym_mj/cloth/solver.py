@@ -30,6 +30,7 @@ class Material:
         stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
         friction: between layers.
         drag: coefficient of the air's drag on what moves along its normal.
+        added_mass: air that a surface takes along when it moves along its normal [kg/m^2].
         contype, conaffinity: what geoms it touches, as MuJoCo's attributes of this name.
     """
 
@@ -40,6 +41,7 @@ class Material:
     bend_damping: float = 0.0
     friction: float = 0.0
     drag: float = 0.0
+    added_mass: float = 0.0
     contype: int = 1
     conaffinity: int = 1
 

@@ -30,6 +30,8 @@ struct Points {
   float* drift;       // Acceleration times h^2 [m], without and
   float* bent_drift;  // with bending.
   float* predicted;   // Scratch for bending.
+  float* moved;       // Displacement of the last substep [m].
+  const float* air;   // Normals times the root of the share of a push that goes into the air moved along.
 };
 
 struct alignas(32) EdgeBlock {
@@ -158,6 +160,8 @@ struct Scene {
 
 struct ClothKernels {
   void (*Move)(const Points&);
+  // Takes from what was gained in the substep so far what the air moved along gets of it.
+  void (*MoveAir)(const Points&);
   void (*Bend)(const Points&, HingeBlock*, int count, float substeps);
   void (*SweepEdges)(const Points&, EdgeBlock*, int count);
   void (*SweepLayers)(const Points&, const ContactRow&, LayerBlock*, int count, Turn);

@@ -5,8 +5,8 @@
 
 namespace softgym_mj::cloth {
 
-const ClothKernels kAvx2ClothKernels = {Move,       Bend,      SweepEdges,      SweepLayers, WarmLayers,
-                                        SweepPlane, WarmPlane, FindSolid,       SweepSolid,  WarmSolid,
-                                        BoundItems, Overlap,   FilterTriangles, FilterEdges, FindApproaching};
+const ClothKernels kAvx2ClothKernels = {
+    Move,      MoveAir,    Bend,      SweepEdges, SweepLayers, WarmLayers,      SweepPlane,  WarmPlane,
+    FindSolid, SweepSolid, WarmSolid, BoundItems, Overlap,     FilterTriangles, FilterEdges, FindApproaching};
 
 }  // namespace softgym_mj::cloth

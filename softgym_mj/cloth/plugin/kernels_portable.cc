@@ -5,8 +5,8 @@
 
 namespace softgym_mj::cloth {
 
-const ClothKernels kPortableClothKernels = {Move,       Bend,      SweepEdges,      SweepLayers, WarmLayers,
-                                            SweepPlane, WarmPlane, FindSolid,       SweepSolid,  WarmSolid,
-                                            BoundItems, Overlap,   FilterTriangles, FilterEdges, FindApproaching};
+const ClothKernels kPortableClothKernels = {
+    Move,      MoveAir,    Bend,      SweepEdges, SweepLayers, WarmLayers,      SweepPlane,  WarmPlane,
+    FindSolid, SweepSolid, WarmSolid, BoundItems, Overlap,     FilterTriangles, FilterEdges, FindApproaching};
 
 }  // namespace softgym_mj::cloth

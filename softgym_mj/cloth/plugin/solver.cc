@@ -21,6 +21,8 @@ constexpr double kAirDensity = 1.2;  // [kg/m^3]
 constexpr double kPlaneMargin = 0.02;
 constexpr float kVouched = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
 constexpr int kMaxSearches = 4;
+// Vertices whose gap is below this share of the thickness touch something: they move no air.
+constexpr double kTouching = 0.1;
 constexpr int kSearchInterval = 5;  // Substeps after which the nearest points of triangles to solids are found anew.
 // Share of its impulses that a contact near a light body starts a substep with. Decisive: what is between them and the
 // floor has to learn of their weight.
@@ -54,8 +56,10 @@ void Solver::Reset(const Mesh& mesh, const Settings& settings, double timestep) 
   contact_ = {static_cast<float>(contact.gamma), static_cast<float>(contact.b), static_cast<float>(kRecovery * h_)};
   const int count = mesh.NumVertices(), dummy = count;
   const int padded = (count + 1 + kBlock - 1) / kBlock * kBlock;
-  for (AlignedFloats* a : {&now_, &before_, &drift_, &bent_drift_, &predicted_}) a->assign(4 * padded, 0);
-  points_ = {padded, now_.data(), before_.data(), drift_.data(), bent_drift_.data(), predicted_.data()};
+  for (AlignedFloats* a : {&now_, &before_, &drift_, &bent_drift_, &predicted_, &moved_, &air_})
+    a->assign(4 * padded, 0);
+  points_ = {padded,        now_.data(), before_.data(), drift_.data(), bent_drift_.data(), predicted_.data(),
+             moved_.data(), air_.data()};
 
   Levels levels;
   const std::vector<std::uint8_t> counts(count + 1, 1);
@@ -141,18 +145,15 @@ void Solver::Reset(const Mesh& mesh, const Settings& settings, double timestep) 
   layers_.Reset(mesh, *kernels_);
 }
 
-// Drag of the air on triangles that move along their normals, of what its speed is at the end of the step, and the
-// share of what pulls them that goes into the air that they move along.
-void Solver::AddAir(const Mesh& mesh, const Start& start, std::vector<double>* acceleration) const {
+// Drag of the air on triangles that move along their normals, by their speed at the end of the step.
+void Solver::AddDrag(const Mesh& mesh, const Start& start, std::vector<double>* acceleration) const {
   for (const Mesh::Triangle& triangle : mesh.triangles) {
     const Material& material = mesh.materials[mesh.part[triangle.vertex[0]]];
-    if (material.drag <= 0 && material.added_mass <= 0) continue;
+    if (material.drag <= 0) continue;
     Vector x[3], v = {0, 0, 0};
-    double mass = 0;
     for (int k = 0; k < 3; ++k) {
       x[k] = FromArray(&start.position[3 * triangle.vertex[k]]);
       v = v + (1.0 / 3) * FromArray(&start.velocity[3 * triangle.vertex[k]]);
-      mass += start.mass[triangle.vertex[k]] / 3;
     }
     Vector n = Cross(x[1] - x[0], x[2] - x[0]);
     const double twice = Norm(n);
@@ -175,9 +176,49 @@ void Solver::AddAir(const Mesh& mesh, const Start& start, std::vector<double>* a
   }
 }
 
+// A vertex of mass m that moves along its normal takes a mass a of air along, unless it touches something: of a push,
+// the share a / (m + a) goes into the air. Contact has to bear all the weight.
+void Solver::StartAir(const Mesh& mesh, const Start& start) {
+  moves_air_ = false;
+  for (const Material& material : mesh.materials) moves_air_ |= material.added_mass > 0;
+  if (!moves_air_) return;
+  std::fill(air_.begin(), air_.end(), 0.0f);
+  std::vector<double> area(mesh.NumVertices());
+  for (const Mesh::Triangle& triangle : mesh.triangles) {
+    const int* v = triangle.vertex;
+    const Vector a = FromArray(&start.position[3 * v[0]]), b = FromArray(&start.position[3 * v[1]]);
+    const Vector n = Cross(b - a, FromArray(&start.position[3 * v[2]]) - a);
+    for (int k = 0; k < 3; ++k) {
+      area[v[k]] += triangle.area / 3;
+      air_[4 * v[k]] += static_cast<float>(n.x);
+      air_[4 * v[k] + 1] += static_cast<float>(n.y);
+      air_[4 * v[k] + 2] += static_cast<float>(n.z);
+    }
+  }
+  std::vector<bool> touches(mesh.NumVertices());
+  for (const Pair& pair : layers_.pairs) {
+    const int* v = pair.vertex;
+    if (pair.distance > (1 + kTouching) * mesh.thickness[mesh.Pair(v[0], v[3])]) continue;
+    for (int k = 0; k < 4; ++k) touches[v[k]] = true;
+  }
+  for (const ActivePlane& plane : planes_) {
+    for (int v = 0; v < mesh.NumVertices(); ++v) {
+      if (plane.gap[v] < kTouching * mesh.radius[mesh.part[v]]) touches[v] = true;
+    }
+  }
+  for (int v = 0; v < mesh.NumVertices(); ++v) {
+    float* n = &air_[4 * v];
+    const double air = mesh.materials[mesh.part[v]].added_mass * area[v];
+    const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    const bool moves = !touches[v] && start.inverse_mass[v] > 0 && length > 0;
+    const float scale = moves ? static_cast<float>(std::sqrt(air / (mesh.mass[v] + air))) / length : 0;
+    for (int k = 0; k < 3; ++k) n[k] *= scale;
+  }
+}
+
 void Solver::StartPoints(const Mesh& mesh, const Start& start) {
   std::vector<double> acceleration = start.acceleration;
-  AddAir(mesh, start, &acceleration);
+  AddDrag(mesh, start, &acceleration);
   for (int v = 0; v < mesh.NumVertices(); ++v) {
     const float w = start.inverse_mass[v];
     for (int k = 0; k < 3; ++k) {
@@ -410,6 +451,7 @@ void Solver::Substep(int substep, Solids* solids) {
   solids->Find(*kernels_, points_, substep % kSearchInterval == 0 ? to_search : 0);
   kernels_->SweepEdges(points_, edges_.data(), static_cast<int>(edges_.size()));
   for (ChainRow& chain : chains_) SolveChain(&chain);
+  if (moves_air_) kernels_->MoveAir(points_);
   if (warm) {
     kernels_->WarmLayers(points_, layers, near, kWarm);
     solids->Warm(*kernels_, points_, kWarm);
@@ -440,6 +482,7 @@ void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
   StartEdges(start, kept.after_edge);
   StartHinges(start);
   StartPlanes(mesh, start, planes);
+  StartAir(mesh, start);
   holding_forces_.assign(3 * mesh.NumVertices(), 0);
   held_edges_.clear();
   for (size_t i = 0; i < edge_order_.size(); ++i) {

@@ -77,7 +77,8 @@ class Solver {
   void Substep(int substep, Solids* solids);
   void SolveChain(ChainRow* chain);
   void AddHoldingForces(const Mesh& mesh);
-  void AddAir(const Mesh& mesh, const Start& start, std::vector<double>* acceleration) const;
+  void AddDrag(const Mesh& mesh, const Start& start, std::vector<double>* acceleration) const;
+  void StartAir(const Mesh& mesh, const Start& start);
   void Finish(const Mesh& mesh, const Start& start, Motion* motion);
   void Keep(int count, const Kept& kept) const;
 
@@ -86,7 +87,7 @@ class Solver {
   double timestep_ = 0, h_ = 0;
   ContactRow contact_ = {};
   Points points_ = {};
-  AlignedFloats now_, before_, drift_, bent_drift_, predicted_;
+  AlignedFloats now_, before_, drift_, bent_drift_, predicted_, moved_, air_;
   AlignedFloats with_layers_;  // What `now_` was after their last turn.
   Aligned<EdgeBlock> edges_;
   std::vector<int> edge_order_;
@@ -98,6 +99,7 @@ class Solver {
   Layers layers_;
   AlignedFloats position_, move_;
   std::vector<bool> near_;
+  bool moves_air_ = false;
   std::vector<double> holding_forces_;
   std::vector<int> held_edges_;
 };

@@ -41,8 +41,20 @@ inline void Scatter(float* p, const int* index, const Lanes3& a, Lanes w) { Scat
 inline void Move(const Points& points) {
   for (int i = 0; i < 4 * points.count; i += kLanes) {
     const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
+    moved.Store(points.moved + i);
     now.Store(points.before + i);
     (now + (moved + Lanes::Load(points.bent_drift + i))).Store(points.now + i);
+  }
+}
+
+inline void MoveAir(const Points& points) {
+  for (int first = 0; first < points.count; first += kBlock) {
+    const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
+    Lanes w, unused;
+    const Lanes3 now = Gather(points.now, index, &w), before = Gather(points.before, index, &unused);
+    const Lanes3 air = Gather(points.air, index, &unused), last = Gather(points.moved, index, &unused);
+    const Lanes gained = Inner(air, (now - before) - last);
+    Scatter(points.now, index, AddScaled(now, -gained, air), w);
   }
 }
 
