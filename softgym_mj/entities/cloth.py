@@ -20,10 +20,13 @@ FIDELITIES = {"fast": 0.04, "default": 0.03, "accurate": 0.02}
 
 
 def grid_shape(dims: tuple[int, int], fidelity: str) -> tuple[int, int]:
-    """Number of vertex (rows, columns) of a cloth of `dims` = (dimx, dimy) particles."""
+    """Number of vertex (rows, columns) of a cloth of `dims` = (dimx, dimy) particles.
+
+    They are odd, so that it can be folded in half along edges: else a whole cell lies in the bend.
+    """
     check_name("fidelity", fidelity, FIDELITIES)
     spacing = FIDELITIES[fidelity]
-    columns, rows = (round((dim - 1) * PARTICLE_SPACING / spacing) + 1 for dim in dims)
+    columns, rows = (2 * round((dim - 1) * PARTICLE_SPACING / spacing / 2) + 1 for dim in dims)
     return rows, columns
 
 

@@ -5,11 +5,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from softgym_mj.baselines.scripted.cloth_expert import LAYER, TRAVEL_HEIGHT, ClothExpert
-from softgym_mj.baselines.scripted.picker_expert import ARRIVED, CLOSED, OPEN, PASSED, SLOW
+from softgym_mj.baselines.scripted.cloth_expert import TRAVEL_HEIGHT, ClothExpert
+from softgym_mj.baselines.scripted.picker_expert import ARRIVED, CLOSED, OPEN, PASSED
 
 ARC = 12  # Points of the half circle in which the corners are carried.
-SHORT = 0.02  # [m] By which the corners are let down early: the bend takes up as much.
+SHORT = 0.03  # [m] By which the corners are let down early: the bend takes up as much.
+LANDING = 0.03  # [m] Above the lower layer, where they are let go: lower, they push it along.
+SPEED = 0.25  # Fraction of full speed.
 
 
 class FoldCloth(ClothExpert):
@@ -22,7 +24,7 @@ class FoldCloth(ClothExpert):
         ends = cloth.vertices()[mirrors]
         ways = ends - cloth.vertices()[wanted]
         ends -= SHORT * ways / np.linalg.norm(ways, axis=1, keepdims=True)
-        yield from self._swing(ends + [0.0, 0.0, LAYER])
+        yield from self._swing(ends + [0.0, 0.0, LANDING])
         while True:
             yield self._rest(OPEN)
 
@@ -55,6 +57,6 @@ class FoldCloth(ClothExpert):
             goals = middle - math.cos(angle) * half
             goals[:, 2] += math.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
             last = angle == np.pi
-            yield from self._move(goals, CLOSED, SLOW, near=ARRIVED if last else PASSED / 2)
+            yield from self._move(goals, CLOSED, SPEED, near=ARRIVED if last else PASSED / 2)
         yield self._rest(OPEN)
-        yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN, SLOW)
+        yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN, SPEED)
