@@ -138,7 +138,7 @@ class _SizedCloth:
     fidelity: str = "default"
     sizes: tuple[int, int] = SIZE_RANGE  # Of the sides [particles], the upper end exclusive.
     name: str = ""
-    _version: ClassVar[int] = 1
+    _version: ClassVar[int] = 2
 
     @property
     def parameters(self) -> dict[str, object]:
@@ -161,7 +161,7 @@ class CrumpledCloth(_SizedCloth):
     """A cloth of random size lifted at a random vertex and dropped (facts 3.6)."""
 
     name: str = "crumpled_cloth"
-    _version: ClassVar[int] = 6
+    _version: ClassVar[int] = 7
 
     def generate(self, index: int) -> np.ndarray:
         """Settled vertex positions (rows * columns, 3) [m]."""
