@@ -9,7 +9,7 @@ from softgym_mj.baselines.scripted.cloth_expert import TRAVEL_HEIGHT, ClothExper
 from softgym_mj.baselines.scripted.picker_expert import ARRIVED, CLOSED, OPEN, PASSED
 
 ARC = 12  # Points of the half circle in which the corners are carried.
-SHORT = 0.03  # [m] By which the corners are let down early: the bend takes up as much.
+SHORT = 0.04  # [m] By which the corners are let down early: the bend takes up as much.
 LANDING = 0.03  # [m] Above the lower layer, where they are let go: lower, they push it along.
 SPEED = 0.25  # Fraction of full speed.
 
