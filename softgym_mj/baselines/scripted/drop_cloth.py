@@ -2,7 +2,7 @@
 
 The cloth trails behind while the grippers move towards +X; it swings forward when they turn back,
 and is let go when its lower edge flies towards +X and the held one towards -X. The numbers were
-found by random search on training variations, with the coarse cloth.
+found by random search on training variations.
 """
 
 import dataclasses
@@ -35,7 +35,7 @@ class Swing:
     sinking: float
 
 
-PICKER_SWING = Swing(-0.12, 0.05, 0.46, 0.743, 0.117, 0.973, 0.2)
+PICKER_SWING = Swing(-0.148, 0.04, 0.451, 0.694, 0.09, 0.745, 0.29)
 # Arms speed up less than pickers, which change their speed at once.
 ARM_SWING = Swing(0.04, 0.11, 0.29, 1.0, 0.18, 1.0, 0.28)
 WAITING = 3  # Env steps for the cloth to come to rest.
