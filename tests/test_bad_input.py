@@ -47,7 +47,6 @@ UNKNOWN_NAMES = [
     (ROPE, {"split": "test"}, "split", "'test'", ("'train'", "'evaluate'", "'all'")),
     (ROPE, {"fidelity": "ultra"}, "fidelity", "'ultra'", ("'fast'", "'default'", "'accurate'")),
     (CLOTH, {"fidelity": "ultra"}, "fidelity", "'ultra'", ("'fast'", "'default'", "'accurate'")),
-    (CLOTH, {"self_contact": "sdf"}, "self_contact", "'sdf'", ("'plugin'", "'mujoco'", "'none'")),
     (CLOTH, {"actor": "Picker"}, "actor", "'Picker'", ("'picker'",)),
     (CLOTH, {"observation": "lidar"}, "observation", "'lidar'", ("'full'", "'reduced'", "'rgb'")),
 ]
