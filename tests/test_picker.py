@@ -433,17 +433,17 @@ def test_released_vertex_falls():
     scene.step([0, 0, 0, ON])
     assert scene.held() == [20]
     assert scene.target.vertex(20)[2] == pytest.approx(0.2, abs=1e-4)
-    timestep = scene.target.timestep
-    steps_per_sim_step = round(SIM_STEP / timestep)
+    substeps = 25  # Of the solver, in a sim step.
+    timestep = SIM_STEP / substeps
     for number in range(1, 16):
         scene.step([0, 0, 0, OFF])
         assert scene.held() == [-1]
-        released = number * steps_per_sim_step
+        released = number * substeps
         # Semi-implicit Euler: after n steps a body has fallen g dt^2 n (n + 1) / 2. The rope
         # began to fall one sim step before the vertex, which it then pulls along.
         own, ropes = (
             0.2 - GRAVITY * timestep**2 * n * (n + 1) / 2
-            for n in (released, released + steps_per_sim_step)
+            for n in (released, released + substeps)
         )
         heights = scene.target.vertices()[:, 2]
         np.testing.assert_allclose(heights[[2, 38]], ropes, atol=1e-3)
@@ -484,7 +484,8 @@ def test_solid_picker_pushes_the_rope(speed, moved):
     for _ in range(20):
         scene.step([0, 0, 0, OFF])
     distances = np.linalg.norm(scene.target.vertices() - scene.actor.positions(), axis=1)
-    assert distances.min() > ROPE.radius + scene.target.radius / 2
+    # Against bodies as small as a picker flexes are 2 mm thick.
+    assert distances.min() > ROPE.radius + 0.0018
     assert scene.held() == [-1]
     assert scene.target.vertex(20)[1] > moved
 
