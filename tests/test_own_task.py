@@ -14,7 +14,7 @@ import softgym_mj
 from softgym_mj import evaluation
 from softgym_mj.baselines.cem import OTHER_HORIZON, make_planner
 from softgym_mj.baselines.episodes import play
-from softgym_mj.entities import CameraPose, Cloth, FlexContact, Garment, Rope
+from softgym_mj.entities import CameraPose, Cloth, Garment, Rope
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, UnexpectedArgumentError, UnknownNameError
 from softgym_mj.fluid import Liquid, Resolution, Water
@@ -31,9 +31,8 @@ class Straight(SceneTask):
     """The shortest task: a rope on a cloth, straight."""
 
     def __init__(self, actor: str = "picker", **settings: Unpack[TaskSettings]):
-        contact = FlexContact()
-        self.cloth = Cloth((33, 33), fidelity="fast", self_contact=contact)
-        self.rope = Rope("fast", self_contact=contact)
+        self.cloth = Cloth((33, 33), fidelity="fast")
+        self.rope = Rope("fast")
         super().__init__([self.cloth, self.rope], make_gripper(actor, "rope"), **settings)
 
     def arrange(self, random):
@@ -191,7 +190,7 @@ def test_parameters_of_an_object_have_its_name(notebook):
     assert info["domain_shirt_density"] == 0.4
     assert 3e-4 <= info["domain_water_viscosity"] <= 4e-4
     names = {parameter.name for parameter in changed.task.domain.parameters}
-    assert {"rope_friction", "contact_layer_friction", "camera_x"} <= names
+    assert {"rope_friction", "towel_layer_friction", "camera_x"} <= names
     with pytest.raises(UnknownNameError, match="domain parameter='density'"):
         notebook["SaveTheWashing"](domain={"density": 0.4})
 
@@ -296,18 +295,13 @@ def test_objects_that_do_not_go_together_are_errors():
     water = Water(Liquid(2e-4), Resolution(8, 0.018, (2, 2)))
     with pytest.raises(OutOfRangeError, match="at least one rope, cloth or garment"):
         Still([water], Picker())
-    with pytest.raises(OutOfRangeError, match=r"\['plugin', 'mujoco'\].*one FlexContact that all"):
-        Still([Cloth((33, 33)), Rope()], Picker())
-    contact = FlexContact()
-    with pytest.raises(OutOfRangeError, match="one FlexContact that all flexes share"):
-        Still([Rope(self_contact=contact), Rope(self_contact=FlexContact(name="b"))], Picker())
     with pytest.raises(OutOfRangeError, match="a different `name`"):
-        Still([Rope(self_contact=contact), Rope(self_contact=contact)], Picker())
+        Still([Rope(), Rope()], Picker())
     with pytest.raises(UnknownNameError, match="camera='kitchen'"):
         Still([Rope()], Picker(), camera="kitchen")
     with pytest.raises(OutOfRangeError, match="grasp='friction'"):
         arms = make_gripper("franka", "rope", grasp="friction", arms=1)
-        things = [Rope(self_contact=contact), Cloth((33, 33), self_contact=contact)]
+        things = [Rope(), Cloth((33, 33))]
         Environment(Still(things, arms), name="still", horizon=5)
 
 
