@@ -1,11 +1,11 @@
-"""A rope, a cloth and a garment that share their contact: apart, at rest, dragged, unstretched."""
+"""A rope, a cloth and a garment in one scene: apart, at rest, dragged, unstretched."""
 
 import mujoco
 import numpy as np
 import pytest
 
 from softgym_mj import assets, metrics
-from softgym_mj.entities import Arena, Cloth, FlexContact, Garment, Rope
+from softgym_mj.entities import Arena, Cloth, Fabric, Garment, Rope
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.robots.base import SIM_STEP
@@ -19,17 +19,19 @@ class Scene:
     """A cloth, a rope and perhaps a T-shirt on the floor, and one picker."""
 
     def __init__(self, shirt=False, friction=0.75, dims=(65, 65)):
-        contact = FlexContact(friction=friction)
-        self.cloth = Cloth(dims, self_contact=contact)
-        self.rope = Rope(self_contact=contact)
+        self.cloth = Cloth(dims, fabric=Fabric(layer_friction=friction))
+        self.rope = Rope()
+        if friction < 1.0:  # Of two flexes the larger one counts.
+            nominal = {parameter.name: parameter.nominal for parameter in self.rope.parameters}
+            self.rope.adjust({**nominal, "friction": friction})
         parts = [self.cloth, self.rope]
         if shirt:
-            self.shirt = Garment(assets.path("garments/t_shirt.obj"), self_contact=contact)
+            self.shirt = Garment(assets.path("garments/t_shirt.obj"))
             parts.append(self.shirt)
         self.group = FlexGroup(parts)
         self.picker = Picker(ROPE_GEOMETRY, num_pickers=1)
         arena = Arena(camera="cloth")
-        for part in (contact, *parts):
+        for part in parts:
             arena.attach(part)
         self.picker.join(arena)
         self.picker.manipulate(self.group)
@@ -68,6 +70,12 @@ class Scene:
         edges, triangles = np.concatenate(edges), np.concatenate(triangles)
         return metrics.count_intersections(self.group.vertices(), edges, triangles)
 
+    def rope_speed(self):
+        """Of its fastest vertex [m/s], mean of 0.1 s: single substeps are faster."""
+        before = self.rope.vertices()
+        self.step(10)
+        return np.abs(self.rope.vertices() - before).max() / 0.1
+
     @property
     def warnings(self):
         return self.physics.data.ptr.warning.number.sum()
@@ -81,40 +89,39 @@ def test_a_rope_lies_on_a_cloth_at_the_sum_of_their_radii():
     resting = 2 * scene.cloth.radius + scene.rope.radius
     np.testing.assert_allclose(rope[inside, 2], resting, atol=1.5e-3)
     np.testing.assert_allclose(cloth[:, 2], scene.cloth.radius, atol=3e-3)
-    assert np.abs(scene.rope.velocities()).max() < 0.01
+    assert scene.rope_speed() < 1e-3
     assert scene.crossings == 0 and scene.warnings == 0
     assert max(scene.cloth_strain) < 0.02
 
 
-def test_without_shared_contact_a_rope_falls_through_a_cloth():
+def test_only_flexes_that_carry_the_plugin_touch():
     """The contact that is tested above does not come from elsewhere."""
     arena = Arena(camera="cloth")
-    cloth = Cloth((65, 65))
-    rope = Rope(self_contact=FlexContact(name="own"))
-    for part in (cloth, rope, *[rope.contact]):
+    cloth, rope = Cloth((65, 65)), Rope()
+    for part in (cloth, rope):
         arena.attach(part)
-    cloth.mjcf_model.worldbody.flexcomp[0].contact.contype = 0
-    physics = arena.compile(0.005, cloth, rope)
+    rope.mjcf_model.worldbody.flexcomp[0].plugin[0].remove()
+    physics = arena.compile(0.01, cloth, rope)
     cloth.set_vertices(cloth.flat() + [0.0, 0.0, 0.1])
     rope.set_vertices(rope.straight() + [0.0, 0.0, 0.13])
     for vertex in cloth.corners:
         cloth.hold(int(vertex))
-    for _ in range(60):
+    for _ in range(30):
         for vertex in cloth.corners:
-            cloth.drive(int(vertex), cloth.vertex(int(vertex)), 0.005)
+            cloth.drive(int(vertex), cloth.vertex(int(vertex)), 0.01)
         mujoco.mj_step(physics.model.ptr, physics.data.ptr)
-    assert rope.vertices()[:, 2].max() < cloth.vertices()[:, 2].max()
+    assert rope.vertices()[:, 2].max() < cloth.vertices()[:, 2].min()
 
 
 def test_a_rope_dropped_onto_a_cloth_comes_to_rest_on_it():
     scene = Scene()
     lifted = scene.rope.straight()[:, [1, 0, 2]] + [0.0, 0.0, 0.3]
     scene.rope.set_vertices(lifted)
-    scene.step(120)
+    scene.step(200)
     assert scene.crossings == 0 and scene.warnings == 0
     assert max(scene.rope_strain) < 0.3  # It lands at 2.4 m/s.
     assert scene.rope_strain[-1] < 0.02 and scene.cloth_strain[-1] < 0.02
-    assert np.abs(scene.rope.velocities()).max() < 0.02
+    assert scene.rope_speed() < 0.02  # Where it lies on itself it goes on slipping for seconds.
     assert np.median(scene.rope.vertices()[:, 2]) == pytest.approx(0.016, abs=2e-3)
 
 
@@ -196,17 +203,3 @@ def test_a_picker_holds_a_vertex_of_each_flex_at_its_own_height():
         flex, _ = scene.group.owner(index)
         assert scene.picker.held_positions()[0, 2] == flex.radius
         assert scene.group.vertex(index)[2] == pytest.approx(flex.radius, abs=1e-3)
-
-
-def test_the_contact_can_be_adjusted():
-    contact = FlexContact(friction=0.5)
-    (parameter,) = contact.parameters
-    assert (parameter.name, parameter.nominal) == ("layer_friction", 0.5)
-    assert not contact.adjust({"layer_friction": 0.5})
-    assert contact.adjust({"layer_friction": 0.6})
-    assert contact.instance.config[0].value == "0.6"
-    with pytest.raises(OutOfRangeError, match="friction=0"):
-        FlexContact(friction=0.0)
-    # Where it is shared, it is not a parameter of the cloth.
-    names = [p.name for p in Cloth((60, 60), self_contact=contact).parameters]
-    assert "layer_friction" not in names and "friction" in names
