@@ -11,13 +11,16 @@ from dm_control.rl.control import PhysicsError
 import softgym_mj
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.fluid import reference
-from tests import test_cloth_contact_plugin as cloth
 from tests.fluid_cup import SPACING, FluidCup
 
 FULL = mujoco.mjtState.mjSTATE_INTEGRATION
 BAD_QPOS = mujoco.mjtWarning.mjWARN_BADQPOS
 NO_RESET = mujoco.mjtDisableBit.mjDSBL_AUTORESET
 SLIDE = '<joint type="slide" axis="1 0 0"/>'
+CLOTH = '<plugin plugin="softgym_mj.cloth"><instance name="cloth"/></plugin>'
+SHEET = """<flexcomp name="{}" type="grid" dim="2" count="9 9 1" spacing=".03 .03 .03" mass=".01"
+  radius=".005" pos="{}" euler="{}"><edge damping="1e-12"/>
+  <contact selfcollide="none" contype="0" conaffinity="0"/><plugin instance="cloth"/></flexcomp>"""
 
 
 def state_of(model, data):
@@ -52,13 +55,11 @@ def test_bad_particles_restart_the_simulation(bad, integrator):
 
 
 def test_cloth_beside_restarting_water_starts_anew_too():
-    """Its contact advances after the water, in the same step."""
-    sheets = cloth.sheet("a", "1 0 .03") + cloth.sheet("b", "1.02 .01 .08", "5 3 20")
+    """It advances in the same step, before or after the water."""
+    sheets = SHEET.format("a", "1 0 .03", "0 0 0") + SHEET.format("b", "1.02 .01 .08", "5 3 20")
     cup = FluidCup((3, 3), 3)
-    contact = '<plugin plugin="softgym_mj.cloth_contact"><instance name="contact"/></plugin>'
-    xml = cup.xml.replace("</extension>", contact + "</extension>")
-    xml = xml.replace("</worldbody>", f'<body name="sheets">{sheets}</body></worldbody>')
-    xml = xml.replace('<option timestep="0.01" />', f"<option {cloth.OPTION}/>")
+    xml = cup.xml.replace("</extension>", CLOTH + "</extension>")
+    xml = xml.replace("</worldbody>", f"{sheets}</worldbody>")
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 15)
@@ -150,13 +151,17 @@ def test_when_walls_come_or_go_after_compilation_the_fluid_stands_still():
     assert not cup.escaped().any() and np.abs(cup.velocities).max() > 0
 
 
-def test_when_cloth_contact_does_not_fit_any_more_it_is_left_out():
-    model = cloth.stack()
+def test_when_cloth_does_not_fit_any_more_it_falls_apart():
+    sheets = SHEET.format("a", "0 0 .03", "0 0 0") + SHEET.format("b", ".02 .01 .08", "5 3 20")
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><option timestep='0.01'/><extension>{CLOTH}</extension>"
+        f"<worldbody>{sheets}</worldbody></mujoco>"
+    )
     data = mujoco.MjData(model)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     mujoco.mj_step(model, data)
     assert data.warning[BAD_QPOS].number == 1
-    # Both sheets fall freely.
+    # All vertices fall freely.
     assert data.qvel[2::3] == pytest.approx(-9.81 * model.opt.timestep, abs=1e-3)
 
 
