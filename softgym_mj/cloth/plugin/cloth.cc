@@ -43,6 +43,7 @@ struct Workspace {
   std::vector<Vertex> vertices;
   std::vector<mjtNum> axes;        // World directions of the slides of each vertex (n, 3, 3).
   std::vector<mjtNum> qpos, qvel;  // Of all that moves, at the start of the step.
+  bool advanced = true;            // Whether flexes are at its end.
   Start start;
   std::vector<PlaneContact> planes;
   Motion motion;
@@ -54,6 +55,7 @@ struct Workspace {
   void Keep(const Workspace& other) {
     qpos = other.qpos;
     qvel = other.qvel;
+    advanced = other.advanced;
   }
 };
 
@@ -305,11 +307,13 @@ void Compute(const mjModel* m, mjData* d, int instance, int) {
   if (!w) return;
   w->qpos.assign(d->qpos, d->qpos + m->nq);
   w->qvel.assign(d->qvel, d->qvel + m->nv);
+  w->advanced = false;
 }
 
 void Advance(const mjModel* m, mjData* d, int instance) {
   Workspace* w = Get(d, instance);
-  if (!w) return;
+  if (!w || w->advanced) return;
+  w->advanced = true;
   const std::string error = Open(m, instance, w);
   if (!error.empty()) {
     char reason[kReasonSize];
@@ -348,6 +352,11 @@ int ModelVertex(const mjModel* m, const Workspace& w, int vertex) {
 }
 
 }  // namespace
+
+void AdvanceFlexes(const mjModel* m, mjData* d) {
+  int instance;
+  if (FindWorkspace(m, d, &instance)) Advance(m, d, instance);
+}
 
 void RegisterCloth() {
   mjpPlugin plugin;

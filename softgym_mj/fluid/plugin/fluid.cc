@@ -9,6 +9,7 @@
 #include <mujoco/mjplugin.h>
 
 #include "boundary.h"
+#include "cloth/plugin/cloth.h"
 #include "config.h"
 #include "draw.h"
 #include "native/attributes.h"
@@ -211,6 +212,7 @@ void HandOver(const mjModel* m, mjData* d, Workspace* w, mjtNum* forces, mjtNum*
 }
 
 void TryToAdvance(const mjModel* m, mjData* d, int instance) {
+  cloth::AdvanceFlexes(m, d);
   StateLayout layout;
   char reason[kReasonSize];
   Workspace* opened = Open(m, instance, &layout, reason);
