@@ -26,10 +26,25 @@ SLIDES = (
 )
 
 
+MOVERS = pytest.mark.parametrize("mover", ["mujoco", "plugin"])
+# As soft as the other; what hangs in the air does not swing up and down for long.
+SOFT = {"stretch": 100, "stretch_damping": 0.01, "drag": 1.2}
+PLUGIN = '<plugin plugin="softgym_mj.cloth"><instance name="cloth">{}</instance></plugin>'.format(
+    "".join(f'<config key="{key}" value="{value}"/>' for key, value in SOFT.items())
+)
+
+
 def cloth(
-    count, spacing, pins=(), *, pos="0 0 0", radius=RADIUS, young=2e5, mass=0.05, euler="0 0 0"
-):
+    count, spacing, pins=(), *, pos="0 0 0", radius=RADIUS, young=2e5, mass=0.05, euler="0 0 0",
+    mover="mujoco",
+):  # fmt: skip
+    """A cloth with MuJoCo's elasticity, or one that the cloth plugin moves."""
     pin = f'<pin id="{" ".join(map(str, pins))}"/>' if len(pins) else ""
+    if mover == "plugin":
+        return f"""<flexcomp name="cloth" type="grid" dim="2" count="{count} {count} 1" mass="{mass}"
+          spacing="{spacing} {spacing} {spacing}" radius="{radius}" pos="{pos}" euler="{euler}">
+          <contact selfcollide="none" contype="0" conaffinity="0"/>{pin}
+          <edge damping="1e-12"/><plugin instance="cloth"/></flexcomp>"""
     return f"""<flexcomp name="cloth" type="grid" dim="2" count="{count} {count} 1" mass="{mass}"
       spacing="{spacing} {spacing} {spacing}" radius="{radius}" pos="{pos}" euler="{euler}">
       <contact selfcollide="none" contype="0" conaffinity="1" gap="0.003"/>{pin}
@@ -57,7 +72,10 @@ def corners(count):
 class FlexScene:
     """A column of water whose lowest layer is at z = `height`, and whatever `world` has."""
 
-    def __init__(self, world, columns, layers, height, *, flexes="true", option="", **config):
+    def __init__(
+        self, world, columns, layers, height, *, flexes="true", option="", cloth_first=True,
+        **config,
+    ):  # fmt: skip
         load_plugin()
         nx, ny = columns
         self.count = nx * ny * layers
@@ -70,14 +88,19 @@ class FlexScene:
             **config,
         }
         keys = "".join(f'<config key="{k}" value="{v}"/>' for k, v in attributes.items())
+        plugins = 2 * [PLUGIN] if 'instance="cloth"' in world else ["", ""]
+        plugins[cloth_first] = ""
         self.xml = f"""
         <mujoco><option timestep="0.01" integrator="discrete" solver="CG" jacobian="sparse"
           cone="elliptic" iterations="100" tolerance="1e-4" {option}/>
-        <extension><plugin plugin="softgym_mj.fluid"><instance name="water">{keys}</instance>
-        </plugin></extension><worldbody>{world}</worldbody></mujoco>"""
+        <extension>{plugins[0]}<plugin plugin="softgym_mj.fluid"><instance name="water">{keys}
+        </instance></plugin>{plugins[1]}</extension><worldbody>{world}</worldbody></mujoco>"""
         self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.data = mujoco.MjData(self.model)
-        self.positions, self.velocities = particles(self.data, self.count)
+        self.instance = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_PLUGIN, "water")
+        self.positions, self.velocities = particles(
+            self.data, self.count, self.model.plugin_stateadr[self.instance]
+        )
 
     def step(self, count=1):
         mujoco.mj_step(self.model, self.data, count)
@@ -114,9 +137,9 @@ class FlexScene:
         return lengths.min(axis=1), side
 
 
-def particles(data, count):
-    """Positions and velocities (count, 3), views."""
-    state = data.plugin_state[1 : 1 + 6 * count].reshape(2, count, 3)
+def particles(data, count, first=0):
+    """Positions and velocities (count, 3), views, of an instance whose state begins at `first`."""
+    state = data.plugin_state[first + 1 : first + 1 + 6 * count].reshape(2, count, 3)
     return state[0], state[1]
 
 
@@ -204,10 +227,11 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
 # ---------------------------------------------------------------------- nothing gets through
 
 
+@MOVERS
 @pytest.mark.parametrize("radius", [0.005, 0.001])
-def test_a_jet_does_not_get_through_a_pinned_cloth(radius):
+def test_a_jet_does_not_get_through_a_pinned_cloth(radius, mover):
     """3 m/s, on a cloth that is pinned at its rim and sags."""
-    world = cloth(12, 0.05, rim(12), radius=radius, pos="0 0 0.4")
+    world = cloth(12, 0.05, rim(12), radius=radius, pos="0 0 0.4", mover=mover)
     scene = FlexScene(world, (5, 5), 16, 0.43)
     scene.velocities[:, 2] = -3.0
     below = 0
@@ -222,8 +246,9 @@ def test_a_jet_does_not_get_through_a_pinned_cloth(radius):
     assert scene.vertices()[:, 2].min() < 0.399  # It moves under its weight.
 
 
-def test_a_jet_does_not_get_through_a_cloth_on_the_floor():
-    world = '<geom type="plane" size="1 1 1"/>' + cloth(10, 0.04, pos="0 0 0.006")
+@MOVERS
+def test_a_jet_does_not_get_through_a_cloth_on_the_floor(mover):
+    world = '<geom type="plane" size="1 1 1"/>' + cloth(10, 0.04, pos="0 0 0.006", mover=mover)
     scene = FlexScene(world, (5, 5), 12, 0.05)
     scene.velocities[:, 2] = -3.0
     for _ in range(40):
@@ -233,8 +258,9 @@ def test_a_jet_does_not_get_through_a_cloth_on_the_floor():
         assert scene.positions[inside, 2].min() > RADIUS + CONTACT
 
 
-def test_a_jet_does_not_get_through_a_cloth_that_hangs_by_its_corners():
-    scene = FlexScene(cloth(10, 0.05, corners(10), pos="0 0 0.4"), (5, 5), 12, 0.43)
+@MOVERS
+def test_a_jet_does_not_get_through_a_cloth_that_hangs_by_its_corners(mover):
+    scene = FlexScene(cloth(10, 0.05, corners(10), pos="0 0 0.4", mover=mover), (5, 5), 12, 0.43)
     scene.velocities[:, 2] = -3.0
     before = None
     for step in range(50):
@@ -281,9 +307,10 @@ def test_triangles_may_be_far_larger_than_the_water_is_apart():
     np.testing.assert_allclose(scene.positions[:, 2], -0.4 + RADIUS + CONTACT, atol=1e-3)
 
 
-def test_water_caught_under_a_falling_cloth_stays_below_it():
+@MOVERS
+def test_water_caught_under_a_falling_cloth_stays_below_it(mover):
     """It does not come through, and nothing explodes where there is no room."""
-    world = '<geom type="plane" size="1 1 1"/>' + cloth(8, 0.04, pos="0 0 0.12")
+    world = '<geom type="plane" size="1 1 1"/>' + cloth(8, 0.04, pos="0 0 0.12", mover=mover)
     scene = FlexScene(world, (5, 5), 2, 0.02)
     for step in range(80):
         scene.step()
@@ -294,6 +321,20 @@ def test_water_caught_under_a_falling_cloth_stays_below_it():
         assert not (near & (side > 0) & (distance < 0.03)).any()
     assert np.linalg.norm(scene.velocities, axis=1).max() < 3
     assert scene.vertices()[:, 2].max() < 0.03
+
+
+@pytest.mark.parametrize("cloth_first", [False, True])
+def test_water_sees_cloth_where_a_step_ends(cloth_first):
+    """Whichever of the two plugins comes first in the model."""
+    sheet = cloth(10, 0.05, corners(10), pos="0 0 0.4", mover="plugin")
+    scene = FlexScene(sheet, (5, 5), 12, 0.43, cloth_first=cloth_first)
+    water, size = scene.instance, 3 * scene.model.nflexvert
+    assert water == int(cloth_first)
+    end = scene.model.plugin_stateadr[water] + scene.model.plugin_statenum[water]
+    for _ in range(20):
+        scene.step()
+        seen = scene.data.plugin_state[end - size : end].reshape(-1, 3)
+        np.testing.assert_allclose(seen, scene.vertices(), atol=1e-12)
 
 
 # ---------------------------------------------------------------------- physics
@@ -321,9 +362,10 @@ def test_water_stands_on_a_cloth_as_on_a_floor():
     assert deviations[1] == pytest.approx(deviations[0], abs=0.3 * SPACING)
 
 
-def test_a_cloth_that_hangs_by_its_corners_is_a_bag():
+@MOVERS
+def test_a_cloth_that_hangs_by_its_corners_is_a_bag(mover):
     """It holds water for seconds, which comes to rest in it."""
-    scene = FlexScene(cloth(12, 0.04, corners(12), pos="0 0 0.5"), (5, 5), 6, 0.5)
+    scene = FlexScene(cloth(12, 0.04, corners(12), pos="0 0 0.5", mover=mover), (5, 5), 6, 0.5)
     scene.step(150)
     held = scene.positions[:, 2] > 0.2
     assert held.sum() > 60

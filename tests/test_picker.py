@@ -442,8 +442,7 @@ def test_released_vertex_falls():
         # Semi-implicit Euler: after n steps a body has fallen g dt^2 n (n + 1) / 2. The rope
         # began to fall one sim step before the vertex, which it then pulls along.
         own, ropes = (
-            0.2 - GRAVITY * timestep**2 * n * (n + 1) / 2
-            for n in (released, released + substeps)
+            0.2 - GRAVITY * timestep**2 * n * (n + 1) / 2 for n in (released, released + substeps)
         )
         heights = scene.target.vertices()[:, 2]
         np.testing.assert_allclose(heights[[2, 38]], ropes, atol=1e-3)
