@@ -146,6 +146,9 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
     return "integrator RK4 is not supported: expected Euler, implicit, implicitfast or discrete.";
   }
   if (m->opt.enableflags & mjENBL_SLEEP) return "the flag sleep is not supported.";
+  if ((m->opt.disableflags & mjDSBL_SPRING) && (m->opt.disableflags & mjDSBL_DAMPER)) {
+    return "the plugin needs MuJoCo's passive forces, which the flags spring and damper disable: enable one of them.";
+  }
   Settings settings;
   const std::string error = ParseSettings(m, instance, &settings);
   if (!error.empty()) return error;
