@@ -20,6 +20,7 @@ README = (ROOT / "README.md").read_text()
 MIGRATION = (ROOT / "docs" / "migration.md").read_text()
 DOMAIN = (ROOT / "docs" / "domain.md").read_text()
 ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
+CLOTH = (ROOT / "softgym_mj" / "cloth" / "plugin" / "README.md").read_text()
 
 
 def blocks(language, text=README):
@@ -33,6 +34,15 @@ def blocks(language, text=README):
 )
 def test_python_blocks_run(code):
     exec(compile(code, "README.md", "exec"), {})
+
+
+def test_the_example_of_the_cloth_plugin_runs(tmp_path, monkeypatch, capsys):
+    (model,) = blocks("xml", CLOTH)
+    (code,) = blocks("python", CLOTH)
+    (tmp_path / "scene.xml").write_text(model)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "cloth", "exec"), {})
+    assert {line.split()[0] for line in capsys.readouterr().out.splitlines()} <= {"rod", "box"}
 
 
 def test_the_migration_page_lists_every_name():
