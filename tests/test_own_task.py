@@ -15,6 +15,7 @@ from softgym_mj import evaluation
 from softgym_mj.baselines.cem import OTHER_HORIZON, make_planner
 from softgym_mj.baselines.episodes import play
 from softgym_mj.entities import CameraPose, Cloth, Garment, Rope
+from softgym_mj.entities.sheet import AREA_DENSITY
 from softgym_mj.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, UnexpectedArgumentError, UnknownNameError
 from softgym_mj.fluid import Liquid, Resolution, Water
@@ -75,7 +76,7 @@ def rescue(env):
     goals = (middle, first + int(np.argmax(task.shirt.vertices()[:, 0])))
     actions = []
     for i, goal in enumerate(goals):
-        way = vertices[goal] - task.actor.commanded_positions()[i]
+        way = vertices[goal] + [0.0, 0.0, 0.03] - task.actor.commanded_positions()[i]
         near = np.linalg.norm(way) < 0.035 or task.actor.held[i] >= 0
         actions.append([0.0, 0.0, 0.6, 1.0] if near else [*np.clip(way / 0.08, -1, 1), -1.0])
     return np.concatenate(actions)
@@ -175,7 +176,7 @@ def test_it_is_a_gymnasium_environment(notebook, register):
 def test_parameters_of_an_object_have_its_name(notebook):
     usual = washing(notebook)
     changed = washing(
-        notebook, domain={"shirt_density": 0.4, "water_viscosity": (3e-4, 4e-4), "towel_hue": 20}
+        notebook, domain={"shirt_density": 0.25, "water_viscosity": (3e-4, 4e-4), "towel_hue": 20}
     )
     for env in (usual, changed):
         env.reset(VARIATION)
@@ -184,10 +185,10 @@ def test_parameters_of_an_object_have_its_name(notebook):
         model = env.physics.model.ptr
         names = [model.body(i).name.split("/")[0] for i in range(model.nbody)]
         masses.append({n: model.body_mass[np.array(names) == n].sum() for n in set(names)})
-    assert masses[1]["shirt"] == pytest.approx(2 * masses[0]["shirt"])
+    assert masses[1]["shirt"] == pytest.approx(0.25 / AREA_DENSITY * masses[0]["shirt"])
     assert masses[1]["towel"] == masses[0]["towel"] and masses[1]["rope"] == masses[0]["rope"]
     info = changed.info()
-    assert info["domain_shirt_density"] == 0.4
+    assert info["domain_shirt_density"] == 0.25
     assert 3e-4 <= info["domain_water_viscosity"] <= 4e-4
     names = {parameter.name for parameter in changed.task.domain.parameters}
     assert {"rope_friction", "towel_layer_friction", "camera_x"} <= names
