@@ -42,7 +42,8 @@ def cloth(
     pin = f'<pin id="{" ".join(map(str, pins))}"/>' if len(pins) else ""
     if mover == "plugin":
         return f"""<flexcomp name="cloth" type="grid" dim="2" mass="{mass}"
-          count="{count} {count} 1" spacing="{spacing} {spacing} {spacing}" radius="{radius}" pos="{pos}" euler="{euler}">
+          count="{count} {count} 1" spacing="{spacing} {spacing} {spacing}"
+          radius="{radius}" pos="{pos}" euler="{euler}">
           <contact selfcollide="none" contype="0" conaffinity="0"/>{pin}
           <edge damping="1e-12"/><plugin instance="cloth"/></flexcomp>"""
     return f"""<flexcomp name="cloth" type="grid" dim="2" count="{count} {count} 1" mass="{mass}"
