@@ -15,6 +15,7 @@ ROOT = pathlib.Path(__file__).parent.parent
 # Files of the repository and the pages they become.
 PAGES = {
     "README.md": "index.md",
+    "softgym_mj/cloth/plugin/README.md": "cloth.md",
     "softgym_mj/fluid/plugin/README.md": "fluid.md",
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
