@@ -32,7 +32,7 @@ lint: $(VENV)/.installed-dev
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/throughput.py --out benchmarks/throughput.json
 	$(BIN)/python benchmarks/fluid.py --out benchmarks/fluid.json
-	$(BIN)/python benchmarks/cloth_contact.py --out benchmarks/cloth_contact.json
+	$(BIN)/python benchmarks/cloth.py --out benchmarks/cloth.json
 
 # Writes the tasks' data sheets, docs/tasks, anew: after a change to a task.
 sheets: $(VENV)/.installed-dev
