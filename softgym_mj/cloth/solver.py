@@ -102,7 +102,7 @@ def _library() -> ctypes.CDLL:
 
 
 def contacts(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """The contacts between geoms and flexes in the last step, an array of `CONTACT`.
+    """The contacts (n,) between geoms and flexes in the last step, an array of `CONTACT`.
 
     geom is one of the model's, vertex are three of its flex vertices, -1 for none, with weights that
     give the point; normal is the direction from the geom to the flex, force what the flex felt [N],

@@ -137,9 +137,7 @@ class Arena(composer.Arena):
         """Adds a rigid shape that stays where it is: a rod, a shelf, a table, a wall.
 
         Cloth, rope and rigid bodies lie on it, water stays in front of it, the hands of arms stop
-        at it; their controllers do not know of it. Pickers pass through it. What is thinner than
-        3 cm, under cloth, should be a cylinder: of boxes and capsules MuJoCo sees only what comes
-        near a vertex of the cloth. docs/physics.md says which speeds that takes.
+        at it; their controllers do not know of it. Pickers pass through it.
 
         Args:
             type: "box", "sphere", "capsule", "cylinder" or "ellipsoid".

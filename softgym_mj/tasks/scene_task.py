@@ -74,12 +74,13 @@ class SceneTask(DeformableTask):
             image_size: (height, width) of image observations [pixels].
             action_repeat: sim steps of 0.01 s per env step.
             timestep: physics step [s], a sim step or a whole part of it; by default the largest
-                that suits all objects. Thin solids may need a smaller one: `Arena.add_solid`.
+                that suits all objects.
             domain: what varies besides the initial state, as in `Domain`; the parameters of an
                 object have its model name before theirs: "rope_friction".
 
         Raises:
-            OutOfRangeError: for objects without a flex, two of the same name, or another argument of a wrong type.
+            OutOfRangeError: for objects without a flex, two of the same name, or another argument
+                of a wrong type.
             UnknownNameError: for a bad name.
         """
         _check_types(objects, actor, camera, workspace)
