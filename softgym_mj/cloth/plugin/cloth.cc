@@ -380,7 +380,9 @@ void RegisterCloth() {
   plugin.copy = [](mjData* to, const mjModel*, const mjData* from, int instance) {
     if (Get(to, instance) && Get(from, instance)) Get(to, instance)->Keep(*Get(from, instance));
   };
-  plugin.reset = [](const mjModel*, mjtNum* state, void*, int) { state[0] = 0; };
+  plugin.reset = [](const mjModel* m, mjtNum* state, void*, int instance) {
+    std::fill(state, state + m->plugin_statenum[instance], 0.0);
+  };
   plugin.compute = Compute;
   plugin.advance = Advance;
   mjp_registerPlugin(&plugin);
