@@ -22,6 +22,7 @@ MATERIAL = {
     "bend_damping": "bend_damping",
     "friction": "layer_friction",
     "drag": "drag",
+    "added_mass": "added_mass",
 }
 TASKS = ("straighten_rope", "spread_cloth", "pour_water")  # One of each kind of object.
 
