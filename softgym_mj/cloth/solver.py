@@ -1,7 +1,7 @@
 """The engine plugin softgym_mj.cloth in a model: what a flex is made of.
 
-It is the elasticity, bending, damping and friction of flexes and all that they touch, in one solve of
-25 substeps a step; MuJoCo moves everything else. See plugin/README.md.
+It is the elasticity, bending, damping and friction of flexes and all that they touch, in one solve
+of 25 substeps a step; MuJoCo moves everything else. See plugin/README.md.
 """
 
 import ctypes
@@ -102,7 +102,7 @@ def _library() -> ctypes.CDLL:
 
 
 def contacts(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """The contacts (n,) between geoms and flexes in the last step, an array of `CONTACT`.
+    """The contacts (n,) of geoms with flexes in the last step, an array of `CONTACT`.
 
     geom is one of the model's, vertex are three of its flex vertices, -1 for none, with weights that
     give the point; normal is the direction from the geom to the flex, force what the flex felt [N],
