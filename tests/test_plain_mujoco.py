@@ -28,6 +28,7 @@ def _folder(tmp_path_factory):
 @pytest.fixture(name="blocks", scope="module")
 def _blocks(folder):
     """The script's variables after each of its blocks."""
+    softgym_mj.load("fold_cloth", split="evaluate").reset(803)  # Generates the start state.
     variables, after = {}, []
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
