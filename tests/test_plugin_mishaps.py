@@ -151,12 +151,34 @@ def test_when_walls_come_or_go_after_compilation_the_fluid_stands_still():
     assert not cup.escaped().any() and np.abs(cup.velocities).max() > 0
 
 
-def test_when_cloth_does_not_fit_any_more_it_falls_apart():
+def two_sheets(option="", plugin=CLOTH):
     sheets = SHEET.format("a", "0 0 .03", "0 0 0") + SHEET.format("b", ".02 .01 .08", "5 3 20")
-    model = mujoco.MjModel.from_xml_string(
-        f"<mujoco><option timestep='0.01'/><extension>{CLOTH}</extension>"
+    return mujoco.MjModel.from_xml_string(
+        f"<mujoco><option timestep='0.01'>{option}</option><extension>{plugin}</extension>"
         f"<worldbody>{sheets}</worldbody></mujoco>"
     )
+
+
+def test_a_reset_clears_the_state_of_cloth():
+    """All of it, and nothing beyond it where a second instance has none."""
+    plugin = CLOTH.replace("</plugin>", '<instance name="unused"/></plugin>')
+    for model in (two_sheets(), two_sheets(plugin=plugin)):
+        data = mujoco.MjData(model)
+        assert not data.plugin_state.any()
+        mujoco.mj_step(model, data, 20)
+        assert data.plugin_state[0] == 1 and data.qpos.any()
+        mujoco.mj_resetData(model, data)
+        np.testing.assert_array_equal(data.plugin_state, mujoco.MjData(model).plugin_state)
+
+
+def test_without_passive_forces_cloth_is_an_error():
+    two_sheets('<flag spring="disable"/>')
+    with pytest.raises(ValueError, match="the flags spring and damper disable"):
+        two_sheets('<flag spring="disable" damper="disable"/>')
+
+
+def test_when_cloth_does_not_fit_any_more_it_falls_apart():
+    model = two_sheets()
     data = mujoco.MjData(model)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     mujoco.mj_step(model, data)
