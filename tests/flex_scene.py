@@ -167,7 +167,8 @@ def model_xml(
     down = " ".join(map(repr, map(float, gravity)))
     body = f"<body {parent}>{inside}</body>" if parent else inside
     return f"""<mujoco><option timestep="{TIMESTEP}" gravity="{down}" {option}/>
-    <size memory="64M"/><extension><plugin plugin="softgym_mj.cloth">{instances}</plugin></extension>
+    <size memory="64M"/>
+    <extension><plugin plugin="softgym_mj.cloth">{instances}</plugin></extension>
     <worldbody>{plane}{body}{scenery}</worldbody>{extra}</mujoco>"""
 
 
