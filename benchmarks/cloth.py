@@ -36,7 +36,7 @@ import time
 from collections.abc import Callable, Sequence
 from unittest import mock
 
-DIMS = {20: 92, 26: 121, 32: 150, 40: 188}  # Sizes in SoftGym's particles, of n x n vertices.
+DIMS = {21: 97, 27: 126, 33: 155, 41: 193}  # Sizes in SoftGym's particles, of n x n vertices.
 SPEEDS = (0.6, 1.73)  # [m/s] Of pickers: the experts', and full speed along three axes.
 PICK = (0.2, 0.7)  # The vertex that is lifted, as shares of the rows and columns.
 LIFT, LIFT_SPEED, HOLD, DROP = 0.6, 1.0, 1.5, 6.0  # [m], [m/s], [s], [s]
@@ -344,7 +344,7 @@ def main() -> None:
         work()
         return
     parts = arguments.parts or ("fold", "heap", "task")
-    sizes = arguments.sizes or ((20,) if arguments.quick else tuple(DIMS))
+    sizes = arguments.sizes or ((21,) if arguments.quick else tuple(DIMS))
     tasks = ("fold_cloth", "straighten_rope") if arguments.quick else CLOTH_TASKS + ROPE_TASKS
     repeats, variations = arguments.repeats, arguments.variations
     if arguments.quick:

