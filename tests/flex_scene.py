@@ -18,7 +18,7 @@ HELD_MASS = 10.0  # [kg]
 TIMESTEP = 0.01  # [s]
 
 # The softer and heavier cloth without air that most figures were first found for.
-LIMP = Fabric(bend_stiffness=1.25e-6, density=0.2, drag=0.0)
+LIMP = Fabric(stretch_stiffness=500.0, bend_stiffness=1.25e-6, density=0.2, drag=0.0)
 WOVEN = Fabric()
 FABRICS = {"limp": LIMP, "woven": WOVEN}
 

@@ -144,9 +144,6 @@ def cantilever(strip, spacing: float) -> tuple[float, float]:
 
 
 @BOTH
-@pytest.mark.xfail(
-    strict=True, reason="25 substeps of one sweep leave it at 2 to 2.5 times the strain"
-)
 @pytest.mark.parametrize("force", [5.0, 50.0])
 def test_a_strip_under_load_stretches_by_force_over_stiffness(force, fabric):
     """Force is per width [N/m]."""
@@ -192,7 +189,6 @@ def falling(fabric: Fabric) -> FlexScene:
 
 
 @BOTH
-@pytest.mark.xfail(strict=True, reason="6 and 8 % faster: gravity is left out of the implicit drag")
 def test_a_flat_sheet_falls_at_its_terminal_speed(fabric):
     scene = falling(fabric)
     scene.step(200)

@@ -195,10 +195,8 @@ for _ in range(1 if given else 5):
     first = None
 sys.stdout.buffer.write(found.tobytes())
 """
-_POINTERS = "an unpickled mjData has the pointers of the first one, and frees them, too"
 
 
-@pytest.mark.xfail(strict=True, reason=_POINTERS)
 @pytest.mark.parametrize("elsewhere", [False, True], ids=["same process", "another process"])
 def test_a_pickle_continues_bit_by_bit_and_ends_well(elsewhere):
     """In a process of its own: it may end badly."""
@@ -313,7 +311,6 @@ def test_instruction_sets_agree_to_the_bit(scene, steps):
     assert np.isfinite(values).all() and not np.array_equal(values[0], values[-1])
 
 
-@pytest.mark.xfail(strict=True, reason="it is read from the wrong place before the first step")
 def test_a_restored_mjdata_knows_how_hard_held_vertices_are_pulled():
     scene = FlexScene(FLAT, floor=False)
     scene.hold(0)
@@ -395,7 +392,6 @@ def test_a_turned_and_moved_parent_changes_nothing(turn):
     np.testing.assert_allclose(vertices(turned, other), expected, atol=1e-4)
 
 
-@pytest.mark.xfail(strict=True, reason="what the parent does is added to what the vertices do")
 def test_a_parent_that_moves_carries_pinned_vertices():
     """A sheet pinned by one side to a sled, which drags it over the floor."""
     flex = sheet(6, 6, centre=(0, 0, RADIUS + 0.001), inside='<pin id="0 6 12 18 24 30"/>')

@@ -199,7 +199,7 @@ def test_coils_laid_on_each_other_never_cross(seed):
 
 @pytest.mark.parametrize(
     ("first", "second"),
-    [pytest.param(21, 20, marks=pytest.mark.xfail(reason="11 %")), (25, 15), (40, 0)],
+    [(21, 20), (25, 15), (40, 0)],
 )
 def test_pickers_that_pull_a_rope_apart_lose_a_hold(first, second):
     target = Rope()

@@ -5,7 +5,10 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <mutex>
 #include <string>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include <mujoco/mjplugin.h>
@@ -42,6 +45,7 @@ struct Workspace {
   Mesh mesh;
   std::vector<Vertex> vertices;
   std::vector<mjtNum> axes;        // World directions of the slides of each vertex (n, 3, 3).
+  std::vector<mjtNum> carried;     // How far a parent that moves carries each vertex in the step (n, 3) [m].
   std::vector<mjtNum> qpos, qvel;  // Of all that moves, at the start of the step.
   bool advanced = true;            // Whether flexes are at its end.
   Start start;
@@ -59,7 +63,33 @@ struct Workspace {
   }
 };
 
-Workspace* Get(const mjData* d, int instance) { return reinterpret_cast<Workspace*>(d->plugin_data[instance]); }
+// The workspace of each mjData; null of a stranger. Not in plugin_data: what copies an mjData byte by byte, as pickles
+// do, would copy the pointer as well.
+class Workspaces {
+ public:
+  Workspace* Find(const mjData* d) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const auto found = of_.find(d);
+    return found == of_.end() ? nullptr : found->second.get();
+  }
+  void Set(const mjData* d, std::unique_ptr<Workspace> workspace) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (workspace) {
+      of_[d] = std::move(workspace);
+    } else {
+      of_.erase(d);
+    }
+  }
+
+ private:
+  std::mutex mutex_;
+  std::unordered_map<const mjData*, std::unique_ptr<Workspace>> of_;
+};
+
+Workspaces& All() {
+  static Workspaces* workspaces = new Workspaces;  // Never destroyed: mjData may outlive what is.
+  return *workspaces;
+}
 
 // One instance solves for all: the first one. Each flex has one that says what it is made of.
 bool Leads(const mjModel* m, int instance) {
@@ -188,6 +218,7 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
   start.inverse_mass.assign(count, 0);
   start.mass = w->mesh.mass;
   w->axes.resize(9 * count);
+  w->carried.assign(3 * count, 0);
   double sum = 0;
   for (int v = 0; v < count; ++v) {
     const int part = w->mesh.part[v], flex = w->mesh.flexes[part];
@@ -203,8 +234,21 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
       for (int k = 0; k < 3; ++k) start.velocity[3 * v + k] = (end[k] - start.position[3 * v + k]) / dt;
     } else {
       const int body = vertex.body, joint = m->body_jntadr[body];
+      const int parent = m->body_parentid[body];
+      const Pose from = StartPose(d, parent);
+      if (m->body_treeid[parent] >= 0) {
+        const Pose to = BodyPose(m, d, parent);
+        mjtNum local[3], back[4], *carried = &w->carried[3 * v];
+        mju_sub3(local, &start.position[3 * v], from.position);
+        mju_negQuat(back, from.quaternion);
+        mju_rotVecQuat(local, local, back);
+        mju_rotVecQuat(carried, local, to.quaternion);
+        mju_addTo3(carried, to.position);
+        mju_subFrom3(carried, &start.position[3 * v]);
+        mju_addToScl3(&start.velocity[3 * v], carried, 1 / dt);
+      }
       mjtNum quaternion[4];
-      mju_mulQuat(quaternion, StartPose(d, m->body_parentid[body]).quaternion, m->body_quat + 4 * body);
+      mju_mulQuat(quaternion, from.quaternion, m->body_quat + 4 * body);
       const double mass = m->dof_M0[vertex.dof];
       const bool held = mass > kHeldMass;
       start.inverse_mass[v] = held ? 0 : static_cast<float>(1 / mass);
@@ -263,10 +307,11 @@ void FindPlanes(const mjModel* m, const mjData* d, Workspace* w) {
 }
 
 // Writes the motion to qvel and qpos.
-void Apply(mjData* d, const Workspace& w) {
+void Apply(mjData* d, const Workspace& w, double dt) {
   for (int v = 0; v < w.mesh.NumVertices(); ++v) {
     if (w.vertices[v].dof < 0) continue;
-    const Vector move = FromArray(&w.motion.move[3 * v]), velocity = FromArray(&w.motion.velocity[3 * v]);
+    const Vector carried = FromArray(&w.carried[3 * v]), move = FromArray(&w.motion.move[3 * v]) - carried;
+    const Vector velocity = FromArray(&w.motion.velocity[3 * v]) - (1 / dt) * carried;
     for (int k = 0; k < 3; ++k) {
       const Vector axis = FromArray(&w.axes[9 * v + 3 * k]);
       d->qvel[w.vertices[v].dof + k] = Dot(axis, velocity);
@@ -279,7 +324,7 @@ void Apply(mjData* d, const Workspace& w) {
 // times three numbers a vertex, one an edge, one a vertex.
 Kept StateOf(const mjModel* m, mjData* d, int instance, const Workspace& w) {
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
-  const size_t size = w.start.position.size();
+  const size_t size = 3 * w.mesh.NumVertices();
   if (state[0] != 1) {
     std::fill(state, state + 1 + 2 * size + w.mesh.edges.size() + size / 3, 0.0);
     state[0] = 1;
@@ -294,19 +339,21 @@ int Init(const mjModel* m, mjData* d, int instance) {
   char reason[kReasonSize] = "";
   d->plugin_data[instance] = 0;
   if (!Leads(m, instance)) return 0;
+  bool failed;
   {
     auto workspace = std::make_unique<Workspace>();
     const std::string error = Open(m, instance, workspace.get());
     std::snprintf(reason, kReasonSize, "%s", error.c_str());
-    if (error.empty() || IsRestarting()) d->plugin_data[instance] = reinterpret_cast<uintptr_t>(workspace.release());
+    failed = !error.empty() && !IsRestarting();
+    if (!failed) All().Set(d, std::move(workspace));
   }
-  if (!d->plugin_data[instance]) Fail(m, instance, reason);
+  if (failed) Fail(m, instance, reason);
   return 0;
 }
 
 // Keeps what MuJoCo is about to overwrite.
 void Compute(const mjModel* m, mjData* d, int instance, int) {
-  Workspace* w = Get(d, instance);
+  Workspace* w = Leads(m, instance) ? All().Find(d) : nullptr;
   if (!w) return;
   w->qpos.assign(d->qpos, d->qpos + m->nq);
   w->qvel.assign(d->qvel, d->qvel + m->nv);
@@ -314,7 +361,7 @@ void Compute(const mjModel* m, mjData* d, int instance, int) {
 }
 
 void Advance(const mjModel* m, mjData* d, int instance) {
-  Workspace* w = Get(d, instance);
+  Workspace* w = Leads(m, instance) ? All().Find(d) : nullptr;
   if (!w || w->advanced) return;
   w->advanced = true;
   const std::string error = Open(m, instance, w);
@@ -329,7 +376,7 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   FindPlanes(m, d, w);
   w->solids.Start(m, d, w->mesh, w->start, w->qvel.data(), w->solver.substep());
   w->solver.Step(w->mesh, w->start, w->planes, &w->solids, StateOf(m, d, instance, *w), &w->motion);
-  Apply(d, *w);
+  Apply(d, *w, m->opt.timestep);
   w->solids.Apply(m, d, w->settings.substeps);
 }
 
@@ -342,7 +389,7 @@ const Workspace* FindWorkspace(const mjModel* m, const mjData* d, int* found) {
   for (int instance = 0; instance < m->nplugin; ++instance) {
     *found = instance;
     const mjpPlugin* plugin = mjp_getPluginAtSlot(m->plugin[instance]);
-    if (plugin && std::strcmp(plugin->name, kName) == 0 && Leads(m, instance)) return Get(d, instance);
+    if (plugin && std::strcmp(plugin->name, kName) == 0 && Leads(m, instance)) return All().Find(d);
   }
   return nullptr;
 }
@@ -374,11 +421,13 @@ void RegisterCloth() {
   };
   plugin.init = Init;
   plugin.destroy = [](mjData* d, int instance) {
-    delete Get(d, instance);
-    d->plugin_data[instance] = 0;
+    (void)instance;
+    All().Set(d, nullptr);
   };
   plugin.copy = [](mjData* to, const mjModel*, const mjData* from, int instance) {
-    if (Get(to, instance) && Get(from, instance)) Get(to, instance)->Keep(*Get(from, instance));
+    (void)instance;
+    Workspace *into = All().Find(to), *out_of = All().Find(from);
+    if (into && out_of) into->Keep(*out_of);
   };
   plugin.reset = [](const mjModel* m, mjtNum* state, void*, int instance) {
     std::fill(state, state + m->plugin_statenum[instance], 0.0);

@@ -94,6 +94,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     position_[4 * v + 3] = static_cast<float>(dt * std::sqrt(square));
     fastest = std::max(fastest, dt * std::sqrt(square));
   }
+  fastest_ = fastest;
   const double radius = *std::max_element(mesh.radius.begin(), mesh.radius.end());
   size_t used = 0;
   for (int g = 0; g < m->ngeom; ++g) {

@@ -54,6 +54,8 @@ class Solids {
   void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn);
   void Finish();
 
+  // How far the fastest vertex moves in the step [m].
+  double fastest() const { return fastest_; }
   // Whether a body that gives way may be touched, and whether one of less than 5 kg is among them.
   bool TouchesBodies() const { return touches_bodies_; }
   bool TouchesLightBodies() const { return touches_light_; }
@@ -90,7 +92,7 @@ class Solids {
   const mjModel* m_ = nullptr;
   std::vector<Active> actives_;
   Bodies bodies_;
-  double h_ = 0;
+  double h_ = 0, fastest_ = 0;
   AlignedFloats position_;
   std::vector<std::uint8_t> counts_;
   Levels levels_;

@@ -93,7 +93,8 @@ class Solver {
   std::vector<int> edge_order_;
   Aligned<HingeBlock> hinges_;
   std::vector<int> hinge_order_;
-  int bend_interval_ = 1;  // Substeps from one bending to the next.
+  int search_interval_ = 1;  // Substeps from one search for nearest points to the next.
+  int bend_interval_ = 1;    // Substeps from one bending to the next.
   std::vector<ChainRow> chains_;
   std::vector<ActivePlane> planes_;
   Layers layers_;
