@@ -21,6 +21,8 @@ constexpr double kAirDensity = 1.2;  // [kg/m^3]
 constexpr double kPlaneMargin = 0.02;
 constexpr float kVouched = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
 constexpr int kMaxSearches = 4;
+// Planes are so much stiffer than other contacts: they come last, so that nothing undoes what they do.
+constexpr float kFirm = 5;
 // Vertices whose gap is below this share of the thickness touch something: they move no air.
 constexpr double kTouching = 0.1;
 // Substeps after which the nearest points of triangles to solids are found anew, if nothing moves further in them [m].
@@ -64,6 +66,8 @@ void Solver::Reset(const Mesh& mesh, const Settings& settings, double timestep) 
   h_ = timestep / settings.substeps;
   const Compliance contact = Comply(settings.contact_stiffness, settings.contact_damping, h_);
   contact_ = {static_cast<float>(contact.gamma), static_cast<float>(contact.b), static_cast<float>(kRecovery * h_)};
+  plane_row_ = contact_;
+  plane_row_.gamma /= kFirm;
   const int count = mesh.NumVertices(), dummy = count;
   const int padded = (count + 1 + kBlock - 1) / kBlock * kBlock;
   for (AlignedFloats* a : {&now_, &before_, &drift_, &bent_drift_, &predicted_, &moved_, &air_})
@@ -474,14 +478,14 @@ void Solver::Substep(int substep, Solids* solids) {
   if (substep + 1 == settings_.substeps) with_layers_ = now_;
   solids->Sweep(*kernels_, points_, contact_, turn);
   for (ActivePlane& plane : planes_) {
-    kernels_->SweepPlane(points_, contact_, plane.Far(), {true, true});
-    kernels_->SweepPlane(points_, contact_, plane.Near(), turn);
+    kernels_->SweepPlane(points_, plane_row_, plane.Far(), {true, true});
+    kernels_->SweepPlane(points_, plane_row_, plane.Near(), turn);
   }
   for (int sweep = 1; repeats && sweep < settings_.sweeps; ++sweep) {
     const Turn again = {false, sweep + 1 == settings_.sweeps};
     solids->Sweep(*kernels_, points_, contact_, again);
     kernels_->SweepLayers(points_, contact_, layers, near, again);
-    for (ActivePlane& plane : planes_) kernels_->SweepPlane(points_, contact_, plane.Near(), again);
+    for (ActivePlane& plane : planes_) kernels_->SweepPlane(points_, plane_row_, plane.Near(), again);
   }
   solids->Finish();
 }

@@ -85,7 +85,7 @@ class Solver {
   const ClothKernels* kernels_ = nullptr;
   Settings settings_;
   double timestep_ = 0, h_ = 0;
-  ContactRow contact_ = {};
+  ContactRow contact_ = {}, plane_row_ = {};
   Points points_ = {};
   AlignedFloats now_, before_, drift_, bent_drift_, predicted_, moved_, air_;
   AlignedFloats with_layers_;  // What `now_` was after their last turn.
