@@ -150,6 +150,7 @@ class Flex(composer.Entity):
         name = f"{self._mjcf_root.model}/{_FLEX}"
         flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, name)
         first, count = model.flex_vertadr[flex], model.flex_vertnum[flex]
+        self._ids = np.arange(first, first + count)
         bodies = model.flex_vertbodyid[first : first + count]
         self._dofs = np.array(model.body_dofadr[bodies])
         self._origin = np.array(model.body_pos[bodies])
@@ -161,6 +162,11 @@ class Flex(composer.Entity):
         self._edges = np.array(model.flex_edge[edges])
         self._rest_lengths = np.array(model.flexedge_length0[edges])
         self._held, self._ways = {}, {}
+
+    @property
+    def vertex_ids(self) -> np.ndarray:
+        """Indices (num_vertices,) of the vertices among all flex vertices of the model."""
+        return self._ids
 
     def vertices(self) -> np.ndarray:
         """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""

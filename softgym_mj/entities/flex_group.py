@@ -53,6 +53,11 @@ class FlexGroup:
         flex, index = self.owner(index)
         return flex.resting_height(index)
 
+    @property
+    def vertex_ids(self) -> np.ndarray:
+        """Indices (num_vertices,) of the vertices among all flex vertices of the model."""
+        return np.concatenate([flex.vertex_ids for flex in self._flexes])
+
     def vertices(self) -> np.ndarray:
         """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""
         return np.concatenate([flex.vertices() for flex in self._flexes])

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 
 from softgym_mj.arithmetic import product, squares
+from softgym_mj.cloth import solver
 from softgym_mj.entities.flex import GRIPPER_CONTACT
-from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.holding import Held, Holding
 from softgym_mj.robots.models import ArmModel
@@ -192,11 +192,6 @@ class FrictionGrasp(Grasp):
         "solimp": (0.99, 0.9999, 0.004),
     }
 
-    def use(self, fingers: Fingers) -> None:
-        if fingers.model.nflex > 1:
-            raise OutOfRangeError("grasp", "friction", "'attach' in a scene of several flexes")
-        super().use(fingers)
-
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
         self.vertices[i] = vertex
         radius = self._target.radius  # The pads touch the object and begin to close.
@@ -238,19 +233,12 @@ class FrictionGrasp(Grasp):
 
     def _pinched(self, i: int) -> np.ndarray:
         """Vertices of the elements that both pads of arm `i` pressed on in the last step."""
-        contact = self._fingers.data.contact
-        active = contact.efc_address >= 0
-        pinched = np.arange(self._target.num_vertices)
-        for pad in self._fingers.pads[i]:
-            inward = -self._fingers.data.geom_xmat[pad].reshape(3, 3)[:, 1]
-            towards = product(contact.frame[:, :3], inward) > PRESSING
-            # A flex comes second in a contact; of rigid bodies there is no element there.
-            mine = active & (contact.geom[:, 0] == pad) & (contact.elem[:, 1] >= 0) & towards
-            pinched = np.intersect1d(pinched, self._corners(contact.elem[mine, 1]))
-        return pinched
-
-    def _corners(self, elements: np.ndarray) -> np.ndarray:
-        """Vertices (n, 2 or 3) of the elements (n,) of the object, the only flex in the scene."""
-        model = self._fingers.model
-        corners = model.flex_dim[0] + 1
-        return model.flex_elem[: corners * model.flex_elemnum[0]].reshape(-1, corners)[elements]
+        fingers = self._fingers
+        contact = solver.contacts(fingers.model, fingers.data)
+        pinched = np.arange(fingers.model.nflexvert)
+        for pad in fingers.pads[i]:
+            inward = -fingers.data.geom_xmat[pad].reshape(3, 3)[:, 1]
+            towards = product(contact["normal"], inward) > PRESSING
+            pressed = contact["vertex"][(contact["geom"] == pad) & towards]
+            pinched = np.intersect1d(pinched, pressed)
+        return np.flatnonzero(np.isin(self._target.vertex_ids, pinched))
