@@ -320,13 +320,22 @@ void Apply(mjData* d, const Workspace& w, double dt) {
   }
 }
 
-// What the state in mjData keeps, made for the first step: whether it is, two
-// times three numbers a vertex, one an edge, one a vertex.
+// What the state in mjData keeps: whether it is made, two times three numbers a vertex, one an edge, one a vertex, and
+// the sides of `Solids`.
+int StateSize(const mjModel* m) {
+  return 1 + 7 * static_cast<int>(m->nflexvert) + static_cast<int>(m->nflexedge) + Solids::kNumSides;
+}
+
+mjtNum* SidesOf(const mjModel* m, mjData* d, int instance) {
+  return d->plugin_state + m->plugin_stateadr[instance] + StateSize(m) - Solids::kNumSides;
+}
+
+// Makes the state for the first step.
 Kept StateOf(const mjModel* m, mjData* d, int instance, const Workspace& w) {
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   const size_t size = 3 * w.mesh.NumVertices();
   if (state[0] != 1) {
-    std::fill(state, state + 1 + 2 * size + w.mesh.edges.size() + size / 3, 0.0);
+    std::fill(state, state + StateSize(m), 0.0);
     state[0] = 1;
     std::copy(w.start.position.begin(), w.start.position.end(), state + 1);
   }
@@ -374,10 +383,13 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   if (!Gather(m, d, w)) return;  // MuJoCo finds what is not finite and resets in the next step.
   HoldTied(m, d, w);
   FindPlanes(m, d, w);
-  w->solids.Start(m, d, w->mesh, w->start, w->qvel.data(), w->solver.substep());
-  w->solver.Step(w->mesh, w->start, w->planes, &w->solids, StateOf(m, d, instance, *w), &w->motion);
+  const Kept kept = StateOf(m, d, instance, *w);
+  mjtNum* sides = SidesOf(m, d, instance);
+  w->solids.Start(m, d, w->mesh, w->start, w->qvel.data(), sides, w->solver.substep());
+  w->solver.Step(w->mesh, w->start, w->planes, &w->solids, kept, &w->motion);
   Apply(d, *w, m->opt.timestep);
   w->solids.Apply(m, d, w->settings.substeps);
+  w->solids.KeepSides(sides);
 }
 
 }  // namespace
@@ -416,9 +428,7 @@ void RegisterCloth() {
   plugin.attributes = kAttributes;
   plugin.capabilityflags = mjPLUGIN_PASSIVE;
   // Of those that lead, but tables that tell so may not be filled yet.
-  plugin.nstate = [](const mjModel* m, int instance) {
-    return Leads(m, instance) ? 1 + 7 * static_cast<int>(m->nflexvert) + static_cast<int>(m->nflexedge) : 0;
-  };
+  plugin.nstate = [](const mjModel* m, int instance) { return Leads(m, instance) ? StateSize(m) : 0; };
   plugin.init = Init;
   plugin.destroy = [](mjData* d, int instance) {
     (void)instance;

@@ -103,7 +103,8 @@ struct alignas(32) SolidBlock {
   float cord[kBlock];  // 1 for a piece of a cord, whose third vertex stands for none.
   float friction[kBlock];
   float radius[kBlock];     // Of the flex [m].
-  float side[kBlock];       // Of a box: the face 2 axis + (0 low, 1 high) that a point inside belongs to, or -1.
+  float side[kBlock];       // Of a box: the face 2 axis + (0 low, 1 high) by which a point has come or would come in;
+                            // -1 before it is known, -2 if a point inside belongs to the nearest one.
   float normal[3][kBlock];  // Towards the flex.
   float gap[kBlock];        // At the start of the substep [m].
   float mass[kBlock];       // Inverse mass of the vertices, and with the body [1/kg].

@@ -18,16 +18,30 @@ constexpr float kCorner = 0.97f;
 constexpr float kNowhere = 1e3f;  // [m] A gap that never closes.
 constexpr float kNear = 5e-4f;    // [m] Gaps below it are always looked at.
 
+// The face of a box, 2 axis + (0 low, 1 high), that a point is furthest in front of, or least behind.
+inline Lanes FaceOf(const float* half, const Lanes3& p) {
+  const Lanes zero(0.0f), one(1.0f), two(2.0f);
+  const Lanes x = Abs(p.x) - Lanes(half[0]), y = Abs(p.y) - Lanes(half[1]), z = Abs(p.z) - Lanes(half[2]);
+  const Mask is_x = LessEqual(y, x) & LessEqual(z, x), is_y = LessEqual(z, y);
+  const Lanes axis = Select(is_x, zero, Select(is_y, one, two));
+  const Lanes along = Select(is_x, p.x, Select(is_y, p.y, p.z));
+  return MultiplyAdd(two, axis, Select(Less(zero, along), one, zero));
+}
+
 // Signed distance and outward normal in the frame of the shape. A point inside a box keeps to the side by which it has
-// come in: the nearest one would push it through what is thin.
-inline Lanes SidedDistance(const Geom& geom, const Lanes3& p, Lanes side, Lanes3* normal) {
+// come in, until it is outside again: the nearest one would push it through what is thin.
+inline Lanes SidedDistance(const Geom& geom, const Lanes3& p, float* side, Lanes3* normal) {
   Lanes distance = Distance<Lanes>(geom.shape, geom.size, p, normal);
-  if (geom.shape != Shape::kBox || !Bits(LessEqual(Lanes(0.0f), side))) return distance;
-  const Lanes zero(0.0f);
+  const Lanes zero(0.0f), old = Lanes::Load(side);
+  const Mask sided = LessEqual(Lanes(-1.0f), old);
+  if (geom.shape != Shape::kBox || !Bits(sided)) return distance;
   const Mask inside = Less(distance, zero);
+  const Lanes now = Select((sided & LessEqual(zero, distance)) | Equal(old, Lanes(-1.0f)), FaceOf(geom.size, p), old);
+  now.Store(side);
+  if (!Bits(inside)) return distance;
   const Lanes* coordinate[3] = {&p.x, &p.y, &p.z};
   for (int face = 0; face < 6; ++face) {
-    const Mask on = inside & Equal(side, Lanes(static_cast<float>(face)));
+    const Mask on = inside & Equal(now, Lanes(static_cast<float>(face)));
     if (!Bits(on)) continue;
     const Lanes sign(face % 2 ? 1.0f : -1.0f);
     distance = Select(on, sign * *coordinate[face / 2] - Lanes(geom.size[face / 2]), distance);
@@ -110,7 +124,7 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
       }
     }
     Lanes3 point = AddScaled(AddScaled(weight[0] * corner[0], weight[1], corner[1]), weight[2], corner[2]), local;
-    const Lanes distance = SidedDistance(geom, point, Lanes::Load(block->side), &local);
+    const Lanes distance = SidedDistance(geom, point, block->side, &local);
     (distance - Lanes::Load(block->radius) + away).Store(block->gap);
     Store3(Rotate<Lanes>(geom.pose, local), block->normal);
     Lanes mass(0.0f);

@@ -19,6 +19,10 @@ constexpr double kSmall = 0.05;
 constexpr double kThin = 0.002;
 // [m] Fixed points of triangles against them: the nearest point of a triangle jumps between the ends of a flat pad.
 constexpr double kPointDistance = 0.0075;
+constexpr int kMostPoints = 16;  // Along an edge.
+// [m] From such a body, within which points remember the side: they may be inside by the next step.
+constexpr float kRemembered = 5e-4f;
+constexpr int kFaces = 8;  // Places for a face in what is remembered, which is never 0.
 
 Shape ShapeOf(int type) {
   switch (type) {
@@ -69,8 +73,9 @@ std::string CheckGeoms(const mjModel* m, const Mesh& mesh) {
 }
 
 void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cloth::Start& start, const mjtNum* qvel,
-                   double h) {
+                   const mjtNum* sides, double h) {
   m_ = m;
+  sides_ = sides;
   h_ = h;
   bodies_.Start(m, d, qvel, h);
   touches_bodies_ = touches_light_ = false;
@@ -181,33 +186,40 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
   };
   std::vector<bool> touches(mesh.flexes.size());
   for (size_t p = 0; p < mesh.flexes.size(); ++p) touches[p] = MayTouch(m_, active->geom, mesh, static_cast<int>(p));
+  const double elements = static_cast<double>(dummy + mesh.triangles.size() + mesh.edges.size());
+  const auto key = [&](size_t element, int i, int j) {
+    return ((active->geom * elements + element) * kMostPoints + i) * kMostPoints + j;
+  };
   for (int v = 0; v < dummy; ++v) {
-    if (touches[mesh.part[v]] && near(&v, 1)) active->points.push_back({{v, dummy, dummy}, {1, 0, 0}});
+    if (touches[mesh.part[v]] && near(&v, 1)) active->points.push_back({{v, dummy, dummy}, {1, 0, 0}, key(v, 0, 0)});
   }
-  const auto add = [&](const int* vertex, int corners, double longest) {
+  const auto add = [&](const int* vertex, int corners, double longest, size_t element) {
     if (!touches[mesh.part[vertex[0]]] || !near(vertex, corners)) return;
     const int second = vertex[1], third = corners == 3 ? vertex[2] : dummy;
     if (!active->small) {
-      active->triangles.push_back({{vertex[0], second, third}, {0, 0, 0}});
+      active->triangles.push_back({{vertex[0], second, third}, {0, 0, 0}, 0});
       return;
     }
-    const int n = static_cast<int>(std::ceil(longest / kPointDistance));
+    const int n = std::min(static_cast<int>(std::ceil(longest / kPointDistance)), kMostPoints);
     for (int i = 0; i <= n; ++i) {
       for (int j = 0; i + j <= n; ++j) {
         const int k = n - i - j;
         if (i == n || j == n || k == n || (corners == 2 && k > 0)) continue;
         const float scale = 1.0f / n;
-        active->points.push_back({{vertex[0], second, third}, {scale * i, scale * j, scale * k}});
+        active->points.push_back(
+            {{vertex[0], second, third}, {scale * i, scale * j, scale * k}, key(dummy + element, i, j)});
       }
     }
   };
+  size_t element = 0;
   for (const Mesh::Triangle& t : mesh.triangles) {
     const double longest =
         std::max({mesh.edges[t.edge[0]].length, mesh.edges[t.edge[1]].length, mesh.edges[t.edge[2]].length});
-    add(t.vertex, 3, longest);
+    add(t.vertex, 3, longest, element++);
   }
   for (const Mesh::Edge& e : mesh.edges) {
-    if (e.triangle[0] < 0) add(e.vertex, 2, e.length);
+    if (e.triangle[0] < 0) add(e.vertex, 2, e.length, element);
+    ++element;
   }
 }
 
@@ -222,7 +234,7 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
     SolidBlock& block = (*blocks)[i / kBlock];
     const int lane = i % kBlock, row = (*order)[i];
     block.active = 1;
-    block.side[lane] = -1;
+    block.side[lane] = -2;
     block.cord[lane] = row >= 0 && rows[row].vertex[2] == dummy;
     block.friction[lane] = block.impulse[lane] = block.pressed[lane] = 0;
     block.radius[lane] = row < 0 ? -1e3f : 0;  // Empty lanes touch nothing.
@@ -232,10 +244,36 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
       block.held[k][lane] = block.total[k][lane] = block.arm[k][lane] = 0;
     }
     if (row < 0) continue;
+    if (active->small) block.side[lane] = SideOf(rows[row].key);
     const int part = mesh.part[rows[row].vertex[0]];
     block.friction[lane] = static_cast<float>(Friction(m_, active->geom, mesh.flexes[part]));
     block.radius[lane] = static_cast<float>(active->small ? std::min(kThin, mesh.radius[part]) : mesh.radius[part]);
   }
+}
+
+// By which side a point has come in; -1 if it was outside.
+float Solids::SideOf(double key) const {
+  const mjtNum* end = sides_ + kNumSides;
+  const mjtNum* found = std::lower_bound(sides_, end, key * kFaces + 1);
+  return found < end && *found < (key + 1) * kFaces ? static_cast<float>(*found - key * kFaces - 1) : -1;
+}
+
+// Each number is key * kFaces + face + 1. They are sorted, the unused ones (0) come first.
+void Solids::KeepSides(mjtNum* sides) const {
+  std::vector<mjtNum> kept;
+  for (const Active& active : actives_) {
+    if (!active.small || active.view.shape != Shape::kBox) continue;
+    for (size_t i = 0; i < active.point_order.size(); ++i) {
+      const SolidBlock& block = active.point_blocks[i / kBlock];
+      const int lane = i % kBlock, row = active.point_order[i];
+      if (row < 0 || block.side[lane] < 0 || block.gap[lane] + block.radius[lane] > kRemembered) continue;
+      kept.push_back(active.points[row].key * kFaces + block.side[lane] + 1);
+    }
+  }
+  std::sort(kept.begin(), kept.end());
+  if (kept.size() > kNumSides) kept.resize(kNumSides);
+  std::fill(sides, sides + kNumSides, 0);
+  std::copy(kept.begin(), kept.end(), sides + kNumSides - kept.size());
 }
 
 void Solids::Move() { bodies_.Move(); }

@@ -44,9 +44,12 @@ std::string CheckGeoms(const mjModel* m, const Mesh& mesh);
 
 class Solids {
  public:
-  // Finds what may touch in a step of substeps of h [s]. `position`: four floats a vertex.
+  // Numbers in mjData by which points inside a small body know by which side they have come in.
+  static constexpr int kNumSides = 256;
+
+  // Finds what may touch in a step of substeps of h [s]. `sides`: as `KeepSides` left them.
   void Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cloth::Start& start, const mjtNum* qvel,
-             double h);
+             const mjtNum* sides, double h);
   void Move();
   // With the number of substeps to the next search, or 0 if this is none.
   void Find(const ClothKernels& kernels, const Points& points, int substeps);
@@ -66,14 +69,16 @@ class Solids {
   const std::vector<Contact>& contacts() const { return contacts_; }
   // Ends a step: bodies move, contacts are kept.
   void Apply(const mjModel* m, mjData* d, int substeps);
+  void KeepSides(mjtNum* sides) const;
 
  private:
   void Collect(int substeps);
 
-  // What a row is of: three vertices with weights.
+  // What a row is of: three vertices with weights, and a number that only this point of this geom has.
   struct Row {
     int vertex[3];
     float weight[3];
+    double key;
   };
   struct Active {
     int geom, body;               // body: in the bodies, or -1.
@@ -86,10 +91,12 @@ class Solids {
   };
 
   void AddRows(const Mesh& mesh, Active* active, double margin);
+  float SideOf(double key) const;
   void MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* active, std::vector<int>* order,
                   Aligned<SolidBlock>* blocks);
 
   const mjModel* m_ = nullptr;
+  const mjtNum* sides_ = nullptr;
   std::vector<Active> actives_;
   Bodies bodies_;
   double h_ = 0, fastest_ = 0;
