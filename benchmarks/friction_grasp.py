@@ -135,9 +135,11 @@ def pinch_edge(arm: str, variation: int, fabric: str, stiffness: float) -> dict[
     known = actor.held[0] >= 0
     wait(env, False, 6)
     go(env, actor.commanded_positions()[0] + [0.0, 0.0, 0.15], False, 0.4)
-    fell = held and offset(vertex)[2] < -0.15 and cloth.vertex(vertex)[2] < height - 0.03
+    free = held and offset(vertex)[2] < -0.12
+    fell = free and cloth.vertex(vertex)[2] < height - 0.03
     return {
         "variation": variation, "held": bool(held), "known": bool(known), "fell": bool(fell),
+        "free": bool(free),
         "drift": 1e3 * drift, "opening": 1e3 * opening, "height": 1e3 * height, "ms": cost,
     }  # fmt: skip
 
@@ -147,7 +149,7 @@ def pinch_all(arm: str, fabric: str, share: float) -> dict[str, object]:
     edges = [pinch_edge(arm, v, fabric, share * STIFFNESS) for v in VARIATIONS]
     return {
         "arm": arm, "fabric": fabric, "share": share,
-        **{name: sum(edge[name] for edge in edges) for name in ("held", "known", "fell")},
+        **{name: sum(edge[name] for edge in edges) for name in ("held", "known", "free", "fell")},
         "edges": edges,
     }  # fmt: skip
 

@@ -74,8 +74,9 @@ class Arms(HoldingGripper[Grasp]):
         self._holding = self.grasp(num_arms)
         self.hold_height = self._holding.hold_height
         arm_bodies.add_arms(
-            self._mjcf_root, arm, self._stands, self._holding.pad_contact, visual=visual
-        )
+            self._mjcf_root, arm, self._stands, self._holding.pad_contact,
+            self._holding.pad_half_width, visual,
+        )  # fmt: skip
         tips = AttachGrasp.tip_clearance - self._holding.tip_clearance
         self._servos = Servos(arm, self._stands, arm_bodies.home(arm), tips)
         self._guide = Guide(num_arms)

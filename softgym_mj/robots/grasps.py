@@ -75,6 +75,7 @@ class Grasp(Held, abc.ABC):
     tip_clearance: float  # [m] Of the finger tips over the floor at the lowest command.
     hold_height: float  # [m] Of the tool point above a vertex that hangs from it.
     pad_contact: Mapping[str, object]  # Contact attributes of the pads' geoms.
+    pad_half_width = 0.0  # [m] Of these geoms, at least.
 
     def use(self, fingers: Fingers) -> None:
         """Chooses the fingers, once the scene is compiled."""
@@ -178,19 +179,19 @@ class FrictionGrasp(Grasp):
     ones creep by about 1 cm when swung to and fro at that speed, and one in forty slips away.
     """
 
-    # The pads must get down beside a sheet that is 10 mm thick. A jerk may take them 2 mm into the
-    # floor, which they do not touch.
-    tip_clearance = 0.003
+    # The pads must get down beside a sheet whose middle is 5 mm high: with 4 mm, one edge in four
+    # gets away below a narrow pad. A jerk may take them 2 mm into the floor, which they do not touch.
+    tip_clearance = 0.002
     hold_height = -0.012  # At the object's end, the pads are on the object from here on.
-    # With MuJoCo's default softness the pads would pass through the light vertices of a cloth. With
-    # an impedance of 0.9999 at once, a pad that comes down on a sheet presses it through the floor,
-    # and its edge slips under the other pad.
+    # Stiff, for rigid bodies; what flexes feel of pads is the cloth plugin's.
     pad_contact: Mapping[str, object] = {
         "condim": 4,
         "friction": (1.5, 0.05, 0.001),
         "solref": (0.005, 1.0),
         "solimp": (0.99, 0.9999, 0.004),
     }
+    # A quarter of the spacing of a cloth's vertices: narrower pads cut in between them.
+    pad_half_width = 0.0075
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
         self.vertices[i] = vertex
@@ -199,7 +200,7 @@ class FrictionGrasp(Grasp):
 
     def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
         fingers = self._fingers
-        # Where the pads meet, not beyond: some newtons hold, the whole force pierces a cloth.
+        # Where the pads meet, not beyond: some newtons hold, and more hold no better.
         closed, opened = fingers.arm.finger_range
         for i, grip in enumerate(grips):
             command = fingers.data.ctrl[fingers.motors[i]]
