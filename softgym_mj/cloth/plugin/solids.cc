@@ -20,9 +20,6 @@ constexpr double kThin = 0.002;
 // [m] Fixed points of triangles against them: the nearest point of a triangle jumps between the ends of a flat pad.
 constexpr double kPointDistance = 0.0075;
 constexpr int kMostPoints = 16;  // Along an edge.
-// [m] From such a body, within which points remember the side: they may be inside by the next step.
-constexpr float kRemembered = 5e-4f;
-constexpr int kFaces = 8;  // Places for a face in what is remembered, which is never 0.
 
 Shape ShapeOf(int type) {
   switch (type) {
@@ -251,31 +248,6 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
   }
 }
 
-// By which side a point has come in; -1 if it was outside.
-float Solids::SideOf(double key) const {
-  const mjtNum* end = sides_ + kNumSides;
-  const mjtNum* found = std::lower_bound(sides_, end, key * kFaces + 1);
-  return found < end && *found < (key + 1) * kFaces ? static_cast<float>(*found - key * kFaces - 1) : -1;
-}
-
-// Each number is key * kFaces + face + 1. They are sorted, the unused ones (0) come first.
-void Solids::KeepSides(mjtNum* sides) const {
-  std::vector<mjtNum> kept;
-  for (const Active& active : actives_) {
-    if (!active.small || active.view.shape != Shape::kBox) continue;
-    for (size_t i = 0; i < active.point_order.size(); ++i) {
-      const SolidBlock& block = active.point_blocks[i / kBlock];
-      const int lane = i % kBlock, row = active.point_order[i];
-      if (row < 0 || block.side[lane] < 0 || block.gap[lane] + block.radius[lane] > kRemembered) continue;
-      kept.push_back(active.points[row].key * kFaces + block.side[lane] + 1);
-    }
-  }
-  std::sort(kept.begin(), kept.end());
-  if (kept.size() > kNumSides) kept.resize(kNumSides);
-  std::fill(sides, sides + kNumSides, 0);
-  std::copy(kept.begin(), kept.end(), sides + kNumSides - kept.size());
-}
-
 void Solids::Move() { bodies_.Move(); }
 
 void Solids::Find(const ClothKernels& kernels, const Points& points, int substeps) {
@@ -342,30 +314,6 @@ void Solids::MarkNear(std::vector<bool>* near) const {
 void Solids::Apply(const mjModel* m, mjData* d, int substeps) {
   bodies_.Apply(m, d, substeps);
   Collect(substeps);
-}
-
-void Solids::Collect(int substeps) {
-  contacts_.clear();
-  const double share = 1 / (h_ * h_ * substeps);
-  for (const Active& active : actives_) {
-    for (const auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
-      for (const SolidBlock& block : *blocks) {
-        for (int lane = 0; lane < kBlock; ++lane) {
-          if (!(block.pressed[lane] > 0)) continue;
-          Contact contact = {};
-          contact.geom = active.geom;
-          contact.pressure = share * block.pressed[lane];
-          for (int k = 0; k < 3; ++k) {
-            contact.vertex[k] = block.vertex[k][lane];
-            contact.weight[k] = block.weight[k][lane];
-            contact.normal[k] = block.normal[k][lane];
-            contact.force[k] = share * block.total[k][lane];
-          }
-          contacts_.push_back(contact);
-        }
-      }
-    }
-  }
 }
 
 }  // namespace softgym_mj::cloth
