@@ -1,10 +1,10 @@
 """How well fingers hold cloth by friction alone.
 
-- edges: arms pinch ten edges of flat cloths of different sizes, lift them by 0.2 m and carry them by
-  0.3 m at 0.6 m/s; then the hand opens and rises by 0.15 m. "held" counts those that are still
-  between the pads then, "fell" those of them that have fallen off the hand by the end. `drift` is
-  how far [mm] the held vertex has moved in the hand, `opening` what the cloth leaves between the
-  pads [mm].
+- edges: arms pinch ten edges of flat cloths of different sizes, lift them by 0.2 m and carry them
+  by 0.3 m at 0.6 m/s; then the hand opens and rises by 0.15 m. "held": still between the pads then;
+  "known": the hand says so; "free": the hand rises without it; "fell": it is lower, too, and no
+  tent that stands on the floor. `drift` is how far [mm] the held vertex has moved in the hand,
+  `opening` what the cloth leaves between the pads [mm], `ms` the time of a sim step with all.
 - pinch: two pads of 2 x 2 cm that press with a given force [N] lift a hanging cloth of 13 x 13
   vertices by 0.3 m at 0.6 m/s and wait for 2 s. How far it slips [mm] meanwhile, and the `gap`
   between the pads [mm].

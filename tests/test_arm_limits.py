@@ -8,7 +8,8 @@ from tests.test_cartesian import Scene, in_front
 
 PLACE = 0.7  # [m] Of a base from the middle.
 COMMAND = 25  # Sim steps of a command.
-WIDENED = 1.4, 2.7  # Share of the motor's torque to which a force limit is widened: at steps of 10 ms.
+# Share of the motor's torque to which a force limit is widened, at steps of 10 ms.
+WIDENED = 1.4, 2.7
 # How far a hand goes too far after a command at a speed [m/s] has ended: least, most [mm].
 BEYOND = {0.3: (6.0, 9.0), 0.6: (15.0, 25.0), 1.0: (35.0, 60.0)}
 

@@ -137,7 +137,7 @@ def test_edges_are_held_in_nearly_every_variation(arm):
 @arms
 def test_without_friction_nothing_is_lifted(arm):
     env = load("fold_cloth", arm, arms=1)
-    env.reset(802)  # In three of six others, a fold of the cloth rests on the Franka's short pads.
+    env.reset(802)
     pads = env.task.actor._holding._fingers.pads
     env.physics.model.ptr.geom_friction[pads] = 1e-5
     vertex = pinch_edge(env)

@@ -47,7 +47,7 @@ def add_arms(
     arm: ArmModel,
     stands: Sequence[Stand],
     pad_contact: Mapping[str, object] = MappingProxyType({}),
-    pad_half_width: float = 0.0,
+    least_pad: tuple[float, float] = (0.0, 0.0),
     visual: str = "primitive",
 ) -> None:
     """Adds an arm for each stand to a model; hands and fingers collide with objects.
@@ -59,7 +59,7 @@ def add_arms(
         arm: the kind of arm.
         stands: where the arms stand.
         pad_contact: attributes of the pads' geoms that say how they touch.
-        pad_half_width: of the pads' geoms, at least [m].
+        least_pad: half width and half length [m] that the pads' geoms have at least.
         visual: what they look like: "primitive", our own shapes, or "menagerie".
 
     Raises:
@@ -75,7 +75,7 @@ def add_arms(
             geom.contype, geom.conaffinity, geom.condim, geom.priority = GRIPPER_CONTACT, 0, 3, 1
         for pad in arm.pad_geoms:
             model.find("geom", pad).set_attributes(**pad_contact)
-            _widen(model.find("geom", pad), pad_half_width)
+            _enlarge(model.find("geom", pad), *least_pad)
         if visual == "menagerie":
             menagerie.dress(model, arm)
         _attach(root, model, stand)
@@ -180,10 +180,11 @@ def _shorten(pad: mjcf.Element, length: float) -> None:
     pad.size, pad.pos = shape.size - along, shape.pos - along
 
 
-def _widen(pad: mjcf.Element, half_width: float) -> None:
-    """Gives a pad a half width [m] along the hand's x axis, unless it is wider."""
-    if half_width > pad.dclass.geom.size[0]:
-        pad.size = [half_width, *pad.dclass.geom.size[1:]]
+def _enlarge(pad: mjcf.Element, half_width: float, half_length: float) -> None:
+    """Gives a pad a least width and length [m]; its tip and the face that closes stay in place."""
+    width, depth, length = pad.dclass.geom.size
+    pad.size = [max(width, half_width), depth, max(length, half_length)]
+    pad.pos = pad.dclass.geom.pos - np.array([0.0, 0.0, pad.size[2] - length])
 
 
 def _attach(root: mjcf.RootElement, model: mjcf.RootElement, stand: Stand) -> None:

@@ -75,7 +75,7 @@ class Arms(HoldingGripper[Grasp]):
         self.hold_height = self._holding.hold_height
         arm_bodies.add_arms(
             self._mjcf_root, arm, self._stands, self._holding.pad_contact,
-            self._holding.pad_half_width, visual,
+            self._holding.least_pad, visual,
         )  # fmt: skip
         tips = AttachGrasp.tip_clearance - self._holding.tip_clearance
         self._servos = Servos(arm, self._stands, arm_bodies.home(arm), tips)

@@ -75,7 +75,7 @@ class Grasp(Held, abc.ABC):
     tip_clearance: float  # [m] Of the finger tips over the floor at the lowest command.
     hold_height: float  # [m] Of the tool point above a vertex that hangs from it.
     pad_contact: Mapping[str, object]  # Contact attributes of the pads' geoms.
-    pad_half_width = 0.0  # [m] Of these geoms, at least.
+    least_pad = (0.0, 0.0)  # [m] Half width and half length that these have at least.
 
     def use(self, fingers: Fingers) -> None:
         """Chooses the fingers, once the scene is compiled."""
@@ -175,12 +175,12 @@ class FrictionGrasp(Grasp):
     object does not stay hooked to them; they are so again when what they have let go of is out of
     their way, or when they close.
 
-    Measured: 119 of 120 edges of flat cloths are held when carried at 0.6 m/s, nine in ten of them
+    Measured: of edges of flat cloths 119 in 120 are held when carried at 0.6 m/s, nine in ten
     within 19 mm (`benchmarks/friction_grasp.py`).
     """
 
     # The pads must get down beside a sheet whose middle is 5 mm high: with 4 mm, one edge in four
-    # gets away below a narrow pad. A jerk may take them 2 mm into the floor, which they do not touch.
+    # gets away below a narrow pad. A jerk may take them 2 mm into the floor: they do not touch it.
     tip_clearance = 0.002
     hold_height = -0.012  # At the object's end, the pads are on the object from here on.
     # Stiff, for rigid bodies; what flexes feel of pads is the cloth plugin's.
@@ -190,8 +190,9 @@ class FrictionGrasp(Grasp):
         "solref": (0.005, 1.0),
         "solimp": (0.99, 0.9999, 0.004),
     }
-    # A quarter of the spacing of a cloth's vertices: narrower pads cut in between them.
-    pad_half_width = 0.0075
+    # Narrower pads than a quarter of the spacing of a cloth's vertices cut in between them. On the
+    # upper end of shorter ones, folds come to rest: the fingers go on there.
+    least_pad = (0.0075, 0.02)
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
         self.vertices[i] = vertex
