@@ -14,11 +14,11 @@ from softgym_mj.exceptions import OutOfRangeError
 
 # Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
 RADIUS = 0.005
-# A tablecloth of polyester, woven ("white dots" of Wang, O'Brien and Ramamoorthi, Data-driven elastic
-# models for cloth, 2011): 0.128 kg/m^2, and 12.9, 10.2, 7.8 uN m along warp, bias and weft. Its
-# gravity bending length (B / (density g))^(1/3) of 20 mm is the median of 618 measured fabrics (Feng
-# et al., Learning-based bending stiffness parameter estimation, 2022), and about that of a napkin,
-# which is what the tasks handle.
+# A tablecloth of polyester, woven: "white dots" of Wang, O'Brien and Ramamoorthi (Data-driven
+# elastic models for cloth, 2011), 12.9, 10.2 and 7.8 uN m along warp, bias and weft. Its gravity
+# bending length (B / (density g))^(1/3), 20 mm, is in the middle of those of 618 measured fabrics
+# (Feng et al., 2022: nine in ten of this weight have 14 mm and more), and it is what the tasks
+# handle. Limper ones are mostly knits, which stretch visibly.
 AREA_DENSITY = 0.128  # [kg/m^2]
 BEND_STIFFNESS = 1.03e-5  # [N m]
 # [N/m] A tenth of the real one, about what a sheet so light can have in substeps of 0.4 ms. Strain
@@ -72,7 +72,7 @@ class Fabric:
 
     def __post_init__(self):
         for name, value in dataclasses.asdict(self).items():
-            if not (0.0 < value < np.inf or name in ("drag", "added_mass") and value == 0.0):
+            if not (0.0 < value < np.inf or (name in ("drag", "added_mass") and value == 0.0)):
                 raise OutOfRangeError(name, value, "finite and above 0")
 
     @property
@@ -108,7 +108,9 @@ class Fabric:
 class Sheet(Flex):
     """Triangles that stretch and bend, drawn as two skins: one for each side."""
 
-    def _start_sheet(self, name: str, fabric: Fabric, colors: Mapping[str, Sequence[float]]) -> None:
+    def _start_sheet(
+        self, name: str, fabric: Fabric, colors: Mapping[str, Sequence[float]]
+    ) -> None:
         """To be called first in a subclass's `_build`.
 
         Args:
