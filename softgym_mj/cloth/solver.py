@@ -105,8 +105,8 @@ def contacts(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     """The contacts (n,) of geoms with flexes in the last step, an array of `CONTACT`.
 
     geom is one of the model's, vertex are three of its flex vertices, -1 for none, with weights
-    that give the point; normal is the direction from the geom to the flex, force what the flex felt [N],
-    mean of the step, pressure its part along the normal.
+    that give the point; normal is the direction from the geom to the flex, force what the flex felt
+    [N], mean of the step, pressure its part along the normal.
     """
     found = np.empty(_MOST_CONTACTS, CONTACT)
     count = _library().softgym_mj_cloth_contacts(
