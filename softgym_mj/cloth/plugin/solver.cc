@@ -42,8 +42,8 @@ Compliance Comply(double stiffness, double damping, double h) {
 }
 
 // One sweep leaves edges of a surface longer, by what the turns of others move their ends by: as if a spring of
-// 1 / (kUndone w h^2) were in line with each, found for strips under load. What this takes is given back, as far as that
-// goes: stiffness * w h^2 above 0.6 cannot be had.
+// 1 / (kUndone w h^2) were in line with each, found for strips under load. What this takes is given back, as far as
+// that goes: stiffness * w h^2 above 0.6 cannot be had.
 constexpr double kUndone = 1.3, kMostGivenBack = 0.8;
 double SweptStiffness(double stiffness, double inverse_mass, double h) {
   return stiffness / (1 - std::min(kUndone * stiffness * inverse_mass * h * h, kMostGivenBack));
