@@ -369,7 +369,7 @@ void Compute(const mjModel* m, mjData* d, int instance, int) {
   w->advanced = false;
 }
 
-void Advance(const mjModel* m, mjData* d, int instance) {
+void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   Workspace* w = Leads(m, instance) ? All().Find(d) : nullptr;
   if (!w || w->advanced) return;
   w->advanced = true;
@@ -390,6 +390,10 @@ void Advance(const mjModel* m, mjData* d, int instance) {
   Apply(d, *w, m->opt.timestep);
   w->solids.Apply(m, d, w->settings.substeps);
   w->solids.KeepSides(sides);
+}
+
+void Advance(const mjModel* m, mjData* d, int instance) {
+  if (!WithinMemory([&] { TryToAdvance(m, d, instance); })) Warn(m, d, instance, kNoMemory);
 }
 
 }  // namespace
