@@ -13,9 +13,9 @@ from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.holding import Holding, HoldingGripper
 
 # [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
-# standing still: it runs through a rope instead of pushing it). This mass makes the recoil of a
-# contact of 10 N shift a picker by 0.1 mm in a step, which the next step makes good.
-MASS = 10.0
+# standing still: it runs through a rope instead of pushing it). Their mass is so large that nothing
+# pushes them out of their way: with 1 t and more the cloth solver counts a body as driven.
+MASS = 1e4
 COLOR = (0.32, 0.36, 0.42, 1.0)  # SoftGym's 0.9 grey vanishes on its own 0.9 grey floor.
 
 

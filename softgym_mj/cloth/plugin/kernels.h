@@ -70,7 +70,8 @@ struct alignas(32) LayerBlock {
 struct ContactRow {
   float gamma;  // b / (k h^2) [1/kg]
   float b;
-  float recovery;  // Largest way out of an overlap in a substep [m].
+  float recovery;      // Largest way out of an overlap in a substep [m].
+  float most = 1e30f;  // Largest impulse with a solid [kg m].
 };
 
 struct Plane {

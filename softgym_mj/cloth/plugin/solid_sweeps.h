@@ -194,7 +194,7 @@ inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* 
     const Lanes3 normal = Load3(block->normal);
     const Lanes way = Inner(normal, moved);
     const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
-    const Lanes impulse = Max(old - violation / (mass + gamma), zero);
+    const Lanes impulse = Min(Max(old - violation / (mass + gamma), zero), Lanes(row.most));
     Lanes3 held = {zero, zero, zero};
     const Lanes3 old_held = turn.first ? held : Load3(block->held);
     if (!turn.first || Bits(Less(zero, impulse))) {

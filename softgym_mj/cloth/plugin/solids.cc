@@ -12,7 +12,10 @@ namespace {
 
 constexpr double kSlack = 0.002;    // [m] Beyond what can come near in a step.
 constexpr double kBodyHaste = 0.2;  // [m/s] By which bodies may be faster at the end of a step than at its start.
-constexpr double kLight = 5;        // [kg] Lighter bodies need impulses to be kept from substep to substep.
+// [N] With which a body that is told where to go, as pickers are, pushes a point at most: it comes through what it
+// presses against the floor or another one, instead of tearing it.
+constexpr double kMostForce = 1;
+constexpr double kLight = 5;  // [kg] Lighter bodies need impulses to be kept from substep to substep.
 // Bodies of this bounding radius [m] count as small: pads of grippers.
 constexpr double kSmall = 0.05;
 // [m] Against them cloth is thinner, so that a pad that comes down beside it finds room between floor and cloth.
@@ -288,8 +291,10 @@ void Solids::Warm(const ClothKernels& kernels, const Points& points, float share
 void Solids::Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn) {
   for (Active& active : actives_) {
     Rigid* rigid = active.body >= 0 ? &bodies_.all()[active.body].rigid : nullptr;
+    ContactRow limited = row;
+    if (rigid && !bodies_.all()[active.body].gives_way) limited.most = static_cast<float>(kMostForce * h_ * h_);
     for (auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
-      kernels.SweepSolid(points, row, blocks->data(), static_cast<int>(blocks->size()), rigid, turn);
+      kernels.SweepSolid(points, limited, blocks->data(), static_cast<int>(blocks->size()), rigid, turn);
     }
   }
   bodies_.Share();
