@@ -21,6 +21,7 @@ constexpr double kAirDensity = 1.2;  // [kg/m^3]
 constexpr double kPlaneMargin = 0.02;
 constexpr float kVouched = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
 constexpr int kMaxSearches = 4;
+constexpr double kPressed = 1e-3;  // [m] By which vertices may be pressed into a plane.
 // Planes are so much stiffer than other contacts: they come last, so that nothing undoes what they do.
 constexpr float kFirm = 5;
 // Vertices whose gap is below this share of the thickness touch something: they move no air.
@@ -544,6 +545,26 @@ void Solver::Keep(int count, const Kept& kept) const {
   }
 }
 
+// What moves as one with something that is held must not be pulled into a plane by it.
+void Solver::StayAbovePlanes(const Start& start, Motion* motion) const {
+  for (const ActivePlane& plane : planes_) {
+    for (size_t v = 0; v < start.inverse_mass.size(); ++v) {
+      if (start.inverse_mass[v] == 0) continue;
+      double *move = &motion->move[3 * v], *velocity = &motion->velocity[3 * v], way = 0, speed = 0;
+      for (int k = 0; k < 3; ++k) {
+        way += plane.normal[k] * move[k];
+        speed += plane.normal[k] * velocity[k];
+      }
+      const double lift = std::min<double>(plane.gap[v], -kPressed) - (plane.gap[v] + way);
+      if (!(lift > 0)) continue;
+      for (int k = 0; k < 3; ++k) {
+        move[k] += lift * plane.normal[k];
+        velocity[k] -= std::min(speed, 0.0) * plane.normal[k];
+      }
+    }
+  }
+}
+
 void Solver::Finish(const Mesh& mesh, const Start& start, Motion* motion) {
   const int count = mesh.NumVertices();
   motion->start = start.position.data();
@@ -560,7 +581,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Motion* motion) {
           held ? start.velocity[3 * v + k] : (static_cast<double>(now) - before_[4 * v + k]) / h_;
     }
   }
-  PreventImpacts(*kernels_, layers_.pairs, motion);
+  int changed = PreventImpacts(*kernels_, layers_.pairs, motion);
   // Pairs that were not of interest may be by now.
   const float most = kVouched * *std::min_element(mesh.thickness.begin(), mesh.thickness.end());
   for (int search = 0; search < kMaxSearches; ++search) {
@@ -583,8 +604,11 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Motion* motion) {
     move_ = end;
     layers_.Find(mesh, position_, move_);
     layers_.Forget();
-    if (!PreventImpacts(*kernels_, layers_.pairs, motion)) break;
+    const int more = PreventImpacts(*kernels_, layers_.pairs, motion);
+    changed += more;
+    if (!more) break;
   }
+  if (changed) StayAbovePlanes(start, motion);
 }
 
 }  // namespace softgym_mj::cloth

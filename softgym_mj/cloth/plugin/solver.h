@@ -81,6 +81,7 @@ class Solver {
   void StartAir(const Mesh& mesh, const Start& start);
   void Finish(const Mesh& mesh, const Start& start, Motion* motion);
   void Keep(int count, const Kept& kept) const;
+  void StayAbovePlanes(const Start& start, Motion* motion) const;
 
   const ClothKernels* kernels_ = nullptr;
   Settings settings_;
