@@ -11,6 +11,8 @@
 #include "cloth/plugin/layers.h"
 #include "cloth/plugin/mesh.h"
 #include "cloth/plugin/solids.h"
+#include "cloth/plugin/start.h"
+#include "cloth/plugin/state.h"
 #include "native/aligned.h"
 
 namespace softgym_mj::cloth {
@@ -20,24 +22,6 @@ struct Settings {
   int sweeps = 15;                  // Over contacts near bodies that give way, in each substep.
   double contact_stiffness = 2000;  // [N/m] Of a contact,
   double contact_damping = 0.01;    // [s] and its dashpot as a multiple of it.
-};
-
-// What the vertices start a step with.
-struct Start {
-  std::vector<double> position;      // (n, 3) [m]
-  std::vector<double> velocity;      // (n, 3) [m/s]
-  std::vector<double> acceleration;  // (n, 3) [m/s^2], mean of the step without flexes' forces.
-  std::vector<float> inverse_mass;   // [1/kg], 0 if something holds or carries a vertex.
-  std::vector<double> mass;          // [kg]
-};
-
-// What a step leaves for the next one, part of the state in mjData. Rows begin where they have ended: else springs
-// would let go at the start of each step, and heaps would creep.
-struct Kept {
-  double* reference;      // (n, 3) Positions that pairs of layers are found for [m].
-  double* after_layers;   // (n, 3) How far planes and solids moved vertices after the layers' last turn [m].
-  double* after_edge;     // (edges,) By how much edges got longer after their last turn [m].
-  double* holding_force;  // (n,) With which its edges pulled a held vertex, mean of the step [N]; of others 0.
 };
 
 class Solver {

@@ -1,0 +1,59 @@
+// What Python reads after a step: functions that it finds in the library by their names.
+
+#include <algorithm>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+#include "cloth/plugin/state.h"
+#include "cloth/plugin/workspace.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+// Index of a vertex in mjModel; -1 for none.
+int ModelVertex(const mjModel* m, const Workspace& w, int vertex) {
+  if (vertex >= w.mesh.NumVertices()) return -1;
+  const int part = w.mesh.part[vertex];
+  return m->flex_vertadr[w.mesh.flexes[part]] + vertex - w.mesh.first[part];
+}
+
+}  // namespace
+}  // namespace softgym_mj::cloth
+
+#ifdef _WIN32
+#define SGM_EXPORT extern "C" __declspec(dllexport)
+#else
+#define SGM_EXPORT extern "C" __attribute__((visibility("default")))
+#endif
+
+// Copies the contacts between geoms and flexes in the last step, `capacity` at most, with vertices as in mjModel.
+// Returns how many there are.
+SGM_EXPORT int softgym_mj_cloth_contacts(const mjModel* m, const mjData* d, softgym_mj::cloth::Contact* out,
+                                         int capacity) {
+  using namespace softgym_mj::cloth;
+  int instance;
+  const Workspace* w = FindWorkspace(m, d, &instance);
+  if (!w) return 0;
+  const std::vector<Contact>& contacts = w->solids.contacts();
+  const int count = static_cast<int>(contacts.size());
+  for (int i = 0; i < std::min(count, capacity); ++i) {
+    out[i] = contacts[i];
+    for (int& vertex : out[i].vertex) vertex = ModelVertex(m, *w, vertex);
+  }
+  return count;
+}
+
+// Mean force [N] of the last step with which its flex pulled a vertex of the model that is held. It is in the state.
+SGM_EXPORT double softgym_mj_cloth_holding_force(const mjModel* m, mjData* d, int vertex) {
+  using namespace softgym_mj::cloth;
+  int instance;
+  const Workspace* w = FindWorkspace(m, d, &instance);
+  if (!w || !HasState(m, d, instance)) return 0;
+  for (size_t p = 0; p < w->flexes.size(); ++p) {
+    const int first = m->flex_vertadr[w->flexes[p]];
+    if (vertex < first || vertex >= first + m->flex_vertnum[w->flexes[p]]) continue;
+    return StateOf(m, d, instance, w->mesh, w->start).holding_force[w->mesh.first[p] + vertex - first];
+  }
+  return 0;
+}

@@ -1,0 +1,32 @@
+// The layout of the state in mjData, by which a step depends on those before it.
+
+#ifndef SOFTGYM_MJ_CLOTH_STATE_H_
+#define SOFTGYM_MJ_CLOTH_STATE_H_
+
+#include <mujoco/mujoco.h>
+
+#include "cloth/plugin/mesh.h"
+#include "cloth/plugin/start.h"
+
+namespace softgym_mj::cloth {
+
+// What a step leaves for the next one, in the state. Rows begin where they have ended: else springs would let go at the
+// start of each step, and heaps would creep.
+struct Kept {
+  double* reference;      // (n, 3) Positions that pairs of layers are found for [m].
+  double* after_layers;   // (n, 3) How far planes and solids moved vertices after the layers' last turn [m].
+  double* after_edge;     // (edges,) By how much edges got longer after their last turn [m].
+  double* holding_force;  // (n,) With which its edges pulled a held vertex, mean of the step [N]; of others 0.
+};
+
+// Numbers of the state: whether it is made, what `Kept` points to, and the sides of `Solids`.
+int StateSize(const mjModel* m);
+// Whether the state is made, in which case there is something to read in it.
+bool HasState(const mjModel* m, const mjData* d, int instance);
+// Makes the state for the first step.
+Kept StateOf(const mjModel* m, mjData* d, int instance, const Mesh& mesh, const Start& start);
+mjtNum* SidesOf(const mjModel* m, mjData* d, int instance);
+
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_STATE_H_
