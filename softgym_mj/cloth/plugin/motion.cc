@@ -102,7 +102,7 @@ void FindPlanes(const mjModel* m, const mjData* d, Workspace* w) {
   w->planes.clear();
   for (int g = 0; g < m->ngeom; ++g) {
     if (m->geom_type[g] != mjGEOM_PLANE) continue;
-    PlaneContact plane = {g, {}, {}, {}, {}};
+    PlaneContact plane = {};
     for (int k = 0; k < 3; ++k) {
       plane.point[k] = d->geom_xpos[3 * g + k];
       plane.normal[k] = d->geom_xmat[9 * g + 3 * k + 2];

@@ -28,14 +28,6 @@ struct Contact {
   double pressure;   // Its part along the normal [N].
 };
 
-// A fixed plane that vertices stay in front of.
-struct PlaneContact {
-  int geom;
-  double point[3], normal[3];
-  std::vector<float> friction;  // With each flex.
-  std::vector<bool> touches;    // Each flex.
-};
-
 // Whether a geom and a flex may touch, and with which friction: MuJoCo's rules.
 bool MayTouch(const mjModel* m, int geom, const Mesh& mesh, int part);
 double Friction(const mjModel* m, int geom, int flex);

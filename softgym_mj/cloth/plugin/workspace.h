@@ -11,6 +11,7 @@
 
 #include "cloth/plugin/impacts.h"
 #include "cloth/plugin/mesh.h"
+#include "cloth/plugin/planes.h"
 #include "cloth/plugin/solids.h"
 #include "cloth/plugin/solver.h"
 #include "cloth/plugin/start.h"

@@ -1,0 +1,40 @@
+// Cords: the edges of each are solved at once.
+
+#ifndef SOFTGYM_MJ_CLOTH_CHAINS_H_
+#define SOFTGYM_MJ_CLOTH_CHAINS_H_
+
+#include <vector>
+
+#include "cloth/plugin/kernels.h"
+#include "cloth/plugin/mesh.h"
+
+namespace softgym_mj::cloth {
+
+class ChainRows {
+ public:
+  // To be called when the mesh or the length of a substep [s] has changed.
+  void Reset(const Mesh& mesh, double h);
+  // `after`: by how much each edge got longer after its last turn [m].
+  void Start(const std::vector<double>& position, const double* after);
+  void Solve(const Points& points);
+  // Adds with which force edges pull held vertices (n, 3) [N]: `share` times their last impulses.
+  void AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const;
+  // Writes `after` for the next step.
+  void Keep(const Points& points, double* after) const;
+
+ private:
+  // A number or three of each edge; vertex has one more.
+  struct Row {
+    std::vector<int> vertex, edge;
+    std::vector<float> start, length, gamma, keep, before, impulse;  // As in EdgeBlock.
+    std::vector<double> lower, diagonal, right, normal;              // Of the system.
+  };
+
+  static void SolveRow(const Points& points, Row* row);
+
+  std::vector<Row> rows_;
+};
+
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_CHAINS_H_

@@ -1,0 +1,193 @@
+#include "cloth/plugin/springs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "cloth/plugin/levels.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+// Bending is solved every so many substeps, if its rows are then so much softer than their vertices are light that one
+// sweep solves them.
+constexpr int kBendInterval = 5;
+constexpr double kSoft = 5;
+
+// One sweep leaves edges of a surface longer, by what the turns of others move their ends by: as if a spring of
+// 1 / (kUndone w h^2) were in line with each, found for strips under load. What this takes is given back, as far as
+// that goes: stiffness * w h^2 above 0.6 cannot be had.
+constexpr double kUndone = 1.3, kMostGivenBack = 0.8;
+double SweptStiffness(double stiffness, double inverse_mass, double h) {
+  return stiffness / (1 - std::min(kUndone * stiffness * inverse_mass * h * h, kMostGivenBack));
+}
+
+double HingeMass(const Mesh::Hinge& hinge, const std::vector<double>& mass) {
+  double sum = 0;
+  for (int k = 0; k < 4; ++k) {
+    if (hinge.vertex[k] >= 0) sum += hinge.weight[k] * hinge.weight[k] / mass[hinge.vertex[k]];
+  }
+  return sum;
+}
+
+}  // namespace
+
+Compliance Comply(double stiffness, double damping, double h) {
+  const double b = 1 / (1 + damping / h);
+  return {b, b / (std::max(stiffness, 1e-12) * h * h)};
+}
+
+float StartWay(const std::vector<double>& position, int a, int b, float way[3]) {
+  float square = 0;
+  for (int k = 0; k < 3; ++k) {
+    way[k] = static_cast<float>(position[3 * a + k] - position[3 * b + k]);
+    square += way[k] * way[k];
+  }
+  return std::sqrt(square);
+}
+
+float LengthNow(const Points& points, int a, int b, const float way[3]) {
+  float square = 0;
+  for (int k = 0; k < 3; ++k) {
+    const float d = way[k] + (points.now[4 * a + k] - points.now[4 * b + k]);
+    square += d * d;
+  }
+  return std::sqrt(square);
+}
+
+void AddForce(const Points& points, int vertex, const float way[3], double force, std::vector<double>* forces) {
+  if (points.now[4 * vertex + 3] > 0) return;
+  double length = 0;
+  for (int k = 0; k < 3; ++k) length += static_cast<double>(way[k]) * way[k];
+  length = std::max(std::sqrt(length), 1e-9);
+  for (int k = 0; k < 3; ++k) (*forces)[3 * vertex + k] += force * way[k] / length;
+}
+
+void EdgeRows::Reset(const Mesh& mesh, double h) {
+  const int dummy = mesh.NumVertices();
+  Levels levels;
+  const std::vector<std::uint8_t> counts(dummy + 1, 1);
+  std::vector<int> ids, vertices;
+  for (size_t e = 0; e < mesh.edges.size(); ++e) {
+    if (mesh.edges[e].triangle[0] < 0) continue;
+    ids.push_back(static_cast<int>(e));
+    vertices.insert(vertices.end(), mesh.edges[e].vertex, mesh.edges[e].vertex + 2);
+  }
+  levels.Order(vertices.data(), static_cast<int>(ids.size()), 2, counts.data(), dummy + 1, &order_);
+  for (int& i : order_) i = i < 0 ? -1 : ids[i];
+  blocks_.resize(order_.size() / kBlock);
+  for (size_t i = 0; i < order_.size(); ++i) {
+    EdgeBlock& block = blocks_[i / kBlock];
+    const int lane = i % kBlock, e = order_[i];
+    block.vertex[0][lane] = block.vertex[1][lane] = dummy;
+    block.start[0][lane] = block.length[lane] = block.before[lane] = block.gamma[lane] = 1;
+    block.start[1][lane] = block.start[2][lane] = block.keep[lane] = block.impulse[lane] = 0;
+    if (e < 0) continue;
+    const Mesh::Edge& edge = mesh.edges[e];
+    // Diagonals are softer, but their dashpots are as strong.
+    const double inverse_mass = (1 / mesh.mass[edge.vertex[0]] + 1 / mesh.mass[edge.vertex[1]]) / 2;
+    const double stiffness = SweptStiffness(EdgeStiffness(mesh, edge), inverse_mass, h);
+    const double full = FullStiffness(mesh, edge);
+    const double damping = mesh.materials[mesh.part[edge.vertex[0]]].stretch_damping * full / stiffness;
+    const Compliance row = Comply(stiffness, damping, h);
+    for (int k = 0; k < 2; ++k) block.vertex[k][lane] = edge.vertex[k];
+    block.length[lane] = static_cast<float>(edge.length);
+    block.gamma[lane] = static_cast<float>(row.gamma);
+    block.keep[lane] = static_cast<float>(1 - row.b);
+  }
+}
+
+void EdgeRows::Start(const cloth::Start& start, const double* after) {
+  held_.clear();
+  for (size_t i = 0; i < order_.size(); ++i) {
+    if (order_[i] < 0) continue;
+    EdgeBlock& block = blocks_[i / kBlock];
+    const int lane = i % kBlock, a = block.vertex[0][lane], b = block.vertex[1][lane];
+    float way[3];
+    block.before[lane] = StartWay(start.position, a, b, way) - static_cast<float>(after[order_[i]]);
+    for (int k = 0; k < 3; ++k) block.start[k][lane] = way[k];
+    if (start.inverse_mass[a] > 0 && start.inverse_mass[b] > 0) continue;
+    held_.push_back(static_cast<int>(i));
+  }
+}
+
+void EdgeRows::Sweep(const ClothKernels& kernels, const Points& points) {
+  kernels.SweepEdges(points, blocks_.data(), static_cast<int>(blocks_.size()));
+}
+
+void EdgeRows::AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const {
+  for (int i : held_) {
+    const EdgeBlock& block = blocks_[i / kBlock];
+    const int lane = i % kBlock, a = block.vertex[0][lane], b = block.vertex[1][lane];
+    float way[3];
+    for (int k = 0; k < 3; ++k) way[k] = block.start[k][lane] + (points.now[4 * a + k] - points.now[4 * b + k]);
+    AddForce(points, a, way, share * block.impulse[lane], forces);
+    AddForce(points, b, way, -share * block.impulse[lane], forces);
+  }
+}
+
+void EdgeRows::Keep(const Points& points, double* after) const {
+  for (size_t i = 0; i < order_.size(); ++i) {
+    if (order_[i] < 0) continue;
+    const EdgeBlock& block = blocks_[i / kBlock];
+    const int lane = i % kBlock;
+    const float way[3] = {block.start[0][lane], block.start[1][lane], block.start[2][lane]};
+    after[order_[i]] = LengthNow(points, block.vertex[0][lane], block.vertex[1][lane], way) - block.before[lane];
+  }
+}
+
+void HingeRows::Reset(const Mesh& mesh, double h) {
+  const int dummy = mesh.NumVertices();
+  interval_ = kBendInterval;
+  std::vector<int> vertices;
+  for (const Mesh::Hinge& hinge : mesh.hinges) {
+    const Compliance row = Comply(hinge.stiffness, hinge.damping, kBendInterval * h);
+    if (row.gamma < kSoft * HingeMass(hinge, mesh.mass)) interval_ = 1;
+    for (int v : hinge.vertex) vertices.push_back(v < 0 ? dummy : v);
+  }
+  Levels levels;
+  std::vector<std::uint8_t> counts(dummy + 1, 1);
+  counts[dummy] = 0;
+  levels.Order(vertices.data(), static_cast<int>(mesh.hinges.size()), 4, counts.data(), dummy + 1, &order_);
+  blocks_.resize(order_.size() / kBlock);
+  for (size_t i = 0; i < order_.size(); ++i) {
+    HingeBlock& block = blocks_[i / kBlock];
+    const int lane = i % kBlock, id = order_[i];
+    block.gamma[lane] = 1;
+    block.keep[lane] = 0;
+    for (int k = 0; k < 3; ++k) block.start[k][lane] = block.before[k][lane] = 0;
+    for (int k = 0; k < 4; ++k) block.vertex[k][lane] = dummy, block.weight[k][lane] = 0;
+    if (id < 0) continue;
+    const Mesh::Hinge& hinge = mesh.hinges[id];
+    const Compliance row = Comply(hinge.stiffness, hinge.damping, interval_ * h);
+    block.gamma[lane] = static_cast<float>(row.gamma);
+    block.keep[lane] = static_cast<float>(1 - row.b);
+    for (int k = 0; k < 4; ++k) {
+      block.vertex[k][lane] = hinge.vertex[k] < 0 ? dummy : hinge.vertex[k];
+      block.weight[k][lane] = static_cast<float>(hinge.weight[k]);
+    }
+  }
+}
+
+void HingeRows::Start(const std::vector<double>& position) {
+  for (size_t i = 0; i < order_.size(); ++i) {
+    if (order_[i] < 0) continue;
+    HingeBlock& block = blocks_[i / kBlock];
+    const int lane = i % kBlock;
+    for (int k = 0; k < 3; ++k) {
+      double sum = 0;
+      for (int c = 0; c < 4; ++c) {
+        const size_t v = block.vertex[c][lane];
+        if (3 * v < position.size()) sum += block.weight[c][lane] * position[3 * v + k];
+      }
+      block.start[k][lane] = block.before[k][lane] = static_cast<float>(sum);
+    }
+  }
+}
+
+void HingeRows::Bend(const ClothKernels& kernels, const Points& points, int substep) {
+  if (substep % interval_ != 0 || blocks_.empty()) return;
+  kernels.Bend(points, blocks_.data(), static_cast<int>(blocks_.size()), static_cast<float>(interval_));
+}
+
+}  // namespace softgym_mj::cloth

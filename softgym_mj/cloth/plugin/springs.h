@@ -1,0 +1,64 @@
+// Springs of surfaces: rows of edges and of hinges, in blocks. And what edges of surfaces and of cords have in common.
+
+#ifndef SOFTGYM_MJ_CLOTH_SPRINGS_H_
+#define SOFTGYM_MJ_CLOTH_SPRINGS_H_
+
+#include <vector>
+
+#include "cloth/plugin/kernels.h"
+#include "cloth/plugin/mesh.h"
+#include "cloth/plugin/start.h"
+#include "native/aligned.h"
+
+namespace softgym_mj::cloth {
+
+// b and b / (k h^2) of a row, see kernels.h.
+struct Compliance {
+  double b, gamma;
+};
+Compliance Comply(double stiffness, double damping, double h);
+
+// Fills `way` from vertex b to vertex a at the start of the step; returns its length [m].
+float StartWay(const std::vector<double>& position, int a, int b, float way[3]);
+// The length now of what was `way` at the start of the step [m].
+float LengthNow(const Points& points, int a, int b, const float way[3]);
+// Adds a force [N] along `way` to those of a vertex (n, 3), if it is held.
+void AddForce(const Points& points, int vertex, const float way[3], double force, std::vector<double>* forces);
+
+// Edges of surfaces, solved by one sweep.
+class EdgeRows {
+ public:
+  // To be called when the mesh or the length of a substep [s] has changed.
+  void Reset(const Mesh& mesh, double h);
+  // `after`: by how much each edge got longer after its last turn [m].
+  void Start(const cloth::Start& start, const double* after);
+  void Sweep(const ClothKernels& kernels, const Points& points);
+  // Adds with which force edges pull held vertices (n, 3) [N]: `share` times their impulses in the last sweep.
+  void AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const;
+  // Writes `after` for the next step.
+  void Keep(const Points& points, double* after) const;
+
+ private:
+  Aligned<EdgeBlock> blocks_;
+  std::vector<int> order_;  // The edge of each lane, or -1.
+  std::vector<int> held_;   // Lanes of edges with a vertex that is held.
+};
+
+// Bending of surfaces and of cords.
+class HingeRows {
+ public:
+  // To be called when the mesh or the length of a substep [s] has changed.
+  void Reset(const Mesh& mesh, double h);
+  void Start(const std::vector<double>& position);
+  // Bends if it is time to.
+  void Bend(const ClothKernels& kernels, const Points& points, int substep);
+
+ private:
+  Aligned<HingeBlock> blocks_;
+  std::vector<int> order_;  // The hinge of each lane, or -1.
+  int interval_ = 1;        // Substeps from one bending to the next.
+};
+
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_SPRINGS_H_
