@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "native/pose.h"
-
 namespace softgym_mj::cloth {
 namespace {
 
@@ -82,7 +80,6 @@ Body* Bodies::Find(int id) {
   if (m_->body_treeid[id] < 0) return nullptr;
   if (of_body_[id] >= 0) return &bodies_[of_body_[id]];
   Body body = {};
-  body.id = id;
   body.tree = FindTree(m_->body_treeid[id]);
   const Tree& tree = trees_[body.tree];
   const int n = tree.count;

@@ -13,7 +13,7 @@ namespace softgym_mj::cloth {
 
 // A body during a step. It moves on as MuJoCo has moved it, and by impulses.
 struct Body {
-  int id, tree;            // Of the model; tree: among `Bodies::trees`.
+  int tree;                // Among those of `Bodies`.
   double centre[3];        // Of mass, at the start of the step [m].
   double turn[4];          // Quaternion of its rotation since then.
   double shift[3];         // Of the centre since then [m].

@@ -91,12 +91,8 @@ void RegisterCloth() {
   // Of those that lead, but tables that tell so may not be filled yet.
   plugin.nstate = [](const mjModel* m, int instance) { return Leads(m, instance) ? StateSize(m) : 0; };
   plugin.init = Init;
-  plugin.destroy = [](mjData* d, int instance) {
-    (void)instance;
-    SetWorkspace(d, nullptr);
-  };
-  plugin.copy = [](mjData* to, const mjModel*, const mjData* from, int instance) {
-    (void)instance;
+  plugin.destroy = [](mjData* d, int) { SetWorkspace(d, nullptr); };
+  plugin.copy = [](mjData* to, const mjModel*, const mjData* from, int) {
     Workspace *into = FindWorkspace(to), *out_of = FindWorkspace(from);
     if (into && out_of) into->Keep(*out_of);
   };

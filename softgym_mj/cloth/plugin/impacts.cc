@@ -1,7 +1,6 @@
 #include "cloth/plugin/impacts.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 
 #include "native/aligned.h"

@@ -37,8 +37,6 @@ class Layers {
   int num_near() const { return num_near_; }
   // Whether one of them, or a marked vertex, is at a vertex.
   bool IsNear(int vertex) const { return near_vertex_[vertex]; }
-  // The pair of each lane of the blocks, or -1.
-  const std::vector<int>& order() const { return order_; }
 
  private:
   // Items of one kind and the boxes around them.
@@ -77,7 +75,8 @@ class Layers {
   int num_near_ = 0;
   bool found_once_ = false;
   Levels levels_;
-  std::vector<int> order_, row_vertices_;
+  std::vector<int> order_;  // The pair of each lane of the blocks, or -1.
+  std::vector<int> row_vertices_;
   std::vector<std::uint8_t> movable_;
 };
 

@@ -28,7 +28,6 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
   Start& start = w->start;
   for (auto* a : {&start.position, &start.velocity, &start.acceleration}) a->assign(3 * count, 0);
   start.inverse_mass.assign(count, 0);
-  start.mass = w->mesh.mass;
   w->axes.resize(9 * count);
   w->carried.assign(3 * count, 0);
   double sum = 0;

@@ -4,8 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "cloth/plugin/solver.h"
-#include "native/simd.h"
+#include "native/shapes.h"
 
 namespace softgym_mj::cloth {
 namespace {

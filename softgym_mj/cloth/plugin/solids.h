@@ -3,6 +3,7 @@
 #ifndef SOFTGYM_MJ_CLOTH_SOLIDS_H_
 #define SOFTGYM_MJ_CLOTH_SOLIDS_H_
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -12,11 +13,10 @@
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/levels.h"
 #include "cloth/plugin/mesh.h"
+#include "cloth/plugin/start.h"
 #include "native/aligned.h"
 
 namespace softgym_mj::cloth {
-
-struct Start;
 
 // A contact between a geom and a flex in the last step.
 struct Contact {
@@ -57,7 +57,6 @@ class Solids {
   // Marks the vertices of rows with bodies that give way.
   void MarkNear(std::vector<bool>* near) const;
 
-  Bodies& bodies() { return bodies_; }
   const std::vector<Contact>& contacts() const { return contacts_; }
   // Ends a step: bodies move, contacts are kept.
   void Apply(const mjModel* m, mjData* d, int substeps);

@@ -168,7 +168,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Motion* motion) {
   motion->start = start.position.data();
   motion->move.resize(3 * count);
   motion->velocity.resize(3 * count);
-  motion->mass = start.mass;
+  motion->mass = mesh.mass;
   for (int v = 0; v < count; ++v) {
     const bool held = start.inverse_mass[v] == 0;
     if (held) motion->mass[v] = 1e12;

@@ -36,7 +36,6 @@ class Solver {
             const Kept& kept, Motion* motion);
 
   double substep() const { return h_; }
-  const Layers& layers() const { return layers_; }
 
  private:
   void StartPoints(const Mesh& mesh, const Start& start);

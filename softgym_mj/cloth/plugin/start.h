@@ -12,7 +12,6 @@ struct Start {
   std::vector<double> velocity;      // (n, 3) [m/s]
   std::vector<double> acceleration;  // (n, 3) [m/s^2], mean of the step without flexes' forces.
   std::vector<float> inverse_mass;   // [1/kg], 0 if something holds or carries a vertex.
-  std::vector<double> mass;          // [kg]
 };
 
 }  // namespace softgym_mj::cloth
