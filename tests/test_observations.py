@@ -46,7 +46,7 @@ def test_labels_follow_the_colours():
     ],
 )  # fmt: skip
 def test_cloud_points_lie_on_the_object(task, spacing):
-    env, observation = look(task)
+    env, observation = look(task, 805)  # No picker stands before the object.
     cloud = observation["point_cloud"]
     points = cloud[cloud[:, 3] == 1.0, :3]
     assert cloud.shape == (NUM_CLOUD_POINTS, 4) and len(points) > 100

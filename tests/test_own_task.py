@@ -300,10 +300,6 @@ def test_objects_that_do_not_go_together_are_errors():
         Still([Rope(), Rope()], Picker())
     with pytest.raises(UnknownNameError, match="camera='kitchen'"):
         Still([Rope()], Picker(), camera="kitchen")
-    with pytest.raises(OutOfRangeError, match="grasp='friction'"):
-        arms = make_gripper("franka", "rope", grasp="friction", arms=1)
-        things = [Rope(), Cloth((33, 33))]
-        Environment(Still(things, arms), name="still", horizon=5)
 
 
 def test_arms_hold_what_they_find():

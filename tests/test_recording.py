@@ -112,9 +112,11 @@ def test_only_successful_episodes():
         flags[int(info["variation"])] = bool(info["success"])
 
     variations = range(895, 899)
-    dataset = record("straighten_rope", variations, successful_only=True, on_episode=on_episode)
+    dataset = record(
+        "straighten_rope", variations, successful_only=True, on_episode=on_episode, horizon=30
+    )
     scores = {}
-    env = softgym_mj.load("straighten_rope")
+    env = softgym_mj.load("straighten_rope", horizon=30)
     for variation in variations:
         scores[variation] = play(env, "scripted", variation, camera=None).info[
             "normalized_performance"

@@ -71,7 +71,7 @@ def test_rewards_add_up_to_the_progress(env):
     progress = sac.Progress(env)
     observation, first = progress.reset(options={"variation": VARIATION})
     start, total = approach(observation), 0.0
-    progress.action_space.seed(0)
+    progress.action_space.seed(1)
     for _ in range(20):
         observation, reward, *_, last = progress.step(progress.action_space.sample())
         total += reward

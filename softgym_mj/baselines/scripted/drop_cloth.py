@@ -37,7 +37,7 @@ class Swing:
 
 PICKER_SWING = Swing(-0.148, 0.04, 0.451, 0.694, 0.09, 0.745, 0.29)
 # Arms speed up less than pickers, which change their speed at once.
-ARM_SWING = Swing(0.04, 0.11, 0.29, 1.0, 0.18, 1.0, 0.28)
+ARM_SWING = Swing(0.154, 0.087, 0.138, 0.919, 0.202, 0.707, 0.141)
 WAITING = 3  # Env steps for the cloth to come to rest.
 APPROACH = 0.5  # Fraction of full speed at which the start is approached.
 RISE = 0.3  # Fraction of full speed at which the grippers then get out of the way.
