@@ -423,7 +423,7 @@ def least_distance(kind: str, half: float, shift: float, points: np.ndarray) -> 
 
 # From 60 m, at 34 m/s, cloth goes through or round what is thin, or gets stuck in it.
 KNOWN_MISSES = {("narrow", 0.004, 60.0), ("narrow", 0.008, 60.0)} | {
-    (kind, half, 60.0) for kind in ("cylinder", "capsule") for half in (0.004, 0.008, 0.015, 0.025)
+    (kind, half, 60.0) for kind in ("cylinder", "capsule") for half in (0.008, 0.015, 0.025)
 }
 
 
