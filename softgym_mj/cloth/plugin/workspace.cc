@@ -150,7 +150,7 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
   w->scratch.append(reinterpret_cast<const char*>(&settings), sizeof(settings));
   w->scratch.append(reinterpret_cast<const char*>(&m->opt.timestep), sizeof(mjtNum));
   if (w->scratch == w->signature) return "";
-  w->signature = w->scratch;
+  w->signature.clear();  // Until all of it is there.
   w->mesh = MakeMesh(m, w->flexes, materials);
   w->solver.Reset(w->mesh, settings, m->opt.timestep);
   w->settings = settings;
@@ -161,6 +161,7 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
     const int* body = m->flex_vertbodyid + m->flex_vertadr[f];
     for (int i = 0; i < m->flex_vertnum[f]; ++i) w->vertices.push_back(FindVertex(m, body[i]));
   }
+  w->signature = w->scratch;
   return "";
 }
 
