@@ -128,6 +128,13 @@ class Flex(composer.Entity):
         solver.leave_to_plugin(flexcomp, self._instance)
         return flexcomp
 
+    def _set_material(self, **properties: float) -> None:
+        """Says what it is made of: `solver.Material`'s attributes, but for what it touches."""
+        material = solver.Material(
+            contype=OBJECT_CONTACT, conaffinity=OBJECT_CONTACT | GRIPPER_CONTACT, **properties
+        )
+        solver.set_material(self._instance, material)
+
     @property
     def physical_parameters(self) -> dict[str, dict[str, object]]:
         """What determines the motion besides the mesh: mass, what it is made of, friction."""
@@ -156,7 +163,7 @@ class Flex(composer.Entity):
         self._origin = np.array(model.body_pos[bodies])
         self._qpos, self._qvel = slide_views(model, data, bodies)
         self._dof_mass = model.dof_M0
-        self._model, self._data, self._first = model, data, int(first)
+        self._model, self._data = model, data
         solver.forget_damping(model)
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self._edges = np.array(model.flex_edge[edges])
@@ -238,7 +245,7 @@ class Flex(composer.Entity):
 
     def holding_force(self, index: int) -> float:
         """The force [N] of a held vertex on its gripper, averaged over the last physics step."""
-        return solver.holding_force(self._model, self._data, self._first + index)
+        return solver.holding_force(self._model, self._data, int(self._ids[index]))
 
     def is_overpowered(self, index: int) -> bool:
         """Whether a held vertex pulls at its gripper with more than `hold_force`."""

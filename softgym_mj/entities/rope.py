@@ -5,9 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softgym_mj.cloth import solver
 from softgym_mj.domain import Parameter, scaled, shifted, turned
-from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT, Flex
+from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import check_name
 
 # [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
@@ -84,17 +83,12 @@ class Rope(Flex):
         flexcomp.mass = values["density"] * LENGTH
         flexcomp.contact.friction = [values["friction"]]
         flexcomp.rgba = turned(self._color, values["hue"])
-        solver.set_material(
-            self._instance,
-            solver.Material(
-                stretch=values["stretch_stiffness"],
-                bend=values["bend_stiffness"],
-                stretch_damping=STRETCH_DAMPING,
-                bend_damping=values["bend_damping"],
-                friction=values["friction"],
-                contype=OBJECT_CONTACT,
-                conaffinity=OBJECT_CONTACT | GRIPPER_CONTACT,
-            ),
+        self._set_material(
+            stretch=values["stretch_stiffness"],
+            bend=values["bend_stiffness"],
+            stretch_damping=STRETCH_DAMPING,
+            bend_damping=values["bend_damping"],
+            friction=values["friction"],
         )
 
     @property

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.cloth import solver
 from softgym_mj.domain import Parameter, scaled, shifted, turned
-from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT, Flex
+from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import OutOfRangeError
 
 # Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
@@ -158,20 +157,15 @@ class Sheet(Flex):
         flexcomp = self._mjcf_root.worldbody.flexcomp[0]
         flexcomp.mass = self._mass(values["density"])
         flexcomp.contact.friction = [values["friction"]]
-        solver.set_material(
-            self._instance,
-            solver.Material(
-                stretch=values["stretch_stiffness"],
-                shear=values["shear"],
-                bend=values["bend_stiffness"],
-                stretch_damping=values["stretch_damping"],
-                bend_damping=values["bend_damping"],
-                friction=values["layer_friction"],
-                drag=values["drag"],
-                added_mass=values["added_mass"],
-                contype=OBJECT_CONTACT,
-                conaffinity=OBJECT_CONTACT | GRIPPER_CONTACT,
-            ),
+        self._set_material(
+            stretch=values["stretch_stiffness"],
+            shear=values["shear"],
+            bend=values["bend_stiffness"],
+            stretch_damping=values["stretch_damping"],
+            bend_damping=values["bend_damping"],
+            friction=values["layer_friction"],
+            drag=values["drag"],
+            added_mass=values["added_mass"],
         )
         for material, color in zip(
             self._mjcf_root.asset.material, self._colors.values(), strict=True
