@@ -281,7 +281,7 @@ def fold_case(size: int, speed: float, name: str) -> object:
     """A case with its marks."""
     marks = [] if size == USUAL else [pytest.mark.slow]
     if (size, speed, name) == (USUAL, 0.6, "limp"):
-        marks.append(pytest.mark.xfail(reason="3.1 % of strain, lowest vertex at 3.1 mm"))
+        marks.append(pytest.mark.xfail(reason="3.4 % of strain"))
     return pytest.param(size, speed, FABRICS[name], marks=marks, id=f"{size}-{speed}-{name}")
 
 
@@ -334,8 +334,7 @@ def test_a_heap_comes_to_rest(pick, fabric):
     scene.step(1000)
     start = scene.positions()
     scene.step(200)
-    drift = np.linalg.norm(scene.positions() - start, axis=1).mean() / 2.0
-    assert drift < 1e-4  # [m/s]
+    assert np.linalg.norm(scene.positions() - start, axis=1).max() < 1e-5
 
 
 # ------------------------------------------------------------------ layers under load
@@ -421,17 +420,9 @@ def least_distance(kind: str, half: float, shift: float, points: np.ndarray) -> 
     return float((outside + np.minimum(beyond.max(axis=0), 0.0)).min())
 
 
-# From 60 m, at 34 m/s, cloth goes through or round what is thin, or gets stuck in it.
-KNOWN_MISSES = {("narrow", 0.004, 60.0), ("narrow", 0.008, 60.0)} | {
-    (kind, half, 60.0) for kind in ("cylinder", "capsule") for half in (0.008, 0.015, 0.025)
-}
-
-
 def solid_case(case: tuple) -> object:
     """A case with its marks."""
     marks = [] if case in FAST_CASES else [pytest.mark.slow]
-    if case in KNOWN_MISSES:
-        marks.append(pytest.mark.xfail(reason="passes at 34 m/s"))
     return pytest.param(*case, marks=marks)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
+from softgym_mj.baselines.policies import make_policy
 from softgym_mj.robots.gripper import Workspace
 from tests.test_snapshots import trace
 
@@ -227,3 +228,52 @@ def test_ways_along_the_mesh():
     p1, p2, p3, _ = cloth.corners
     assert cloth.largest_gap(p1, p3) == pytest.approx(1.1 * cloth.size[0])
     assert cloth.largest_gap(p1, p2) == pytest.approx(1.1 * cloth.size[1])
+
+
+def test_speeds_that_nothing_should_have_are_warned_of():
+    env = softgym_mj.load("fold_cloth", fidelity="fast", split="evaluate")
+    env.reset(800)
+    cloth = env.task.target
+    cloth.set_vertices(cloth.vertices(), [0.0, 0.0, 19.9])
+    assert env.info()["max_speed"] == pytest.approx(19.9)
+    cloth.set_vertices(cloth.vertices(), [0.0, 0.0, 20.1])
+    with pytest.warns(UserWarning, match="20 m/s"):
+        env.info()
+
+
+def test_what_is_held_comes_to_lie_on_the_layers_below():
+    """A corner that is folded over and pushed down does not go through the sheet there."""
+    env = softgym_mj.load("fold_cloth", fidelity="fast", split="evaluate")
+    timestep, expert, closed = env.reset(800), make_policy("scripted", env), False
+    while True:
+        action = expert(timestep)
+        if closed and action[3] < 0.0:  # It would let go.
+            break
+        closed = action[3] > 0.0
+        timestep = env.step(action)
+    cloth, corner = env.task.cloth, int(env.task.actor.held[0])
+    for _ in range(5):
+        env.step(np.array([0.0, 0.0, -1.0, 1.0] * 2))
+        assert cloth.intersections() == 0
+    assert env.task.actor.held[0] == corner
+    assert cloth.vertex(corner)[2] == pytest.approx(3.0 * cloth.radius, abs=1.5e-3)
+
+
+@pytest.mark.parametrize("task", ["spread_cloth", "fold_cloth", "fold_crumpled_cloth"])
+@pytest.mark.parametrize(
+    "seed", [11, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(20) if seed != 11)]
+)
+def test_random_pickers_push_no_layer_through_another(task, seed):
+    """Actions at full range that change every fourth step, most of them with closed grips."""
+    random = np.random.default_rng(seed)
+    env = softgym_mj.load(task, observation="reduced", split="all")
+    env.reset(200 + (seed * 37) % 600)
+    closed = random.random() < 0.7
+    for step in range(100):
+        if step % 4 == 0:
+            action = random.uniform(-1.0, 1.0, env.action_spec().shape)
+            if closed:
+                action[3::4] = 1.0
+        env.step(action)
+        if step % 5 == 4:
+            assert env.task.cloth.intersections() == 0

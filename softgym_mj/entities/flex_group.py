@@ -49,9 +49,8 @@ class FlexGroup:
         raise OutOfRangeError("index", index + self.num_vertices, f"0..{self.num_vertices - 1}")
 
     def resting_height(self, index: int) -> float:
-        """Height [m] at which a vertex rests on the floor."""
-        flex, index = self.owner(index)
-        return flex.resting_height(index)
+        """Height [m] of a vertex that rests on the floor: the radius of its flex."""
+        return self.owner(index)[0].radius
 
     @property
     def vertex_ids(self) -> np.ndarray:

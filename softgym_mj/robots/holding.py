@@ -56,10 +56,11 @@ class Holding(Held):
     """Vertices attached to grippers, each where it is relative to the gripper's centre.
 
     A held vertex keeps its offset to the centre, except that it is never pushed below its resting
-    height on the floor. Held vertices go where they are told, so no force in the object can stop
-    two that are pulled apart: before they get further from each other than `Flex.largest_gap`, the
-    one that was taken later slips away. So does one that friction or weight pulls at with more than
-    `Flex.hold_force`. The gripper takes nothing more until it has been open.
+    height on the floor, and gives way to layers that it is pressed on. No force in the object can
+    stop two that are pulled apart: before they get further from each other than
+    `Flex.largest_gap`, the one that was taken later slips away. So does one that friction or weight
+    pulls at with more than `Flex.hold_force`. The gripper takes nothing more until it has been
+    open.
     """
 
     def __init__(self, num_grippers: int):

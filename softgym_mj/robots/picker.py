@@ -28,19 +28,15 @@ class Geometry:
         pick_distance: facts 2.1: the radius plus SoftGym's particle radius (0.00625 cloth, 0.025
             rope) plus its threshold of 0.005 [m].
         friction: as between the object and the floor.
-        solref, solimp: MuJoCo's contact stiffness. A thin rope hit at 1 m/s stays outside the
-            sphere only with a stiff contact; that would press cloth through the floor.
     """
 
     radius: float
     pick_distance: float
     friction: float
-    solref: tuple[float, float] = (0.02, 1.0)
-    solimp: tuple[float, float, float] = (0.9, 0.95, 0.001)
 
 
 CLOTH_GEOMETRY = Geometry(0.05, 0.06125, friction=0.75)
-ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0, solref=(0.01, 1.0), solimp=(0.95, 0.99, 0.001))
+ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0)
 
 
 class Picker(HoldingGripper):
@@ -85,8 +81,6 @@ class Picker(HoldingGripper):
                 condim=3,
                 friction=[geometry.friction],
                 priority=1,
-                solref=geometry.solref,
-                solimp=geometry.solimp,
                 rgba=COLOR,
             )
         self._holding = Holding(num_pickers)

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "native/aligned.h"
 #include "native/closest.h"
 
 namespace softgym_mj::cloth {
@@ -15,6 +14,7 @@ constexpr double kNearest = 0.1;
 constexpr float kPast = 1e-4f;
 constexpr int kMaxAdvances = 100;  // Of one pair: as good as touching after that.
 constexpr int kMaxRounds = 100;
+constexpr double kImmovable = 1e9;  // [kg] A zone that weighs more goes where it is carried.
 
 double Distance(bool edges, const Vector x[4]) {
   if (edges) {
@@ -62,38 +62,38 @@ int Root(std::vector<int>* parent, int v) {
 
 }  // namespace
 
-int PreventImpacts(const ClothKernels& kernels, const std::vector<Pair>& pairs, Motion* motion) {
+int Impacts::Prevent(const ClothKernels& kernels, const std::vector<Pair>& pairs, Zones zones, Motion* motion) {
   const int count = static_cast<int>(motion->mass.size());
-  std::vector<int> zone, near(pairs.size());
-  std::vector<double> sum;
-  AlignedFloats move(4 * count);
+  zone_.clear();
+  near_.resize(pairs.size());
+  move_.resize(4 * count);
   int changed = 0;
   for (int round = 0; round < kMaxRounds; ++round) {
     for (int v = 0; v < count; ++v) {
-      for (int k = 0; k < 3; ++k) move[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
+      for (int k = 0; k < 3; ++k) move_[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
     }
     // The plane across the normal between the closest points parts the two sides of all others.
     const int approaching =
-        kernels.FindApproaching(move.data(), pairs.data(), static_cast<int>(pairs.size()), 1 - kNearest, near.data());
+        kernels.FindApproaching(move_.data(), pairs.data(), static_cast<int>(pairs.size()), 1 - kNearest, near_.data());
     bool found = false;
     for (int i = 0; i < approaching; ++i) {
-      const Pair& pair = pairs[near[i]];
+      const Pair& pair = pairs[near_[i]];
       if (pair.distance < kPast || !Meets(pair, *motion)) continue;
-      if (zone.empty()) {
-        zone.resize(count);
-        std::iota(zone.begin(), zone.end(), 0);
+      if (zone_.empty()) {
+        zone_.resize(count);
+        std::iota(zone_.begin(), zone_.end(), 0);
       }
       found = true;
       for (int k = 1; k < 4; ++k) {
-        const int a = Root(&zone, pair.vertex[0]), b = Root(&zone, pair.vertex[k]);
-        zone[std::max(a, b)] = std::min(a, b);
+        const int a = Root(&zone_, pair.vertex[0]), b = Root(&zone_, pair.vertex[k]);
+        zone_[std::max(a, b)] = std::min(a, b);
       }
     }
     if (!found) break;
     // Mass, displacement and velocity times mass, number of vertices.
-    sum.assign(8 * count, 0);
+    sum_.assign(8 * count, 0);
     for (int v = 0; v < count; ++v) {
-      double* s = &sum[8 * Root(&zone, v)];
+      double* s = &sum_[8 * Root(&zone_, v)];
       s[0] += motion->mass[v];
       s[7] += 1;
       for (int k = 0; k < 3; ++k) {
@@ -103,12 +103,13 @@ int PreventImpacts(const ClothKernels& kernels, const std::vector<Pair>& pairs, 
     }
     changed = 0;
     for (int v = 0; v < count; ++v) {
-      const double* s = &sum[8 * Root(&zone, v)];
+      const double* s = &sum_[8 * Root(&zone_, v)];
       if (s[7] == 1) continue;
       ++changed;
+      const double share = zones == Zones::kMove || s[0] > kImmovable ? 1 / s[0] : 0;
       for (int k = 0; k < 3; ++k) {
-        motion->move[3 * v + k] = s[1 + k] / s[0];
-        motion->velocity[3 * v + k] = s[4 + k] / s[0];
+        motion->move[3 * v + k] = share * s[1 + k];
+        motion->velocity[3 * v + k] = share * s[4 + k];
       }
     }
   }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cloth/plugin/kernels.h"
+#include "native/aligned.h"
 
 namespace softgym_mj::cloth {
 
@@ -17,10 +18,21 @@ struct Motion {
   std::vector<double> mass;      // [kg]; huge where something holds a vertex.
 };
 
-// Changes the motion so that no pair comes nearer than a tenth of its distance, or as near as it gets: rigid impact
-// zones (Bridson, Fedkiw and Anderson, Robust Treatment of Collisions, 2002, section 7.2), which keep the momentum.
-// Returns how many vertices are changed.
-int PreventImpacts(const ClothKernels& kernels, const std::vector<Pair>& pairs, Motion* motion);
+// What vertices that would pass through each other do: they move as one, which keeps the momentum, or stand still.
+enum class Zones { kMove, kStand };
+
+class Impacts {
+ public:
+  // Changes the motion so that no pair comes nearer than a tenth of its distance, or as near as it gets: rigid impact
+  // zones (Bridson, Fedkiw and Anderson, Robust Treatment of Collisions, 2002, section 7.2). Returns how many vertices
+  // are changed.
+  int Prevent(const ClothKernels& kernels, const std::vector<Pair>& pairs, Zones zones, Motion* motion);
+
+ private:
+  std::vector<int> zone_, near_;
+  std::vector<double> sum_;  // Of each zone.
+  AlignedFloats move_;
+};
 
 }  // namespace softgym_mj::cloth
 

@@ -153,7 +153,6 @@ struct Scene {
   const float* move;       // Displacements in the step [m].
   const int* triangles;    // Three vertices each.
   const int* edges;        // Two vertices each.
-  const float* cord;       // Of each edge: 1 if it belongs to a cord, whose ends count as well as its inside.
   const int* part;         // Of each vertex.
   const float* thickness;  // Of pairs of parts [m].
   int num_parts;

@@ -17,6 +17,7 @@ constexpr float kFlat = 0.97f, kOverlap = 0.1f;
 // Pieces of a cord with at most one piece between them are as near as their thickness when it is straight: friction
 // between them would lock its bending.
 constexpr int kNextPieces = 2;
+constexpr int kBetweenEnds = 15;  // Region of two edges whose nearest points are not at their ends.
 // Pairs that are apart by more than this share of the thickness do not push for now.
 constexpr float kNotYet = 0.01f;
 
@@ -28,6 +29,18 @@ std::uint64_t Morton(const double* x, const double* low, double size) {
     for (int bit = 0; bit < 10; ++bit) code |= (cell >> bit & 1) << (3 * bit + k);
   }
   return code;
+}
+
+// A number for each pair but 0: above it if it is a vertex and a triangle, below it if it is two edges.
+double KeyOf(const Mesh& mesh, const Pair& pair) {
+  if (pair.edges) return -1.0 - static_cast<double>(pair.first) * mesh.edges.size() - pair.second;
+  return 1.0 + static_cast<double>(pair.first) * mesh.triangles.size() + pair.second;
+}
+
+// Number of the first of a pair among all vertices and edges.
+int FirstOf(const Mesh& mesh, double key) {
+  if (key > 0) return static_cast<int>((key - 1) / mesh.triangles.size());
+  return mesh.NumVertices() + static_cast<int>((-key - 1) / mesh.edges.size());
 }
 
 }  // namespace
@@ -199,7 +212,7 @@ bool Layers::IsFlat(const Mesh::Edge& edge, const float* normal) const {
 
 bool Layers::Counts(const Mesh& mesh, const Pair& pair) const {
   if (!pair.edges) return mesh.triangles[pair.second].owned >> pair.region & 1;
-  if (cord_[pair.first] > 0 && cord_[pair.second] > 0) {
+  if (AreCords(pair)) {
     for (int k = 0; k < 4; ++k) {
       // At an end: of the edge that owns it.
       const int only = pair.region & 3 << (k & 2), edge = k < 2 ? pair.first : pair.second;
@@ -208,6 +221,7 @@ bool Layers::Counts(const Mesh& mesh, const Pair& pair) const {
     if (chain_[pair.first] != chain_[pair.second]) return true;
     return std::abs(place_[pair.first] - place_[pair.second]) > kNextPieces;
   }
+  if (pair.region != kBetweenEnds) return false;  // Vertices and triangles do its work.
   const float thickness = mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
   if (pair.distance < (1 - kOverlap) * thickness) return true;
   return !IsFlat(mesh.edges[pair.first], pair.normal) || !IsFlat(mesh.edges[pair.second], pair.normal);
@@ -215,8 +229,13 @@ bool Layers::Counts(const Mesh& mesh, const Pair& pair) const {
 
 void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move) {
   FindCandidates(position, move);
-  const Scene scene = {position.data(), move.data(),      corners_.data(),       ends_.data(),
-                       cord_.data(),    mesh.part.data(), mesh.thickness.data(), static_cast<int>(mesh.flexes.size()),
+  const Scene scene = {position.data(),
+                       move.data(),
+                       corners_.data(),
+                       ends_.data(),
+                       mesh.part.data(),
+                       mesh.thickness.data(),
+                       static_cast<int>(mesh.flexes.size()),
                        kInterest};
   const int triangles = static_cast<int>(triangle_candidates_.size() / 2);
   const int edges = static_cast<int>(edge_candidates_.size() / 2);
@@ -225,8 +244,11 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
   count += kernels_->FilterEdges(scene, edge_candidates_.data(), edges, found_.data() + count);
   FindNormals(mesh, position);
   pairs.clear();
-  for (int i = 0; i < count; ++i) {
-    if (Counts(mesh, found_[i])) pairs.push_back(found_[i]);
+  found_.resize(count);
+  const auto ignored = [&](const Pair& pair) { return pair.edges && AreCords(pair) && !Counts(mesh, pair); };
+  found_.erase(std::remove_if(found_.begin(), found_.end(), ignored), found_.end());
+  for (const Pair& pair : found_) {
+    if (Counts(mesh, pair)) pairs.push_back(pair);
   }
 }
 
@@ -297,7 +319,13 @@ void Layers::MakeRows(const Mesh& mesh, const AlignedFloats& position, const Ali
   }
 }
 
-void Layers::Start(const Mesh& mesh, const double* position, const double* after) {
+void Layers::Start(const Mesh& mesh, const double* position, const double* after, int size) {
+  head_.assign(mesh.NumVertices() + mesh.edges.size(), -1);
+  next_.resize(size);
+  for (int i = 0; i < size && after[4 * i] != 0; ++i) {
+    int* head = &head_[FirstOf(mesh, after[4 * i])];
+    next_[i] = std::exchange(*head, i);
+  }
   for (size_t i = 0; i < order_.size(); ++i) {
     LayerBlock& block = blocks[i / kBlock];
     const int lane = i % kBlock, row = order_[i];
@@ -305,17 +333,46 @@ void Layers::Start(const Mesh& mesh, const double* position, const double* after
     block.impulse[lane] = 0;
     if (row < 0) continue;
     const Pair& pair = pairs[row];
+    const double key = KeyOf(mesh, pair);
+    int found = head_[FirstOf(mesh, key)];
+    while (found >= 0 && after[4 * found] != key) found = next_[found];
     double gap = -mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
     for (int k = 0; k < 3; ++k) {
-      double apart = 0, moved = 0;
-      for (int c = 0; c < 4; ++c) {
-        apart += static_cast<double>(pair.weight[c]) * position[3 * pair.vertex[c] + k];
-        moved += static_cast<double>(pair.weight[c]) * after[3 * pair.vertex[c] + k];
-      }
-      block.before[k][lane] = static_cast<float>(-moved);
+      double apart = 0;
+      for (int c = 0; c < 4; ++c) apart += static_cast<double>(pair.weight[c]) * position[3 * pair.vertex[c] + k];
+      if (found >= 0) block.before[k][lane] = static_cast<float>(-after[4 * found + 1 + k]);
       gap += pair.normal[k] * apart;
     }
     block.gap[lane] = static_cast<float>(gap);
+  }
+}
+
+void Layers::Keep(const Mesh& mesh, const Points& points, const float* with_layers, bool repeated, double* after,
+                  int size) {
+  std::fill(after, after + 4 * size, 0.0);
+  later_.assign(3 * (mesh.NumVertices() + 1), 0);
+  int count = 0;
+  for (size_t i = order_.size(); i-- > 0;) {
+    const LayerBlock& block = blocks[i / kBlock];
+    const int lane = i % kBlock;
+    if (!(block.impulse[lane] > 0)) continue;
+    double moved[3] = {0, 0, 0}, change[3];
+    for (int k = 0; k < 3; ++k) {
+      change[k] = block.held[k][lane] + static_cast<double>(block.impulse[lane]) * block.normal[k][lane];
+    }
+    const bool last = !repeated || static_cast<int>(i) >= num_near_ * kBlock;  // Its only turn in the substep.
+    for (int c = 0; c < 4; ++c) {
+      const int v = block.vertex[c][lane];
+      const double weight = block.weight[c][lane], mass = points.now[4 * v + 3];
+      for (int k = 0; k < 3; ++k) {
+        double* later = &later_[3 * v + k];
+        moved[k] += weight * (points.now[4 * v + k] - with_layers[4 * v + k] + (last ? *later : 0));
+        *later += weight * mass * change[k];
+      }
+    }
+    if (count == size) continue;
+    after[4 * count] = KeyOf(mesh, pairs[order_[i]]);
+    std::copy(moved, moved + 3, after + 4 * count++ + 1);
   }
 }
 

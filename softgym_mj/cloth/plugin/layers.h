@@ -16,23 +16,29 @@ namespace softgym_mj::cloth {
 // What comes out depends on the arguments alone; what is kept from step to step only saves time.
 class Layers {
  public:
-  std::vector<Pair> pairs;
+  std::vector<Pair> pairs;  // That push.
   Aligned<LayerBlock> blocks;
 
   // To be called when the mesh has changed.
   void Reset(const Mesh& mesh, const ClothKernels& kernels);
   // Finds the pairs for vertices at `position` with the displacements `move` in the step, four floats each.
   void Find(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move);
-  // Makes rows of the pairs: `inverse_mass` of each vertex, 0 if it is held. Rows that a chain of at most two of them
-  // joins to vertices that `near` marks come first, and those that push first among them.
+  // Makes rows of the pairs: `inverse_mass` of each vertex, 0 if it does not give way. Rows that a chain of at most two
+  // of them joins to vertices that `near` marks come first, and those that push first among them.
   void MakeRows(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move,
                 const std::vector<float>& inverse_mass, const std::vector<bool>& near, float gamma);
-  // Sets the gaps for vertices at `position` (n, 3), and forgets all impulses. `after` (n, 3): how far they were moved
-  // after the rows' last turn.
-  void Start(const Mesh& mesh, const double* position, const double* after);
+  // Sets the gaps for vertices at `position` (n, 3), and forgets all impulses. `after`: what `Keep` has kept.
+  void Start(const Mesh& mesh, const double* position, const double* after, int size);
+  // By how much others have moved the two sides of a pair after its last turn, which friction has to undo: without it
+  // heaps creep. (size, 4): which pair, or 0, and how far [m]. `with_layers`: `now` after the layers' last turn. Only
+  // pairs that push are kept, the last of them if there are more. Of those that are `repeated` it is not known what
+  // their like have done.
+  void Keep(const Mesh& mesh, const Points& points, const float* with_layers, bool repeated, double* after, int size);
 
   // Makes the next rows anew: `Find` has been called for other displacements.
   void Forget() { found_once_ = false; }
+  // All pairs that were found, those too whose work others do: they are what must not pass through each other.
+  const std::vector<Pair>& all() const { return found_; }
   // Blocks of rows that are near.
   int num_near() const { return num_near_; }
   // Whether one of them, or a marked vertex, is at a vertex.
@@ -54,6 +60,7 @@ class Layers {
   void FindCandidates(const AlignedFloats& position, const AlignedFloats& move);
   void Collect(Tree* a, Tree* b, bool same, std::vector<int>* out);
   bool IsFlat(const Mesh::Edge& edge, const float* normal) const;
+  bool AreCords(const Pair& pair) const { return cord_[pair.first] > 0 && cord_[pair.second] > 0; }
   bool Counts(const Mesh& mesh, const Pair& pair) const;
   void FindNormals(const Mesh& mesh, const AlignedFloats& position);
 
@@ -77,6 +84,8 @@ class Layers {
   Levels levels_;
   std::vector<int> order_;  // The pair of each lane of the blocks, or -1.
   std::vector<int> row_vertices_;
+  std::vector<int> head_, next_;  // Lists of what is kept, by the first of a pair.
+  std::vector<double> later_;     // (n, 3) What rows have moved vertices by after the one that is looked at [m].
   std::vector<std::uint8_t> movable_;
 };
 

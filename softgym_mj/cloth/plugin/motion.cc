@@ -28,6 +28,7 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
   Start& start = w->start;
   for (auto* a : {&start.position, &start.velocity, &start.acceleration}) a->assign(3 * count, 0);
   start.inverse_mass.assign(count, 0);
+  start.yielding.assign(count, 0);
   w->axes.resize(9 * count);
   w->carried.assign(3 * count, 0);
   double sum = 0;
@@ -63,6 +64,9 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
       const double mass = m->dof_M0[vertex.dof];
       const bool held = mass > kHeldMass;
       start.inverse_mass[v] = held ? 0 : static_cast<float>(1 / mass);
+      start.yielding[v] = start.inverse_mass[v];
+      // A cord has room to get out of the way of what is held.
+      if (held && m->flex_dim[flex] == 2) start.yielding[v] = static_cast<float>(1 / w->mesh.mass[v]);
       for (int k = 0; k < 3; ++k) {
         mjtNum* axis = &w->axes[9 * v + 3 * k];
         mju_rotVecQuat(axis, m->jnt_axis + 3 * (joint + k), quaternion);
@@ -89,7 +93,7 @@ void HoldTied(const mjModel* m, const mjData* d, Workspace* w) {
     if ((found[0] < 0) == (found[1] < 0)) continue;  // Neither, or two that are sewn together.
     const int v = std::max(found[0], found[1]);
     if (w->vertices[v].dof < 0) continue;
-    w->start.inverse_mass[v] = 0;
+    w->start.inverse_mass[v] = w->start.yielding[v] = 0;
     for (int k = 0; k < 3; ++k) {
       w->start.velocity[3 * v + k] += m->opt.timestep * w->start.acceleration[3 * v + k];
       w->start.acceleration[3 * v + k] = 0;

@@ -6,8 +6,8 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Vertices further from a plane than they move in two steps and this [m] cannot reach it in a step.
 constexpr double kPressed = 1e-3;  // [m] By which vertices may be pressed into a plane.
+// Vertices further from a plane than they move in two steps and this [m] cannot reach it in a step.
 constexpr double kPlaneMargin = 0.02;
 
 }  // namespace
@@ -82,10 +82,11 @@ void Planes::SweepNear(const ClothKernels& kernels, const Points& points, const 
   for (Active& active : actives_) kernels.SweepPlane(points, row, active.Near(), turn);
 }
 
-void Planes::LiftOut(const cloth::Start& start, Motion* motion) const {
+bool Planes::LiftOut(const cloth::Start& start, Motion* motion) const {
+  bool lifted = false;
   for (const Active& plane : actives_) {
-    for (size_t v = 0; v < start.inverse_mass.size(); ++v) {
-      if (start.inverse_mass[v] == 0) continue;
+    for (size_t v = 0; v < start.yielding.size(); ++v) {
+      if (start.yielding[v] == 0) continue;
       double *move = &motion->move[3 * v], *velocity = &motion->velocity[3 * v], way = 0, speed = 0;
       for (int k = 0; k < 3; ++k) {
         way += plane.normal[k] * move[k];
@@ -93,12 +94,14 @@ void Planes::LiftOut(const cloth::Start& start, Motion* motion) const {
       }
       const double lift = std::min<double>(plane.gap[v], -kPressed) - (plane.gap[v] + way);
       if (!(lift > 0)) continue;
+      lifted = true;
       for (int k = 0; k < 3; ++k) {
         move[k] += lift * plane.normal[k];
         velocity[k] -= std::min(speed, 0.0) * plane.normal[k];
       }
     }
   }
+  return lifted;
 }
 
 }  // namespace softgym_mj::cloth

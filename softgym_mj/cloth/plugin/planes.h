@@ -34,8 +34,8 @@ class Planes {
   // `turn`: of near vertices; others have one in a substep.
   void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn);
   void SweepNear(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn);
-  // Lifts what moves as one with something that is held, and would be pulled into a plane by it.
-  void LiftOut(const cloth::Start& start, Motion* motion) const;
+  // Lifts what moves as one with something that is held, and would be pulled into a plane by it. Whether there was any.
+  bool LiftOut(const cloth::Start& start, Motion* motion) const;
 
  private:
   struct Active {

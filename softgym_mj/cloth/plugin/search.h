@@ -227,7 +227,7 @@ inline int FilterTriangles(const Scene& scene, const int* pairs, int count, Pair
 
 inline int FilterEdges(const Scene& scene, const int* pairs, int count, Pair* out) {
   int found = 0;
-  const Lanes zero(0.0f), one(1.0f);
+  const Lanes one(1.0f);
   for (int first = 0; first < count; first += kBlock) {
     const int size = count - first < kBlock ? count - first : kBlock;
     const int* ids = pairs + 2 * first;
@@ -240,14 +240,8 @@ inline int FilterEdges(const Scene& scene, const int* pairs, int count, Pair* ou
     const Lanes3* x = eight.position;
     Lanes s, t;
     ClosestOnSegments(x[1] - x[0], x[3] - x[2], x[0] - x[2], &s, &t);
-    float both[kBlock];
-    for (int i = 0; i < kBlock; ++i) {
-      const int* id = ids + 2 * (i < size ? i : 0);
-      both[i] = scene.cord[id[0]] * scene.cord[id[1]];
-    }
-    const Mask inside = (Less(zero, s) & Less(s, one) & Less(zero, t) & Less(t, one)) | Less(zero, Lanes::Load(both));
     const Lanes weight[4] = {one - s, s, t - one, -t};
-    found += Append(scene, eight, 2, weight, Bits(inside) & ((1u << size) - 1), ids, true, out + found);
+    found += Append(scene, eight, 2, weight, (1u << size) - 1, ids, true, out + found);
   }
   return found;
 }

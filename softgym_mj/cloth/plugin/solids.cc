@@ -13,7 +13,7 @@ constexpr double kSlack = 0.002;    // [m] Beyond what can come near in a step.
 constexpr double kBodyHaste = 0.2;  // [m/s] By which bodies may be faster at the end of a step than at its start.
 // [N] With which a body that is told where to go, as pickers are, pushes a point at most: it comes through what it
 // presses against the floor or another one, instead of tearing it.
-constexpr double kMostForce = 1;
+constexpr double kMostForce = 0.1;
 constexpr double kLight = 5;  // [kg] Lighter bodies need impulses to be kept from substep to substep.
 // Bodies of this bounding radius [m] count as small: pads of grippers.
 constexpr double kSmall = 0.05;
@@ -21,6 +21,9 @@ constexpr double kSmall = 0.05;
 constexpr double kThin = 0.002;
 // [m] Fixed points of triangles against them: the nearest point of a triangle jumps between the ends of a flat pad.
 constexpr double kPointDistance = 0.0075;
+// [m] In a step: cloth that is faster has fixed points against all solids. A triangle that is stopped at its nearest
+// point alone goes on turning about it, for most of what is thin.
+constexpr double kHasty = 0.1;
 constexpr int kMostPoints = 16;  // Along an edge.
 
 Shape ShapeOf(int type) {
@@ -195,7 +198,7 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
   const auto add = [&](const int* vertex, int corners, double longest, size_t element) {
     if (!touches[mesh.part[vertex[0]]] || !near(vertex, corners)) return;
     const int second = vertex[1], third = corners == 3 ? vertex[2] : dummy;
-    if (!active->small) {
+    if (!active->small && fastest_ < kHasty) {
       active->triangles.push_back({{vertex[0], second, third}, {0, 0, 0}, 0});
       return;
     }

@@ -10,6 +10,7 @@
 #include <mujoco/mujoco.h>
 
 #include "cloth/plugin/bodies.h"
+#include "cloth/plugin/impacts.h"
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/levels.h"
 #include "cloth/plugin/mesh.h"
@@ -56,6 +57,9 @@ class Solids {
   bool TouchesLightBodies() const { return touches_light_; }
   // Marks the vertices of rows with bodies that give way.
   void MarkNear(std::vector<bool>* near) const;
+  // Takes back what of a motion brings vertices into solids that stand still. `Find` has looked from `before` to the
+  // motion's end.
+  void LiftOut(const Points& points, Motion* motion) const;
 
   const std::vector<Contact>& contacts() const { return contacts_; }
   // Ends a step: bodies move, contacts are kept.

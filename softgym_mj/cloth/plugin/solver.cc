@@ -15,6 +15,7 @@ constexpr double kRecovery = 1;  // [m/s] At which overlaps are left at most.
 constexpr double kHysteresis = 5e-4;
 constexpr float kVouched = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
 constexpr int kMaxSearches = 4;
+constexpr int kLifts = 3;  // Times that solids are looked for on the way that impact zones have changed.
 // Planes are so much stiffer than other contacts: they come last, so that nothing undoes what they do.
 constexpr float kFirm = 5;
 // Substeps after which the nearest points of triangles to solids are found anew, if nothing moves further in them [m].
@@ -47,14 +48,14 @@ void Solver::Reset(const Mesh& mesh, const Settings& settings, double timestep) 
 }
 
 void Solver::StartPoints(const Mesh& mesh, const Start& start) {
-  std::vector<double> acceleration = start.acceleration;
-  AddDrag(mesh, start, timestep_, &acceleration);
+  acceleration_ = start.acceleration;
+  AddDrag(mesh, start, timestep_, &acceleration_);
   for (int v = 0; v < mesh.NumVertices(); ++v) {
     const float w = start.inverse_mass[v];
     for (int k = 0; k < 3; ++k) {
       now_[4 * v + k] = 0;
       before_[4 * v + k] = static_cast<float>(-h_ * start.velocity[3 * v + k]);
-      drift_[4 * v + k] = w > 0 ? static_cast<float>(h_ * h_ * acceleration[3 * v + k]) : 0;
+      drift_[4 * v + k] = w > 0 ? static_cast<float>(h_ * h_ * acceleration_[3 * v + k]) : 0;
       bent_drift_[4 * v + k] = drift_[4 * v + k];
     }
     now_[4 * v + 3] = before_[4 * v + 3] = w;
@@ -95,13 +96,13 @@ void Solver::FindLayers(const Mesh& mesh, const Start& start, const Solids& soli
     near_.assign(count + 1, false);
     solids.MarkNear(&near_);
   }
-  layers_.MakeRows(mesh, position_, move_, start.inverse_mass, near_, contact_.gamma);
-  layers_.Start(mesh, start.position.data(), kept.after_layers);
+  layers_.MakeRows(mesh, position_, move_, start.yielding, near_, contact_.gamma);
+  layers_.Start(mesh, start.position.data(), kept.after_layers, Kept::kPairs * mesh.NumVertices());
 }
 
 void Solver::Substep(int substep, Solids* solids) {
   const int near = layers_.num_near(), all = static_cast<int>(layers_.blocks.size());
-  const bool repeats = solids->TouchesBodies() && settings_.sweeps > 1;
+  const bool repeats = Repeats(*solids);
   const bool warm = solids->TouchesLightBodies() && substep > 0;
   LayerBlock* layers = layers_.blocks.data();
   hinges_.Bend(*kernels_, points_, substep);
@@ -113,21 +114,25 @@ void Solver::Substep(int substep, Solids* solids) {
   chains_.Solve(points_);
   if (moves_air_) kernels_->MoveAir(points_);
   if (warm) {
-    kernels_->WarmLayers(points_, layers, near, kWarm);
+    driven_.Give(points_, [&] { kernels_->WarmLayers(points_, layers, near, kWarm); });
     solids->Warm(*kernels_, points_, kWarm);
-    planes_.Warm(*kernels_, points_, kWarm);
+    driven_.Give(points_, [&] { planes_.Warm(*kernels_, points_, kWarm); });
   }
   const Turn turn = {!warm, !repeats};
-  kernels_->SweepLayers(points_, contact_, layers, near, turn);
-  kernels_->SweepLayers(points_, contact_, layers + near, all - near, {true, true});
+  driven_.Give(points_, [&] {
+    kernels_->SweepLayers(points_, contact_, layers, near, turn);
+    kernels_->SweepLayers(points_, contact_, layers + near, all - near, {true, true});
+  });
   if (substep + 1 == settings_.substeps) with_layers_ = now_;
   solids->Sweep(*kernels_, points_, contact_, turn);
-  planes_.Sweep(*kernels_, points_, plane_row_, turn);
+  driven_.Give(points_, [&] { planes_.Sweep(*kernels_, points_, plane_row_, turn); });
   for (int sweep = 1; repeats && sweep < settings_.sweeps; ++sweep) {
     const Turn again = {false, sweep + 1 == settings_.sweeps};
     solids->Sweep(*kernels_, points_, contact_, again);
-    kernels_->SweepLayers(points_, contact_, layers, near, again);
-    planes_.SweepNear(*kernels_, points_, plane_row_, again);
+    driven_.Give(points_, [&] {
+      kernels_->SweepLayers(points_, contact_, layers, near, again);
+      planes_.SweepNear(*kernels_, points_, plane_row_, again);
+    });
   }
   solids->Finish();
 }
@@ -137,6 +142,7 @@ void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
   FindLayers(mesh, start, *solids, kept);
   search_interval_ = solids->fastest() * kSearchInterval > settings_.substeps * kSearchWay ? 1 : kSearchInterval;
   StartPoints(mesh, start);
+  driven_.Start(start);
   edges_.Start(start, kept.after_edge);
   hinges_.Start(start.position);
   chains_.Start(start.position, kept.after_edge);
@@ -150,20 +156,15 @@ void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
     edges_.AddHoldingForces(points_, share, &holding_forces_);
     chains_.AddHoldingForces(points_, share, &holding_forces_);
   }
-  Keep(mesh.NumVertices(), kept);
-  Finish(mesh, start, motion);
-}
-
-void Solver::Keep(int count, const Kept& kept) const {
-  for (int v = 0; v < count; ++v) {
-    kept.holding_force[v] = mju_norm3(&holding_forces_[3 * v]);
-    for (int k = 0; k < 3; ++k) kept.after_layers[3 * v + k] = now_[4 * v + k] - with_layers_[4 * v + k];
-  }
+  layers_.Keep(mesh, points_, with_layers_.data(), Repeats(*solids), kept.after_layers,
+               Kept::kPairs * mesh.NumVertices());
   edges_.Keep(points_, kept.after_edge);
   chains_.Keep(points_, kept.after_edge);
+  for (int v = 0; v < mesh.NumVertices(); ++v) kept.holding_force[v] = mju_norm3(&holding_forces_[3 * v]);
+  Finish(mesh, start, solids, motion);
 }
 
-void Solver::Finish(const Mesh& mesh, const Start& start, Motion* motion) {
+void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion) {
   const int count = mesh.NumVertices();
   motion->start = start.position.data();
   motion->move.resize(3 * count);
@@ -179,11 +180,12 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Motion* motion) {
           held ? start.velocity[3 * v + k] : (static_cast<double>(now) - before_[4 * v + k]) / h_;
     }
   }
-  int changed = PreventImpacts(*kernels_, layers_.pairs, motion);
+  driven_.Finish(mesh, motion);
+  int changed = impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion);
   // Pairs that were not of interest may be by now.
   const float most = kVouched * *std::min_element(mesh.thickness.begin(), mesh.thickness.end());
   for (int search = 0; search < kMaxSearches; ++search) {
-    AlignedFloats end(move_.size(), 0);
+    end_.assign(move_.size(), 0);
     double mean[3] = {0, 0, 0};
     for (int v = 0; v < count; ++v) {
       for (int k = 0; k < 3; ++k) mean[k] += motion->move[3 * v + k] / count;
@@ -192,21 +194,31 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Motion* motion) {
     for (int v = 0; v < count; ++v) {
       float square = 0;
       for (int k = 0; k < 3; ++k) {
-        end[4 * v + k] = static_cast<float>(motion->move[3 * v + k] - mean[k]);
-        const float d = end[4 * v + k] - move_[4 * v + k];
+        end_[4 * v + k] = static_cast<float>(motion->move[3 * v + k] - mean[k]);
+        const float d = end_[4 * v + k] - move_[4 * v + k];
         square += d * d;
       }
       furthest = std::max(furthest, square);
     }
     if (furthest <= most * most) break;
-    move_ = end;
+    move_ = end_;
     layers_.Find(mesh, position_, move_);
     layers_.Forget();
-    const int more = PreventImpacts(*kernels_, layers_.pairs, motion);
+    const int more = impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion);
     changed += more;
     if (!more) break;
   }
-  if (changed) planes_.LiftOut(start, motion);
+  if (!changed) return;
+  for (int round = 0; round < kLifts; ++round) {
+    before_ = now_;
+    for (int v = 0; v < count; ++v) {
+      for (int k = 0; k < 3; ++k) now_[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
+    }
+    solids->Find(*kernels_, points_, 1);
+    solids->LiftOut(points_, motion);
+  }
+  // What is squeezed against a plane has nowhere to go.
+  if (planes_.LiftOut(start, motion)) impacts_.Prevent(*kernels_, layers_.all(), Zones::kStand, motion);
 }
 
 }  // namespace softgym_mj::cloth

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cloth/plugin/chains.h"
+#include "cloth/plugin/driven.h"
 #include "cloth/plugin/impacts.h"
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/layers.h"
@@ -40,9 +41,10 @@ class Solver {
  private:
   void StartPoints(const Mesh& mesh, const Start& start);
   void FindLayers(const Mesh& mesh, const Start& start, const Solids& solids, const Kept& kept);
+  // Whether contacts near bodies are swept more than once.
+  bool Repeats(const Solids& solids) const { return solids.TouchesBodies() && settings_.sweeps > 1; }
   void Substep(int substep, Solids* solids);
-  void Finish(const Mesh& mesh, const Start& start, Motion* motion);
-  void Keep(int count, const Kept& kept) const;
+  void Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion);
 
   const ClothKernels* kernels_ = nullptr;
   Settings settings_;
@@ -57,7 +59,10 @@ class Solver {
   ChainRows chains_;
   Planes planes_;
   Layers layers_;
-  AlignedFloats position_, move_;
+  Driven driven_;
+  Impacts impacts_;
+  std::vector<double> acceleration_;  // With drag.
+  AlignedFloats position_, move_, end_;
   std::vector<bool> near_;
   bool moves_air_ = false;
   std::vector<double> holding_forces_;

@@ -13,10 +13,12 @@ namespace softgym_mj::cloth {
 // What a step leaves for the next one, in the state. Rows begin where they have ended: else springs would let go at the
 // start of each step, and heaps would creep.
 struct Kept {
+  static constexpr int kPairs = 2;  // That are kept of a vertex, on average: a fold has one that pushes.
+
   double* reference;      // (n, 3) Positions that pairs of layers are found for [m].
-  double* after_layers;   // (n, 3) How far planes and solids moved vertices after the layers' last turn [m].
   double* after_edge;     // (edges,) By how much edges got longer after their last turn [m].
   double* holding_force;  // (n,) With which its edges pulled a held vertex, mean of the step [N]; of others 0.
+  double* after_layers;   // (2 n, 4) Pairs of layers that push, see `Layers::Keep`.
 };
 
 // Numbers of the state: whether it is made, what `Kept` points to, and the sides of `Solids`.
