@@ -192,6 +192,34 @@ def test_without_a_solution_the_reference_stands_still(monkeypatch):
     np.testing.assert_allclose(scene.arms.positions()[0], [0.1, -0.2, 0.3], atol=1e-3)
 
 
+@arms_by_name
+def test_an_elbow_swings_home_slowly_and_the_tool_stays(arm):
+    """Displaced along the null space, it comes back by the same share in each solution."""
+    record = ARMS[arm]
+    model = arm_bodies.kinematic_model(record, [Stand((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
+    names = zip(record.arm_joints, record.velocity_limits, strict=True)
+    limits = {f"{arm}_0/{joint}": limit for joint, limit in names}
+    tool, home = f"{arm}_0/tcp", arm_bodies.home(record)
+    controller = cartesian.CartesianController(model, [tool], home, limits)
+    data = mujoco.MjData(model)
+    data.qpos[:] = home
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    jacobian = np.empty((6, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], model.site(tool).id)
+    swing = 0.05 * np.linalg.svd(jacobian)[2][-1]  # [rad]
+    controller.set_state(controller.get_state() | {"configuration": home + swing})
+    point, away = controller.points(), []
+    for _ in range(60):
+        controller.follow(point)
+        assert np.abs(controller.velocity).max() < 0.05 / (15 * cartesian.PERIOD)
+        away.append((controller.configuration - home) @ swing / (swing @ swing))
+    weight = cartesian.POSTURE_COST**2
+    share = cartesian.POSTURE_GAIN * weight / (weight + cartesian.DAMPING)
+    np.testing.assert_allclose(away, (1.0 - share) ** np.arange(1, 61), atol=0.01)
+    assert np.linalg.norm(controller.points() - point) < 1e-3
+
+
 def test_the_controller_clips_what_is_outside_the_limits():
     arm = ARMS["franka"]
     model = arm_bodies.kinematic_model(arm, [Stand((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
