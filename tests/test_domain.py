@@ -146,6 +146,7 @@ def test_the_cloth_has_what_was_drawn():
         assert model.body_mass[bodies].sum() == pytest.approx(
             values["density"] * cloth.size[0] * cloth.size[1]
         )
+        assert model.flex_radius[0] == cloth.radius == pytest.approx(values["thickness"] / 2)
         assert model.flex_friction[0, 0] == pytest.approx(values["friction"])
         assert values["layer_friction"] == env.info()["domain_layer_friction"]
         material = cloth.physical_parameters["material"]

@@ -12,11 +12,13 @@ from softgym_mj import assets, metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.garment import Garment, read_mesh
-from softgym_mj.entities.sheet import AREA_DENSITY, RADIUS, Fabric
+from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS, Fabric
 from softgym_mj.exceptions import MeshError, OutOfRangeError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import Picker
+
+RADIUS = THICKNESS / 2.0  # [m]
 
 T_SHIRT = assets.path("garments/t_shirt.obj")
 TOOL = pathlib.Path(__file__).parent.parent / "tools" / "t_shirt.py"
@@ -86,7 +88,7 @@ def test_a_grid_from_a_file_moves_bit_by_bit_as_a_cloth(tmp_path):
 
 def test_mass_and_size_follow_density_and_scale():
     small = Garment(T_SHIRT)
-    large = Garment(T_SHIRT, scale=1.5, radius=0.0075, fabric=Fabric(density=0.1))
+    large = Garment(T_SHIRT, scale=1.5, fabric=Fabric(density=0.1, thickness=0.015))
     assert large.area == pytest.approx(2.25 * small.area, rel=1e-6)
     np.testing.assert_allclose(np.ptp(large.laid(), axis=0), 1.5 * np.ptp(small.laid(), axis=0))
     for garment, density in ((small, AREA_DENSITY), (large, 0.1)):
@@ -226,8 +228,8 @@ def test_bad_arguments_are_errors(tmp_path):
         Garment(tmp_path / "picture.png")
     with pytest.raises(OutOfRangeError, match="scale=0"):
         Garment(T_SHIRT, scale=0.0)
-    with pytest.raises(OutOfRangeError, match="radius=nan"):
-        Garment(T_SHIRT, radius=float("nan"))
+    with pytest.raises(OutOfRangeError, match="thickness=nan"):
+        Fabric(thickness=float("nan"))
     with pytest.raises(OutOfRangeError, match="density=-1"):
         Fabric(density=-1.0)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from softgym_mj.arithmetic import product
-from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, RADIUS, Fabric, Sheet
+from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import OutOfRangeError, check_name
 
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
@@ -121,7 +121,7 @@ class Cloth(Sheet):
         """
         cosine, sine = math.cos(angle), math.sin(angle)
         turn = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
-        return product(self._rest_points, turn) + np.array([*centre, RADIUS])
+        return product(self._rest_points, turn) + np.array([*centre, self.radius])
 
     def resize(self, dims: tuple[int, int]) -> bool:
         """Gives the cloth another size; True when the model changed and must be recompiled."""
@@ -139,7 +139,7 @@ class Cloth(Sheet):
             np.linspace(-width / 2, width / 2, columns), np.linspace(depth / 2, -depth / 2, rows)
         )
         points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-        self._set_mesh(points, _alternating_triangles(rows, columns), RADIUS)
+        self._set_mesh(points, _alternating_triangles(rows, columns))
         return True
 
     def _mass(self, density: float) -> float:

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 
 from softgym_mj.arithmetic import product
-from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, RADIUS, Fabric, Sheet
+from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import MeshError, OutOfRangeError
 
-# Accepted lengths of edges in contact radii. Below, layers would be
-# thinner than they are drawn; above, folds are coarse. Cloths have 4 to 8.
-SHORTEST_EDGE, LONGEST_EDGE = 3.0, 12.0
+# Accepted lengths of edges in thicknesses. Below, layers would be thinner than they are drawn;
+# above, folds are coarse. Cloths have 2 to 4.
+SHORTEST_EDGE, LONGEST_EDGE = 1.5, 6.0
 # Least height of a triangle over its longest edge: slimmer ones are as stiff as wire.
 LEAST_HEIGHT = 0.1
 
@@ -52,8 +52,8 @@ def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, 
     return model.body_pos[model.flex_vertbodyid], model.flex_elem.reshape(-1, 3).copy()
 
 
-def check_mesh(points: np.ndarray, triangles: np.ndarray, radius: float) -> None:
-    """Raises `MeshError` unless a mesh can be a sheet of contact radius `radius` [m]."""
+def check_mesh(points: np.ndarray, triangles: np.ndarray, thickness: float) -> None:
+    """Raises `MeshError` unless a mesh can be a sheet so thick [m]."""
     sides = points[np.roll(triangles, -1, axis=1)] - points[triangles]
     lengths = np.linalg.norm(sides, axis=2)
     heights = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / lengths.max(axis=1)
@@ -64,11 +64,12 @@ def check_mesh(points: np.ndarray, triangles: np.ndarray, radius: float) -> None
             f"{heights[slim[0]]:.2g} m high on a side of {lengths[slim[0]].max():.2g} m; expected "
             f"{LEAST_HEIGHT:.0%} of it at least. {len(slim)} of {len(triangles)} are."
         )
-    low, high = SHORTEST_EDGE * radius, LONGEST_EDGE * radius
+    low, high = SHORTEST_EDGE * thickness, LONGEST_EDGE * thickness
     if lengths.min() < low or lengths.max() > high:
         raise MeshError(
-            f"edges are {lengths.min():.3g} to {lengths.max():.3g} m long; with radius={radius} m "
-            f"expected {low:.3g} to {high:.3g} m: change the scale, the radius or the mesh."
+            f"edges are {lengths.min():.3g} to {lengths.max():.3g} m long; with "
+            f"thickness={thickness} m expected {low:.3g} to {high:.3g} m: change the scale, the "
+            "fabric or the mesh."
         )
     pairs = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2))
     edges, counts = np.unique(pairs, axis=0, return_counts=True)
@@ -92,7 +93,6 @@ class Garment(Sheet):
         *,
         scale: float = 1.0,
         fabric: Fabric | None = None,
-        radius: float = RADIUS,
         colors: tuple[Sequence[float], Sequence[float]] = (FRONT_COLOR, BACK_COLOR),
         name: str = "garment",
     ):
@@ -100,30 +100,28 @@ class Garment(Sheet):
 
         Args:
             file: an OBJ, STL or MSH file, as in `read_mesh`. Layers that lie upon each other have
-                to be two radii apart, but where they are sewn together.
+                to be its thickness apart, but where they are sewn together.
             scale: metres in a unit of the file.
-            fabric: what it is made of; None for a woven tablecloth.
-            radius: contact radius [m]: edges have to be 3 to 12 times as long.
+            fabric: what it is made of; None for a woven tablecloth. Edges have to be 1.5 to 6 times
+                as long as it is thick.
             colors: (r, g, b, a) in 0..1 of the side on which triangles are counter-clockwise, and
                 of the other side.
             name: model name.
 
         Raises:
             MeshError: if the file is missing, no mesh, or none that can be a sheet.
-            OutOfRangeError: for a bad scale or radius.
+            OutOfRangeError: for a bad scale.
         """
-        if not 0.0 < radius < np.inf:
-            raise OutOfRangeError("radius", radius, "finite and above 0 [m]")
+        fabric = Fabric() if fabric is None else fabric
         points, triangles = read_mesh(file, scale)
-        check_mesh(points, triangles, radius)
+        check_mesh(points, triangles, fabric.thickness)
         corners = points[triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         self._area = float(np.linalg.norm(normals, axis=1).sum() / 2)
         outside, inside = colors
-        fabric = Fabric() if fabric is None else fabric
         sides = {"outside": outside, "inside": inside}
         self._start_sheet(name, fabric, sides)
-        self._set_mesh(points, triangles, radius)
+        self._set_mesh(points, triangles)
 
     @property
     def area(self) -> float:

@@ -11,8 +11,8 @@ from softgym_mj.domain import Parameter, scaled, shifted, turned
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import OutOfRangeError
 
-# Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
-RADIUS = 0.005
+# [m] Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
+THICKNESS = 0.01
 # A tablecloth of polyester, woven: "white dots" of Wang, O'Brien and Ramamoorthi (Data-driven
 # elastic models for cloth, 2011), 12.9, 10.2 and 7.8 uN m along warp, bias and weft. Its gravity
 # bending length (B / (density g))^(1/3), 20 mm, is in the middle of those of 618 measured fabrics
@@ -48,6 +48,7 @@ class Fabric:
         bend_stiffness: moment per width and curvature [N m].
         stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
         density: mass of a unit of area [kg/m^2].
+        thickness: that layers keep; on the floor, vertices are half as high [m].
         friction: on the floor.
         layer_friction: between layers.
         drag: coefficient of the air's drag on what moves along its normal; 0 is without air.
@@ -64,6 +65,7 @@ class Fabric:
     stretch_damping: float = STRETCH_DAMPING
     bend_damping: float = BEND_DAMPING
     density: float = AREA_DENSITY
+    thickness: float = THICKNESS
     friction: float = FRICTION
     layer_friction: float = LAYER_FRICTION
     drag: float = DRAG
@@ -90,6 +92,7 @@ class Fabric:
             scaled("stretch_damping", "s", self.stretch_damping, 2.0, 5.0, "dashpot to stiffness"),
             scaled("bend_damping", "s", self.bend_damping, 2.0, 5.0, "dashpot to stiffness"),
             scaled("density", "kg/m^2", self.density, 1.4, 2.0, "mass of a unit of area"),
+            scaled("thickness", "m", self.thickness, 1.2, 1.6, "that layers keep"),
             scaled("friction", "", self.friction, 1.2, 1.6, "on the floor"),
             scaled("layer_friction", "", self.layer_friction, 1.2, 1.6, "between layers"),
             Parameter(
@@ -138,12 +141,11 @@ class Sheet(Flex):
         """Number of places where the sheet passes through itself now (some milliseconds)."""
         return metrics.count_intersections(self.vertices(), self.edges, self.triangles)
 
-    def _set_mesh(self, points: np.ndarray, triangles: np.ndarray, radius: float) -> None:
+    def _set_mesh(self, points: np.ndarray, triangles: np.ndarray) -> None:
         """(Re)places the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""
         self._triangles = triangles
-        flexcomp = self._add_flexcomp(
-            points, triangles, radius=radius, rgba=next(iter(self._colors.values()))
-        )
+        radius, rgba = self._values["thickness"] / 2.0, next(iter(self._colors.values()))
+        flexcomp = self._add_flexcomp(points, triangles, radius=radius, rgba=rgba)
         # The flex itself is hidden (group 4): the skins below show its two sides.
         flexcomp.contact.condim = 3
         flexcomp.group = 4
@@ -156,6 +158,7 @@ class Sheet(Flex):
         values = self._values
         flexcomp = self._mjcf_root.worldbody.flexcomp[0]
         flexcomp.mass = self._mass(values["density"])
+        flexcomp.radius = self._radius = values["thickness"] / 2.0
         flexcomp.contact.friction = [values["friction"]]
         self._set_material(
             stretch=values["stretch_stiffness"],
