@@ -5,11 +5,14 @@ import pytest
 
 import softgym_mj
 from softgym_mj import metrics
-from softgym_mj.entities.cloth import RADIUS, Cloth
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.sheet import THICKNESS
 from softgym_mj.exceptions import UnknownNameError
 from softgym_mj.tasks.folding import FoldGoal
 from softgym_mj.tasks.initializers import FlatCloth, HangingCloth
 from softgym_mj.variations import NUM_VARIATIONS
+
+RADIUS = THICKNESS / 2.0  # [m]
 
 FOLD_TASKS = ("fold_cloth", "fold_crumpled_cloth", "drop_fold_cloth")
 DROP_TASKS = ("drop_cloth", "drop_fold_cloth")

@@ -2,6 +2,8 @@
 
 import abc
 import dataclasses
+import math
+import warnings
 
 import numpy as np
 
@@ -10,6 +12,8 @@ from softgym_mj.entities.flex import Flex
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.variations import VariationStore
+
+MOST_SPEED = 20.0  # [m/s] Ten times what grippers do; in 10^5 random steps nothing comes near it.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,4 +119,12 @@ class FlexTask(StoredTask):
         return np.concatenate([self.key_points().ravel(), self._actor.proprioception()])
 
     def diagnostics(self) -> dict[str, float | int]:
-        return {"max_edge_strain": float(np.max(self._target.edge_strain()))}
+        speed = math.sqrt(float((self._target.velocities() ** 2).sum(axis=1).max()))
+        if speed > MOST_SPEED:
+            warnings.warn(
+                f"a vertex moves at {speed:.0f} m/s; expected {MOST_SPEED:.0f} m/s at most: "
+                "something pulls or presses harder than the object can stand",
+                stacklevel=2,
+            )
+        strain = float(np.max(self._target.edge_strain()))
+        return {"max_edge_strain": strain, "max_speed": speed}
