@@ -33,7 +33,8 @@ class ClothExpert(PickerExpert):
     def __init__(self, env: Environment):
         """Binds the expert, as `PickerExpert`."""
         super().__init__(env)
-        if self._actor.least_distance > 0.0:
+        self._has_arms = self._actor.least_distance > 0.0
+        if self._has_arms:
             self._reach = ARM_REACH
 
     def _steps(self, a: int, b: int) -> int:
@@ -80,8 +81,13 @@ class ClothExpert(PickerExpert):
             free[0],
         )
 
-    def _take(self, wanted: dict[int, int], grips: list[bool]) -> Iterator[np.ndarray]:
-        """Takes vertices, `wanted` by picker, and lifts off; sets `grips` where it succeeds."""
+    def _take(
+        self, wanted: dict[int, int], grips: list[bool], away: float = NEAR_GOAL
+    ) -> Iterator[np.ndarray]:
+        """Takes vertices, `wanted` by picker; sets `grips` where it succeeds.
+
+        That is where it holds one within `away` grid steps of the wanted one.
+        """
         up = self._actor.positions()
         for i in wanted:
             up[i, 2] = max(TRAVEL_HEIGHT, up[i, 2])
@@ -102,7 +108,7 @@ class ClothExpert(PickerExpert):
         yield self._step(goals, grips)
         for i, vertex in wanted.items():
             held = int(self._actor.held[i])
-            grips[i] = bool(held >= 0 and self._steps(held, vertex) <= NEAR_GOAL)
+            grips[i] = bool(held >= 0 and self._steps(held, vertex) <= away)
 
     def _nearest_picker(self, vertex: int) -> int:
         offsets = self._actor.positions() - self._target.vertex(vertex)
@@ -122,11 +128,7 @@ class ClothExpert(PickerExpert):
         clear = {v: self._grasp(v)[2] for v in ends}
         a, b, _ = max(pairs, key=lambda pair: (min(clear[pair[0]], clear[pair[1]]), pair[2]))
         wanted = dict(enumerate(self._matched([a, b])))
-        apart = length(self._target.vertex(a) - self._target.vertex(b))
-        if (
-            apart >= self._actor.least_distance
-            and min(self._clearance(i, v) for i, v in wanted.items()) > 0.0
-        ):
+        if min(self._clearance(i, v) for i, v in wanted.items()) > 0.0:
             yield from self._take(wanted, grips)
         for trial in range(6):
             at_end = [self._nearest(int(held), ends) is not None for held in self._actor.held]
@@ -145,7 +147,6 @@ class ClothExpert(PickerExpert):
                 side = low[1] if goals[1 - holding, 1] < goals[holding, 1] else high[1]
                 goals[1 - holding, 1:] = side, TRAVEL_HEIGHT
                 goals[holding] = [*(low + high)[:2] / 2, high[2]]
-                goals[holding, 1] += self._actor.least_distance * self._own_sides()[holding]
                 yield from self._move(goals, grips, LIFT, PASSED)
                 yield self._step(goals, grips)
             end = self._nearest(int(self._actor.held[holding]), ends)
@@ -158,40 +159,51 @@ class ClothExpert(PickerExpert):
                 vertex = self._exposed_near(list(near), other)
             yield from self._take({other: vertex}, grips)
 
-    def _misplaced(self, placed: np.ndarray) -> dict[int, np.ndarray]:
-        """Up to two vertices far from their places (n, 3) that can be taken, with goals [m]."""
+    def _mend(self, placed: np.ndarray) -> Iterator[np.ndarray]:
+        """Puts what lies far from its place (n, 3) [m] there, or waits if nothing does."""
+        chosen = self._misplaced(placed)
+        yield from self._put(chosen, placed) if chosen else self._wait()
+
+    def _wait(self) -> Iterator[np.ndarray]:
+        """Gets out of the way and rests."""
+        yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN)
+        yield self._rest(OPEN)
+
+    def _misplaced(self, placed: np.ndarray) -> list[int]:
+        """Up to two vertices far from their places (n, 3) [m] that can be taken."""
         vertices = self._target.vertices()
-        offset = placed - vertices
-        distance = np.linalg.norm(offset[:, :2], axis=1)
-        value = distance.copy()
+        value = np.linalg.norm((placed - vertices)[:, :2], axis=1)
         value[self._env.task.cloth.corners] *= 1.5
-        chosen: dict[int, np.ndarray] = {}
+        chosen: list[int] = []
         for v in np.argsort(-value, kind="stable").tolist():
             if value[v] < MISPLACED or len(chosen) == 2:
                 break
-            others = [*chosen]
             apart = [
-                np.linalg.norm(points[v] - points[others], axis=1) for points in (placed, vertices)
+                np.linalg.norm(points[v] - points[chosen], axis=1) for points in (placed, vertices)
             ]
             if np.min(apart, initial=np.inf) > APART and self._grasp(v)[2] > 0.0:
-                chosen[v] = placed[v] + OVERSHOOT * offset[v] / length(offset[v])
+                chosen.append(v)
         return chosen
 
-    def _put(self, places: dict[int, np.ndarray]) -> Iterator[np.ndarray]:
-        """Takes vertices, swings them over in an arc and puts them down at their goals [m]."""
-        if len(places) == 2:
-            wanted = dict(enumerate(self._matched(list(places))))
+    def _put(self, chosen: list[int], placed: np.ndarray) -> Iterator[np.ndarray]:
+        """Takes vertices, swings them over in an arc and puts them down at their places (n, 3) [m].
+
+        Where another one gives way to a gripper and is taken, that one is put to its own place.
+        """
+        if len(chosen) == 2:
+            wanted = dict(enumerate(self._matched(chosen)))
         else:
-            wanted = {self._nearest_picker(v): v for v in places}
+            wanted = {self._nearest_picker(v): v for v in chosen}
         grips = [False, False]
-        yield from self._take(wanted, grips)
+        yield from self._take(wanted, grips, math.inf)
         start, goals = self._actor.positions(), self._actor.positions()
-        for i, vertex in wanted.items():
+        for i in wanted:
+            goals[i, 2] = TRAVEL_HEIGHT
             if grips[i]:
-                goals[i] += places[vertex] - self._target.vertex(vertex)
+                vertex = int(self._actor.held[i])
+                way = placed[vertex] - self._target.vertex(vertex)
+                goals[i] += way + OVERSHOOT * way / length(way)
                 goals[i, 2] = self._actor.limits[0][2]
-            else:
-                goals[i, 2] = TRAVEL_HEIGHT
         arc = (start + goals) / 2
         arc[:, 2] = np.maximum(arc[:, 2], np.linalg.norm(goals - start, axis=1) / 2)
         yield from self._move(arc, grips, SLOW, PASSED)

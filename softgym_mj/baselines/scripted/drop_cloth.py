@@ -35,9 +35,9 @@ class Swing:
     sinking: float
 
 
-PICKER_SWING = Swing(-0.148, 0.04, 0.451, 0.694, 0.09, 0.745, 0.29)
+PICKER_SWING = Swing(-0.066, 0.063, 0.39, 0.739, 0.144, 1.0, 0.433)
 # Arms speed up less than pickers, which change their speed at once.
-ARM_SWING = Swing(0.154, 0.087, 0.138, 0.919, 0.202, 0.707, 0.141)
+ARM_SWING = Swing(0.294, 0.01, 0.162, 0.603, 0.265, 0.833, 0.168)
 WAITING = 3  # Env steps for the cloth to come to rest.
 APPROACH = 0.5  # Fraction of full speed at which the start is approached.
 RISE = 0.3  # Fraction of full speed at which the grippers then get out of the way.

@@ -9,8 +9,10 @@ from softgym_mj.baselines.scripted.cloth_expert import TRAVEL_HEIGHT, ClothExper
 from softgym_mj.baselines.scripted.picker_expert import ARRIVED, CLOSED, OPEN, PASSED
 
 ARC = 12  # Points of the half circle in which the corners are carried.
-SHORT = 0.04  # [m] By which the corners are let down early: the bend takes up as much.
-LANDING = 0.03  # [m] Above the lower layer, where they are let go: lower, they push it along.
+# [m] By which the corners are let down early, as the bend takes up as much, and the height above
+# the lower layer where they are let go: lower, they push it along. Fingers that open do so as well.
+SHORT, LANDING = 0.04, 0.03
+ARM_SHORT, ARM_LANDING = 0.05, 0.025
 SPEED = 0.25  # Fraction of full speed.
 
 
@@ -23,8 +25,9 @@ class FoldCloth(ClothExpert):
         yield from self._take(dict(enumerate(wanted)), grips)
         ends = cloth.vertices()[mirrors]
         ways = ends - cloth.vertices()[wanted]
-        ends -= SHORT * ways / np.linalg.norm(ways, axis=1, keepdims=True)
-        yield from self._swing(ends + [0.0, 0.0, LANDING])
+        short, landing = (ARM_SHORT, ARM_LANDING) if self._has_arms else (SHORT, LANDING)
+        ends -= short * ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        yield from self._swing(ends + [0.0, 0.0, landing])
         while True:
             yield self._rest(OPEN)
 

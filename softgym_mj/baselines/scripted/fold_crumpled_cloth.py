@@ -27,23 +27,19 @@ class FoldCrumpledCloth(ClothExpert):
     """Takes both ends of the middle column, hangs the cloth up and lays it down towards +X."""
 
     def _episode(self) -> Iterator[np.ndarray]:
-        tried = False
+        lifts, tried = not self._has_arms, False  # Arms only mend, as in SpreadCloth.
         while True:
             score = self._env.task.info()["normalized_performance"]
             left = self._env.horizon - self._env.step_count
-            if not tried or (score < REDO and left > ROUND_STEPS):
+            if lifts and (not tried or (score < REDO and left > ROUND_STEPS)):
                 tried = True
                 grips = [False, False]
                 yield from self._take_pair([self._line()], grips)
-                if all(grips):
+                if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
                     yield from self._lay(grips)
                 continue
-            places = self._misplaced(self._places()) if score < DONE and left > PUT_STEPS else {}
-            if places:
-                yield from self._put(places)
-            else:
-                yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN)
-                yield self._rest(OPEN)
+            mends = score < DONE and left > PUT_STEPS
+            yield from self._mend(self._places()) if mends else self._wait()
 
     def _line(self) -> tuple[int, int, float]:
         """The ends of the middle column and their distance [m]."""

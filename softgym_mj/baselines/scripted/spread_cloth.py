@@ -19,24 +19,20 @@ class SpreadCloth(ClothExpert):
     """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
 
     def _episode(self):
-        dragged = False
+        # Hands of arms stay on their sides, away from what the other one lifts: they only mend.
+        drags, dragged = not self._has_arms, False
         while True:
             score = self._env.task.info()["normalized_performance"]
             left = self._env.horizon - self._env.step_count
-            if not dragged or (score < REDO and left > ROUND_STEPS):
+            if drags and (not dragged or (score < REDO and left > ROUND_STEPS)):
                 dragged = True
                 grips = [False, False]
                 yield from self._take_pair(self._sides(), grips)
-                if all(grips):
+                if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
                     yield from self._drag(grips)
                 continue
-            mend = score < DONE and left > PUT_STEPS
-            places = self._misplaced(self._registered()) if mend else {}
-            if places:
-                yield from self._put(places)
-            else:
-                yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN)
-                yield self._rest(OPEN)
+            mends = score < DONE and left > PUT_STEPS
+            yield from self._mend(self._registered()) if mends else self._wait()
 
     def _sides(self) -> list[tuple[int, int, float]]:
         """The sides as (corner, corner, length [m])."""

@@ -5,7 +5,14 @@ from collections.abc import Generator, Iterator, Sequence
 import numpy as np
 
 from softgym_mj.arithmetic import length
-from softgym_mj.baselines.scripted.picker_expert import CLOSED, OPEN, PASSED, SLOW, PickerExpert
+from softgym_mj.baselines.scripted.picker_expert import (
+    CLOSED,
+    OPEN,
+    PASSED,
+    PATIENCE,
+    SLOW,
+    PickerExpert,
+)
 from softgym_mj.entities.rope import LENGTH
 
 # Heights [m] of the picker centres above a rope: passing over, pulling, at the end.
@@ -28,20 +35,34 @@ class StraightenRope(PickerExpert):
     margin = 0.006  # A thinner rope lies lower.
 
     def _episode(self):
-        rope = self._env.task.rope
-        ends = yield from self._take_both()
-        yield from self._move(self._raised(ROPE_LIFT), CLOSED, SLOW)
-        centre = np.mean(self._actor.limits, axis=0)
-        while abs(error := LENGTH - rope.end_distance()) > ROPE_TOLERANCE:
-            line = self._target.vertex(ends[0]) - self._target.vertex(ends[1])
-            line *= [1.0, 1.0, 0.0]
-            line *= error / 2 / (length(line) + 1e-9)
-            positions = self._actor.positions()
-            to_centre = (centre - positions.mean(axis=0)) * [1.0, 1.0, 0.0]
-            yield self._step(positions + [line, -line] + to_centre, CLOSED, ROPE_SPEED)
-        yield from self._move(self._raised(ROPE_LAID), CLOSED, ROPE_SPEED)
         while True:
-            yield self._rest(CLOSED)
+            if (self._actor.held >= 0).all():
+                yield self._rest(CLOSED)
+                continue
+            ends = yield from self._take_both()  # Anew, if one is torn away.
+            yield from self._move(self._raised(ROPE_LIFT), CLOSED, SLOW)
+            yield from self._pull_apart(ends)
+            laid = self._actor.commanded_positions()
+            laid[:, 2] = ROPE_LAID
+            yield from self._move(laid, CLOSED, ROPE_SPEED)
+
+    def _pull_apart(self, ends: Sequence[int]) -> Iterator[np.ndarray]:
+        """Brings both ends as far from each other as the rope is long, around the middle."""
+        rope, centre = self._env.task.rope, np.mean(self._actor.limits, axis=0)
+        waited = 0
+        while waited < PATIENCE and (self._actor.held >= 0).all():
+            # Where the ends are once the grippers are where they are told to be: arms lag behind.
+            commanded = self._actor.commanded_positions()
+            points = self._target.vertices()[list(ends)] + commanded - self._actor.positions()
+            error = LENGTH - length(points[0] - points[1])
+            if abs(error) <= ROPE_TOLERANCE:
+                if abs(LENGTH - rope.end_distance()) <= ROPE_TOLERANCE:
+                    return
+                waited += 1
+            line = (points[0] - points[1]) * [1.0, 1.0, 0.0]
+            line *= error / 2 / (length(line) + 1e-9)
+            to_centre = (centre - commanded.mean(axis=0)) * [1.0, 1.0, 0.0]
+            yield self._step(commanded + [line, -line] + to_centre, CLOSED, ROPE_SPEED)
 
     def _take_both(self) -> Generator[np.ndarray, None, list[int]]:
         """Takes both ends; the value is which one each gripper holds."""
@@ -64,26 +85,26 @@ class StraightenRope(PickerExpert):
     def _take(self, ends: Sequence[int], takers: Sequence[int]) -> Iterator[np.ndarray]:
         """The grippers `takers` take their ends from above; the others keep what they hold.
 
-        They try it until they have them or these are out of their reach.
+        They try it until they have them, or these are out of their reach or behind another one.
         """
-        before = self._actor.held >= 0
-        after = before | np.isin([0, 1], takers)
+        takers = list(takers)
         while True:
-            yield from self._move(self._raised(ROPE_APPROACH), before, near=PASSED)
+            holds = (self._actor.held >= 0) & ~np.isin([0, 1], takers)
+            yield from self._move(self._raised(ROPE_APPROACH), holds, near=PASSED)
             for lift in (ROPE_APPROACH, 0.0):
                 goals = self._actor.positions()
                 for i in takers:
                     goals[i] = self._grasp(ends[i])[0]
                     goals[i, 2] = max(goals[i, 2], lift)
-                yield from self._move(goals, before, SLOW if lift == 0.0 else 1.0)
-            yield self._rest(after)
-            if np.all(np.isin(self._actor.held[takers], ends)):
-                return
-            if not all(self._can_reach(i, ends[i]) for i in takers):
+                yield from self._move(goals, holds, SLOW if lift == 0.0 else 1.0)
+            blocked = np.abs(goals - self._actor.positions()).max() > PASSED
+            yield self._rest(holds | np.isin([0, 1], takers))
+            takers = [i for i in takers if self._actor.held[i] not in ends]
+            if not takers or blocked or not all(self._can_reach(i, ends[i]) for i in takers):
                 return
             goals = self._raised(ROPE_LIFT)  # What covers an end: hands lay it aside.
             goals[takers, 1] += self._actor.least_distance * self._own_sides()[takers]
-            yield from self._move(goals, after)
+            yield from self._move(goals, self._actor.held >= 0)
 
     def _take_alone(self, ends: Sequence[int], taker: int) -> Iterator[np.ndarray]:
         """One gripper takes its end; the other one makes room."""
