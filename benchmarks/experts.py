@@ -1,0 +1,82 @@
+"""How well the scripted experts do with every actor, over many evaluation variations.
+
+    python benchmarks/experts.py straighten_rope fold_cloth --jobs 2 --out benchmarks/experts.json
+
+The file keeps what is done: the same command goes on from it. Its table is in docs/validation.md.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import statistics
+from collections.abc import Iterable
+
+import softgym_mj
+from softgym_mj.baselines.policies import make_policy
+from softgym_mj.environment import Environment
+from softgym_mj.files import write_whole
+from softgym_mj.workers import make_workers
+
+ACTORS = ("default", "franka", "sawyer")  # Pickers or cups, arms.
+FIRST, LAST = 800, 999  # Evaluation variations.
+
+Scores = dict[str, dict[str, dict[str, float]]]  # By task, actor and variation.
+
+_environments: dict[tuple[str, str], Environment] = {}
+
+
+def score(task: str, actor: str, variation: int) -> float:
+    """Normalised performance at the end of an episode of the expert."""
+    key = task, actor
+    if key not in _environments:
+        settings = {} if actor == "default" else {"actor": actor}
+        _environments[key] = softgym_mj.load(task, split="all", **settings)
+    env = _environments[key]
+    timestep = env.reset(variation)
+    policy = make_policy("scripted", env, 0)
+    while not timestep.last():
+        timestep = env.step(policy(timestep))
+    return env.info()["normalized_performance"]
+
+
+def table(scores: Scores) -> str:
+    """Means, standard errors and smallest scores as Markdown."""
+    lines = ["| task | abstract actor | Franka | Sawyer |", "|---|---|---|---|"]
+    for task, actors in scores.items():
+        cells = []
+        for values in (list(actors[actor].values()) for actor in ACTORS):
+            error = statistics.stdev(values) / len(values) ** 0.5
+            cells.append(f"{statistics.mean(values):.3f} ± {error:.3f} ({min(values):.2f})")
+        lines.append(f"| `{task}` | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def play(tasks: Iterable[str], variations: Iterable[int], jobs: int, out: pathlib.Path) -> Scores:
+    """Adds the scores that `out` lacks to it; what they all are."""
+    scores: Scores = json.loads(out.read_text()) if out.exists() else {}
+    wanted = [(task, actor, v) for v in variations for task in tasks for actor in ACTORS]
+    calls = [(t, a, v) for t, a, v in wanted if str(v) not in scores.get(t, {}).get(a, {})]
+    with make_workers(jobs, None) as workers:
+        for index, value in workers.results(score, calls):
+            task, actor, variation = calls[index]
+            scores.setdefault(task, {}).setdefault(actor, {})[str(variation)] = value
+            write_whole(out, json.dumps(scores, indent=1).encode())
+    return scores
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tasks", nargs="*", help="all if none is named")
+    parser.add_argument("--every", type=int, default=3, help="play every n-th variation")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=pathlib.Path, required=True)
+    arguments = parser.parse_args()
+    os.environ.setdefault("MUJOCO_GL", "disable")
+    variations = range(FIRST, LAST + 1, arguments.every)
+    tasks = arguments.tasks or list(softgym_mj.TASKS)
+    print(table(play(tasks, variations, arguments.jobs, arguments.out)))
+
+
+if __name__ == "__main__":
+    main()
