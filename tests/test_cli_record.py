@@ -37,13 +37,13 @@ def run(command, monkeypatch):
 
 
 def test_the_command_line_chooses(capsys, monkeypatch):
-    command = "record straighten_rope --split evaluate --start 896 --episodes 3 --dataset rope-v0"
-    command += """ --successful-only --author me --settings '{"num_pickers": 2, "horizon": 30}'"""
+    command = "record straighten_rope --split evaluate --start 892 --episodes 3 --dataset rope-v0"
+    command += """ --successful-only --author me --settings '{"num_pickers": 2, "horizon": 20}'"""
     assert run(command, monkeypatch) == 0
     dataset = minari.load_dataset("rope-v0")
     played = []
-    for variation in (896, 897, 898):
-        env = softgym_mj.load("straighten_rope", horizon=30)
+    for variation in (892, 893, 894):
+        env = softgym_mj.load("straighten_rope", horizon=20)
         episode = play(env, "scripted", variation, camera=None)
         if episode.info["success"][-1]:
             played.append((variation, episode.info["normalized_performance"][-1]))
@@ -57,7 +57,7 @@ def test_the_command_line_chooses(capsys, monkeypatch):
     ]
     assert found == played
     assert f"dropped {3 - len(played)} without success" in capsys.readouterr().out
-    settings = {"num_pickers": 2, "horizon": 30, "observation": "reduced", "split": "evaluate"}
+    settings = {"num_pickers": 2, "horizon": 20, "observation": "reduced", "split": "evaluate"}
     assert dataset.env_spec.kwargs == {"task": "straighten_rope", **settings}
     assert dataset.storage.metadata["author"] == {"me"}
 

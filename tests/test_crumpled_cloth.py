@@ -34,7 +34,7 @@ def test_shipped_states_are_free_of_intersections(indices):
         cloth, edges = mesh(CrumpledCloth().dims(index))
         assert vertices.shape == (cloth.num_vertices, 3)
         assert metrics.count_intersections(vertices, edges, cloth.triangles) == 0
-        assert vertices[:, 2].min() > -0.01 and vertices[:, 2].max() < 0.4
+        assert vertices[:, 2].min() > 0.004 and vertices[:, 2].max() < 0.5
         lengths = [
             np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
             for points in (vertices, cloth.flat())
