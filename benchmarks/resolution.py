@@ -1,14 +1,14 @@
-"""Does a score depend on the resolution? Episodes with finer meshes and with smaller steps.
+"""Does a score depend on the resolution? Episodes with other meshes and with smaller steps.
 
-Actions are recorded at the default resolution, then replayed, open loop, with more vertices or
-particles (fidelity "accurate"), with half the physics step, and as they were but for noise of a
-thousandth of the fastest action. They are the scripted expert's up to the first release; a crumpled
-cloth is taken at two points, lifted, pulled apart and dragged. What an expert does beyond that
-cannot be replayed: whether the next grasp on a crumpled cloth or a twisted rope finds its vertex is
-a matter of chance, with that noise as well as with another resolution. So the expert itself plays
-the finer and the slower episodes, too, closed loop.
+Actions are recorded at the default resolution, then replayed, open loop, with fewer and with more
+vertices or particles (fidelities "fast" and "accurate"), with half the physics step, and as they
+were but for noise of a thousandth of the fastest action. They are the scripted expert's up to the
+first release; a crumpled cloth is taken at two points, lifted, pulled apart and dragged. What an
+expert does beyond that cannot be replayed: whether the next grasp on a crumpled cloth or a twisted
+rope finds its vertex is a matter of chance, with that noise as well as with another resolution. So
+the expert itself plays the other episodes, too, closed loop.
 
-All start alike: finer cloths and ropes as the default one, interpolated; finer water rests in the
+All start alike: other cloths and ropes as the default one, interpolated; other water rests in the
 same cup. The interpolated layers of a crumpled cloth are too close to each other and push the heap
 apart by some centimetres, so that the same actions would miss it: there the script is played anew.
 
@@ -34,7 +34,7 @@ from softgym_mj.environment import Environment
 from softgym_mj.variations import CACHE_VARIABLE
 
 VARIATIONS = range(800, 810)
-FINER = "accurate"
+MESHES = {"coarser": "fast", "finer": "accurate"}
 NOISE = 1e-3  # Of actions in [-1, 1].
 CRUMPLED = ("spread_cloth", "fold_crumpled_cloth")
 HUNG, LAID = 0.45, 0.03  # [m] Heights of the pickers.
@@ -51,18 +51,20 @@ def build(task: str, substeps: int = 1, **settings) -> Environment:
     return Environment(built, name=task, horizon=record.horizon, split="evaluate")
 
 
-def refine_line(points: np.ndarray, count: int) -> np.ndarray:
+def resampled_line(points: np.ndarray, count: int) -> np.ndarray:
     """The vertices (n, 3) of a rope as `count` ones on the same line."""
     places = np.linspace(0.0, len(points) - 1, count)
     return np.column_stack([np.interp(places, np.arange(len(points)), x) for x in points.T])
 
 
-def refine_sheet(points: np.ndarray, shape: tuple[int, int], finer: tuple[int, int]) -> np.ndarray:
-    """The vertices (n, 3) of a cloth of (rows, columns) as a finer grid on the same triangles."""
+def resampled_sheet(
+    points: np.ndarray, shape: tuple[int, int], other: tuple[int, int]
+) -> np.ndarray:
+    """The vertices (n, 3) of a cloth of (rows, columns) as another grid on the same triangles."""
     grid = points.reshape(*shape, 3)
     (row, t), (column, s) = (
         np.modf(np.minimum(np.linspace(0.0, n - 1, m), n - 1 - 1e-9))[::-1]
-        for n, m in zip(shape, finer, strict=True)
+        for n, m in zip(shape, other, strict=True)
     )
     row, column = (index.astype(int) for index in np.meshgrid(row, column, indexing="ij"))
     t, s = (part[..., None] for part in np.meshgrid(t, s, indexing="ij"))
@@ -76,22 +78,22 @@ def refine_sheet(points: np.ndarray, shape: tuple[int, int], finer: tuple[int, i
     return np.where((row + column)[..., None] % 2 == 0, falling, rising).reshape(-1, 3)
 
 
-def share_states(usual: Environment, finer: Environment, kind: str) -> None:
-    """Stores the initial states of `usual` as those of `finer`."""
+def share_states(usual: Environment, other: Environment, kind: str, fidelity: str) -> None:
+    """Stores the initial states of `usual` as those of `other`, of another fidelity."""
     for index in VARIATIONS:
         points = usual.task.store.load(index)
         if kind == "rope":
-            points = refine_line(points, finer.task.rope.num_vertices)
+            points = resampled_line(points, other.task.rope.num_vertices)
         else:
             usual.task.choose_variation(index)
-            shapes = [grid_shape(usual.task.cloth.dims, name) for name in ("default", FINER)]
-            points = refine_sheet(points, *shapes)
-        finer.task.store.save(index, points)
+            shapes = [grid_shape(usual.task.cloth.dims, name) for name in ("default", fidelity)]
+            points = resampled_sheet(points, *shapes)
+        other.task.store.save(index, points)
         if usual.name in CRUMPLED:  # Interpolated layers are too close to each other in places.
-            finer.reset(index)
+            other.reset(index)
             for _ in range(SETTLE_STEPS):
-                finer.step(np.tile([0.0, 0.0, 0.0, -1.0], 2))
-            finer.task.store.save(index, finer.task.points())
+                other.step(np.tile([0.0, 0.0, 0.0, -1.0], 2))
+            other.task.store.save(index, other.task.points())
 
 
 def play(env: Environment, variation: int, policy) -> tuple[float, np.ndarray]:
@@ -149,9 +151,11 @@ def measure(task: str, closed_loop: bool) -> dict[str, list[float]]:
     """Scores of one task by setting, one for each variation; with the expert's if `closed_loop`."""
     kind = registry.TASKS[task].tags[-1]
     usual = build(task)
-    others = {"finer": build(task, fidelity=FINER), "half step": build(task, substeps=2)}
+    others = {name: build(task, fidelity=fidelity) for name, fidelity in MESHES.items()}
     if kind != "water":
-        share_states(usual, others["finer"], kind)
+        for name, fidelity in MESHES.items():
+            share_states(usual, others[name], kind, fidelity)
+    others["half step"] = build(task, substeps=2)
     scores: dict[str, list[float]] = collections.defaultdict(list)
     random = np.random.default_rng(0)
     for variation in VARIATIONS:
@@ -165,7 +169,7 @@ def measure(task: str, closed_loop: bool) -> dict[str, list[float]]:
         noisy = actions + random.uniform(-NOISE, NOISE, actions.shape)
         scores["replay, noise"].append(play(usual, variation, _replay(noisy.clip(-1.0, 1.0)))[0])
         for name, env in others.items():
-            anew = task in CRUMPLED and name == "finer"
+            anew = task in CRUMPLED and name in MESHES
             script = LiftAndDrag(env) if anew else _replay(actions)
             scores[f"replay, {name}"].append(play(env, variation, script)[0])
             if closed_loop:
@@ -183,9 +187,9 @@ def _replay(actions: np.ndarray):
 
 def report(results: dict[str, dict[str, list[float]]]) -> None:
     """Prints a table of means: of a replay and the expert, and by how much the others differ."""
-    names = ("noise", "finer", "half step")
+    names = ("noise", *MESHES, "half step")
     print(f"| task | replay | {' | '.join(names)} | expert | {' | '.join(names[1:])} |")
-    print("|---" * 8 + "|")
+    print("|---" * 10 + "|")
     for task, scores in results.items():
         cells = []
         for played in ("replay", "expert"):
