@@ -9,6 +9,7 @@ import shlex
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks import experts
 from softgym_mj import cli, compat, registry
 from softgym_mj.evaluation import comparison
 from softgym_mj.gymnasium_env import SoftGymEnv
@@ -179,3 +180,16 @@ def test_the_results_are_those_of_the_files():
             own = [r for r in compared if (r["task"], r["policy"]) == (task, policy)]
             found = {f"{r['summary']['mean']:.2f} ({r['summary']['min']:.2f})" for r in own}
             assert cell.strip() in (found or {""})
+
+
+def test_the_experts_scores_are_those_of_the_file():
+    scores = json.loads((ROOT / "docs" / "experts.json").read_text())
+    assert experts.table(scores) in (ROOT / "docs" / "validation.md").read_text()
+    robots = (ROOT / "docs" / "robots.md").read_text()
+    for task, actors in scores.items():
+        cells = []
+        for actor in experts.ACTORS:
+            values = actors[actor].values()
+            cells.append(f"{sum(values) / len(values):.2f} ({min(values):.2f})")
+        assert f" | {' | '.join(cells)} |\n" in robots
+        assert re.search(rf"`{task}`\]\(.* \| {re.escape(cells[0])} \|", README)

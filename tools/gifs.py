@@ -1,9 +1,10 @@
 """The moving pictures of the README, docs/gifs: the scripted expert at each task.
 
-`python -m tools.gifs` (`make gifs`) writes them; some minutes.
+`python -m tools.gifs` (`make gifs`) writes them; some minutes. Names of tasks: only theirs.
 """
 
 import pathlib
+import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +21,7 @@ HOLD = 1200  # Of the end, before it starts anew [ms].
 STILL = 0.3  # Mean difference of two pictures without motion [of 255].
 REST = 6  # Pictures kept after the last motion.
 
-VARIATIONS = {"drop_fold_cloth": 802}  # 802 is folded most visibly.
+VARIATIONS = {"drop_fold_cloth": 802, "straighten_rope": 807}  # Folded, coiled most visibly.
 USUAL = 806
 
 
@@ -53,8 +54,10 @@ def write_gif(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.Pat
     )
 
 
-def main() -> None:
+def main(names: Sequence[str]) -> None:
     for name, task in TASKS.items():
+        if names and name not in names:
+            continue
         settings = {"draw": "fine"} if "water" in task.tags else {}
         env = load(name, split="all", **settings)
         variation = VARIATIONS.get(name, USUAL)
@@ -68,4 +71,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -15,6 +15,7 @@ INFO = {
     "variation": "index of the variation",
     "physics_warnings": "MuJoCo's warnings in this episode",
     "max_edge_strain": "largest elongation of an edge, as a share of its length",
+    "max_speed": "of the fastest vertex [m/s]; above 20 m/s a warning says so",
     "picks_held": "grippers that hold something",
     "dropped": "how often a gripper has let go in this episode",
     "yielded": "how often of these the hold gave way to a pull that was too hard",
