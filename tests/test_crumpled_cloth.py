@@ -64,10 +64,12 @@ def test_crumpled_sizes_are_seeded_and_in_range():
     )  # The same whatever the resolution.
 
 
-def test_crumpled_cloth_is_crumpled_and_at_rest():
-    for fidelity in ("fast", "default"):
-        env = softgym_mj.load("spread_cloth", split="evaluate", fidelity=fidelity)
-        env.reset(800)
+@pytest.mark.parametrize("actor", ["picker", "franka", "sawyer"])
+def test_crumpled_cloth_is_crumpled_and_at_rest(actor):
+    """Even where heaps are higher than grippers usually start: these are up to 25 cm high."""
+    env = softgym_mj.load("spread_cloth", split="evaluate", actor=actor)
+    for variation in (800, 801, 804, 807):
+        env.reset(variation)
         cloth = env.task.cloth
         vertices = cloth.vertices()
         flat_area = np.prod(cloth.size)
@@ -76,7 +78,7 @@ def test_crumpled_cloth_is_crumpled_and_at_rest():
         for _ in range(3):
             env.step(np.zeros(8))
         moved = np.linalg.norm(cloth.vertices() - vertices, axis=1)
-        assert np.median(moved) < 0.005
+        assert np.median(moved) < 1e-3 and moved.max() < 0.02
         # Doing nothing scores 0 (facts 1.8); test_slow.py does so for whole episodes.
         assert abs(env.info()["normalized_performance"]) < 0.02
 

@@ -13,6 +13,7 @@ from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.variations import VariationStore
 
+CLEARANCE = 0.06  # [m] At reset, from a gripper's centre to the top of the object: a picker and 1 cm.
 MOST_SPEED = 20.0  # [m/s] Ten times what grippers do; in 10^5 random steps nothing comes near it.
 
 
@@ -23,7 +24,8 @@ class Layout:
     Attributes:
         camera: name of its camera in `arena.CAMERAS`.
         workspace: of the grippers; re-centred on the reset point.
-        reset_height: height of the grippers at reset, above the reset point [m].
+        reset_height: height of the grippers at reset, above the reset point [m]; higher where the
+            object is in their way.
         success: normalised performance from which the goal counts as reached.
     """
 
@@ -105,8 +107,11 @@ class FlexTask(StoredTask):
     def start(self, state: np.ndarray) -> None:
         self._target.set_vertices(state)
         x, y = self.reset_point()
-        positions = self._actor.default_positions(np.array([x, y, self._layout.reset_height]))
-        self._actor.place(positions, self._layout.workspace.centred_at(x, y))
+        workspace = self._layout.workspace
+        clear = min(float(state[:, 2].max()), workspace.high[2] - 2 * CLEARANCE) + CLEARANCE
+        height = max(self._layout.reset_height, clear)
+        positions = self._actor.default_positions(np.array([x, y, height]))
+        self._actor.place(positions, workspace.centred_at(x, y))
 
     def points(self) -> np.ndarray:
         return self._target.vertices()

@@ -8,7 +8,8 @@ by the same rule as the value, so that a flat cloth scores 1 in every orientatio
 adds half a particle of border on every side and its value only along the axes (facts 5, row 35).
 Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
 Start: sizes of 60..119 particles a side; lifted 0.5..1 m at a random vertex and dropped.
-Pickers start 0.2 m above the centre of the cloth's bounding box. End: horizon only.
+Pickers start 0.2 m above the centre of the cloth's bounding box, higher where a heap is as high:
+ours are higher than SoftGym's. End: horizon only.
 """
 
 from collections.abc import Mapping, Sequence
