@@ -69,18 +69,25 @@ class StraightenRope(PickerExpert):
         rope = self._env.task.rope
         while True:
             ends = self._matched(rope.ends)
-            short = [i for i, end in enumerate(ends) if not self._can_reach(i, end)]
+            short = self._short(ends)
             if short:
                 yield from self._take_alone(ends, 1 - short[0])
-            else:
-                if rope.end_distance() < self._actor.least_distance:
-                    yield from self._draw_aside(ends)
-                yield from self._take(ends, np.flatnonzero(self._actor.held < 0).tolist())
+            elif rope.end_distance() < self._actor.least_distance:
+                yield from self._draw_aside(ends)
+            free = np.flatnonzero(self._actor.held < 0).tolist()
+            if free and not self._short(ends):
+                yield from self._take(ends, free)
             taken = np.isin(self._actor.held, ends)
             if taken.all():
                 return ends
             # The grippers change ends: one brings its own to where the other reaches it.
             yield from self._carry_across(ends, int(np.argmax(taken)))
+
+    def _short(self, ends: Sequence[int]) -> list[int]:
+        """The grippers that hold nothing and do not reach their ends."""
+        return [
+            i for i, v in enumerate(ends) if self._actor.held[i] < 0 and not self._can_reach(i, v)
+        ]
 
     def _take(self, ends: Sequence[int], takers: Sequence[int]) -> Iterator[np.ndarray]:
         """The grippers `takers` take their ends from above; the others keep what they hold.
@@ -131,10 +138,15 @@ class StraightenRope(PickerExpert):
             yield action
 
     def _carry_across(self, ends: Sequence[int], holder: int) -> Iterator[np.ndarray]:
-        """A gripper lays its end down on the other side of the other end."""
+        """A gripper lays its end down on the other side of the other end.
+
+        That is in the middle at least, where both grippers reach.
+        """
         grips = np.array([holder == 0, holder == 1])
         goals, side = self._raised(ROPE_LIFT), self._own_sides()[1 - holder]
-        goals[holder, 1] = self._target.vertex(ends[1 - holder])[1] + side * ACROSS
+        middle = np.mean(self._actor.limits, axis=0)[1]
+        across = self._target.vertex(ends[1 - holder])[1] + side * ACROSS
+        goals[holder, 1] = side * max(side * across, side * middle)
         goals = self._aside(goals, 1 - holder)
         yield from self._move(goals, grips, SLOW, PASSED)
         goals[:, 2] = ROPE_LAID
