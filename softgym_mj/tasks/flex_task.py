@@ -13,7 +13,9 @@ from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.variations import VariationStore
 
-CLEARANCE = 0.06  # [m] At reset, from a gripper's centre to the top of the object: a picker and 1 cm.
+CLEARANCE = (
+    0.06  # [m] At reset, from a gripper's centre to the top of the object: a picker and 1 cm.
+)
 MOST_SPEED = 20.0  # [m/s] Ten times what grippers do; in 10^5 random steps nothing comes near it.
 
 

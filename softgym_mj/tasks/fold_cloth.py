@@ -12,8 +12,9 @@ scores 0.95 to 0.97.
 Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
 Start: sizes of 60..119 particles a side. FoldCloth: flat, turned by up to 45 degrees; the pickers
 start 0.1 m above the middle of column 0. FoldCrumpledCloth: lifted and dropped as in SpreadCloth;
-the pickers start 0.2 m above the origin or, as there, higher. The workspace reaches 0.8 m from there along X and Y,
-where SoftGym's is too small for 73 % of the folds (facts 5, row 29). End: horizon only.
+the pickers start 0.2 m above the origin or, as there, higher. The workspace reaches 0.8 m from
+there along X and Y, where SoftGym's is too small for 73 % of the folds (facts 5, row 29). End:
+horizon only.
 """
 
 from collections.abc import Mapping, Sequence
