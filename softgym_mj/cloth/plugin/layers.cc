@@ -31,18 +31,6 @@ std::uint64_t Morton(const double* x, const double* low, double size) {
   return code;
 }
 
-// A number for each pair but 0: above it if it is a vertex and a triangle, below it if it is two edges.
-double KeyOf(const Mesh& mesh, const Pair& pair) {
-  if (pair.edges) return -1.0 - static_cast<double>(pair.first) * mesh.edges.size() - pair.second;
-  return 1.0 + static_cast<double>(pair.first) * mesh.triangles.size() + pair.second;
-}
-
-// Number of the first of a pair among all vertices and edges.
-int FirstOf(const Mesh& mesh, double key) {
-  if (key > 0) return static_cast<int>((key - 1) / mesh.triangles.size());
-  return mesh.NumVertices() + static_cast<int>((-key - 1) / mesh.edges.size());
-}
-
 }  // namespace
 
 void Layers::Tree::Build(const std::vector<int>& items_by_place, const std::vector<int>& vertices,
@@ -316,63 +304,6 @@ void Layers::MakeRows(const Mesh& mesh, const AlignedFloats& position, const Ali
     block.friction[lane] = mesh.friction[mesh.Pair(pair.vertex[0], pair.vertex[3])];
     block.mass[lane] = mass;
     block.inverse[lane] = mass > 0 ? 1 / (mass + gamma) : 0;
-  }
-}
-
-void Layers::Start(const Mesh& mesh, const double* position, const double* after, int size) {
-  head_.assign(mesh.NumVertices() + mesh.edges.size(), -1);
-  next_.resize(size);
-  for (int i = 0; i < size && after[4 * i] != 0; ++i) {
-    int* head = &head_[FirstOf(mesh, after[4 * i])];
-    next_[i] = std::exchange(*head, i);
-  }
-  for (size_t i = 0; i < order_.size(); ++i) {
-    LayerBlock& block = blocks[i / kBlock];
-    const int lane = i % kBlock, row = order_[i];
-    for (int k = 0; k < 3; ++k) block.before[k][lane] = block.held[k][lane] = 0;
-    block.impulse[lane] = 0;
-    if (row < 0) continue;
-    const Pair& pair = pairs[row];
-    const double key = KeyOf(mesh, pair);
-    int found = head_[FirstOf(mesh, key)];
-    while (found >= 0 && after[4 * found] != key) found = next_[found];
-    double gap = -mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
-    for (int k = 0; k < 3; ++k) {
-      double apart = 0;
-      for (int c = 0; c < 4; ++c) apart += static_cast<double>(pair.weight[c]) * position[3 * pair.vertex[c] + k];
-      if (found >= 0) block.before[k][lane] = static_cast<float>(-after[4 * found + 1 + k]);
-      gap += pair.normal[k] * apart;
-    }
-    block.gap[lane] = static_cast<float>(gap);
-  }
-}
-
-void Layers::Keep(const Mesh& mesh, const Points& points, const float* with_layers, bool repeated, double* after,
-                  int size) {
-  std::fill(after, after + 4 * size, 0.0);
-  later_.assign(3 * (mesh.NumVertices() + 1), 0);
-  int count = 0;
-  for (size_t i = order_.size(); i-- > 0;) {
-    const LayerBlock& block = blocks[i / kBlock];
-    const int lane = i % kBlock;
-    if (!(block.impulse[lane] > 0)) continue;
-    double moved[3] = {0, 0, 0}, change[3];
-    for (int k = 0; k < 3; ++k) {
-      change[k] = block.held[k][lane] + static_cast<double>(block.impulse[lane]) * block.normal[k][lane];
-    }
-    const bool last = !repeated || static_cast<int>(i) >= num_near_ * kBlock;  // Its only turn in the substep.
-    for (int c = 0; c < 4; ++c) {
-      const int v = block.vertex[c][lane];
-      const double weight = block.weight[c][lane], mass = points.now[4 * v + 3];
-      for (int k = 0; k < 3; ++k) {
-        double* later = &later_[3 * v + k];
-        moved[k] += weight * (points.now[4 * v + k] - with_layers[4 * v + k] + (last ? *later : 0));
-        *later += weight * mass * change[k];
-      }
-    }
-    if (count == size) continue;
-    after[4 * count] = KeyOf(mesh, pairs[order_[i]]);
-    std::copy(moved, moved + 3, after + 4 * count++ + 1);
   }
 }
 
