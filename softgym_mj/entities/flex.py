@@ -239,7 +239,9 @@ class Flex(composer.Entity):
         It is the shortest way along the edges of the mesh at rest, and `hold_stretch` more.
         """
         start, end = min(first, second), max(first, second)  # Sums depend on the direction.
-        return (1.0 + self.hold_stretch) * float(self._ways_of(start)[end])
+        if start not in self._ways:
+            self._ways[start] = self._ways_from(start)
+        return (1.0 + self.hold_stretch) * float(self._ways[start][end])
 
     def holding_force(self, index: int) -> float:
         """The force [N] of a held vertex on its gripper, averaged over the last physics step."""
@@ -248,11 +250,6 @@ class Flex(composer.Entity):
     def is_overpowered(self, index: int) -> bool:
         """Whether a held vertex pulls at its gripper with more than `hold_force`."""
         return self.holding_force(index) > self.hold_force
-
-    def _ways_of(self, index: int) -> np.ndarray:
-        if index not in self._ways:
-            self._ways[index] = self._ways_from(index)
-        return self._ways[index]
 
     def _ways_from(self, index: int) -> np.ndarray:
         """Shortest ways (num_vertices,) [m] from a vertex along the edges at rest."""

@@ -18,6 +18,8 @@ struct Motion {
   std::vector<double> mass;      // [kg]; huge where something holds a vertex.
 };
 
+constexpr double kPressed = 1e-3;  // [m] By which impacts may press vertices into solids and planes.
+
 // What vertices that would pass through each other do: they move as one, which keeps the momentum, or stand still.
 enum class Zones { kMove, kStand };
 

@@ -233,11 +233,12 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
   FindNormals(mesh, position);
   pairs.clear();
   found_.resize(count);
-  const auto ignored = [&](const Pair& pair) { return pair.edges && AreCords(pair) && !Counts(mesh, pair); };
-  found_.erase(std::remove_if(found_.begin(), found_.end(), ignored), found_.end());
-  for (const Pair& pair : found_) {
-    if (Counts(mesh, pair)) pairs.push_back(pair);
-  }
+  const auto left_out = [&](const Pair& pair) {
+    const bool counts = Counts(mesh, pair);
+    if (counts) pairs.push_back(pair);
+    return !counts && pair.edges && AreCords(pair);
+  };
+  found_.erase(std::remove_if(found_.begin(), found_.end(), left_out), found_.end());
 }
 
 // 0 of pairs near marked vertices that push, 1 of others near them, 2 of others. It depends on the reference positions

@@ -6,7 +6,6 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr double kPressed = 1e-3;  // [m] By which vertices may be pressed into a plane.
 // Vertices further from a plane than they move in two steps and this [m] cannot reach it in a step.
 constexpr double kPlaneMargin = 0.02;
 

@@ -7,8 +7,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr int kRounds = 10;        // Vertices that share triangles hinder each other.
-constexpr double kPressed = 1e-3;  // [m] By which vertices may be pressed into a solid.
+constexpr int kRounds = 10;  // Vertices that share triangles hinder each other.
 
 // The part of a row at a vertex that may move.
 double Weight(const Points& points, const SolidBlock& block, int k, int lane) {
