@@ -2,7 +2,8 @@
 
     python benchmarks/experts.py straighten_rope fold_cloth --jobs 2 --out benchmarks/experts.json
 
-The file keeps what is done: the same command goes on from it. Its table is in docs/validation.md.
+The file keeps what is done: the same command goes on from it. `make sheets` shows docs/experts.json
+in README and docs.
 """
 
 import argparse

@@ -9,10 +9,10 @@ import shlex
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks import experts
 from softgym_mj import cli, compat, registry
 from softgym_mj.evaluation import comparison
 from softgym_mj.gymnasium_env import SoftGymEnv
+from tools import expert_tables
 
 ROOT = pathlib.Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -183,13 +183,5 @@ def test_the_results_are_those_of_the_files():
 
 
 def test_the_experts_scores_are_those_of_the_file():
-    scores = json.loads((ROOT / "docs" / "experts.json").read_text())
-    assert experts.table(scores) in (ROOT / "docs" / "validation.md").read_text()
-    robots = (ROOT / "docs" / "robots.md").read_text()
-    for task, actors in scores.items():
-        cells = []
-        for actor in experts.ACTORS:
-            values = actors[actor].values()
-            cells.append(f"{sum(values) / len(values):.2f} ({min(values):.2f})")
-        assert f" | {' | '.join(cells)} |\n" in robots
-        assert re.search(rf"`{task}`\]\(.* \| {re.escape(cells[0])} \|", README)
+    for path, text in expert_tables.pages().items():
+        assert path.read_text() == text
