@@ -34,10 +34,10 @@ bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/fluid.py --out benchmarks/fluid.json
 	$(BIN)/python benchmarks/cloth.py --out benchmarks/cloth.json
 
-# Writes the tasks' data sheets, docs/tasks, and the tables of docs/experts.json anew: after a change to a task.
+# Writes the tasks' data sheets, docs/tasks, and the tables of scores anew: after a change to a task.
 sheets: $(VENV)/.installed-dev
 	$(BIN)/python -m tools.data_sheets
-	$(BIN)/python -m tools.expert_tables
+	$(BIN)/python -m tools.tables
 
 # Plays the tasks for the README's moving pictures, docs/gifs.
 gifs: $(VENV)/.installed

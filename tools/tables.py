@@ -1,0 +1,116 @@
+"""Writes scores into README.md and docs: those of docs/experts.json and of docs/results."""
+
+import json
+import pathlib
+import re
+
+import softgym_mj
+from benchmarks import experts
+from softgym_mj import plots
+from softgym_mj.evaluation import comparison
+
+ROOT = pathlib.Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+README, ROBOTS, VALIDATION, RESULTS = (
+    ROOT / "README.md",
+    DOCS / "robots.md",
+    DOCS / "validation.md",
+    DOCS / "results.md",
+)
+POLICIES = ("zero", "random", "scripted", "cem", "icem")
+
+
+def cells(actors: dict[str, dict[str, float]]) -> list[str]:
+    """Mean and smallest score with each actor."""
+    scores = [actors[actor].values() for actor in experts.ACTORS]
+    return [f"{sum(values) / len(values):.2f} ({min(values):.2f})" for values in scores]
+
+
+def replaced(text: str, pattern: str, by: str) -> str:
+    """The text with its one match replaced."""
+    text, count = re.subn(pattern, lambda match: match.expand(by), text)
+    if count != 1:
+        raise ValueError(f"{pattern} is {count} times in the page; expected once")
+    return text
+
+
+def table(head: str, rows: list[str]) -> str:
+    """Markdown of a table with this first line."""
+    return "\n".join([head, "|---" * (head.count("|") - 1) + "|", *rows])
+
+
+def with_table(text: str, new: str) -> str:
+    """A page with its table of the same first line replaced."""
+    head = re.escape(new.splitlines()[0])
+    return replaced(text, rf"{head}\n\|---.*(\n\|.*)*", new.replace("\\", r"\\"))
+
+
+def main_results(results: list[dict]) -> str:
+    """Means and smallest scores by task and policy."""
+    scores = {(r["task"], r["policy"]): r["summary"] for r in results}
+    rows = []
+    for task in softgym_mj.TASKS:
+        own = [scores.get((task, policy)) for policy in POLICIES]
+        found = ["" if s is None else f"{s['mean']:.2f} ({s['min']:.2f})" for s in own]
+        rows.append(f"| `{task}` | {' | '.join(found)} |".replace("|  |", "| |"))
+    return table(f"| task | {' | '.join(POLICIES)} |", rows)
+
+
+def env_steps(result: dict) -> int:
+    """That a planner makes in an episode."""
+    planning, steps = result["planning"], softgym_mj.TASKS[result["task"]].horizon
+    return -(-steps // planning["replan_every"]) * planning["budget"]
+
+
+def budgets(results: list[dict]) -> str:
+    """What the planners may spend."""
+    rows = []
+    for task in softgym_mj.TASKS:
+        (result,) = (r for r in results if (r["task"], r["policy"]) == (task, "cem"))
+        keys = ("horizon", "budget", "iterations", "replan_every")
+        numbers = [result["planning"][key] for key in keys] + [env_steps(result)]
+        rows.append(f"| `{task}` | {' | '.join(map(str, numbers))} |")
+    titles = "horizon | env steps for a decision | iterations | a plan is executed for"
+    return table(f"| task | {titles} | env steps of an episode |", rows)
+
+
+def horizons(results: list[dict]) -> str:
+    """The planning horizons compared."""
+    rows = []
+    for r in sorted(results, key=lambda r: (r["task"], r["planning"]["horizon"])):
+        score = f"{r['summary']['mean']:.2f} ({r['summary']['min']:.2f})"
+        rows.append(f"| `{r['task']}` | {r['planning']['horizon']} | {score} | {env_steps(r)} |")
+    return table("| task | planning horizon | mean (smallest) | env steps of an episode |", rows)
+
+
+def read(ablations: bool) -> list[dict]:
+    """The results of docs/results: those of the horizons, or the others."""
+    files = sorted((DOCS / "results").glob("*.json"))
+    return comparison.read_results([f for f in files if ("ablation" in f.name) == ablations])
+
+
+def pages() -> dict[pathlib.Path, str]:
+    """The pages as they should be."""
+    scores: experts.Scores = json.loads((DOCS / "experts.json").read_text())
+    texts = {path: path.read_text() for path in (README, ROBOTS, VALIDATION, RESULTS)}
+    for task, actors in scores.items():
+        found = cells(actors)
+        row = rf"(\| \[`{task}`\]\([^|]*\|[^|]*\|) [^|]* \|"
+        texts[README] = replaced(texts[README], row, rf"\1 {found[0]} |")
+        row = rf"(\| `{task}` \|[^|]*\|) .* \|\n"
+        texts[ROBOTS] = replaced(texts[ROBOTS], row, rf"\1 {' | '.join(found)} |\n")
+    texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
+    for new in (main_results(read(False)), budgets(read(False)), horizons(read(True))):
+        texts[RESULTS] = with_table(texts[RESULTS], new)
+    return texts
+
+
+def main() -> None:
+    for path, text in pages().items():
+        path.write_text(text)
+    plots.bars(read(False), DOCS / "results.png")
+    plots.curves(read(True), "horizon", DOCS / "horizon.png")
+
+
+if __name__ == "__main__":
+    main()
