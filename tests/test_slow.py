@@ -10,7 +10,7 @@ from softgym_mj.baselines.scripted import make_policy
 
 pytestmark = pytest.mark.slow
 
-# [m] How far anything gets below the floor. A tipped cup may dip its outer wall 5.4 cm into the
+# [m] How far anything gets below the floor. A tipped cup may dip its outer wall some cm into the
 # ground (facts 3.2) and takes along the water that lies there, until it is lifted.
 LOWEST = {"transport_water": 0.0, "pour_water": -0.08, "pour_water_amount": -0.08}
 FLEX_LOWEST = -0.05

@@ -18,7 +18,7 @@ from softgym_mj.exceptions import SettlingError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.variations import generator
 
-SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for "at rest".
+SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.
 _MIN_SETTLE_STEPS = 10  # Sim steps: at release the speed passes through zero without being at rest.
 
 _PLACES = 41  # Where the rope may be taken, evenly spaced.

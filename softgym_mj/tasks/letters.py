@@ -43,7 +43,7 @@ def letter(name: str, count: int) -> np.ndarray:
     """Places (count, 2) [m] of the vertices of a rope that lies as a letter, about the origin.
 
     Every letter has the rope's natural length and all its vertices, evenly spaced along it: SoftGym
-    takes the first 41 points of an M of 61, and drops or doubles points of the others.
+    takes the first 41 points of an M of 61, and drops inner points of the others or adds middles.
     """
     line = _centre_line(name)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])

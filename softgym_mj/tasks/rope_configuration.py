@@ -1,4 +1,4 @@
-"""RopeConfiguration (SoftGym: RopeAlphaBet): lay a twisted rope in the shape of a letter.
+"""RopeConfiguration: lay a twisted rope in the shape of a letter.
 
 Goal: the rope on the letter S, O, M, C or U that is drawn on the floor about the origin, whichever
 end is where. Two pickers; 100 env steps of 8 sim steps.

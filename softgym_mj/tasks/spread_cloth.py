@@ -5,7 +5,8 @@ Goal: cover as much floor as possible. Two pickers; 100 env steps of 8 sim steps
 Reward = performance: covered area in top view [m^2].
 Bounds: lower = area at reset; upper = area of the flat cloth, (dimx - 1)(dimy - 1) rho^2, measured
 by the same rule as the value, so that a flat cloth scores 1 in every orientation. SoftGym's bound
-adds half a particle of border on every side and its value only along the axes (facts 5, row 35).
+has half a particle of border on every side, which its value leaves out of a cloth that lies along
+the axes (facts 5, row 35).
 Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
 Start: sizes of 60..119 particles a side; lifted 0.5..1 m at a random vertex and dropped.
 Pickers start 0.2 m above the centre of the cloth's bounding box, higher where a heap is as high:
