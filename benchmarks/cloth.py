@@ -76,8 +76,8 @@ def measure_fold(size: int, speed: float) -> Figures:
     import mujoco
     import numpy as np
 
-    from softgym_mj.baselines.manipulation_scene import ManipulationScene, fold
     from softgym_mj.entities.cloth import Cloth
+    from softgym_mj.policies.manipulation_scene import ManipulationScene, fold
 
     clock = Clock()
     scene = ManipulationScene(Cloth((DIMS[size],) * 2))
@@ -145,7 +145,7 @@ def measure_task(task: str, policy: str, variation: int) -> Figures:
     import numpy as np
 
     import softgym_mj
-    from softgym_mj.baselines.scripted import make_policy
+    from softgym_mj.policies.experts import make_policy
 
     env = softgym_mj.load(task, split="evaluate", observation="reduced")
     random = np.random.default_rng(variation)

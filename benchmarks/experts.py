@@ -14,10 +14,10 @@ import statistics
 from collections.abc import Iterable
 
 import softgym_mj
-from softgym_mj.baselines.policies import make_policy
-from softgym_mj.environment import Environment
-from softgym_mj.files import write_whole
-from softgym_mj.workers import make_workers
+from softgym_mj.envs.environment import Environment
+from softgym_mj.jobs.executors import make_workers
+from softgym_mj.jobs.files import write_whole
+from softgym_mj.policies.factory import make_policy
 
 ACTORS = ("default", "franka", "sawyer")  # Pickers or cups, arms.
 FIRST, LAST = 800, 999  # Evaluation variations.

@@ -25,7 +25,7 @@ from dm_control import mjcf
 
 from softgym_mj.entities import Cloth
 from softgym_mj.entities.sheet import Fabric
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks import Evaluation, SceneTask

@@ -18,8 +18,8 @@ import time
 import numpy as np
 
 import softgym_mj
-from softgym_mj.baselines.rollouts import Rollouts
-from softgym_mj.workers import Here, Processes, Workers
+from softgym_mj.jobs.executors import Here, Processes, Workers
+from softgym_mj.policies.rollouts import Rollouts
 
 SETTINGS = {"rope": {}, "cloth": {}, "water": {"draw": "none"}}
 SEQUENCES, HORIZON = {"rope": 60, "cloth": 12, "water": 24}, 15

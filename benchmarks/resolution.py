@@ -26,12 +26,12 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj import registry
-from softgym_mj.baselines.scripted import make_policy
-from softgym_mj.baselines.scripted.cloth_expert import TRAVEL_HEIGHT, ClothExpert
-from softgym_mj.baselines.scripted.picker_expert import CLEAR, OPEN, SLOW
 from softgym_mj.entities.cloth import grid_shape
-from softgym_mj.environment import Environment
-from softgym_mj.variations import CACHE_VARIABLE
+from softgym_mj.envs.environment import Environment
+from softgym_mj.policies.experts import make_policy
+from softgym_mj.policies.experts.cloth_expert import TRAVEL_HEIGHT, ClothExpert
+from softgym_mj.policies.experts.picker_expert import CLEAR, OPEN, SLOW
+from softgym_mj.variations.store import CACHE_VARIABLE
 
 VARIATIONS = range(800, 810)
 MESHES = {"coarser": "fast", "finer": "accurate"}

@@ -30,7 +30,7 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
 import softgym_mj
-from softgym_mj.plots import new_figure
+from softgym_mj.evaluation.plots import new_figure
 
 TASK = softgym_mj.TASKS["straighten_rope"].gymnasium_id
 KEY_POINTS, PICKERS = 10, 2  # The reduced state: x, y, z [m] of each, in this order.

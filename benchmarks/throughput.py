@@ -21,8 +21,8 @@ import mujoco
 import numpy as np
 
 import softgym_mj
-from softgym_mj import environment
-from softgym_mj.rendering import CameraView
+from softgym_mj.envs import environment
+from softgym_mj.rendering.offscreen import CameraView
 
 SOFTGYM = 46.0  # Env steps/s, facts 6.
 # Env steps timed per variation, and evaluation variations.
@@ -59,7 +59,7 @@ def _stopwatch_seconds(calls: int = 100_000) -> float:
     return (time.perf_counter() - start - clock.seconds) / calls
 
 
-def _env(task: str, actor: str | None) -> softgym_mj.environment.Environment:
+def _env(task: str, actor: str | None) -> softgym_mj.envs.environment.Environment:
     settings = {} if actor is None else {"actor": actor}
     return softgym_mj.load(task, split="evaluate", observation="reduced", **settings)
 

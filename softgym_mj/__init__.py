@@ -19,8 +19,10 @@ the keyword arguments of one, and the docstring of its module, in `softgym_mj.ta
 `softgym_mj.register` adds one of yours: a `SceneTask` of `softgym_mj.tasks.scene_task`.
 """
 
-from softgym_mj import exceptions, gymnasium_registration, registry, rendering, suite
+from softgym_mj import exceptions, registry
+from softgym_mj.envs import gymnasium_registration, suite
 from softgym_mj.registry import TASKS, load, register
+from softgym_mj.rendering import offscreen
 
 __version__ = "0.1.0"
 __all__ = ["TASKS", "__version__", "exceptions", "load", "register", "registry"]
@@ -30,6 +32,6 @@ def __dir__() -> list[str]:
     return __all__  # Completion offers what is public.
 
 
-rendering.choose_backend()
+offscreen.choose_backend()
 suite.register()
 gymnasium_registration.register()

@@ -17,10 +17,10 @@ import gymnasium
 import numpy as np
 
 from softgym_mj import registry
-from softgym_mj.environment import Snapshot
+from softgym_mj.envs.environment import Snapshot
 from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_count, check_name
-from softgym_mj.rendering import CameraView
-from softgym_mj.variations import NUM_VARIATIONS
+from softgym_mj.rendering.offscreen import CameraView
+from softgym_mj.variations.store import NUM_VARIATIONS
 
 ENVIRONMENTS = {
     "PassWater": "transport_water",

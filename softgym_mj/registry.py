@@ -20,7 +20,7 @@ from softgym_mj.exceptions import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from softgym_mj.environment import Environment
+    from softgym_mj.envs.environment import Environment
     from softgym_mj.tasks.base import DeformableTask
 
 
@@ -239,7 +239,7 @@ def register(
     record = TaskRecord(name, constructor, tuple(tags), horizon, action_repeat, summary)
     _ = record.arguments  # Fails if they have no names.
     TASKS[name] = record
-    from softgym_mj import gymnasium_registration
+    from softgym_mj.envs import gymnasium_registration
 
     gymnasium_registration.register()
     return record
@@ -307,7 +307,7 @@ def load(
         TaskModuleError: as in `find`.
     """
     record = find(task)
-    from softgym_mj.environment import Environment
+    from softgym_mj.envs.environment import Environment
     from softgym_mj.tasks.arguments import arguments_of_states
     from softgym_mj.tasks.base import DeformableTask
 

@@ -15,7 +15,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj import exceptions
-from softgym_mj.gymnasium_env import SoftGymEnv
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
 
 ROPE, CLOTH = "straighten_rope", "spread_cloth"
 ROPE_ID, CLOTH_ID = "softgym_mj/StraightenRope-v0", "softgym_mj/SpreadCloth-v0"
@@ -575,5 +575,5 @@ print(suite.load("cartpole", "balance").action_spec().shape)
 """
     lines = run(code, MUJOCO_GL="disable").splitlines()
     assert lines[0] == "True"
-    assert lines[1] == "softgym_mj.environment"
+    assert lines[1] == "softgym_mj.envs.environment"
     assert lines[2] == "(1,)"

@@ -8,7 +8,7 @@ import pytest
 
 from softgym_mj.entities.arena import FIELD_OF_VIEW
 from softgym_mj.exceptions import AddressUnavailableError, OutOfRangeError
-from softgym_mj.rendering import refresh_poses
+from softgym_mj.rendering.offscreen import refresh_poses
 from softgym_mj.viewing import browser, scene
 from tests import chromium
 from tests.test_teleoperation import unhurried

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.baselines import cem
-from softgym_mj.baselines.cem import CEM, ICEM, coloured_noise, make_planner
-from softgym_mj.baselines.model_predictive import ModelPredictivePolicy
-from softgym_mj.baselines.rollouts import Rollouts
 from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
-from softgym_mj.workers import Here, Processes
+from softgym_mj.jobs.executors import Here, Processes
+from softgym_mj.policies import planners
+from softgym_mj.policies.model_predictive import ModelPredictivePolicy
+from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
+from softgym_mj.policies.rollouts import Rollouts
 from tests.test_contract import actions
 
-planners = pytest.mark.parametrize("planner", [CEM, ICEM])
+both_planners = pytest.mark.parametrize("planner", [CEM, ICEM])
 # The second entry is out of range.
 TARGET = np.column_stack([np.linspace(-0.8, 0.8, 6), np.full(6, 1.4)])
 
@@ -22,7 +22,7 @@ def closeness(sequences):
     return -np.square(sequences - TARGET).sum(axis=(1, 2))
 
 
-@planners
+@both_planners
 def test_the_best_sequence_is_found(planner):
     found = planner(6, budget=60_000).plan(closeness, np.zeros((6, 2)), np.random.default_rng(0))
     best = np.clip(TARGET, -1.0, 1.0)
@@ -38,7 +38,7 @@ def test_the_budget_is_split_as_in_the_paper():
                 "spread_cloth": 140, "fold_cloth": 70, "drop_cloth": 140}  # fmt: skip
     found = {task: make_planner("cem", task).population for task in expected}
     assert found == expected
-    assert set(cem.HORIZONS) == set(softgym_mj.TASKS)
+    assert set(planners.HORIZONS) == set(softgym_mj.TASKS)
 
 
 class Replayed:
@@ -92,7 +92,7 @@ def test_coloured_noise_has_its_spectrum(horizon):
         power = np.square(np.abs(np.fft.rfft(noise, axis=1))).mean(axis=(0, 2))[1:]
         frequency = np.arange(1, len(power) + 1)
         slope = np.polyfit(np.log(frequency[: horizon // 2]), np.log(power[: horizon // 2]), 1)[0]
-        assert slope == pytest.approx(-cem.COLOUR, abs=0.1)
+        assert slope == pytest.approx(-planners.COLOUR, abs=0.1)
 
 
 def test_bad_settings():

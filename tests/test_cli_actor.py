@@ -6,8 +6,8 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj import cli, cli_view
-from softgym_mj.baselines.policies import make_policy
+from softgym_mj.cli import commands, view
+from softgym_mj.policies.factory import make_policy
 
 COMMANDS = ("rollout", "oracle", "record", "view")
 
@@ -17,7 +17,7 @@ def test_a_rollout_is_played_by_the_actor(grasp):
     command = "rollout straighten_rope --actor sawyer --policy random --episodes 1 --seed 3"
     if grasp is not None:
         command += f" --grasp {grasp}"
-    result = CliRunner().invoke(cli.app, command.split())
+    result = CliRunner().invoke(commands.app, command.split())
     assert result.exit_code == 0, result.output
     line = json.loads(result.output)
     env = softgym_mj.load("straighten_rope", actor="sawyer", grasp=grasp, split="evaluate")
@@ -29,9 +29,9 @@ def test_a_rollout_is_played_by_the_actor(grasp):
 
 
 def test_scores_name_the_actor(tmp_path, monkeypatch):
-    monkeypatch.setattr(cli, "_VIDEO_SIZE", 64)  # Filming takes longer than the episode.
+    monkeypatch.setattr(commands, "_VIDEO_SIZE", 64)  # Filming takes longer than the episode.
     command = ["oracle", "straighten_rope", "--episodes", "1", "--actor", "franka"]
-    result = CliRunner().invoke(cli.app, [*command, "--out", str(tmp_path)])
+    result = CliRunner().invoke(commands.app, [*command, "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
     scores = json.loads((tmp_path / "straighten_rope-franka.json").read_text())
     assert scores["actor"] == "franka"
@@ -40,10 +40,10 @@ def test_scores_name_the_actor(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_unknown_actor_is_one_line(command, capsys, monkeypatch):
-    monkeypatch.setattr(cli_view, "has_display", lambda: True)
+    monkeypatch.setattr(view, "has_display", lambda: True)
     monkeypatch.setattr("sys.argv", ["softgym-mj", command, "straighten_rope", "--actor", "hand"])
     with pytest.raises(SystemExit) as exit_info:
-        cli.main()
+        commands.main()
     assert exit_info.value.code == 1
     error = capsys.readouterr().err
     assert error.startswith("UnknownNameError: actor='hand'") and error.count("\n") == 1
@@ -52,11 +52,11 @@ def test_an_unknown_actor_is_one_line(command, capsys, monkeypatch):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_unknown_grasp_is_one_line(command, capsys, monkeypatch):
-    monkeypatch.setattr(cli_view, "has_display", lambda: True)
+    monkeypatch.setattr(view, "has_display", lambda: True)
     arguments = ["straighten_rope", "--actor", "franka", "--grasp", "glue"]
     monkeypatch.setattr("sys.argv", ["softgym-mj", command, *arguments])
     with pytest.raises(SystemExit) as exit_info:
-        cli.main()
+        commands.main()
     assert exit_info.value.code == 1
     error = capsys.readouterr().err
     assert error.startswith("UnknownNameError: grasp='glue'") and error.count("\n") == 1
@@ -66,5 +66,5 @@ def test_an_unknown_grasp_is_one_line(command, capsys, monkeypatch):
 def test_the_shell_completes_tasks():
     words = {"COMP_WORDS": "softgym-mj rollout fold", "COMP_CWORD": "2"}
     shell = {"_SOFTGYM_MJ_COMPLETE": "complete_bash", **words}
-    result = CliRunner().invoke(cli.app, prog_name="softgym-mj", env=shell)
+    result = CliRunner().invoke(commands.app, prog_name="softgym-mj", env=shell)
     assert result.output.split() == ["fold_cloth", "fold_crumpled_cloth"]

@@ -6,7 +6,8 @@ import pytest
 import rich.console
 from typer.testing import CliRunner
 
-from softgym_mj import cli, registry
+from softgym_mj import registry
+from softgym_mj.cli import commands
 
 
 @pytest.mark.parametrize("width", [80, 120])
@@ -14,8 +15,8 @@ def test_names_and_ids_are_whole_in_a_terminal(width, monkeypatch):
     terminal = rich.console.Console(
         file=io.StringIO(), width=width, force_terminal=True, color_system=None
     )
-    monkeypatch.setattr(cli, "console", terminal)
-    cli.list_tasks()
+    monkeypatch.setattr(commands, "console", terminal)
+    commands.list_tasks()
     lines = terminal.file.getvalue().splitlines()
     assert max(map(len, lines)) <= width
     for name, record in registry.TASKS.items():
@@ -28,7 +29,7 @@ def test_names_and_ids_are_whole_in_a_terminal(width, monkeypatch):
 
 
 def test_a_program_reads_a_line_for_each_task():
-    lines = CliRunner().invoke(cli.app, ["list"]).output.splitlines()
+    lines = CliRunner().invoke(commands.app, ["list"]).output.splitlines()
     for line, record in zip(lines, registry.TASKS.values(), strict=True):
         name, identifier, tags, horizon, repeat, goal = line.split("\t")
         assert (name, identifier, goal) == (record.name, record.gymnasium_id, record.summary)

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj import cli
-from softgym_mj.baselines.episodes import play
+from softgym_mj.cli import commands
+from softgym_mj.policies.episodes import play
 
 
 @pytest.fixture(autouse=True)
@@ -20,7 +20,7 @@ def _own_datasets(tmp_path, monkeypatch):
 
 def test_the_command_line_records():
     command = "record straighten_rope --policy random --episodes 2 --seed 3"
-    output = CliRunner().invoke(cli.app, command.split())
+    output = CliRunner().invoke(commands.app, command.split())
     assert output.exit_code == 0, output.output
     dataset = minari.load_dataset("softgym_mj/straighten_rope/random-v0")
     first, second = dataset.iterate_episodes()
@@ -32,7 +32,7 @@ def run(command, monkeypatch):
     """What the shell would run: its exit status."""
     monkeypatch.setattr("sys.argv", ["softgym-mj", *shlex.split(command)])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        commands.main()
     return ended.value.code
 
 

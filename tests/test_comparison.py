@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from softgym_mj import cli, plots
-from softgym_mj.evaluation import Configuration, comparison, evaluate
+from softgym_mj.cli import commands
+from softgym_mj.evaluation import Configuration, comparison, evaluate, plots
 from softgym_mj.evaluation.folder import write_json
 from softgym_mj.evaluation.indices import as_text, parsed
 from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
@@ -96,11 +96,11 @@ def test_figures_are_drawn_from_results(tmp_path, three):
 def test_the_command_line_plots(tmp_path, three, monkeypatch):
     monkeypatch.chdir(tmp_path)
     command = ["plot", *map(str, three)]
-    shown = CliRunner().invoke(cli.app, [*command, "--csv", "table.csv"])
+    shown = CliRunner().invoke(commands.app, [*command, "--csv", "table.csv"])
     assert shown.exit_code == 0, shown.output
     assert "horizon=15" in shown.output.replace("\n", " ") and "quartiles" in shown.output
     assert (tmp_path / "table.csv").exists() and (tmp_path / "results.png").exists()
-    page = CliRunner().invoke(cli.app, [*command, "--markdown"])
+    page = CliRunner().invoke(commands.app, [*command, "--markdown"])
     assert page.output.startswith(comparison.markdown(comparison.read_results(three)))
 
 

@@ -5,7 +5,7 @@ import pytest
 from dm_control import composer
 
 import softgym_mj
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import UndrivenError
 
 
@@ -13,7 +13,7 @@ def test_another_environment_says_that_it_does_not_act():
     task = softgym_mj.TASKS["straighten_rope"].build()
     env = composer.Environment(task, random_state=0)
     env.reset()
-    with pytest.raises(UndrivenError, match=r"run it in softgym_mj.environment.Environment"):
+    with pytest.raises(UndrivenError, match=r"run it in softgym_mj.envs.environment.Environment"):
         env.step(np.zeros(8))
 
 

@@ -7,13 +7,13 @@ import gymnasium
 import numpy as np
 import pytest
 
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import (
     EnvironmentClosedError,
     OutOfRangeError,
     SnapshotError,
     UnexpectedArgumentError,
 )
-from softgym_mj.gymnasium_env import SoftGymEnv
 
 IDENTIFIER = "softgym_mj/StraightenRope-v0"
 COPIES = {

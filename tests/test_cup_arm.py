@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from softgym_mj.baselines.scripted import make_policy
+from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots import cup_arm
 from softgym_mj.robots.factory import ARM_DENSITY
 from softgym_mj.robots.models import ARMS

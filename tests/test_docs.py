@@ -9,8 +9,9 @@ import shlex
 import pytest
 from typer.testing import CliRunner
 
-from softgym_mj import cli, compat, registry
-from softgym_mj.gymnasium_env import SoftGymEnv
+from softgym_mj import compat, registry
+from softgym_mj.cli import commands
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from tools import tables
 
 ROOT = pathlib.Path(__file__).parent.parent
@@ -81,7 +82,7 @@ def test_links_lead_to_files():
         assert (ROOT / target).exists(), target
 
 
-def commands():
+def shown_commands():
     lines = "".join(blocks("sh")).splitlines()
     return [line.split("#")[0].strip() for line in lines if line.startswith("softgym-mj")]
 
@@ -92,7 +93,7 @@ def _folder(tmp_path_factory):
     return tmp_path_factory.mktemp("commands")
 
 
-@pytest.mark.parametrize("command", commands())
+@pytest.mark.parametrize("command", shown_commands())
 def test_commands_run(command, monkeypatch, folder):
     monkeypatch.chdir(folder)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
@@ -100,9 +101,9 @@ def test_commands_run(command, monkeypatch, folder):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     for needed in shlex.split(command)[2:] if " plot " in command else []:
         if needed.startswith("runs/") and not (folder / needed).exists():
-            (maker,) = [other for other in commands() if other.endswith(f"--out {needed}")]
-            CliRunner().invoke(cli.app, shlex.split(maker)[1:])
-    result = CliRunner().invoke(cli.app, shlex.split(command)[1:])
+            (maker,) = [other for other in shown_commands() if other.endswith(f"--out {needed}")]
+            CliRunner().invoke(commands.app, shlex.split(maker)[1:])
+    result = CliRunner().invoke(commands.app, shlex.split(command)[1:])
     if command.startswith("softgym-mj view"):
         assert type(result.exception).__name__ == "RenderingUnavailableError"
         assert "softgym-mj rollout" in str(result.exception)
@@ -142,7 +143,7 @@ def test_tables_list_every_task_and_argument():
 def test_errors_end_the_command_line_with_one_line(capsys, monkeypatch):
     monkeypatch.setattr("sys.argv", ["softgym-mj", "rollout", "nonsense"])
     with pytest.raises(SystemExit) as exit_info:
-        cli.main()
+        commands.main()
     assert exit_info.value.code == 1
     error = capsys.readouterr().err
     assert error.startswith("UnknownNameError: task='nonsense'") and error.count("\n") == 1
@@ -154,9 +155,9 @@ def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
     import numpy as np
 
     monkeypatch.setattr(
-        cli.softgym_mj, "TASKS", {"straighten_rope": registry.TASKS["straighten_rope"]}
+        commands.softgym_mj, "TASKS", {"straighten_rope": registry.TASKS["straighten_rope"]}
     )
-    result = CliRunner().invoke(cli.app, ["demo", "--out", str(tmp_path), "--size", "96"])
+    result = CliRunner().invoke(commands.app, ["demo", "--out", str(tmp_path), "--size", "96"])
     assert result.exit_code == 0, result.output
     frames = imageio.imread(tmp_path / "straighten_rope.mp4")
     assert frames.shape == (76, 96, 96, 3)  # The start and 75 env steps.

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.domain import Domain, scaled, shifted, turned
 from softgym_mj.entities import Fabric
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import DEFAULT_DIMS, Cloth
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError, UnknownNameError
+from softgym_mj.variations.randomization import Domain, scaled, shifted, turned
 
 # Attributes of the cloth plugin, and the domain parameters of a cloth that they are.
 MATERIAL = {

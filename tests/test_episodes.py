@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj import plots
-from softgym_mj.baselines.episodes import play
+from softgym_mj.evaluation import plots
 from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
-from softgym_mj.rendering import CameraView, Video
+from softgym_mj.policies.episodes import play
+from softgym_mj.rendering.offscreen import CameraView, Video
 
 RED, BLUE = (200, 30, 30), (30, 30, 200)
 

@@ -12,12 +12,13 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj import cli, evaluation
-from softgym_mj.baselines.policies import make_policy
+from softgym_mj import evaluation
+from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, Planning, evaluate
 from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
-from softgym_mj.workers import Processes, RayCluster
+from softgym_mj.jobs.executors import Processes, RayCluster
+from softgym_mj.policies.factory import make_policy
 
 SHORT = {"horizon": 6}
 PLANNING = Planning(horizon=3, budget=60, iterations=2, replan_every=2)
@@ -193,7 +194,7 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
     arguments = ["evaluate", "straighten_rope", "--policy", "cem", "--horizon", "3", "--budget"]
     arguments += ["60", "--iterations", "2", "--replan-every", "3", "--episodes", "1"]
     arguments += ["--settings", '{"horizon": 6}', "--out", str(tmp_path / "run")]
-    output = CliRunner().invoke(cli.app, arguments)
+    output = CliRunner().invoke(commands.app, arguments)
     assert output.exit_code == 0, output.output
     result = json.loads((tmp_path / "run" / "result.json").read_text())
     assert result["planning"] == {"horizon": 3, "budget": 60, "iterations": 2, "replan_every": 3}
@@ -202,9 +203,9 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(evaluation, "evaluate", interrupt)
-    stopped = CliRunner().invoke(cli.app, arguments)
+    stopped = CliRunner().invoke(commands.app, arguments)
     assert stopped.exit_code == 130 and "the same command goes on" in stopped.output
-    failed = CliRunner().invoke(cli.app, ["evaluate", "straighten_rope", "--settings", "[1]"])
+    failed = CliRunner().invoke(commands.app, ["evaluate", "straighten_rope", "--settings", "[1]"])
     assert isinstance(failed.exception, OutOfRangeError)
     assert "settings='[1]'" in str(failed.exception)
 
@@ -219,13 +220,13 @@ def test_the_command_line_chooses_variations_and_actors(tmp_path):
     for number, (options, variations) in enumerate(chosen.items()):
         folder = tmp_path / str(number)
         arguments = [*base, *options, "--actor", "pick_and_place", "--out", str(folder)]
-        output = CliRunner().invoke(cli.app, arguments)
+        output = CliRunner().invoke(commands.app, arguments)
         assert output.exit_code == 0, output.output
         assert "median over variations" in output.output.replace("\n", " ")
         result = json.loads((folder / "result.json").read_text())
         assert result["variations"] == variations
         assert result["settings"] == {"horizon": 1, "actor": "pick_and_place"}
-    failed = CliRunner().invoke(cli.app, [*base, "--variations", "3", "--episodes", "2"])
+    failed = CliRunner().invoke(commands.app, [*base, "--variations", "3", "--episodes", "2"])
     assert isinstance(failed.exception, OutOfRangeError)
 
 

@@ -10,7 +10,7 @@ from softgym_mj.entities.sheet import THICKNESS
 from softgym_mj.exceptions import UnknownNameError
 from softgym_mj.tasks.folding import FoldGoal
 from softgym_mj.tasks.initializers import FlatCloth, HangingCloth
-from softgym_mj.variations import NUM_VARIATIONS
+from softgym_mj.variations.store import NUM_VARIATIONS
 
 RADIUS = THICKNESS / 2.0  # [m]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import softgym_mj
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import RenderingUnavailableError
-from softgym_mj.gymnasium_env import SoftGymEnv
-from softgym_mj.rendering import LARGEST_IMAGE, CameraView
+from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView
 
 SMALL, LARGE = (24, 32), (120, 90)
 

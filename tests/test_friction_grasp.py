@@ -5,7 +5,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.entities import Cloth
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError, UnknownNameError
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.robots.models import ARMS

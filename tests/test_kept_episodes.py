@@ -11,7 +11,7 @@ import minari
 import numpy as np
 import pytest
 
-from softgym_mj import cli
+from softgym_mj.cli import commands
 from softgym_mj.exceptions import ResultError
 from softgym_mj.recording import record, running
 
@@ -131,13 +131,13 @@ def test_a_killed_command_goes_on(played, monkeypatch):
     pathlib.Path("fuse").touch()
     arguments = ["record", TASK, "--policy", "own_fuse:make", "--settings", json.dumps(SHORT)]
     arguments += ["--episodes", "4", "--dataset", "rope/parts-v0"]
-    command = [sys.executable, "-m", "softgym_mj.cli", *arguments]
+    command = [sys.executable, "-m", "softgym_mj.cli.commands", *arguments]
     killed = subprocess.run(command, capture_output=True, check=False)
     assert killed.returncode < 0, killed.stderr
     monkeypatch.syspath_prepend(os.getcwd())
     monkeypatch.setattr(sys, "argv", ["softgym-mj", *arguments])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        commands.main()
     assert ended.value.code == 0 and played == [2, 3]
     whole = record(
         TASK, range(4), "own_fuse:make", dataset="rope/whole-v0", **SHORT, observation="reduced"
@@ -171,6 +171,6 @@ def test_ctrl_c_says_how_to_go_on(capsys, monkeypatch):
     play, stop = running.play, interrupt_after(2)
     monkeypatch.setattr(running, "play", lambda *args: (stop(args), play(*args))[1])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        commands.main()
     assert ended.value.code == 130
     assert "interrupted; 1 episodes are kept" in capsys.readouterr().out

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.baselines.scripted import make_policy
 from softgym_mj.exceptions import ModelUnavailableError, OutOfRangeError, UnknownNameError
+from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots.models import ARMS
 
 # Published kinematics: body, joint, position [m], quaternion in the parent.

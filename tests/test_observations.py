@@ -5,7 +5,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.observations import LABELS, NUM_CLOUD_POINTS, OBSERVATIONS
+from softgym_mj.tasks.observations import LABELS, NUM_CLOUD_POINTS, OBSERVATIONS
 
 SIZE = (160, 200)
 

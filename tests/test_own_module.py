@@ -11,7 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj
-from softgym_mj import cli, registry
+from softgym_mj import registry
+from softgym_mj.cli import commands
 from softgym_mj.exceptions import ExpertError, TaskModuleError, UnknownNameError
 from softgym_mj.recording import record
 
@@ -76,7 +77,7 @@ def run(command, monkeypatch):
     """What the shell would run."""
     monkeypatch.setattr(sys, "argv", ["softgym-mj", *command.split()])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        commands.main()
     return ended.value.code
 
 
@@ -174,7 +175,7 @@ def test_a_dataset_names_the_module_that_can_be_imported(folder, monkeypatch):
 def test_the_grasp_is_that_of_the_command(folder, monkeypatch):
     monkeypatch.syspath_prepend(str(folder))
     command = "record own_tasks:own_pull --policy zero --episodes 1 --actor franka --grasp friction"
-    output = CliRunner().invoke(cli.app, command.split())
+    output = CliRunner().invoke(commands.app, command.split())
     assert output.exit_code == 0, output.output
     dataset = minari.load_dataset("softgym_mj/own_pull/zero-franka-friction-v0")
     actor = dataset.recover_environment().unwrapped.dm_env.task.actor
@@ -183,7 +184,7 @@ def test_the_grasp_is_that_of_the_command(folder, monkeypatch):
 
 def test_an_expert_of_its_own_is_the_scripted_policy(folder, monkeypatch):
     expected = [np.tile([0.0, 0.0, 0.25 * i, -1.0], 2) for i in range(HORIZON)]
-    monkeypatch.setattr(cli, "_VIDEO_SIZE", 64)
+    monkeypatch.setattr(commands, "_VIDEO_SIZE", 64)
     assert run("oracle own_tasks:own_rise --episodes 1", monkeypatch) == 0
     score = json.loads((folder / "oracle" / "own_rise.json").read_text())["mean"]
     assert score == scores(lambda step: expected[step], "own_rise") > 0.3

@@ -12,13 +12,13 @@ from gymnasium.utils.env_checker import check_env
 
 import softgym_mj
 from softgym_mj import evaluation
-from softgym_mj.baselines.cem import OTHER_HORIZON, make_planner
-from softgym_mj.baselines.episodes import play
 from softgym_mj.entities import CameraPose, Cloth, Garment, Rope
 from softgym_mj.entities.sheet import AREA_DENSITY
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, UnexpectedArgumentError, UnknownNameError
 from softgym_mj.fluid import Liquid, Resolution, Water
+from softgym_mj.policies.episodes import play
+from softgym_mj.policies.planners import OTHER_HORIZON, make_planner
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks import Evaluation, SceneTask, TaskSettings

@@ -7,15 +7,15 @@ import pytest
 from dm_control import mjcf
 
 import softgym_mj
-from softgym_mj.baselines.rollouts import Rollouts
 from softgym_mj.entities import Cloth
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.evaluation import Configuration, Planning, evaluate
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError, SoftGymError, UnknownNameError
 from softgym_mj.fluid import Liquid, Resolution, Water
+from softgym_mj.jobs.executors import Here, Processes
+from softgym_mj.policies.rollouts import Rollouts
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.tasks import Evaluation, SceneTask, TaskSettings
-from softgym_mj.workers import Here, Processes
 
 DIMS = (12, 12)
 

@@ -10,7 +10,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.entities.flex import Flex
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import Picker
 

@@ -12,13 +12,13 @@ EPISODE = """
 import hashlib, sys
 import numpy as np
 import softgym_mj
-from softgym_mj.baselines import scripted
+from softgym_mj.policies import experts
 
 task, actor, policy, steps = sys.argv[1:]
 settings = {} if "rope" in softgym_mj.TASKS[task].tags else {"fidelity": "fast"}
 env = softgym_mj.load(task, actor=actor, split="evaluate", observation="full", **settings)
 timestep, random = env.reset(803), np.random.default_rng(5)
-expert = scripted.make_policy(env) if policy == "expert" else None
+expert = experts.make_policy(env) if policy == "expert" else None
 for _ in range(int(steps)):
     action = expert(timestep) if expert else random.uniform(-1, 1, env.action_spec().shape)
     timestep = env.step(action)

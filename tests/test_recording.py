@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.baselines.episodes import play
 from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError, UnknownNameError
+from softgym_mj.policies.episodes import play
 from softgym_mj.recording import dataset_name, record
-from softgym_mj.variations import SPLITS
+from softgym_mj.variations.store import SPLITS
 
 
 @pytest.fixture(autouse=True)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.baselines.policies import depends_on_seed, make_policy
-from softgym_mj.baselines.saved_policies import sha256
 from softgym_mj.evaluation import Configuration, evaluate
 from softgym_mj.exceptions import OutOfRangeError, PolicyFileError
+from softgym_mj.policies.factory import depends_on_seed, make_policy
+from softgym_mj.policies.saved import sha256
 
 SHORT = {"horizon": 6}
 ROPE = 36  # Numbers of the rope's reduced state.

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.baselines.scripted import EXPERTS, make_policy
 from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.policies.experts import EXPERTS, make_policy
 
 
 def play(task, variation, **kwargs):

@@ -27,5 +27,5 @@ def test_the_reference_has_every_public_module():
     listed = set(re.findall(r"^::: softgym_mj\.(\w+)", pages, re.MULTILINE))
     package = ROOT / "softgym_mj"
     public = {path.stem for path in package.glob("*.py") if not path.stem.startswith("_")}
-    public |= {path.parent.name for path in package.glob("*/__init__.py")} - {"assets", "native"}
+    public |= {path.parent.name for path in package.glob("*/__init__.py")} - {"assets"}
     assert listed == {name for name in public if not name.startswith(COMMANDS)}

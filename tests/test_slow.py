@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.baselines.scripted import make_policy
+from softgym_mj.policies.experts import make_policy
 
 pytestmark = pytest.mark.slow
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.entities import Arena, Cloth, Fabric, Rope
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.tasks import Evaluation, SceneTask

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj import variations
 from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError, UnknownNameError
-from softgym_mj.workers import make_workers
+from softgym_mj.jobs.executors import make_workers
+from softgym_mj.variations import store as variations
 
 SPECIFICATION = '{"initializer": "test"}'
 
@@ -444,7 +444,7 @@ KILLED_COUNT = 12
 SCRIPT = f"""
 import os, signal, sys
 import test_variations as module
-from softgym_mj import variations
+from softgym_mj.variations import store as variations
 
 if len(sys.argv) > 2:
     replace, left = os.replace, [int(sys.argv[2])]

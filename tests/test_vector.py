@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import (
     EpisodeEndedError,
     InvalidActionError,
@@ -14,8 +15,7 @@ from softgym_mj.exceptions import (
     UnknownNameError,
     WorkersLostError,
 )
-from softgym_mj.gymnasium_env import SoftGymEnv
-from softgym_mj.rendering import CameraView
+from softgym_mj.rendering.offscreen import CameraView
 
 ROPE, WATER = "softgym_mj/StraightenRope-v0", "softgym_mj/TransportWater-v0"
 HORIZON, SEED, NUM_ENVS = 3, 7, 2

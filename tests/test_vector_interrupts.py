@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj import vector_pool
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import (
     EnvironmentClosedError,
     InvalidActionError,
     SoftGymError,
     WorkersLostError,
 )
-from softgym_mj.gymnasium_env import SoftGymEnv
-from softgym_mj.vector_env import VectorEnv
+from softgym_mj.vector import pool as vector_pool
+from softgym_mj.vector.environment import VectorEnv
 
 ROPE = "softgym_mj/StraightenRope-v0"
 PACKAGE = str(pathlib.Path(softgym_mj.__file__).parent)

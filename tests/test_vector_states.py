@@ -7,13 +7,13 @@ import gymnasium
 import numpy as np
 import pytest
 
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import (
     EpisodeEndedError,
     InvalidActionError,
     OutOfRangeError,
     SnapshotError,
 )
-from softgym_mj.gymnasium_env import SoftGymEnv
 
 ROPE = "softgym_mj/StraightenRope-v0"
 HORIZON, SEED, NUM_ENVS = 3, 7, 3

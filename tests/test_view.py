@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from softgym_mj import cli, cli_view
+from softgym_mj.cli import commands, view
 from softgym_mj.exceptions import (
     MissingExtraError,
     OutOfRangeError,
@@ -230,8 +230,8 @@ def test_a_viewer_that_cannot_start_points_to_the_browser():
 
 
 def test_without_a_display_the_command_points_to_the_browser(monkeypatch):
-    monkeypatch.setattr(cli_view, "has_display", lambda: False)
-    result = CliRunner().invoke(cli.app, ["view", "pour_water"])
+    monkeypatch.setattr(view, "has_display", lambda: False)
+    result = CliRunner().invoke(commands.app, ["view", "pour_water"])
     assert isinstance(result.exception, RenderingUnavailableError)
     assert "softgym-mj view pour_water --browser" in str(result.exception)
     assert "softgym-mj rollout pour_water --video videos" in str(result.exception)
@@ -239,11 +239,11 @@ def test_without_a_display_the_command_points_to_the_browser(monkeypatch):
 
 def test_the_command_tells_of_the_keys_and_opens_the_window(monkeypatch):
     played = []
-    monkeypatch.setattr(cli_view, "has_display", lambda: True)
+    monkeypatch.setattr(view, "has_display", lambda: True)
     monkeypatch.setattr(window, "check_display", lambda: None)
     monkeypatch.setattr(window.Window, "run", lambda self: played.append(self._session))
     command = "view straighten_rope --actor franka --variation 803"
-    result = CliRunner().invoke(cli.app, command.split())
+    result = CliRunner().invoke(commands.app, command.split())
     assert result.exit_code == 0, result.output
     (session,) = played
     assert session.teleoperation.names == ("arm 1", "arm 2") and session.status.variation == 803
@@ -253,13 +253,13 @@ def test_the_command_tells_of_the_keys_and_opens_the_window(monkeypatch):
 
 @pytest.mark.parametrize("variation", ["-1", "1000"])
 def test_a_variation_that_does_not_exist_is_an_error(variation):
-    result = CliRunner().invoke(cli.app, ["view", "pour_water", "--variation", variation])
+    result = CliRunner().invoke(commands.app, ["view", "pour_water", "--variation", variation])
     assert isinstance(result.exception, OutOfRangeError)
 
 
 def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
-    result = CliRunner().invoke(cli.app, ["view", "pour_water", "--browser"])
+    result = CliRunner().invoke(commands.app, ["view", "pour_water", "--browser"])
     assert isinstance(result.exception, MissingExtraError)
     assert isinstance(result.exception, ImportError)
     assert "pip install 'softgym_mj[viewer]'" in str(result.exception)

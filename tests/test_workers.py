@@ -8,7 +8,7 @@ import time
 import pytest
 
 from softgym_mj.exceptions import OutOfRangeError, WorkersLostError
-from softgym_mj.workers import Here, Processes, RayCluster, Workers, make_workers
+from softgym_mj.jobs.executors import Here, Processes, RayCluster, Workers, make_workers
 
 
 @pytest.fixture(name="workers", params=["here", "processes", "ray"], scope="module")

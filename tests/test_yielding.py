@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.baselines.policies import make_policy
+from softgym_mj.policies.factory import make_policy
 from softgym_mj.robots.gripper import Workspace
 from tests.test_snapshots import trace
 

@@ -8,16 +8,16 @@ import pathlib
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.observations import GOAL_RGB, HELD, OBSERVATIONS, WRIST_RGB
 from softgym_mj.registry import TASKS, TaskRecord, load
-from softgym_mj.rendering import camera_ids
+from softgym_mj.rendering.offscreen import camera_ids
 from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.base import DeformableTask, Entries
-from softgym_mj.variations import SPLITS
+from softgym_mj.tasks.observations import GOAL_RGB, HELD, OBSERVATIONS, WRIST_RGB
+from softgym_mj.variations.store import SPLITS
 from tools.sheet_entries import (
     INFO,
     action_entries,

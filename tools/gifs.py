@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image
 
-from softgym_mj.baselines.episodes import play
+from softgym_mj.policies.episodes import play
 from softgym_mj.registry import TASKS, load
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "gifs"

@@ -1,6 +1,6 @@
 """What the entries of actions and states and the keys of info mean, for the data sheets."""
 
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.cup_mover import NAMES, CupMover
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.holding import MAX_DISPLACEMENT

@@ -6,8 +6,7 @@ import re
 
 import softgym_mj
 from benchmarks import experts
-from softgym_mj import plots
-from softgym_mj.evaluation import comparison
+from softgym_mj.evaluation import comparison, plots
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"

@@ -8,9 +8,9 @@ from dm_control import composer, mjcf
 from scipy.spatial.transform import Rotation
 
 from softgym_mj import assets
-from softgym_mj.domain import Parameter, shifted
 from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
 from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.variations.randomization import Parameter, shifted
 
 
 @dataclasses.dataclass(frozen=True)

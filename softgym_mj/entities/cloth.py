@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from softgym_mj.arithmetic import product
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.native.arithmetic import product
 
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
 PARTICLE_SPACING = 0.00625

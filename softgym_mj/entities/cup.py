@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.arithmetic import product
 from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.native.arithmetic import product
 
 # SoftGym's light grey; so translucent that the water level shows through the walls.
 COLOR = (0.9, 0.9, 0.9, 0.35)

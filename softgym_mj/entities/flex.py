@@ -9,8 +9,8 @@ import scipy.sparse.csgraph
 from dm_control import composer, mjcf
 
 from softgym_mj.cloth import solver
-from softgym_mj.domain import Parameter
 from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.variations.randomization import Parameter
 
 # Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
 # with 10 kg the pull of the cloth (5 N) moves a held vertex by 0.05 mm in a step, and the solver

@@ -9,9 +9,9 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
-from softgym_mj.arithmetic import product
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import MeshError, OutOfRangeError
+from softgym_mj.native.arithmetic import product
 
 # Accepted lengths of edges in thicknesses. Below, layers would be thinner than they are drawn;
 # above, folds are coarse. Cloths have 2 to 4.

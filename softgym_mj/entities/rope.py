@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softgym_mj.domain import Parameter, scaled, shifted, turned
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import check_name
+from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
 # [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
 LENGTH = 0.5

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.domain import Parameter, scaled, shifted, turned
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
 # [m] Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
 THICKNESS = 0.01

@@ -11,7 +11,9 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj import registry
-from softgym_mj.baselines.cem import (
+from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError, check_count
+from softgym_mj.policies.factory import SIMPLE, depends_on_seed
+from softgym_mj.policies.planners import (
     BUDGET,
     ITERATIONS,
     PLANNERS,
@@ -19,10 +21,8 @@ from softgym_mj.baselines.cem import (
     make_planner,
     usual_horizon,
 )
-from softgym_mj.baselines.policies import SIMPLE, depends_on_seed
-from softgym_mj.baselines.saved_policies import SEED, is_saved, sha256
-from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError, check_count
-from softgym_mj.variations import check_variation, split_indices
+from softgym_mj.policies.saved import SEED, is_saved, sha256
+from softgym_mj.variations.store import check_variation, split_indices
 
 # Counts up when scores of the same episode would differ: results of two versions are not mixed.
 PROTOCOL = 1
@@ -32,7 +32,7 @@ _OF_VARIATIONS = ("split", "random_state")  # What settings cannot choose beside
 
 @dataclasses.dataclass(frozen=True)
 class Planning:
-    """How a planner looks for actions: see `baselines.cem`.
+    """How a planner looks for actions: see `policies.planners`.
 
     Attributes:
         horizon: env steps that a plan looks ahead; None for the task's.
@@ -53,7 +53,7 @@ class Configuration:
 
     Attributes:
         task: task name, as in `registry.find`.
-        policy: one of `POLICIES`, or a saved one, see `baselines.policies`.
+        policy: one of `POLICIES`, or a saved one, see `policies.factory`.
         variations: indices.
         seeds: of the policy; one, unless it depends on a seed.
         settings: keyword arguments of the task that JSON can hold, such as actor and fidelity;

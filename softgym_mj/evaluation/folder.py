@@ -7,7 +7,7 @@ from typing import Any
 
 from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import ResultError
-from softgym_mj.files import write_whole
+from softgym_mj.jobs.files import write_whole
 
 
 class Folder:

@@ -10,14 +10,14 @@ import pathlib
 from collections.abc import Callable, Iterable, Sequence
 
 from softgym_mj import registry
-from softgym_mj.baselines.cem import PLANNERS, Plan
-from softgym_mj.baselines.model_predictive import ModelPredictivePolicy
-from softgym_mj.baselines.policies import make_policy
-from softgym_mj.baselines.rollouts import Rollouts, kept_environment, sent_to
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import Folder
 from softgym_mj.evaluation.statistics import methods, summary
-from softgym_mj.workers import Here, Workers
+from softgym_mj.jobs.executors import Here, Workers
+from softgym_mj.policies.factory import make_policy
+from softgym_mj.policies.model_predictive import ModelPredictivePolicy
+from softgym_mj.policies.planners import PLANNERS, Plan
+from softgym_mj.policies.rollouts import Rollouts, kept_environment, sent_to
 
 
 @dataclasses.dataclass

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.domain import Parameter, scaled, shifted, turned
 from softgym_mj.exceptions import OutOfRangeError, check_count, check_name
 from softgym_mj.native.library import FLUID, load_plugin
+from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
 _INSTANCE = "water"

@@ -13,13 +13,13 @@ import mujoco
 
 import softgym_mj
 from softgym_mj import registry
-from softgym_mj.baselines.policies import make_policy
-from softgym_mj.baselines.saved_policies import is_saved, sha256
 from softgym_mj.evaluation.configuration import check_settings
 from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.policies.factory import make_policy
+from softgym_mj.policies.saved import is_saved, sha256
 from softgym_mj.recording import datasets
 from softgym_mj.recording.episodes import KeptEpisodes, play
-from softgym_mj.variations import SPLITS, check_variation
+from softgym_mj.variations.store import SPLITS, check_variation
 
 if TYPE_CHECKING:
     import minari
@@ -50,7 +50,7 @@ def record(
     Args:
         task: task name, or "module:name" as in `registry.find`.
         variations: indices, in the order of the episodes.
-        policy: of `baselines.policies`.
+        policy: of `policies.factory`.
         dataset: id of the dataset; None for `dataset_name` of task, policy, actor and grasp.
         seed: of the policy.
         successful_only: leaves out episodes whose last `info["success"]` is false.

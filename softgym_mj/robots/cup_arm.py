@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.arithmetic import product
 from softgym_mj.entities.cup import GRIP, Cup
+from softgym_mj.native.arithmetic import product
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.cartesian import LEAD, CartesianController
 from softgym_mj.robots.cup_mover import CupMover, Rule

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.arithmetic import product, squares
 from softgym_mj.cloth import solver
 from softgym_mj.entities.flex import GRIPPER_CONTACT
+from softgym_mj.native.arithmetic import product, squares
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.holding import Held, Holding
 from softgym_mj.robots.models import ArmModel

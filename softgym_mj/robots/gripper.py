@@ -9,8 +9,8 @@ from dm_control.composer.observation import observable
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.observations import HELD
 from softgym_mj.robots.base import Actor
+from softgym_mj.tasks.observations import HELD
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from softgym_mj.arithmetic import squares
+from softgym_mj.native.arithmetic import squares
 from softgym_mj.robots.base import SIM_STEP
 
 # [m/s^2] Commands may jump from -1 m/s to 1 m/s; what the arms follow speeds up and slows down by

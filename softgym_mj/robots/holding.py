@@ -7,9 +7,9 @@ from typing import Generic, TypeVar
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.arithmetic import squares
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
+from softgym_mj.native.arithmetic import squares
 from softgym_mj.robots.gripper import Gripper
 
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).

@@ -1,6 +1,6 @@
 """mink's configuration, tasks and limits, with products that no processor sums differently.
 
-See `softgym_mj.arithmetic`. mink takes a task's objective as it is, when the task offers no
+See `softgym_mj.native.arithmetic`. mink takes a task's objective as it is, when the task offers no
 residual; its limits of joints and speeds have no products.
 """
 
@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from mink.tasks import BaseTask
 
-from softgym_mj.arithmetic import product, squares
+from softgym_mj.native.arithmetic import product, squares
 
 
 class Reference(mink.Configuration):

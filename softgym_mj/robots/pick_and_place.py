@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from dm_control import composer
 
-from softgym_mj.arithmetic import product
 from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.native.arithmetic import product
 from softgym_mj.robots.picker import Picker
 
 STEP = 0.01  # [m] Way of a picker in a sim step.

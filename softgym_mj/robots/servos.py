@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.arithmetic import product
+from softgym_mj.native.arithmetic import product
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cartesian import ORIENTATION_COST, PERIOD, CartesianController

@@ -12,7 +12,6 @@ from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj import metrics
-from softgym_mj.domain import Adjustable, Domain
 from softgym_mj.entities.arena import Arena
 from softgym_mj.exceptions import (
     EpisodeEndedError,
@@ -22,11 +21,12 @@ from softgym_mj.exceptions import (
     check_count,
     check_image_size,
 )
-from softgym_mj.observations import TaskCamera, enabled_names
-from softgym_mj.rendering import LARGEST_IMAGE
+from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.tasks.evaluation import Evaluation, check_names
-from softgym_mj.variations import check_variation
+from softgym_mj.tasks.observations import TaskCamera, enabled_names
+from softgym_mj.variations.randomization import Adjustable, Domain
+from softgym_mj.variations.store import check_variation
 
 
 @dataclasses.dataclass(frozen=True)
@@ -237,7 +237,7 @@ class DeformableTask(composer.Task, abc.ABC):
         if not self.driven:
             raise UndrivenError(
                 "composer's own Environment does not drive the actor of a DeformableTask: "
-                "run it in softgym_mj.environment.Environment, or by softgym_mj.load"
+                "run it in softgym_mj.envs.environment.Environment, or by softgym_mj.load"
             )
 
     def after_step(self, physics, random_state):

@@ -8,7 +8,7 @@ from softgym_mj.entities.cloth import Cloth, grid_shape
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.tasks.base import Entries
 from softgym_mj.tasks.flex_task import FlexTask, Layout
-from softgym_mj.variations import Initializer, VariationStore
+from softgym_mj.variations.store import Initializer, VariationStore
 
 
 class ClothInitializer(Initializer, Protocol):

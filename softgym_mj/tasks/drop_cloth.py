@@ -24,7 +24,6 @@ import numpy as np
 
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.exceptions import OutOfRangeError, check_name
-from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.robots.models import ARMS
@@ -33,6 +32,7 @@ from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
 from softgym_mj.tasks.flex_task import Layout
 from softgym_mj.tasks.folding import FoldGoal
 from softgym_mj.tasks.initializers import SIZE_RANGE, HangingCloth
+from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 
 ACTION_REPEAT, FOLD_ACTION_REPEAT = 16, 8  # Facts 1.2; 5, row 1.
 WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # Facts 2.2.

@@ -11,7 +11,7 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.flex import Flex
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.stored_task import StoredTask
-from softgym_mj.variations import VariationStore
+from softgym_mj.variations.store import VariationStore
 
 CLEARANCE = (
     0.06  # [m] At reset, from a gripper's centre to the top of the object: a picker and 1 cm.

@@ -23,7 +23,6 @@ from typing import Unpack
 import numpy as np
 
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
@@ -31,6 +30,7 @@ from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
 from softgym_mj.tasks.flex_task import Layout
 from softgym_mj.tasks.folding import FoldGoal
 from softgym_mj.tasks.initializers import CrumpledCloth, FlatCloth
+from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))

@@ -29,14 +29,14 @@ import numpy as np
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.marks import LevelMark
 from softgym_mj.fluid import Liquid, Water
-from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.cup_mover import CupMover, KeepClear
 from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
 from softgym_mj.tasks.base import Entries, Evaluation
+from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import PourScenes
 from softgym_mj.tasks.water_task import WaterTask, pose_entries
-from softgym_mj.variations import generator
+from softgym_mj.variations.store import generator
 
 ACTION_REPEAT = 8  # Facts 1.2.
 MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] in a sim step: 1 m/s and 1.5 rad/s.

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.domain import Adjustable, Prefixed
 from softgym_mj.entities.arena import CAMERAS, Arena, CameraPose
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.fluid import Water
-from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import DeformableTask, Entries
-from softgym_mj.variations import generator
+from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.variations.randomization import Adjustable, Prefixed
+from softgym_mj.variations.store import generator
 
 ACTION_REPEAT = 8  # As in most of SoftGym's tasks.
 WORKSPACE = Workspace((-0.7, -0.6, 0.0), (0.7, 0.6, 0.6))

@@ -18,13 +18,13 @@ from typing import Unpack
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.cloth_task import ClothTask
 from softgym_mj.tasks.flex_task import Layout
 from softgym_mj.tasks.initializers import CrumpledCloth
+from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.

@@ -7,7 +7,7 @@ import numpy as np
 from softgym_mj.entities.arena import Arena
 from softgym_mj.robots.base import Actor
 from softgym_mj.tasks.base import DeformableTask
-from softgym_mj.variations import VariationStore
+from softgym_mj.variations.store import VariationStore
 
 
 class StoredTask(DeformableTask):

@@ -18,13 +18,13 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.rope import LENGTH, Rope
-from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
-from softgym_mj.variations import VariationStore
+from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.variations.store import VariationStore
 
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.

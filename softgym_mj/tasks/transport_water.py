@@ -20,10 +20,10 @@ import numpy as np
 
 from softgym_mj.entities.cup import Cup
 from softgym_mj.fluid import Liquid, Water
-from softgym_mj.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.robots.cup_mover import CupMover, Track
 from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
 from softgym_mj.tasks.base import Entries, Evaluation
+from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.water_scenes import TransportScenes
 from softgym_mj.tasks.water_task import WaterTask

@@ -13,7 +13,7 @@ from softgym_mj.tasks.base import Entries
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.tasks.water_scenes import LARGEST_COUNT, Scene, num_particles
-from softgym_mj.variations import VariationStore
+from softgym_mj.variations.store import VariationStore
 
 MIDDLE = 0.6  # [m] Cups move and stand between x = -0.25 and 1.4.
 

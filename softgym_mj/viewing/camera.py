@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.tasks.water_task import MIDDLE, WaterTask
 
 LOOK_AT_HEIGHT = 0.1  # [m] At which a view from above is turned.

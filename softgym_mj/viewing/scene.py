@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.extras import import_extra
-from softgym_mj.rendering import refresh
+from softgym_mj.rendering.offscreen import refresh
 
 EXTRA = "viewer"  # The extra that brings viser and mjviser.
 AMBIENCE = 0.4  # Of light from all sides; with mjviser's 0.8, colours are bleached.

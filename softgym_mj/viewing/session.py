@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from softgym_mj.baselines.policies import make_policy
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
+from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import load
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.variations import NUM_VARIATIONS
+from softgym_mj.variations.store import NUM_VARIATIONS
 from softgym_mj.viewing.teleoperation import Teleoperation, teleoperate
 
 TELEOPERATE = "teleoperate"  # The policy that a person is.

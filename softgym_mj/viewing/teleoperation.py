@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import UnknownNameError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover

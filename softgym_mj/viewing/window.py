@@ -9,9 +9,9 @@ import mujoco
 import mujoco.viewer
 import numpy as np
 
-from softgym_mj.environment import Environment
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import RenderingUnavailableError
-from softgym_mj.rendering import refresh
+from softgym_mj.rendering.offscreen import refresh
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.water_task import WaterTask
 from softgym_mj.viewing.camera import orbit, pose

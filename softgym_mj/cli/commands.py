@@ -1,0 +1,234 @@
+"""The command line: softgym-mj list | demo | rollout | oracle | evaluate | plot | ..."""
+
+import functools
+import json
+import os
+import pathlib
+import sys
+from typing import Annotated, Any
+
+import numpy as np
+import rich.box
+import rich.console
+import rich.progress
+import rich.table
+import typer
+
+import softgym_mj
+from softgym_mj.cli import data, evaluation, view
+from softgym_mj.cli.console import (
+    Actor,
+    Grasp,
+    Task,
+    acting,
+    console,
+    first_variations,
+    progress_bar,
+)
+from softgym_mj.exceptions import SoftGymError
+from softgym_mj.policies.episodes import Episode, play
+from softgym_mj.policies.factory import SIMPLE
+from softgym_mj.registry import TaskRecord, find
+
+app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
+app.command()(evaluation.evaluate)
+app.command()(evaluation.plot)
+app.command()(data.generate)
+app.command()(data.record)
+app.command()(view.view)
+
+_VIDEO_SIZE = 480  # Side of a video [pixels].
+
+
+def _load(task: TaskRecord, split: str, filmed: bool, **settings: Any):
+    """The environment of a task; water is drawn finely if a video is made of it."""
+    if filmed and "draw" in task.arguments:
+        settings["draw"] = "fine"
+    return softgym_mj.load(task, split=split, **settings)
+
+
+@app.command("list")
+def list_tasks() -> None:
+    """Lists the tasks; if it is read by a program, one a line, with tabs.
+
+    Such a line has name, Gymnasium id, tags, horizon, action repeat and goal.
+    """
+    if not console.is_terminal:
+        for record in softgym_mj.TASKS.values():
+            lengths = str(record.horizon), str(record.action_repeat)
+            tags = ",".join(record.tags)
+            row = record.name, record.gymnasium_id, tags, *lengths, record.summary
+            typer.echo("\t".join(row))
+        return
+    table = rich.table.Table(box=rich.box.SIMPLE)
+    for title in ("task\nGymnasium id", "tags", "horizon\nrepeat"):
+        table.add_column(title, no_wrap=True)
+    table.add_column("goal")
+    for record in softgym_mj.TASKS.values():
+        table.add_row(
+            f"{record.name}\n{record.gymnasium_id}",
+            "\n".join(record.tags),
+            f"{record.horizon}\n{record.action_repeat}",
+            record.summary,
+        )
+    console.print(table)
+
+
+@app.command()
+def demo(
+    out: Annotated[
+        pathlib.Path, typer.Option(help="Folder for videos and pictures.")
+    ] = pathlib.Path("demo"),
+    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = _VIDEO_SIZE,
+    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
+) -> None:
+    """Plays every task with its scripted policy; writes a video and a picture of each.
+
+    And `tasks.png`: the start, the middle and the end of all of them.
+    """
+    strips = []
+    with progress_bar() as progress:
+        for name, record in softgym_mj.TASKS.items():
+            file = out / f"{name}.mp4"
+            env = _load(record, "all", filmed=True)
+            bar = progress.add_task(name, total=env.horizon)
+            advance = functools.partial(progress.advance, bar)
+            episode = play(env, "scripted", variation, size=size, on_step=advance)
+            _write(episode, file)
+            progress.console.print(
+                f"{name}: normalized performance {_score(episode):.3f}; "
+                f"wrote {file} and {file.with_suffix('.png')}"
+            )
+            strips.append(_strip(episode))
+    _write_sheet(strips, out / "tasks.png")
+    console.print(f"wrote {out / 'tasks.png'}")
+
+
+@app.command()
+def rollout(
+    task: Task,
+    policy: Annotated[
+        str, typer.Option(help=f"{', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
+    ] = "scripted",
+    actor: Actor = None,
+    grasp: Grasp = None,
+    split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
+    episodes: Annotated[int, typer.Option(min=1)] = 5,
+    seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
+    video: Annotated[
+        pathlib.Path | None, typer.Option(help="Folder for a video of every episode.")
+    ] = None,
+) -> None:
+    """Runs a policy on the first variations of a split; prints one JSON line an episode."""
+    record, variations = find(task), first_variations(split, episodes)
+    env = _load(record, split, filmed=video is not None, **acting(actor, grasp))
+    for index in variations:
+        episode = _filmed(env, policy, index, video is not None, seed)
+        if video is not None:
+            _write(episode, video / f"{record.name}_{index:04d}.mp4")
+        typer.echo(
+            json.dumps(
+                {
+                    "task": record.name,
+                    "actor": actor,
+                    "grasp": grasp,
+                    "policy": policy,
+                    "variation": index,
+                    "normalized_performance": _score(episode),
+                    "success": bool(episode.info["success"][-1]),
+                }
+            )
+        )
+
+
+@app.command()
+def oracle(
+    task: Task,
+    actor: Actor = None,
+    grasp: Grasp = None,
+    split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
+    episodes: Annotated[int, typer.Option(help="Variations, from the first on.", min=1)] = 20,
+    out: Annotated[
+        pathlib.Path, typer.Option(help="Folder for the scores and a video of the first episode.")
+    ] = pathlib.Path("oracle"),
+) -> None:
+    """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
+    record, settings = find(task), acting(actor, grasp)
+    variations = first_variations(split, episodes)
+    env = _load(record, split, filmed=True, **settings)
+    name = "-".join([record.name, *settings.values()])
+    scores: dict[int, float] = {}
+    with progress_bar() as progress:
+        bar = progress.add_task(record.name, total=len(variations))
+        for index in variations:
+            first = index == variations[0]
+            episode = _filmed(env, "scripted", index, first)
+            if first:
+                _write(episode, out / f"{name}.mp4")
+            scores[index] = _score(episode)
+            progress.advance(bar)
+    values = list(scores.values())
+    summary = {"task": record.name, "actor": actor, "grasp": grasp, "policy": "scripted",
+               "version": softgym_mj.__version__, "mean": float(np.mean(values)),
+               "min": min(values), "max": max(values),
+               "normalized_performance": scores}  # fmt: skip
+    file = out / f"{name}.json"
+    file.write_text(json.dumps(summary, indent=2))
+    console.print(
+        f"{record.name}: mean {summary['mean']:.3f}, min {min(values):.3f}, "
+        f"max {max(values):.3f} of {len(values)}; wrote {file} and {out / name}.mp4"
+    )
+
+
+def _filmed(env, policy: str, variation: int, filmed: bool, seed: int = 0) -> Episode:
+    """Plays an episode; pictures, which take most of the time, only if they are wanted."""
+    camera = "task" if filmed else None
+    return play(env, policy, variation, seed=seed, camera=camera, size=_VIDEO_SIZE)
+
+
+def _score(episode: Episode) -> float:
+    """Normalised performance at the end."""
+    return float(episode.info["normalized_performance"][-1])
+
+
+def _write(episode: Episode, file: pathlib.Path) -> None:
+    """Writes the video, and the last picture as a PNG beside it."""
+    import imageio.v2 as imageio
+
+    episode.video.write(file)
+    imageio.imwrite(file.with_suffix(".png"), episode.frames[-1])
+
+
+def _strip(episode: Episode) -> np.ndarray:
+    """The first, the middle and the last picture, beside each other."""
+    frames = episode.frames
+    return np.hstack([frames[0], frames[len(frames) // 2], frames[-1]])
+
+
+def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:
+    """Writes strips in two columns, half as large."""
+    import imageio.v2 as imageio
+
+    strips = strips + [np.full_like(strips[0], 255)] * (len(strips) % 2)
+    rows = [np.hstack(pair) for pair in zip(strips[::2], strips[1::2], strict=True)]
+    sheet = np.vstack(rows)
+    quarters = [sheet[i::2, j::2].astype(int) for i in range(2) for j in range(2)]
+    imageio.imwrite(file, (np.sum(quarters, axis=0) // 4).astype(np.uint8))
+
+
+def main() -> None:
+    """Runs the command line; an error of this package is one line and exit status 1.
+
+    Modules of the current folder can be imported, as with `python -m`: tasks and policies of yours.
+    """
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # Behind what is installed, such as this package.
+    try:
+        app()
+    except SoftGymError as error:
+        typer.echo(f"{type(error).__name__}: {error}", err=True)
+        raise SystemExit(1) from None
+
+
+if __name__ == "__main__":
+    main()

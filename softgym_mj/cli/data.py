@@ -1,0 +1,130 @@
+"""The commands `softgym-mj generate` and `softgym-mj record`."""
+
+import inspect
+import pathlib
+from typing import Annotated
+
+import typer
+
+from softgym_mj.cli.console import (
+    Actor,
+    Grasp,
+    Ray,
+    Settings,
+    Task,
+    acting,
+    console,
+    first_variations,
+    parsed_settings,
+    progress_bar,
+)
+from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.jobs.executors import make_workers
+from softgym_mj.registry import find
+
+
+def generate(
+    task: Task,
+    start: Annotated[int, typer.Option(help="First variation.")] = 0,
+    num: Annotated[int, typer.Option(help="Number of variations.", min=1)] = 1000,
+    jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
+    ray: Ray = None,
+    fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
+    pack: Annotated[
+        pathlib.Path | None, typer.Option(help="Also write all 1000 into this file.")
+    ] = None,
+) -> None:
+    """Generates settled initial states into the cache; may be killed and run again."""
+    record = find(task)
+    settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
+    from softgym_mj.tasks.stored_task import StoredTask  # dm_control takes a second to import.
+
+    built = record.build(**settings)
+    if not isinstance(built, StoredTask):
+        raise OutOfRangeError("task", record.name, "a task that keeps its initial states")
+    store = built.store
+    with make_workers(jobs, ray) as workers, progress_bar() as progress:
+        bar = progress.add_task(f"{record.name} variations", total=num)
+        made = store.generate_missing(
+            range(start, start + num), workers, lambda index: progress.advance(bar)
+        )
+    console.print(f"{made} generated, {num - made} were there, in {store.folder}")
+    if pack is not None:
+        store.pack(pack)
+        console.print(f"packed into {pack} ({pack.stat().st_size / 1e6:.2f} MB)")
+
+
+def record(
+    task: Task,
+    policy: Annotated[
+        str, typer.Option(help="scripted, random, zero, FILE.pt2 or MODULE:FUNCTION.")
+    ] = "scripted",
+    actor: Actor = None,
+    grasp: Grasp = None,
+    split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "train",
+    episodes: Annotated[int, typer.Option(help="Variations to play, one after the other.")] = 10,
+    start: Annotated[
+        int | None, typer.Option(help="First variation; the split's first if not given.")
+    ] = None,
+    observation: Annotated[
+        str | None, typer.Option(help="Observations, with commas; reduced if not given.")
+    ] = None,
+    settings: Settings = "{}",
+    seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
+    successful_only: Annotated[
+        bool, typer.Option("--successful-only", help="Leave out episodes without success.")
+    ] = False,
+    dataset: Annotated[
+        str | None,
+        typer.Option(help="Id; softgym_mj/TASK/POLICY[-ACTOR][-GRASP]-v0 if not given."),
+    ] = None,
+    author: Annotated[str | None, typer.Option(help="Of the dataset.")] = None,
+    author_email: Annotated[str | None, typer.Option(help="Where to reach the author.")] = None,
+    code_permalink: Annotated[
+        str | None, typer.Option(help="Address of the code, in the version that was run.")
+    ] = None,
+) -> None:
+    """Records episodes as a Minari dataset, one a variation; may be killed and run again."""
+    from softgym_mj import recording
+
+    variations = first_variations(split, episodes, start)
+    chosen = {**parsed_settings(settings), **acting(actor, grasp)}
+    if observation is not None:
+        chosen["observation"] = observation.split(",")
+    chosen.setdefault("observation", "reduced")
+    for name in inspect.signature(recording.record).parameters:
+        if name in chosen:
+            raise OutOfRangeError("settings", settings, f"arguments of the task; not {name!r}")
+    finished = []
+    try:
+        with progress_bar() as progress:
+            bar = progress.add_task(task, total=len(variations))
+
+            def on_episode(info: dict) -> None:
+                finished.append(info)
+                progress.advance(bar)
+
+            made = recording.record(
+                task,
+                variations,
+                policy,
+                dataset=dataset,
+                seed=seed,
+                successful_only=successful_only,
+                author=author,
+                author_email=author_email,
+                code_permalink=code_permalink,
+                on_episode=on_episode,
+                **chosen,
+            )
+    except KeyboardInterrupt:
+        console.print(
+            f"interrupted; {len(finished)} episodes are kept: the same command goes on from them; "
+            f"with --episodes {len(finished)} it makes a dataset of them"
+        )
+        raise typer.Exit(130) from None
+    dropped = f"; dropped {len(finished) - made.total_episodes} without success"
+    console.print(
+        f"recorded {made.total_episodes} episodes, {made.total_steps} steps"
+        f"{dropped if successful_only else ''}; minari.load_dataset({made.spec.dataset_id!r})"
+    )

@@ -1,0 +1,196 @@
+"""The commands `softgym-mj evaluate` and `softgym-mj plot`."""
+
+import pathlib
+import time
+from typing import Annotated
+
+import rich.progress
+import rich.table
+import typer
+
+from softgym_mj.cli.console import (
+    Actor,
+    Grasp,
+    Ray,
+    Settings,
+    Task,
+    acting,
+    console,
+    parsed_settings,
+    progress_bar,
+)
+from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.policies.planners import BUDGET, ITERATIONS, PLANNERS, Plan
+from softgym_mj.registry import TASKS, find
+
+_EPISODES = 10  # What an evaluation plays if nothing is said.
+
+
+def evaluate(
+    task: Task,
+    policy: Annotated[
+        str,
+        typer.Option(
+            help="scripted, random, zero, cem, icem, FILE.pt2 or MODULE:FUNCTION; FILE_{seed}.pt2 "
+            "for a file of each seed."
+        ),
+    ] = "scripted",
+    actor: Actor = None,
+    grasp: Grasp = None,
+    split: Annotated[str | None, typer.Option(help="evaluate, if not given, train or all.")] = None,
+    episodes: Annotated[
+        int | None,
+        typer.Option(help=f"Variations, from the split's first on; {_EPISODES} if not given."),
+    ] = None,
+    variations: Annotated[
+        str | None, typer.Option(help="Instead of a split: such as 800,803,810-819.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Seeds 0.. of the policy.", min=1)] = 1,
+    horizon: Annotated[
+        int | None, typer.Option(help="Env steps that a plan looks ahead; the task's if not given.")
+    ] = None,
+    budget: Annotated[int, typer.Option(help="Env steps for a decision of a planner.")] = BUDGET,
+    iterations: Annotated[int, typer.Option(help="Of a planner.")] = ITERATIONS,
+    replan_every: Annotated[int, typer.Option(help="Env steps that a plan is executed for.")] = 1,
+    settings: Settings = "{}",
+    jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
+    ray: Ray = None,
+    out: Annotated[pathlib.Path, typer.Option(help="Folder of this evaluation.")] = pathlib.Path(
+        "evaluation"
+    ),
+) -> None:
+    """Scores a policy as the paper does; may be killed and run again."""
+    from softgym_mj import evaluation
+    from softgym_mj.jobs.executors import make_workers
+
+    planning = evaluation.Planning(horizon, budget, iterations, replan_every)
+    configuration = evaluation.Configuration(
+        find(task).name,
+        policy,
+        _variations(variations, split, episodes),
+        tuple(range(seeds)),
+        {**parsed_settings(settings), **acting(actor, grasp)},
+        planning if policy in PLANNERS else None,
+    )
+    try:
+        with _Bar(configuration) as bar, make_workers(jobs, ray) as workers:
+            result = evaluation.evaluate(configuration, out, workers, bar.progress())
+    except KeyboardInterrupt:
+        console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
+        raise typer.Exit(130) from None
+    numbers = result["summary"]
+    console.print(
+        f"{configuration.task}, {policy}: mean {numbers['mean']:.3f} "
+        f"(95 %: {numbers['mean_low']:.3f} to {numbers['mean_high']:.3f}), "
+        f"median {result['methods']['quartiles']} {numbers['median']:.3f}, "
+        f"min {numbers['min']:.3f}; wrote {out / 'result.json'}"
+    )
+
+
+def plot(
+    results: Annotated[list[pathlib.Path], typer.Argument(help="result.json files or folders.")],
+    x: Annotated[
+        str | None, typer.Option(help="Curves over horizon, budget or replan_every; bars if not.")
+    ] = None,
+    out: Annotated[pathlib.Path, typer.Option(help="Picture to write.")] = pathlib.Path(
+        "results.png"
+    ),
+    csv: Annotated[
+        pathlib.Path | None, typer.Option(help="Also write the table, with all numbers.")
+    ] = None,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print means (and minima) for a page.")
+    ] = False,
+) -> None:
+    """Draws the results of evaluations; prints them as a table."""
+    from softgym_mj.evaluation import comparison, plots
+
+    read = comparison.read_results(results)
+    rows = comparison.rows(read)
+    if x is None:
+        plots.bars(read, out)
+    else:
+        plots.curves(read, x, out)
+    if csv is not None:
+        comparison.write_csv(read, csv)
+    if markdown:
+        typer.echo(comparison.markdown(read))
+    else:
+        console.print(_table(rows))
+    for file in filter(None, (out, csv)):
+        console.print(f"wrote {file}")
+
+
+def _table(rows: list[dict]) -> rich.table.Table:
+    """What fits into 80 columns; the rest is in the CSV file."""
+    table = rich.table.Table(show_lines=True)
+    for title in ("task", "policy"):
+        table.add_column(title, overflow="fold")
+    for title in ("mean\n95 %", "median\nquartiles", "over", "episodes"):
+        table.add_column(title, no_wrap=True)
+    for row in rows:
+        table.add_row(
+            row["task"],
+            row["policy"],
+            f"{row['mean']:.3f}\n{row['mean_low']:.2f}..{row['mean_high']:.2f}",
+            f"{row['median']:.3f}\n{row['percentile_25']:.2f}..{row['percentile_75']:.2f}",
+            row["quartiles_over"],
+            str(row["episodes"]),
+        )
+    return table
+
+
+def _variations(named: str | None, split: str | None, episodes: int | None) -> tuple[int, ...]:
+    from softgym_mj import evaluation
+    from softgym_mj.evaluation import indices
+
+    if named is None:
+        number = _EPISODES if episodes is None else episodes
+        return evaluation.evaluation_variations(number, split or "evaluate")
+    if split is not None or episodes is not None:
+        raise OutOfRangeError("variations", named, "alone, without --split and --episodes")
+    return indices.parsed("variations", named)
+
+
+class _Bar:
+    """A progress bar: episodes, for planners the decisions too."""
+
+    def __init__(self, configuration):
+        self._configuration = configuration
+        self._bar = progress_bar(rich.progress.TextColumn("{task.fields[note]}"))
+        planning, settings = configuration.planning, configuration.settings
+        steps = settings.get("horizon") or TASKS[configuration.task].horizon
+        # Of an episode.
+        self._decisions = -(-steps // planning.replan_every) if planning else 1
+        self._env_steps, self._start = 0, time.perf_counter()
+        self._scores: list[float] = []
+
+    def __enter__(self):
+        self._bar.start()
+        self._bar_id = self._bar.add_task(
+            "decisions" if self._decisions > 1 else "episodes",
+            total=len(self._configuration.episodes) * self._decisions,
+            note="",
+        )
+        return self
+
+    def __exit__(self, *error):
+        self._bar.stop()
+
+    def progress(self):
+        """What to tell the evaluation to call."""
+        from softgym_mj.evaluation import Progress
+
+        return Progress(self._on_episode, self._on_decision)
+
+    def _on_episode(self, episode: dict) -> None:
+        self._scores.append(episode["normalized_performance"])
+        mean = sum(self._scores) / len(self._scores)
+        done = len(self._scores) * self._decisions
+        self._bar.update(self._bar_id, completed=done, note=f"mean {mean:.3f}")
+
+    def _on_decision(self, plan: Plan) -> None:
+        self._env_steps += plan.env_steps
+        rate = self._env_steps / (time.perf_counter() - self._start)
+        note = f"best return {plan.best_return:.3f}, {rate:.0f} env steps/s"
+        self._bar.update(self._bar_id, advance=1, note=note)

@@ -1,0 +1,55 @@
+"""The command `softgym-mj view`."""
+
+from typing import Annotated
+
+import typer
+
+from softgym_mj.cli.console import Actor, Grasp, Task, acting, console
+from softgym_mj.exceptions import RenderingUnavailableError
+from softgym_mj.policies.factory import SIMPLE
+from softgym_mj.registry import find
+from softgym_mj.rendering.offscreen import has_display
+from softgym_mj.variations.store import check_variation
+from softgym_mj.viewing.session import TELEOPERATE, Session
+
+
+def view(
+    task: Task,
+    policy: Annotated[
+        str, typer.Option(help=f"{TELEOPERATE}, {', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
+    ] = TELEOPERATE,
+    actor: Actor = None,
+    grasp: Grasp = None,
+    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
+    browser: Annotated[bool, typer.Option("--browser", help="In a browser: no display.")] = False,
+    host: Annotated[
+        str, typer.Option(help="Address for browsers; 0.0.0.0 lets other machines in.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port for browsers; 0 for any free one.")] = 8080,
+) -> None:
+    """Shows a task in MuJoCo's viewer or in a browser; you play it by hand, or a policy does."""
+    find(task)
+    check_variation(variation)
+    settings = acting(actor, grasp)
+    if browser:
+        from softgym_mj.viewing.browser import Browser, open_server
+
+        with open_server(host, port) as server:
+            session = Session(task, policy, variation, **settings)
+            console.print("Ctrl+C ends it")
+            Browser(session, server).run()
+        return
+    if not has_display():
+        raise RenderingUnavailableError(
+            "the viewer needs a display and neither DISPLAY nor WAYLAND_DISPLAY is set; "
+            f"look on in a browser: softgym-mj view {task} --browser, "
+            f"or make a video: softgym-mj rollout {task} --video videos"
+        )
+    from softgym_mj.viewing.keys import keys_of
+    from softgym_mj.viewing.window import Window, check_display
+
+    session = Session(task, policy, variation, **settings)
+    check_display()
+    for key in keys_of(session.teleoperation):
+        console.print(f"{key.label:>10}  {key.use}")
+    Window(session).run()

@@ -1,0 +1,284 @@
+"""`Environment`: a dm_control composer environment with variations, exact snapshots and info."""
+
+import copy
+import dataclasses
+from collections.abc import Sequence
+
+import dm_env
+import mujoco
+import numpy as np
+from dm_control import composer
+from dm_control.composer import observation
+
+from softgym_mj.exceptions import EpisodeEndedError, OutOfRangeError, SnapshotError, check_count
+from softgym_mj.rendering.framebuffer import SizedPhysics
+from softgym_mj.tasks.base import DeformableTask
+from softgym_mj.tasks.observations import blank_images
+from softgym_mj.variations.store import check_variation, split_indices
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+@dataclasses.dataclass(frozen=True)
+class Snapshot:
+    """Everything that the continuation of an episode depends on.
+
+    Attributes:
+        task_name: task it was taken from.
+        layout: `DeformableTask.state_layout` of that task.
+        physics: mjSTATE_INTEGRATION vector of mjData.
+        task: memory of the task and its actor: variation, bounds, what is held.
+        step_count: env steps since reset.
+        ended: whether the episode has ended.
+        random_state: state of the environment's random generator.
+    """
+
+    task_name: str
+    layout: dict[str, object]
+    physics: np.ndarray
+    task: dict
+    step_count: int
+    ended: bool
+    random_state: tuple
+
+
+class Environment(composer.Environment):
+    """Runs a `DeformableTask`; differs from its base in four ways.
+
+    `reset` chooses a variation and recompiles only when that changes the model, or when the task
+    or an entity defines `initialize_episode_mjcf`; `step` takes strictly checked actions and ends
+    after `horizon` env steps (discount 1: not a terminal state); `get_state` and `set_state` are
+    exact; `info` describes the last step.
+    """
+
+    def __init__(
+        self,
+        task: DeformableTask,
+        *,
+        name: str,
+        horizon: int,
+        split: str | Sequence[int] = "train",
+        random_state: int | np.random.RandomState | None = None,
+    ):
+        """Compiles the model.
+
+        Args:
+            task: the task.
+            name: its name, checked when a snapshot is restored.
+            horizon: env steps in an episode, 1 or more.
+            split: "train", "evaluate", "all" or a sequence of variation indices to draw from.
+            random_state: seed or generator that draws the variations.
+
+        Raises:
+            UnknownNameError, OutOfRangeError: for a bad task, split, horizon or random state.
+        """
+        if not isinstance(task, DeformableTask):
+            raise OutOfRangeError("task", task, "a DeformableTask, such as a SceneTask")
+        check_count("horizon", horizon, 1)
+        if not isinstance(random_state, np.random.RandomState):
+            try:
+                random_state = np.random.RandomState(random_state)
+            except (TypeError, ValueError):
+                valid = "None, a seed in 0..4294967295 or a numpy RandomState"
+                raise OutOfRangeError("random_state", random_state, valid) from None
+        self._variations = split_indices(split)
+        self._name, self._horizon = name, horizon
+        self._step_count = 0
+        self._started: int | None = None  # The variation that was last started.
+        self._edits_mjcf = any(map(_edits_mjcf, (task, *task.root_entity.iter_entities())))
+        task.driven = True
+        task.choose_variation(self._variations[0])
+        self._state_layout = task.state_layout
+        super().__init__(
+            task,
+            random_state=random_state,
+            strip_singleton_obs_buffer_dim=True,
+            recompile_mjcf_every_episode=False,
+            legacy_step=False,
+        )
+
+    def _recompile_physics(self):
+        # As in the base class, but for the kind of physics.
+        previous = getattr(self, "_physics", None)
+        if previous:
+            previous.free()
+        self._physics = SizedPhysics.from_mjcf_model(self._task.root_entity.mjcf_model)
+        self._physics.legacy_step = self._legacy_step
+
+    def _recompile_physics_and_update_observables(self):
+        with blank_images():
+            super()._recompile_physics_and_update_observables()
+        self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
+        self._timestep = self._model.opt.timestep
+        physics_steps = self._n_sub_steps // self._task.action_repeat
+        self._fractions = [(i + 1) / physics_steps for i in range(physics_steps)]
+
+    def _make_observation_updater(self):
+        # Hooks and observables run once per sim step, however many physics steps that takes.
+        return observation.Updater(
+            self._task.observables, self._task.action_repeat, self._strip_singleton_obs_buffer_dim
+        )
+
+    # ------------------------------------------------------------------ properties
+
+    @property
+    def name(self) -> str:
+        """Task name."""
+        return self._name
+
+    @property
+    def horizon(self) -> int:
+        """Env steps in an episode."""
+        return self._horizon
+
+    @property
+    def started(self) -> bool:
+        """Whether there has been a reset."""
+        return self._started is not None
+
+    @property
+    def step_count(self) -> int:
+        """Env steps since reset."""
+        return self._step_count
+
+    @property
+    def variations(self) -> Sequence[int]:
+        """Variation indices that `reset` draws from."""
+        return self._variations
+
+    def info(self) -> dict[str, float | int | bool]:
+        """Scalars that describe the state after the last step or reset."""
+        return {**self._task.info(), "physics_warnings": int(self._data.warning.number.sum())}
+
+    # ------------------------------------------------------------------ episodes
+
+    def reset(self, variation: int | None = None) -> dm_env.TimeStep:
+        """Starts an episode.
+
+        Args:
+            variation: index 0..999; drawn from the split when None.
+
+        Raises:
+            OutOfRangeError: if there is no such variation.
+        """
+        if variation is None:
+            variation = self._variations[self._random_state.randint(len(self._variations))]
+        self._start(check_variation(variation))
+        self._observation_updater.reset(self._physics_proxy, self._random_state)
+        observation = self._observation_updater.get_observation()
+        return dm_env.TimeStep(dm_env.StepType.FIRST, None, None, observation)
+
+    def _start(self, variation: int):
+        recompile = self._task.choose_variation(variation)
+        self._hooks.initialize_episode_mjcf(self._random_state)
+        if recompile or self._edits_mjcf:
+            self._recompile_physics_and_update_observables()
+        with self._physics.reset_context():
+            self._hooks.initialize_episode(self._physics_proxy, self._random_state)
+        self._step_count = 0
+        self._started = variation
+        self._reset_next_step = False
+
+    def step(self, action: np.ndarray) -> dm_env.TimeStep:
+        """Applies an action for one env step; after the last one of an episode it resets.
+
+        Raises:
+            InvalidActionError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
+            PhysicsError: if the simulation diverges.
+        """
+        if self._reset_next_step:
+            return self.reset()
+        task, actor, physics = self._task, self._task.actor, self._physics_proxy
+        action = actor.checked_action(action)
+        hooks, updater, random_state = self._hooks, self._observation_updater, self._random_state
+        hooks.before_step(physics, action, random_state)
+        updater.prepare_for_next_control_step()
+        actor.command(action)
+        with self._physics.check_invalid_state():
+            for i in range(actor.sim_steps or task.action_repeat):
+                if 0 < i < task.action_repeat:
+                    updater.update()
+                hooks.before_substep(physics, action, random_state)
+                actor.plan()
+                for fraction in self._fractions:
+                    actor.move(fraction, self._timestep)
+                    mujoco.mj_step(self._model, self._data)
+                hooks.after_substep(physics, random_state)
+        hooks.after_step(physics, random_state)
+        updater.update()
+        self._step_count += 1
+        reward = task.get_reward(physics)
+        discount = task.get_discount(physics)
+        ended = task.should_terminate_episode(physics) or self._step_count >= self._horizon
+        self._reset_next_step = ended
+        step_type = dm_env.StepType.LAST if ended else dm_env.StepType.MID
+        return dm_env.TimeStep(step_type, reward, discount, updater.get_observation())
+
+    # ------------------------------------------------------------------ snapshots
+
+    def get_state(self) -> Snapshot:
+        """A snapshot of the running episode, independent of this environment; picklable.
+
+        Raises:
+            EpisodeEndedError: before the first reset.
+        """
+        if not self.started:
+            raise EpisodeEndedError("no episode has started: call reset() before get_state()")
+        physics = np.empty(mujoco.mj_stateSize(self._model, _STATE))
+        mujoco.mj_getState(self._model, self._data, physics, _STATE)
+        return Snapshot(
+            task_name=self._name,
+            layout=self._state_layout,
+            physics=physics,
+            task=self._task.get_state(),
+            step_count=self._step_count,
+            ended=self._reset_next_step,
+            random_state=self._random_state.get_state(),
+        )
+
+    def set_state(self, snapshot: Snapshot) -> None:
+        """Restores a snapshot: what follows is bit-identical, in any instance of the same task.
+
+        An instance that plays another variation is switched to the snapshot's, which takes a
+        recompilation if the object's size differs.
+
+        Raises:
+            SnapshotError: if it was taken from another task or other settings, or is none.
+        """
+        if not isinstance(snapshot, Snapshot):
+            raise SnapshotError(f"expected what `get_state` returned, not {snapshot!r}")
+        if snapshot.task_name != self._name:
+            raise SnapshotError(
+                f"the snapshot is of task {snapshot.task_name!r}, this one is {self._name!r}"
+            )
+        if snapshot.layout != self._state_layout:
+            differ = ", ".join(_differences(snapshot.layout, self._state_layout))
+            raise SnapshotError(f"the snapshot is of an environment with other settings: {differ}")
+        if snapshot.task["variation"] != self._started:
+            self._start(snapshot.task["variation"])
+        mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
+        self._task.set_state(copy.deepcopy(snapshot.task))
+        self._step_count = snapshot.step_count
+        self._reset_next_step = snapshot.ended
+        self._random_state.set_state(snapshot.random_state)
+        self._observation_updater.reset(self._physics_proxy, self._random_state)
+
+    def observation(self) -> dict[str, np.ndarray]:
+        """The current observation (of `observation_spec()`), for example after `set_state`."""
+        return self._observation_updater.get_observation()
+
+
+def _edits_mjcf(part: composer.Task | composer.Entity) -> bool:
+    """Whether a task or an entity edits the model before every episode."""
+    base = composer.Task if isinstance(part, composer.Task) else composer.Entity
+    return type(part).initialize_episode_mjcf is not base.initialize_episode_mjcf
+
+
+def _differences(theirs: dict[str, object], ours: dict[str, object]) -> list[str]:
+    """What differs between two layouts."""
+    names = dict.fromkeys([*theirs, *ours])
+    return [
+        f"{name}={theirs.get(name)!r} against {ours.get(name)!r}"
+        for name in names
+        if theirs.get(name) != ours.get(name)
+    ]

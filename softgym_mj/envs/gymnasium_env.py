@@ -1,0 +1,232 @@
+"""`SoftGymEnv`: a Gymnasium environment over `Environment`."""
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from dm_env import specs
+from gymnasium import logger
+from gymnasium.utils import EzPickle
+
+from softgym_mj import registry
+from softgym_mj.envs.environment import Snapshot
+from softgym_mj.exceptions import (
+    EnvironmentClosedError,
+    EpisodeEndedError,
+    OutOfRangeError,
+    SnapshotError,
+    UnexpectedArgumentError,
+    UnknownNameError,
+    check_image_size,
+    check_name,
+)
+from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
+
+_OPTIONS = ("variation", "state")
+_OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera")
+# Attributes that a copy has besides the arguments and the state of the episode.
+_COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "spec")
+
+
+def _space(spec: specs.Array) -> gymnasium.spaces.Box:
+    if spec.dtype == np.uint8:
+        return gymnasium.spaces.Box(0, 255, spec.shape, np.uint8)
+    return gymnasium.spaces.Box(-np.inf, np.inf, spec.shape, np.float32)
+
+
+class SoftGymEnv(gymnasium.Env, EzPickle):
+    """One task of softgym_mj as a Gymnasium environment.
+
+    Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
+    Box for one observation, a Dict of them for several. An episode is truncated after `horizon`
+    env steps and never terminates. `info` is `Environment.info`. A copy or a pickle continues the
+    episode where it stands.
+    """
+
+    metadata = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 12.5}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: str | registry.TaskRecord,
+        render_mode: str | None = None,
+        *,
+        render_size: tuple[int, int] = (480, 480),
+        camera: str = "task",
+        split: str | Sequence[int] = "train",
+        horizon: int | None = None,
+        **task_kwargs: Any,
+    ):
+        """Builds the environment.
+
+        Args:
+            task: task name, or a record.
+            render_mode: None, "rgb_array" (uint8) or "depth_array" (float32 metres).
+            render_size: (height, width) of `render` [pixels].
+            camera: camera of `render`: "task", "overview", "wrist_0" on the hand of an arm or
+                another of the model, see `rendering.camera_ids`.
+            split: "train", "evaluate", "all" or a sequence of variation indices.
+            horizon: env steps in an episode; the task's own when None.
+            **task_kwargs: keyword arguments of the task, such as `observation` or `actor`.
+        """
+        EzPickle.__init__(
+            self, task, render_mode, render_size=render_size, camera=camera, split=split,
+            horizon=horizon, **task_kwargs,
+        )  # fmt: skip
+        if "random_state" in task_kwargs:
+            raise UnexpectedArgumentError(
+                "SoftGymEnv got an unexpected keyword argument 'random_state': seed it by "
+                "reset(seed=...)."
+            )
+        registry.find(task).check_arguments(task_kwargs, _OF_ENVIRONMENT)
+        check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
+        self.render_mode = render_mode
+        check_image_size("render_size", render_size, LARGEST_IMAGE)
+        self._env = registry.load(task, split=split, horizon=horizon, **task_kwargs)
+        check_name("camera", camera, camera_ids(self._env.physics.model.ptr))
+        self._view = CameraView(camera, *render_size)
+        self._running = self._closed = False
+        frames_per_second = round(1 / self._env.control_timestep(), 3)
+        self.metadata = {**self.metadata, "render_fps": frames_per_second}
+        spaces: dict[str, gymnasium.Space] = {
+            name: _space(spec) for name, spec in self._env.observation_spec().items()
+        }
+        self._single = next(iter(spaces)) if len(spaces) == 1 else None
+        self.observation_space = (
+            spaces[self._single] if self._single else gymnasium.spaces.Dict(spaces)
+        )
+        size = self._env.task.actor.action_size
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
+
+    @property
+    def dm_env(self):
+        """The dm_control environment underneath."""
+        return self._env
+
+    @property
+    def horizon(self) -> int:
+        """Env steps after which an episode is truncated."""
+        return self._env.horizon
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Starts an episode.
+
+        Args:
+            seed: seeds the draw of variations.
+            options: {"variation": index 0..999}, else one is drawn from the split; or
+                {"state": state}, which continues an episode as `set_state` does, but is a reset to
+                wrappers, too: a new environment of `gymnasium.make` wants one before a step.
+
+        Returns:
+            Observation and info.
+
+        Raises:
+            UnknownNameError: for an unknown option.
+            OutOfRangeError: for a variation that does not exist, or one or a seed beside a state.
+            SnapshotError: for a bad state.
+            EnvironmentClosedError: after `close()`, as of all methods but `close()`.
+        """
+        self._check_open()
+        options = options or {}
+        for key in options:
+            if key not in _OPTIONS:
+                raise UnknownNameError("options key", key, _OPTIONS)
+        if "state" in options:
+            for name, value in (("seed", seed), ("variation", options.get("variation"))):
+                if value is not None:
+                    raise OutOfRangeError(name, value, "None, as the state has its own")
+            return self.set_state(options["state"])
+        super().reset(seed=seed)
+        variation = options.get("variation")
+        if variation is None:
+            variations = self._env.variations
+            variation = int(variations[int(self.np_random.integers(len(variations)))])
+        timestep = self._env.reset(variation)
+        self._running = True
+        return self._convert(timestep.observation), self._env.info()
+
+    def step(self, action: np.ndarray):
+        """Applies an action (n,) in [-1, 1].
+
+        Returns:
+            Observation, reward, terminated (always False), truncated, info.
+
+        Raises:
+            EpisodeEndedError: if no episode is running.
+            InvalidActionError: for a bad action.
+        """
+        self._check_open()
+        if not self._running:
+            raise EpisodeEndedError("no episode is running: call reset() before step()")
+        timestep = self._env.step(action)
+        ended = timestep.last()
+        self._running = not ended
+        terminated = bool(ended and timestep.discount == 0.0)
+        observation = self._convert(timestep.observation)
+        info = self._env.info()
+        return observation, float(timestep.reward), terminated, ended and not terminated, info
+
+    def render(self) -> np.ndarray | None:
+        """An image (height, width, 3) uint8 or depths (height, width) float32 [m]; else None."""
+        self._check_open()
+        if self.render_mode == "rgb_array":
+            return self._view.rgb(self._env.physics)
+        if self.render_mode == "depth_array":
+            return self._view.depth(self._env.physics)
+        logger.warn('render() needs a render_mode: make the environment with "rgb_array"')
+        return None
+
+    def close(self) -> None:
+        """Frees the simulation."""
+        if not self._closed:
+            self._env.close()
+            self._closed = True
+
+    def get_state(self) -> tuple[Snapshot, Mapping[str, Any]]:
+        """A snapshot for `set_state`, with the generator that draws variations; picklable.
+
+        Raises:
+            EpisodeEndedError: before the first reset.
+        """
+        self._check_open()
+        return self._env.get_state(), self.np_random.bit_generator.state
+
+    def set_state(self, state: tuple[Snapshot, Mapping[str, Any]]):
+        """Restores a snapshot; returns observation and info.
+
+        Raises:
+            SnapshotError: if it is of another task or other settings, or none.
+        """
+        self._check_open()
+        if not (isinstance(state, tuple) and len(state) == 2):
+            raise SnapshotError(f"expected what `get_state` returned, not {state!r}")
+        snapshot, generator = state
+        self._env.set_state(snapshot)
+        self.np_random.bit_generator.state = generator
+        self._running = not snapshot.ended
+        return self._convert(self._env.observation()), self._env.info()
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._check_open()
+        state = self.get_state() if self._env.started else None
+        copied = {name: vars(self)[name] for name in _COPIED if name in vars(self)}
+        # A copy, for `copy.copy`: its generators are not to be shared.
+        return {**super().__getstate__(), "state": state, "copied": copy.deepcopy(copied)}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        super().__setstate__(kept)
+        vars(self).update(kept["copied"])
+        if kept["state"] is not None:
+            self.set_state(kept["state"])
+
+    def _check_open(self):
+        if self._closed:
+            raise EnvironmentClosedError("this environment was closed: make a new one")
+
+    def _convert(self, observation: dict[str, np.ndarray]):
+        converted = {
+            name: value if value.dtype == np.uint8 else value.astype(np.float32)
+            for name, value in observation.items()
+        }
+        return converted[self._single] if self._single else converted

@@ -1,0 +1,92 @@
+"""Plays an episode and keeps what is to be looked at: pictures, rewards, scores."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import check_count, check_name
+from softgym_mj.policies.factory import Policy, make_policy
+from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, Video, camera_ids
+
+
+@dataclasses.dataclass(frozen=True)
+class Episode:
+    """What happened in n env steps; a notebook shows it as a video.
+
+    Attributes:
+        frames: pictures (n + 1, size, size, 3) uint8, of the start and after each env step;
+            (0, size, size, 3) if none were taken.
+        rewards: of the env steps (n,).
+        info: the entries of `Environment.info` over time, (n + 1,) each, from the start on.
+        fps: env steps in a second of simulated time.
+    """
+
+    frames: np.ndarray = dataclasses.field(repr=False)
+    rewards: np.ndarray = dataclasses.field(repr=False)
+    info: dict[str, np.ndarray] = dataclasses.field(repr=False)
+    fps: float
+
+    @property
+    def video(self) -> Video:
+        """The pictures at the speed at which they were taken.
+
+        Raises:
+            OutOfRangeError: if there are none.
+        """
+        return Video(self.frames, self.fps)
+
+    def _repr_html_(self) -> str | None:
+        return self.video._repr_html_() if len(self.frames) else None
+
+
+def play(
+    env: Environment,
+    policy: str | Policy = "scripted",
+    variation: int | None = None,
+    *,
+    seed: int = 0,
+    camera: str | None = "task",
+    size: int = 240,
+    on_step: Callable[[], object] = lambda: None,
+) -> Episode:
+    """Plays an episode.
+
+    Args:
+        env: where.
+        policy: a function from a time step to an action, or a name for `make_policy`: "scripted",
+            "random", "zero", a file or "module:function".
+        variation: index 0..999; drawn from the environment's split when None.
+        seed: of the random policy.
+        camera: of the pictures, "task", "overview" or another of the model; None to take none,
+            which is much faster.
+        size: side of the pictures [pixels].
+        on_step: called after each env step.
+
+    Raises:
+        UnknownNameError, PolicyFileError: for a bad policy or camera.
+        OutOfRangeError: for a variation or a size that does not exist.
+        RenderingUnavailableError: if pictures are wanted and there is no OpenGL.
+    """
+    act = make_policy(policy, env, seed) if isinstance(policy, str) else policy
+    check_count("size", size, 1, LARGEST_IMAGE)
+    check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
+    view = None if camera is None else CameraView(camera, size, size)
+    timestep = env.reset(variation)
+    frames, rewards, infos = [], [], [env.info()]
+    if view:
+        frames.append(view.rgb(env.physics))
+    while not timestep.last():
+        timestep = env.step(act(timestep))
+        rewards.append(timestep.reward)
+        infos.append(env.info())
+        if view:
+            frames.append(view.rgb(env.physics))
+        on_step()
+    return Episode(
+        frames=np.array(frames, np.uint8).reshape(-1, size, size, 3),
+        rewards=np.array(rewards),
+        info={name: np.array([info[name] for info in infos]) for name in infos[0]},
+        fps=1 / env.control_timestep(),
+    )

@@ -1,0 +1,226 @@
+"""`ClothExpert`: finds its way on a sheet and takes vertices of it."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.native.arithmetic import length
+from softgym_mj.policies.experts.picker_expert import (
+    ARRIVED,
+    OPEN,
+    PASSED,
+    SLOW,
+    PickerExpert,
+)
+
+ARM_REACH = 0.018  # [m] From which hands take a vertex: further off, others of a heap are nearer.
+LAYER = 0.01  # [m] By which an upper layer lies higher.
+STANDOFF = 0.06  # [m] Further distance at which an approach starts.
+TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
+NEAR_GOAL = 2  # Grid steps from a vertex within which a hold counts as one of it.
+OVERSHOOT = 0.02  # [m] By which a vertex is pulled beyond its place; cloth springs back.
+MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.
+APART = 0.15  # [m] Least distance of two places that the pickers work at together.
+PUT_STEPS = 13  # Env steps that putting vertices in their places needs at least.
+LIFT = 0.8  # Fraction of full speed at which cloth is carried.
+
+
+class ClothExpert(PickerExpert):
+    """Knows the sheet's grid, where a flat sheet would lie, and how to take a vertex."""
+
+    def __init__(self, env: Environment):
+        """Binds the expert, as `PickerExpert`."""
+        super().__init__(env)
+        self._has_arms = self._actor.least_distance > 0.0
+        if self._has_arms:
+            self._reach = ARM_REACH
+
+    def _steps(self, a: int, b: int) -> int:
+        """Grid steps between two vertices, diagonal ones counted once."""
+        columns = self._env.task.cloth.shape[1]
+        return max(abs(a // columns - b // columns), abs(a % columns - b % columns))
+
+    def _nearest(self, vertex: int, goals: Sequence[int]) -> int | None:
+        """The one of `goals` that a vertex stands for, None if it is near none of them."""
+        goal = min(goals, key=lambda g: self._steps(g, vertex))
+        return goal if vertex >= 0 and self._steps(goal, vertex) <= NEAR_GOAL else None
+
+    def _registered(self) -> np.ndarray:
+        """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
+        vertices = self._target.vertices()
+        fits = []
+        for mirror in (1.0, -1.0):
+            flat = self._env.task.cloth.flat() * [1.0, mirror, 1.0]
+            residual = np.ones(len(flat))
+            for _ in range(20):  # Iteratively reweighted Procrustes: folds are outliers.
+                laid = _fitted(flat[:, :2], vertices[:, :2], 1.0 / (0.02 + residual))
+                placed = np.column_stack([laid, flat[:, 2]])
+                residual = np.linalg.norm(placed - vertices, axis=1)
+            fits.append((sum(map(math.log, 0.02 + residual)), placed))
+        return min(fits, key=lambda fit: fit[0])[1]
+
+    def _clearance(self, i: int, vertex: int) -> float:
+        """That with which gripper `i` can take a vertex [m], negative if it cannot."""
+        return self._grasp(vertex)[2] if self._can_reach(i, vertex) else -1.0
+
+    def _exposed_near(self, goals: Sequence[int], taker: int | None = None) -> int:
+        """The free vertex that can be taken and is the fewest grid steps from one of `goals`.
+
+        By the gripper `taker`, or whichever is nearest.
+        """
+        free = np.setdiff1d(np.arange(self._target.num_vertices), self._actor.held).tolist()
+        free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
+        return next(
+            (
+                v
+                for v in free
+                if self._clearance(self._nearest_picker(v) if taker is None else taker, v) > 0.0
+            ),
+            free[0],
+        )
+
+    def _take(
+        self, wanted: dict[int, int], grips: list[bool], away: float = NEAR_GOAL
+    ) -> Iterator[np.ndarray]:
+        """Takes vertices, `wanted` by picker; sets `grips` where it succeeds.
+
+        That is where it holds one within `away` grid steps of the wanted one.
+        """
+        up = self._actor.positions()
+        for i in wanted:
+            up[i, 2] = max(TRAVEL_HEIGHT, up[i, 2])
+        yield from self._move(up, grips, near=PASSED)
+        for stage, near in (("over", PASSED), ("standoff", PASSED / 2), ("grasp", ARRIVED)):
+            goals = self._actor.positions()
+            for i, vertex in wanted.items():
+                centre, direction, _ = self._grasp(vertex)
+                goals[i] = centre + STANDOFF * direction * (stage != "grasp")
+                if stage == "over":
+                    goals[i, 2] = max(goals[i, 2], up[i, 2])
+            for i in range(2):
+                if i not in wanted and not grips[i]:
+                    goals = self._aside(goals, i)
+            yield from self._move(goals, grips, near=near)
+        for i in wanted:
+            grips[i] = True
+        yield self._step(goals, grips)
+        for i, vertex in wanted.items():
+            held = int(self._actor.held[i])
+            grips[i] = bool(held >= 0 and self._steps(held, vertex) <= away)
+
+    def _nearest_picker(self, vertex: int) -> int:
+        offsets = self._actor.positions() - self._target.vertex(vertex)
+        return int(np.argmin(np.linalg.norm(offsets, axis=1)))
+
+    def _take_pair(
+        self, pairs: Sequence[tuple[int, int, float]], grips: list[bool]
+    ) -> Iterator[np.ndarray]:
+        """Takes both vertices of a pair, one after the other where the cloth has to be lifted.
+
+        Args:
+            pairs: (vertex, vertex, distance in the flat cloth [m]) to choose from.
+            grips: set where it succeeds.
+        """
+        low, high = self._actor.limits
+        ends = sorted({vertex for a, b, _ in pairs for vertex in (a, b)})
+        clear = {v: self._grasp(v)[2] for v in ends}
+        a, b, _ = max(pairs, key=lambda pair: (min(clear[pair[0]], clear[pair[1]]), pair[2]))
+        wanted = dict(enumerate(self._matched([a, b])))
+        if min(self._clearance(i, v) for i, v in wanted.items()) > 0.0:
+            yield from self._take(wanted, grips)
+        for trial in range(6):
+            at_end = [self._nearest(int(held), ends) is not None for held in self._actor.held]
+            if all(grips):
+                if all(at_end) or trial > 3:
+                    return
+                grips[int(at_end[0])] = False  # Go on with the one at an end.
+            if not any(grips):
+                vertex = self._exposed_near(ends)
+                yield from self._take({self._nearest_picker(vertex): vertex}, grips)
+                if not any(grips):
+                    continue
+            holding = int(np.argmax(grips))
+            goals = self._actor.positions()
+            if goals[holding, 2] < high[2] - PASSED:
+                side = low[1] if goals[1 - holding, 1] < goals[holding, 1] else high[1]
+                goals[1 - holding, 1:] = side, TRAVEL_HEIGHT
+                goals[holding] = [*(low + high)[:2] / 2, high[2]]
+                yield from self._move(goals, grips, LIFT, PASSED)
+                yield self._step(goals, grips)
+            end = self._nearest(int(self._actor.held[holding]), ends)
+            near = {v: 0.0 for v in ends}
+            if end is not None:
+                near = {a if b == end else b: n for a, b, n in pairs if end in (a, b)}
+            other = 1 - holding
+            vertex = max(near, key=lambda v: (self._clearance(other, v), near[v]))
+            if self._clearance(other, vertex) <= 0.0:
+                vertex = self._exposed_near(list(near), other)
+            yield from self._take({other: vertex}, grips)
+
+    def _mend(self, placed: np.ndarray) -> Iterator[np.ndarray]:
+        """Puts what lies far from its place (n, 3) [m] there, or waits if nothing does."""
+        chosen = self._misplaced(placed)
+        yield from self._put(chosen, placed) if chosen else self._wait()
+
+    def _wait(self) -> Iterator[np.ndarray]:
+        """Gets out of the way and rests."""
+        yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN)
+        yield self._rest(OPEN)
+
+    def _misplaced(self, placed: np.ndarray) -> list[int]:
+        """Up to two vertices far from their places (n, 3) [m] that can be taken."""
+        vertices = self._target.vertices()
+        value = np.linalg.norm((placed - vertices)[:, :2], axis=1)
+        value[self._env.task.cloth.corners] *= 1.5
+        chosen: list[int] = []
+        for v in np.argsort(-value, kind="stable").tolist():
+            if value[v] < MISPLACED or len(chosen) == 2:
+                break
+            apart = [
+                np.linalg.norm(points[v] - points[chosen], axis=1) for points in (placed, vertices)
+            ]
+            if np.min(apart, initial=np.inf) > APART and self._grasp(v)[2] > 0.0:
+                chosen.append(v)
+        return chosen
+
+    def _put(self, chosen: list[int], placed: np.ndarray) -> Iterator[np.ndarray]:
+        """Takes vertices, swings them over in an arc and puts them down at their places (n, 3) [m].
+
+        Where another one gives way to a gripper and is taken, that one is put to its own place.
+        """
+        if len(chosen) == 2:
+            wanted = dict(enumerate(self._matched(chosen)))
+        else:
+            wanted = {self._nearest_picker(v): v for v in chosen}
+        grips = [False, False]
+        yield from self._take(wanted, grips, math.inf)
+        start, goals = self._actor.positions(), self._actor.positions()
+        for i in wanted:
+            goals[i, 2] = TRAVEL_HEIGHT
+            if grips[i]:
+                vertex = int(self._actor.held[i])
+                way = placed[vertex] - self._target.vertex(vertex)
+                goals[i] += way + OVERSHOOT * way / length(way)
+                goals[i, 2] = self._actor.limits[0][2]
+        arc = (start + goals) / 2
+        arc[:, 2] = np.maximum(arc[:, 2], np.linalg.norm(goals - start, axis=1) / 2)
+        yield from self._move(arc, grips, SLOW, PASSED)
+        yield from self._move(goals, grips, SLOW)
+        yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
+
+
+def _fitted(points: np.ndarray, goals: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Points (n, 2) [m], turned and moved so that they are nearest to their goals (n, 2).
+
+    The least squares have a closed form in the plane: the angle of the sum of w p* g, with centred
+    points p and goals g as complex numbers. It needs no decomposition.
+    """
+    weights = (weights / weights.sum())[:, None]
+    centre = (weights * goals).sum(axis=0)
+    points = points - (weights * points).sum(axis=0)
+    (x, y), (u, v) = points.T, (weights * (goals - centre)).T
+    angle = math.atan2((x * v - y * u).sum(), (x * u + y * v).sum())
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return centre + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])

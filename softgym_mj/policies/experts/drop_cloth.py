@@ -1,0 +1,69 @@
+"""The expert of DropCloth: swings the cloth to and fro and lets go when it is stretched out.
+
+The cloth trails behind while the grippers move towards +X; it swings forward when they turn back,
+and is let go when its lower edge flies towards +X and the held one towards -X. The numbers were
+found by random search on training variations.
+"""
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+
+from softgym_mj.policies.experts.picker_expert import CLOSED, OPEN, PickerExpert
+from softgym_mj.robots.picker import Picker
+
+
+@dataclasses.dataclass(frozen=True)
+class Swing:
+    """How the cloth is swung.
+
+    Attributes:
+        start: X of the grippers before the swing [m].
+        clearance: of the lower edge above the floor there, if the workspace allows [m].
+        forward, forward_speed: way [m] and fraction of full speed towards +X.
+        back, back_speed: the same on the way back.
+        sinking: fraction of full speed downwards on the way back.
+    """
+
+    start: float
+    clearance: float
+    forward: float
+    forward_speed: float
+    back: float
+    back_speed: float
+    sinking: float
+
+
+PICKER_SWING = Swing(-0.066, 0.063, 0.39, 0.739, 0.144, 1.0, 0.433)
+# Arms speed up less than pickers, which change their speed at once.
+ARM_SWING = Swing(0.294, 0.01, 0.162, 0.603, 0.265, 0.833, 0.168)
+WAITING = 3  # Env steps for the cloth to come to rest.
+APPROACH = 0.5  # Fraction of full speed at which the start is approached.
+RISE = 0.3  # Fraction of full speed at which the grippers then get out of the way.
+
+
+class DropCloth(PickerExpert):
+    """Swings the cloth once."""
+
+    def _episode(self) -> Iterator[np.ndarray]:
+        swing = PICKER_SWING if isinstance(self._actor, Picker) else ARM_SWING
+        goals = self._actor.positions()
+        goals[:, 0] = swing.start
+        goals[:, 2] = self._env.task.cloth.size[0] + swing.clearance
+        yield from self._move(goals, CLOSED, APPROACH)
+        for _ in range(WAITING):
+            yield self._rest(CLOSED)
+        yield from self._go(swing.forward, swing.forward_speed, 0.0)
+        yield from self._go(-swing.back, swing.back_speed, -swing.sinking)
+        while True:
+            yield self._step(self._raised(1.0), OPEN, RISE)
+
+    def _go(self, way: float, speed: float, climb: float) -> Iterator[np.ndarray]:
+        """Actions for a way along X [m] at a fraction of full speed, rising by another."""
+        steps = abs(way) / (speed * self._stride)
+        while steps > 0.0:
+            part = min(steps, 1.0)
+            motion = part * np.array([np.sign(way) * speed, 0.0, climb])
+            yield np.column_stack([np.tile(motion, (2, 1)), np.ones(2)]).ravel()
+            steps -= part

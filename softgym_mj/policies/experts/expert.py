@@ -1,0 +1,55 @@
+"""`Expert`: a hand-written policy, an episode as a generator of actions."""
+
+import abc
+from collections.abc import Iterator
+from typing import Protocol, runtime_checkable
+
+import dm_env
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import ExpertError
+
+
+class Expert(abc.ABC):
+    """Subclasses write an episode as a generator of actions."""
+
+    def __init__(self, env: Environment):
+        """Binds the expert to an environment of its task."""
+        self._env = env
+        self._plan = self._episode()
+
+    def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
+        """The action for a time step; the first of an episode clears the memory."""
+        if timestep.first():
+            self._plan = self._episode()
+        return next(self._plan)
+
+    @abc.abstractmethod
+    def _episode(self) -> Iterator[np.ndarray]:
+        """Endless actions of an episode."""
+
+
+@runtime_checkable
+class WithExpert(Protocol):
+    """A task that brings its own expert, as tasks of yours may: any class with this method."""
+
+    def expert(self) -> Iterator[np.ndarray]:
+        """The actions (n,) in [-1, 1] of an episode, from its start on.
+
+        A generator that looks at the task between two actions and yields at least as many as the
+        episode has env steps.
+        """
+
+
+class OwnExpert(Expert):
+    """The expert that a task brings."""
+
+    def _episode(self):
+        task = self._env.task
+        for action in task.expert():
+            yield np.asarray(action, float)
+        raise ExpertError(
+            f"`expert` of {type(task).__name__} yields too few actions: {self._env.name} lasts "
+            f"{self._env.horizon} env steps"
+        )

@@ -1,0 +1,83 @@
+"""The expert of FoldCrumpledCloth: hangs the cloth over its middle column and lays it down doubled.
+
+A cloth that hangs by the ends of its middle column is folded already: it need not be spread.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from softgym_mj.policies.experts.cloth_expert import (
+    LAYER,
+    LIFT,
+    PUT_STEPS,
+    TRAVEL_HEIGHT,
+    ClothExpert,
+)
+from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
+
+PACE = 0.05  # [m] Way of the pickers in an env step while the cloth is laid down.
+HANGING = 10  # Env steps for the cloth to come to rest before it is laid down.
+ROUND_STEPS = 48  # Env steps that taking the column and laying the cloth down need at least.
+DONE = 0.93  # Normalised performance from which the cloth is left alone.
+REDO = 0.1  # Normalised performance below which the cloth is taken up again if time allows.
+
+
+class FoldCrumpledCloth(ClothExpert):
+    """Takes both ends of the middle column, hangs the cloth up and lays it down towards +X."""
+
+    def _episode(self) -> Iterator[np.ndarray]:
+        lifts, tried = not self._has_arms, False  # Arms only mend, as in SpreadCloth.
+        while True:
+            score = self._env.task.info()["normalized_performance"]
+            left = self._env.horizon - self._env.step_count
+            if lifts and (not tried or (score < REDO and left > ROUND_STEPS)):
+                tried = True
+                grips = [False, False]
+                yield from self._take_pair([self._line()], grips)
+                if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
+                    yield from self._lay(grips)
+                continue
+            mends = score < DONE and left > PUT_STEPS
+            yield from self._mend(self._places()) if mends else self._wait()
+
+    def _line(self) -> tuple[int, int, float]:
+        """The ends of the middle column and their distance [m]."""
+        cloth = self._env.task.cloth
+        middle = cloth.shape[1] // 2
+        return cloth.index(0, middle), cloth.index(-1, middle), cloth.size[1]
+
+    def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
+        """Stretches the held column along Y and lays the cloth down, from its edges on."""
+        low, high = self._actor.limits
+        flat, held = self._env.task.cloth.flat(), self._actor.held.tolist()
+        depth = float(np.ptp(flat[:, 0]) / 2)
+        offset = (self._target.vertices()[held] - self._actor.positions()) * [1.0, 1.0, 0.0]
+        goals = flat[held] - offset
+
+        def pose(x: float, z: float) -> np.ndarray:
+            moved = goals + [x, 0.0, 0.0]
+            moved[:, 2] = z
+            return moved
+
+        yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
+        yield from self._move(pose(depth, high[2]), grips, SLOW)
+        for _ in range(HANGING):
+            yield self._step(pose(depth, high[2]), grips)
+        x = depth
+        while x > 0.0:
+            x = max(x - PACE, 0.0)
+            # Down along an arc as if the edges stuck to the floor.
+            height = np.sqrt(max(depth**2 - (depth - x) ** 2, 0.0))
+            yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
+        yield from self._move(pose(0.0, low[2]), grips, SLOW)
+        yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
+
+    def _places(self) -> np.ndarray:
+        """Where the vertices (n, 3) [m] of the folded cloth belong."""
+        cloth = self._env.task.cloth
+        rows, columns = cloth.shape
+        grid = cloth.flat().reshape(rows, columns, 3)
+        upper = np.arange(columns) < columns // 2
+        grid[:, upper] = grid[:, ::-1][:, upper] + [0.0, 0.0, LAYER]
+        return grid.reshape(-1, 3)

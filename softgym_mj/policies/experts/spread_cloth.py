@@ -1,0 +1,83 @@
+"""The expert of SpreadCloth: takes a side, drags the cloth out, then mends what lies wrong."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from softgym_mj.native.arithmetic import length, product
+from softgym_mj.policies.experts.cloth_expert import LIFT, PUT_STEPS, TRAVEL_HEIGHT, ClothExpert
+from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
+
+PACE = 0.06  # [m] Way of the pickers in an env step while the cloth is dragged.
+TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pulled out.
+DONE = 0.98  # Normalised performance from which the cloth is left alone.
+ROUND_STEPS = 45  # Env steps that taking a side and dragging the cloth out need at least.
+REDO = 0.35  # Normalised performance below which the cloth is taken up again if time allows.
+
+
+class SpreadCloth(ClothExpert):
+    """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
+
+    def _episode(self):
+        # Hands of arms stay on their sides, away from what the other one lifts: they only mend.
+        drags, dragged = not self._has_arms, False
+        while True:
+            score = self._env.task.info()["normalized_performance"]
+            left = self._env.horizon - self._env.step_count
+            if drags and (not dragged or (score < REDO and left > ROUND_STEPS)):
+                dragged = True
+                grips = [False, False]
+                yield from self._take_pair(self._sides(), grips)
+                if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
+                    yield from self._drag(grips)
+                continue
+            mends = score < DONE and left > PUT_STEPS
+            yield from self._mend(self._registered()) if mends else self._wait()
+
+    def _sides(self) -> list[tuple[int, int, float]]:
+        """The sides as (corner, corner, length [m])."""
+        p1, p2, p3, p4 = self._env.task.cloth.corners.tolist()
+        width, depth = self._env.task.cloth.size
+        return [(p1, p2, depth), (p3, p4, depth), (p1, p3, width), (p2, p4, width)]
+
+    def _drag(self, grips: list[bool]) -> Iterator[np.ndarray]:
+        """Stretches the held side along Y and pulls the cloth out along X, down to the floor."""
+        low, high = self._actor.limits
+        centre = (low + high) / 2
+        flat, (a, b) = self._env.task.cloth.flat(), self._actor.held
+        width = length(flat[b] - flat[a])
+        across = (flat[b] - flat[a]) / width
+        away = flat - (flat[a] + flat[b]) / 2
+        away = np.linalg.norm(away - product(away, across)[:, None] * across, axis=1)
+        depth, tail = away.max(), np.flatnonzero(away > away.max() - 0.01)
+        offset = (self._target.vertices()[[a, b]] - self._actor.positions()) * [1.0, 1.0, 0.0]
+        sign = np.sign(self._target.vertex(a)[1] - self._target.vertex(b)[1]) or 1.0
+        line = np.array([[0.0, sign * width / 2, 0.0], [0.0, -sign * width / 2, 0.0]])
+
+        def tail_x() -> float:
+            return float(self._target.vertices()[tail, 0].mean() - centre[0])
+
+        def now_x() -> float:
+            return float((self._actor.positions() + offset)[:, 0].mean() - centre[0])
+
+        def pose(x: float, z: float) -> np.ndarray:
+            goals = line - offset + centre + [x, 0.0, 0.0]
+            goals[:, 2] = z
+            return goals
+
+        way = -1.0 if tail_x() > 0.0 else 1.0
+        edge = high[0] - centre[0]
+        yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
+        yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)
+        # Carry the tail back so far that the spread cloth will lie in the middle of the workspace.
+        while way * tail_x() > -depth / 2 and way * now_x() > -edge + PACE:
+            yield self._step(pose(now_x() - way * PACE, high[2]), grips, LIFT)
+        x, anchor, taut = now_x(), tail_x(), 0
+        while taut < 2 and way * x < edge:
+            x += way * PACE
+            # Down along an arc as if the tail stuck to the floor; it slides where it does not.
+            height = np.sqrt(max(depth**2 - max(way * (x - anchor), 0.0) ** 2, 0.0))
+            yield self._step(pose(x, np.clip(height, low[2], high[2])), grips)
+            taut += way * (now_x() - tail_x()) > TAUT * depth
+        yield from self._move(pose(x, low[2]), grips, SLOW)
+        yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)

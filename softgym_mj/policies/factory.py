@@ -1,0 +1,63 @@
+"""Policies by name or file: what `evaluate` can score."""
+
+import dm_env
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import check_name
+from softgym_mj.policies.saved import Policy, is_saved, make_saved, takes_seed
+
+SIMPLE = ("scripted", "random", "zero")
+_SEED_KEY = 0x52414E44  # Keeps the random policy's numbers apart from others.
+
+
+def depends_on_seed(name: str) -> bool:
+    """Whether two seeds can give two policies.
+
+    Raises:
+        PolicyFileError: for a function that cannot be imported.
+    """
+    return takes_seed(name) if is_saved(name) else name not in ("scripted", "zero")
+
+
+def make_policy(name: str, env: Environment, seed: int = 0) -> Policy:
+    """A policy that does not plan.
+
+    Args:
+        name: one of `SIMPLE`; a file that `torch.export.save` wrote, of a module that maps the
+            observation, states (1, n) float32 or images (1, h, w, 3) uint8, to an action (1, m),
+            which is clipped to [-1, 1]; or "module:function", a function that gives for an
+            environment, and a `seed` if it has such an argument, a policy: a function of its time
+            steps.
+        env: what it acts in.
+        seed: of the random policy and of functions; replaces "{seed}" in the name of a file.
+
+    Raises:
+        UnknownNameError: if there is no such policy.
+        PolicyFileError: for a file or function that is none.
+        ExpertError: if the task has no scripted expert.
+    """
+    if is_saved(name):
+        return make_saved(name, env, seed)
+    check_name("policy", name, SIMPLE)
+    if name == "scripted":
+        from softgym_mj.policies import experts
+
+        return experts.make_policy(env)
+    size = env.task.actor.action_size
+    if name == "zero":
+        return lambda timestep: np.zeros(size)
+    return _Random(env, seed)
+
+
+class _Random:
+    """Uniform actions; those of an episode depend on seed and variation alone."""
+
+    def __init__(self, env: Environment, seed: int):
+        self._env, self._seed = env, seed
+
+    def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
+        if timestep.first():
+            key = [_SEED_KEY, self._seed, self._env.task.variation]
+            self._random = np.random.default_rng(key)
+        return self._random.uniform(-1.0, 1.0, self._env.task.actor.action_size)

@@ -1,0 +1,96 @@
+"""`Rollouts`: returns of many action sequences from one state, computed by any workers.
+
+A snapshot restores an episode exactly, so that the returns do not depend on who computes them.
+"""
+
+import functools
+import json
+import pickle
+from collections.abc import Mapping
+
+import numpy as np
+from dm_control.rl.control import PhysicsError
+from gymnasium.vector.utils import CloudpickleWrapper
+
+from softgym_mj import registry
+from softgym_mj.envs.environment import Environment, Snapshot
+from softgym_mj.jobs.executors import Here, Workers
+from softgym_mj.registry import TaskRecord
+
+# Calls for each worker at a time: enough to even out sequences that take longer than others.
+CALLS_PER_WORKER = 3
+
+
+class Rollouts:
+    """Plays action sequences in copies of an environment."""
+
+    def __init__(self, task: str | TaskRecord, settings: Mapping[str, object], workers: Workers):
+        """Chooses what is played.
+
+        Args:
+            task: task name or record: what is registered now, whatever replaces it later.
+            settings: keyword arguments of the task that JSON can hold.
+            workers: who plays.
+        """
+        self._key = sent_to(workers, task), json.dumps(dict(settings), sort_keys=True)
+        self._workers = workers
+
+    def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
+        """Undiscounted returns (n,) of action sequences (n, horizon, size) from a state.
+
+        A sequence counts up to the end of the episode.
+        """
+        number = min(len(sequences), CALLS_PER_WORKER * self._workers.number)
+        if self._workers.number == 1:
+            number = 1
+        parts = np.array_split(sequences, number)
+        calls = [(*self._key, snapshot, part) for part in parts]
+        return np.concatenate(self._workers.all(play_sequences, calls))
+
+
+def sent_to(workers: Workers, task: str | TaskRecord) -> TaskRecord | bytes:
+    """A task as calls of these workers take it: pickled, with its class if no module has it.
+
+    Other processes have not necessarily registered it.
+    """
+    record = registry.find(task)
+    if isinstance(workers, Here):
+        return record
+    return pickle.dumps(CloudpickleWrapper(record))  # type: ignore[arg-type]  # Wraps anything.
+
+
+def play_sequences(
+    task: TaskRecord | bytes, settings: str, snapshot: Snapshot, sequences: np.ndarray
+) -> np.ndarray:
+    """Returns (n,) of sequences (n, horizon, size), in an environment that is kept.
+
+    Nothing is worse than a sequence with which the simulation diverges.
+    """
+    env = kept_environment(task, settings)
+    returns = np.zeros(len(sequences))
+    for i, actions in enumerate(sequences):
+        env.set_state(snapshot)
+        try:
+            for action in actions:
+                timestep = env.step(action)
+                returns[i] += timestep.reward
+                if timestep.last():
+                    break
+        except PhysicsError:
+            returns[i] = -np.inf
+    return returns
+
+
+@functools.lru_cache(maxsize=1)
+def kept_environment(task: TaskRecord | bytes, settings: str) -> Environment:
+    """This process's environment of a task: to be used for one thing at a time.
+
+    A task that is registered again is another one: its record is.
+
+    Args:
+        task: as `sent_to` returns it.
+        settings: keyword arguments as JSON; the observation is "reduced" unless they name one.
+    """
+    record = pickle.loads(task).fn if isinstance(task, bytes) else task
+    arguments = {"observation": "reduced", **json.loads(settings)}
+    return registry.load(record, split="all", **arguments)

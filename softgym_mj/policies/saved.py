@@ -1,0 +1,150 @@
+"""Policies of yours: files that `torch.export.save` wrote, functions of modules."""
+
+import hashlib
+import importlib
+import inspect
+import pathlib
+import traceback
+import zipfile
+from collections.abc import Callable
+from typing import Any
+
+import dm_env
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import PolicyFileError, SoftGymError
+from softgym_mj.extras import import_extra
+
+Policy = Callable[[dm_env.TimeStep], np.ndarray]
+
+SUFFIX = ".pt2"
+SEED = "{seed}"  # In the name of a file: policies that were trained with several seeds.
+
+
+def is_saved(name: str) -> bool:
+    """Whether a policy is named by a file (`policy.pt2`) or a function (`package.module:name`)."""
+    return ":" in name or name.endswith(SUFFIX)
+
+
+def takes_seed(name: str) -> bool:
+    """Whether seeds tell policies of this name apart: by its file's name or an argument `seed`.
+
+    Raises:
+        PolicyFileError: for a function that cannot be imported.
+    """
+    if name.endswith(SUFFIX):
+        return SEED in name
+    return _takes_seed(_function(name))
+
+
+def sha256(name: str, seed: int) -> dict[str, str]:
+    """SHA-256 of a policy's file, or of the source file of its function, by name.
+
+    Empty for a function that no file has, such as one of a notebook.
+
+    Raises:
+        PolicyFileError: for a file that is missing or a function that cannot be imported.
+    """
+    if name.endswith(SUFFIX):
+        file = _existing(name, seed)
+        return {str(file): hashlib.sha256(file.read_bytes()).hexdigest()}
+    _function(name)
+    source = getattr(importlib.import_module(name.split(":", 1)[0]), "__file__", None)
+    if source is None:
+        return {}
+    return {name: hashlib.sha256(pathlib.Path(source).read_bytes()).hexdigest()}
+
+
+def make_saved(name: str, env: Environment, seed: int) -> Policy:
+    """The policy of a file or a function; see `policies.make_policy`."""
+    return _exported(name, env, seed) if name.endswith(SUFFIX) else _imported(name, env, seed)
+
+
+def _existing(name: str, seed: int) -> pathlib.Path:
+    file = pathlib.Path(name.replace(SEED, str(seed)))
+    if not file.is_file():
+        raise PolicyFileError(f"policy={str(file)!r}: there is no such file")
+    return file
+
+
+def _exported(name: str, env: Environment, seed: int) -> Policy:
+    file = _existing(name, seed)
+    if not zipfile.is_zipfile(file):
+        raise PolicyFileError(
+            f"policy={str(file)!r} is not what torch.export.save(torch.export.export(module, "
+            "(observation,)), file) writes"
+        )
+    torch = import_extra("torch", "PyTorch", "rl")
+    try:
+        module = torch.export.load(file).module()
+    except Exception as error:  # torch raises whatever its reader happens to meet.
+        raise PolicyFileError(f"policy={str(file)!r} cannot be loaded: {error}") from error
+    size = env.task.actor.action_size
+
+    def act(timestep: dm_env.TimeStep) -> np.ndarray:
+        batch = torch.from_numpy(_single(file, timestep)[None])
+        with torch.no_grad():
+            try:
+                action = module(batch)
+            except (RuntimeError, AssertionError, ValueError, TypeError) as error:
+                shape = tuple(batch.shape)
+                raise PolicyFileError(
+                    f"policy={str(file)!r} does not take an observation of shape {shape}, "
+                    f"{batch.dtype}: {error}; export it with an example like this: "
+                    f"torch.export.export(module, (torch.zeros({shape}, dtype={batch.dtype}),))"
+                ) from error
+        action = np.asarray(action, float).reshape(-1)
+        if action.shape != (size,):
+            raise PolicyFileError(
+                f"policy={str(file)!r} gives {action.size} numbers; an action has {size}"
+            )
+        return np.clip(action, -1.0, 1.0)
+
+    return act
+
+
+def _single(file: pathlib.Path, timestep: dm_env.TimeStep) -> np.ndarray:
+    """The only observation, as Gymnasium's environment gives it: images uint8, others float32."""
+    if len(timestep.observation) != 1:
+        raise PolicyFileError(
+            f"policy={str(file)!r} takes one observation; the settings ask for "
+            f"{', '.join(timestep.observation)}"
+        )
+    (observation,) = timestep.observation.values()
+    return observation if observation.dtype == np.uint8 else observation.astype(np.float32)
+
+
+def _imported(name: str, env: Environment, seed: int) -> Policy:
+    make = _function(name)
+    settings = {"seed": seed} if _takes_seed(make) else {}
+    try:
+        policy = make(env, **settings)
+    except SoftGymError:
+        raise
+    except Exception as error:  # Whatever the function raises.
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        raise PolicyFileError(
+            f"policy={name!r} made no policy of an environment: {type(error).__name__}: {error} "
+            f"({where.filename}:{where.lineno})"
+        ) from error
+    if not callable(policy):
+        raise PolicyFileError(f"policy={name!r} gives {policy!r}, not a function of time steps")
+    return policy
+
+
+def _function(name: str) -> Any:
+    module, function = name.split(":", 1)
+    try:
+        return getattr(importlib.import_module(module), function)
+    except Exception as error:  # Whatever the code of the module raises.
+        raise PolicyFileError(
+            f"policy={name!r} cannot be imported: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _takes_seed(make: Any) -> bool:
+    try:
+        return "seed" in inspect.signature(make).parameters
+    except (TypeError, ValueError):  # Not a function, or a built-in one.
+        return False

@@ -1,0 +1,223 @@
+"""Off-screen rendering: the choice of an OpenGL backend, cached camera views, and videos."""
+
+import base64
+import ctypes.util
+import dataclasses
+import os
+import pathlib
+import sys
+from typing import Any
+
+import numpy as np
+
+from softgym_mj.exceptions import (
+    OutOfRangeError,
+    RenderingUnavailableError,
+    check_image_size,
+    check_name,
+)
+
+INSTALL_COMMAND = "apt-get install -y libegl1 libgl1-mesa-dri"
+
+LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
+
+_MAX_GEOMS = 20000  # In a scene: the surface of water is drawn as some thousand triangles.
+
+_OTHER_THREAD = "already current on another thread"  # In dm_control's message.
+
+_rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
+
+_QUALITY = 8  # Of videos, 0..10: no blocks are seen on the cloth.
+_BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
+
+# The flex is drawn by its skins (group 0); its own triangles and sites stay hidden.
+_FLEX_GROUP = 4
+
+
+def has_display() -> bool:
+    """Whether a window can be opened."""
+    if sys.platform != "linux":
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def choose_backend() -> None:
+    """Sets MUJOCO_GL on a machine without display; a value that is already set is kept.
+
+    To be called before dm_control is imported: it reads the variable only then.
+    """
+    if "MUJOCO_GL" in os.environ or has_display():
+        return
+    if ctypes.util.find_library("EGL"):
+        os.environ["MUJOCO_GL"] = "egl"
+    elif ctypes.util.find_library("OSMesa"):
+        os.environ["MUJOCO_GL"] = "osmesa"
+    else:
+        # States still work; a render then says what to install.
+        os.environ["MUJOCO_GL"] = "disable"
+
+
+def unavailable(reason: object) -> RenderingUnavailableError:
+    """The error for a rendering that failed, with the command that helps."""
+    return RenderingUnavailableError(
+        f"off-screen rendering failed with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r}: "
+        f"{reason}. Install software OpenGL with `{INSTALL_COMMAND}`, unset MUJOCO_GL (or set it "
+        "to egl, osmesa or glfw) and start Python again."
+    )
+
+
+def has_rendered() -> bool:
+    """Whether this process, or the one that it was forked from, has rendered."""
+    return _rendered_in is not None
+
+
+def _claim() -> None:
+    """Notes that this process renders.
+
+    Raises:
+        RenderingUnavailableError: if it was forked from one that has: OpenGL would wait forever.
+    """
+    global _rendered_in  # noqa: PLW0603 - a fact about the process.
+    if _rendered_in not in (None, os.getpid()):
+        raise RenderingUnavailableError(
+            "this process was forked from one that has rendered, and OpenGL does not survive a "
+            'fork: start processes with the method "forkserver" or "spawn", for example '
+            'gymnasium.make_vec(..., vectorization_mode="async", '
+            'vector_kwargs={"context": "forkserver"})'
+        )
+    _rendered_in = os.getpid()
+
+
+def refresh_poses(physics) -> None:
+    """Computes what is drawn from qpos: `mj_step` leaves it one step behind."""
+    refresh(physics.model.ptr, physics.data.ptr)
+
+
+def refresh(model, data) -> None:
+    """Does what `refresh_poses` does for an MjModel and its MjData."""
+    import mujoco
+
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+    mujoco.mj_flex(model, data)
+
+
+def camera_ids(model) -> dict[str, int]:
+    """The cameras of an MjModel by name: "task", "arms/franka_0/wrist_0".
+
+    Also by the last part of it, "wrist_0", which comes first, where no other camera has the same.
+    """
+    names = [model.camera(i).name for i in range(model.ncam)]
+    ends = [name.rsplit("/", 1)[-1] for name in names]
+    short = {end: i for i, end in enumerate(ends) if ends.count(end) == 1}
+    return {**short, **{name: i for i, name in enumerate(names)}}
+
+
+class CameraView:
+    """Renders one camera at one size; the scene is kept until the physics changes."""
+
+    def __init__(self, camera: str, height: int, width: int):
+        """Chooses the camera.
+
+        Args:
+            camera: a name as in `camera_ids`; one that does not exist is an `UnknownNameError` when
+                something is rendered.
+            height, width: of images, each in 1..`LARGEST_IMAGE` [pixels].
+
+        Raises:
+            OutOfRangeError: for another size.
+        """
+        self._camera = camera
+        self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
+        self._data: Any = None
+        self._view: Any = None
+        self._option: Any = None
+
+    def rgb(self, physics) -> np.ndarray:
+        """Image (height, width, 3) uint8."""
+        return self._render(physics).copy()
+
+    def depth(self, physics) -> np.ndarray:
+        """Metric distance along the view direction (height, width) float32 [m]."""
+        return self._render(physics, depth=True).astype(np.float32)
+
+    def segmentation(self, physics) -> np.ndarray:
+        """What each pixel shows (height, width, 2) int: id and `mujoco.mjtObj`; -1 for nothing."""
+        return self._render(physics, segmentation=True).copy()
+
+    def _render(self, physics, **options) -> np.ndarray:
+        import mujoco
+        from dm_control.mujoco import engine, wrapper
+
+        from softgym_mj.rendering.framebuffer import SizedPhysics, SizedView
+
+        _claim()
+        data = physics.data.ptr
+        refresh_poses(physics)
+        cameras = camera_ids(physics.model.ptr)
+        check_name("camera", self._camera, cameras)
+        try:
+            if self._data is not data:
+                size, camera = (self._height, self._width), cameras[self._camera]
+                seen = SizedView(physics, *size) if isinstance(physics, SizedPhysics) else physics
+                self._view = engine.Camera(seen, *size, camera, max_geom=_MAX_GEOMS)
+                self._option = wrapper.MjvOption()
+                self._option.flexgroup[_FLEX_GROUP] = 0
+                self._data = data
+            return self._view.render(scene_option=self._option, **options)
+        except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
+            if _OTHER_THREAD in str(error):
+                raise RenderingUnavailableError(
+                    "this environment has rendered in another thread, and OpenGL stays there: "
+                    "render, reset and step it in that thread only, or make one in each thread"
+                ) from error
+            raise unavailable(error) from error
+
+
+@dataclasses.dataclass(frozen=True)
+class Video:
+    """Pictures as a video; a notebook shows it inline.
+
+    Attributes:
+        frames: pictures (n, height, width, 3) uint8, n at least 1.
+        fps: pictures in a second.
+
+    Raises:
+        OutOfRangeError: for frames of another shape or kind, or none at all.
+    """
+
+    frames: np.ndarray = dataclasses.field(repr=False)
+    fps: float
+
+    def __post_init__(self):
+        frames = np.asarray(self.frames)
+        if frames.ndim != 4 or frames.shape[-1] != 3 or frames.dtype != np.uint8 or not len(frames):
+            raise OutOfRangeError(
+                "frames", f"{frames.dtype}{frames.shape}", "uint8(n, height, width, 3), n >= 1"
+            )
+        object.__setattr__(self, "frames", frames)
+
+    def write(self, file: pathlib.Path | str) -> None:
+        """Writes `file.mp4` (H.264); makes its folder."""
+        encoded = self.encoded()  # First: if it fails, no file is made.
+        file = pathlib.Path(file)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(encoded)
+
+    def encoded(self) -> bytes:
+        """The bytes of an mp4 file."""
+        import imageio.v2 as imageio
+
+        return imageio.mimwrite(
+            "<bytes>", list(self.frames), "mp4", fps=self.fps, quality=_QUALITY,
+            macro_block_size=_BLOCK,
+        )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        data = base64.b64encode(self.encoded()).decode()
+        height, width = self.frames.shape[1:3]
+        return (
+            f'<video controls autoplay loop muted playsinline width="{width}" height="{height}" '
+            f'src="data:video/mp4;base64,{data}"></video>'
+        )

@@ -1,0 +1,209 @@
+"""Domain parameters: what a variation may change besides the initial state.
+
+A task's `domain` says which numbers of its scene vary, and how far. Each is drawn anew for every
+variation, from a generator seeded with the parameter's name and the variation's index: the same
+index gives the same scene on every machine, whichever other parameters vary.
+"""
+
+import colorsys
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_name
+from softgym_mj.variations.store import generator
+
+Range = tuple[float, float]
+
+PRESETS = {
+    "nominal": "nothing varies",
+    "in_distribution": "every parameter within its usual range",
+    "out_of_distribution": "every parameter outside of its usual range, within the valid one",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """A number of the scene that may vary.
+
+    Attributes:
+        name: its name.
+        unit: its unit.
+        nominal: its value unless a domain says otherwise.
+        usual: range of the preset "in_distribution".
+        valid: range within which it is accepted and the simulation was tried.
+        summary: what it is.
+    """
+
+    name: str
+    unit: str
+    nominal: float
+    usual: Range
+    valid: Range
+    summary: str
+
+    @property
+    def is_ratio(self) -> bool:
+        """Whether draws are uniform in the logarithm: of what is positive by nature."""
+        return self.valid[0] > 0.0
+
+    def ranges(self, setting: object) -> tuple[Range, ...]:
+        """The ranges to draw from.
+
+        Args:
+            setting: a number, a pair (low, high) or one of `PRESETS`.
+
+        Raises:
+            UnknownNameError, OutOfRangeError: if it is none of these or not within `valid`.
+        """
+        if isinstance(setting, str):
+            check_name(self.name, setting, PRESETS)
+            if setting == "nominal":
+                return ((self.nominal, self.nominal),)
+            if setting == "in_distribution":
+                return (self.usual,)
+            outside = ((self.valid[0], self.usual[0]), (self.usual[1], self.valid[1]))
+            return tuple((low, high) for low, high in outside if low < high)
+        pair: Any = setting if isinstance(setting, Sequence) else (setting, setting)
+        try:
+            low, high = (float(value) for value in pair)
+        except (TypeError, ValueError):
+            low, high = math.nan, math.nan
+        if not self.valid[0] <= low <= high <= self.valid[1]:
+            unit = f" {self.unit}" if self.unit else ""
+            valid = f"a number or (low, high) within {self.valid}{unit}, or a preset"
+            raise OutOfRangeError(self.name, setting, f"{valid}: {', '.join(PRESETS)}")
+        return ((low, high),)
+
+    def at(self, fraction: float, ranges: Sequence[Range]) -> float:
+        """The value at a fraction in 0..1 of the ranges' whole length."""
+        forth, back = (math.log, math.exp) if self.is_ratio else (float, float)
+        scaled = [(forth(low), forth(high)) for low, high in ranges]
+        rest = fraction * sum(high - low for low, high in scaled)
+        for (low, high), (first, last) in zip(scaled, ranges, strict=True):
+            if rest <= high - low:
+                return min(max(back(low + rest), first), last)
+            rest -= high - low
+        return ranges[-1][1]
+
+
+def scaled(
+    name: str, unit: str, nominal: float, usual: float, valid: float, summary: str
+) -> Parameter:
+    """A positive parameter that varies by the factors `usual` and `valid`, down and up."""
+    within, accepted = ((nominal / factor, nominal * factor) for factor in (usual, valid))
+    return Parameter(name, unit, nominal, within, accepted, summary)
+
+
+def shifted(name: str, unit: str, usual: float, valid: float, summary: str) -> Parameter:
+    """A parameter that is nominally 0 and varies by `usual` and `valid`, down and up."""
+    return Parameter(name, unit, 0.0, (-usual, usual), (-valid, valid), summary)
+
+
+def turned(color: Sequence[float], hue: float) -> tuple[float, ...]:
+    """A colour (r, g, b, a) in 0..1 with its hue turned by `hue` [deg]; the same one for 0."""
+    if hue == 0.0:
+        return tuple(color)
+    turn, saturation, value = colorsys.rgb_to_hsv(*color[:3])
+    return (*colorsys.hsv_to_rgb((turn + hue / 360.0) % 1.0, saturation, value), color[3])
+
+
+class Adjustable(Protocol):
+    """A part of a scene that has parameters."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What may vary."""
+        ...
+
+    def adjust(self, values: Mapping[str, float]) -> bool:
+        """Sets all parameters; True when the model changed and must be recompiled."""
+        ...
+
+
+class Prefixed:
+    """A part whose parameters have names that begin with its own: one of several in a scene."""
+
+    def __init__(self, part: Adjustable, prefix: str):
+        """The part, with `prefix` and an underscore before the names of its parameters."""
+        self._part = part
+        self._names = {f"{prefix}_{p.name}": p for p in part.parameters}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What may vary."""
+        return tuple(dataclasses.replace(p, name=name) for name, p in self._names.items())
+
+    def adjust(self, values: Mapping[str, float]) -> bool:
+        """Sets all parameters; True when the model changed and must be recompiled."""
+        return self._part.adjust({p.name: values[name] for name, p in self._names.items()})
+
+
+class Domain:
+    """Which parameters of the parts of a scene vary, and how far."""
+
+    def __init__(self, setting: str | Mapping[str, object], parts: Sequence[Adjustable]):
+        """Reads a setting.
+
+        Args:
+            setting: one of `PRESETS` for all parameters, or a dict from names of parameters to a
+                number, a pair (low, high) or a preset; the others stay nominal.
+            parts: what has parameters.
+
+        Raises:
+            UnknownNameError, OutOfRangeError: for a bad name or value.
+        """
+        self._parts = tuple(parts)
+        self._parameters = {p.name: p for part in parts for p in part.parameters}
+        if isinstance(setting, Mapping):
+            for name in setting:
+                check_name("domain parameter", name, self._parameters)
+            settings = {name: setting.get(name, "nominal") for name in self._parameters}
+        elif setting in PRESETS:
+            settings = dict.fromkeys(self._parameters, setting)
+        else:
+            choices = [*PRESETS, "a dict of " + ", ".join(self._parameters)]
+            raise UnknownNameError("domain", setting, choices)
+        self._ranges = {
+            name: parameter.ranges(settings[name]) for name, parameter in self._parameters.items()
+        }
+        self._values = {name: parameter.nominal for name, parameter in self._parameters.items()}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters of the scene, whether they vary or not."""
+        return tuple(self._parameters.values())
+
+    @property
+    def ranges(self) -> dict[str, tuple[Range, ...]]:
+        """What the value of each parameter is drawn from."""
+        return dict(self._ranges)
+
+    @property
+    def varying(self) -> tuple[str, ...]:
+        """Names of the parameters that are not nominal in every variation."""
+        return tuple(
+            p.name for p in self.parameters if self._ranges[p.name] != ((p.nominal, p.nominal),)
+        )
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The current value of every parameter."""
+        return dict(self._values)
+
+    def draw(self, variation: int) -> dict[str, float]:
+        """The value of every parameter in a variation."""
+        return {
+            name: parameter.at(generator(f"domain/{name}", variation).random(), self._ranges[name])
+            for name, parameter in self._parameters.items()
+        }
+
+    def apply(self, variation: int) -> bool:
+        """Sets the parameters for a variation; True when the model must be recompiled."""
+        self._values = self.draw(variation)
+        changed = [
+            part.adjust({p.name: self._values[p.name] for p in part.parameters})
+            for part in self._parts
+        ]
+        return any(changed)

@@ -1,0 +1,167 @@
+"""`WorkerPool`: the processes of a `VectorEnv`, asked in a way that no interrupt tears apart."""
+
+import contextlib
+import os
+import queue
+import threading
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
+from typing import Any
+
+from softgym_mj.exceptions import EnvironmentClosedError, WorkersLostError
+from softgym_mj.vector.worker import END, READY, serve
+
+# [s] That workers have to finish a call whose answer nobody waits for; one may be stuck.
+_PATIENCE = 5.0
+# [s] After which a waiting thread looks for signals: one that comes just before it goes to sleep
+# does not wake it.
+_GLANCE = 0.5
+
+
+class WorkerPool:
+    """Processes that answer calls.
+
+    All talk with them is in a thread of its own, because signals such as that of Ctrl-C are raised
+    in the main thread: there, they would leave half a message in a pipe, or an answer that the
+    next call would take for its own.
+    """
+
+    def __init__(self, context: Any, shares: Sequence[tuple]):
+        """Starts the processes and waits until they are there.
+
+        Args:
+            context: how processes start, of `multiprocessing.get_context`.
+            shares: arguments of `vector_worker.serve`, but its pipe, of each process.
+        """
+        self._pipes: list[Connection] = []
+        processes: list[Any] = []
+        try:
+            for arguments in shares:
+                here, there = context.Pipe()
+                process = context.Process(target=serve, args=(there, here, *arguments), daemon=True)
+                process.start()
+                there.close()
+                self._pipes.append(here)
+                processes.append(process)
+            self._jobs: queue.SimpleQueue = queue.SimpleQueue()
+            # After the processes: a fork takes no other thread along.
+            self._thread = threading.Thread(
+                target=_work, args=(self._jobs, self._pipes, processes), daemon=True
+            )
+            self._thread.start()
+        except BaseException:
+            for process in processes:
+                process.kill()
+            raise
+        self._owner = os.getpid()
+        self._end = weakref.finalize(self, _end, self._jobs, self._thread, processes, self._owner)
+        self.run(self.ask, dict.fromkeys(range(len(shares)), (READY,)))
+
+    def run(self, function: Callable[..., Any], *args: Any) -> Any:
+        """What a function returns, which is carried out to its end even if this is interrupted.
+
+        Raises:
+            EnvironmentClosedError: after `close()`, and in a fork of the process that made it.
+        """
+        if not self._end.alive:
+            raise EnvironmentClosedError("this vector environment was closed: make a new one")
+        if os.getpid() != self._owner:
+            raise EnvironmentClosedError(
+                "this vector environment belongs to the process that this one was forked from: "
+                "make a new one"
+            )
+        result: queue.SimpleQueue = queue.SimpleQueue()
+        self._jobs.put((function, args, result))  # In one piece: it is not written in Python.
+        succeeded, value = _waited(result)
+        if succeeded:
+            return value
+        try:
+            raise value
+        finally:
+            del value  # Its traceback has this frame: together they would keep the pool alive.
+
+    def ask(self, calls: Mapping[int, tuple]) -> dict[int, Any]:
+        """Has workers make calls at the same time; to be called by `run` only.
+
+        Args:
+            calls: name and arguments of a call, by number of the worker.
+
+        Returns:
+            Their answers.
+
+        Raises:
+            WorkersLostError: if one has ended. Or the first of their errors.
+        """
+        # Before the first is sent: what cannot be pickled is sent to nobody.
+        messages = {i: ForkingPickler.dumps(call) for i, call in calls.items()}
+        lost, replies = [], {}
+        for i, message in messages.items():
+            try:
+                self._pipes[i].send_bytes(message)
+            except ConnectionError:
+                lost.append(i)
+        for i in messages:
+            if i not in lost:
+                try:
+                    replies[i] = self._pipes[i].recv_bytes()
+                except (EOFError, ConnectionError):
+                    lost.append(i)
+        if lost:
+            raise WorkersLostError(
+                f"worker {lost[0]} of a vector environment has ended (killed, or out of memory?): "
+                "make a new one"
+            )
+        answers = {}
+        for i, reply in replies.items():
+            succeeded, answers[i] = ForkingPickler.loads(reply)
+            if not succeeded:
+                raise answers[i]
+        return answers
+
+    def close(self) -> None:
+        """Ends the processes, after what they are doing if that does not take long."""
+        self._end()
+
+
+def _waited(result: queue.SimpleQueue) -> Any:
+    """What comes through a queue; or the error of a signal."""
+    while True:
+        with contextlib.suppress(queue.Empty):
+            return result.get(timeout=_GLANCE)
+
+
+def _work(jobs: queue.SimpleQueue, pipes: list[Connection], processes: list[Any]) -> None:
+    """Carries out jobs one after the other, then ends the processes."""
+    while (job := jobs.get()) is not None:
+        function, args, result = job
+        try:
+            outcome = True, function(*args)
+        except BaseException as error:
+            outcome = False, error
+        result.put(outcome)
+        # Or they would live until the next job, and the environment with them.
+        del job, function, args, result, outcome
+    for pipe in pipes:
+        with contextlib.suppress(ConnectionError):  # One that has ended already.
+            pipe.send((END,))
+        pipe.close()
+    for process in processes:
+        process.join()
+
+
+def _end(
+    jobs: queue.SimpleQueue, thread: threading.Thread, processes: list[Any], owner: int
+) -> None:
+    """Ends a pool that is closed or no longer used, at the latest when Python ends."""
+    if os.getpid() != owner:  # A fork has no such thread, and the processes are not its own.
+        return
+    jobs.put(None)
+    if thread is threading.current_thread():
+        return
+    thread.join(_PATIENCE)
+    if thread.is_alive():
+        for process in processes:
+            process.kill()
+        thread.join()
