@@ -1,7 +1,9 @@
 """Errors raised by softgym_mj: one tree, messages that say what would have worked."""
 
+import importlib
 import operator
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 
 class SoftGymError(Exception):
@@ -160,3 +162,22 @@ def check_image_size(argument: str, value: object, largest: int) -> tuple[int, i
     except OutOfRangeError:
         raise OutOfRangeError(argument, value, valid) from None
     return height, width
+
+
+def import_extra(module: str, name: str, extra: str) -> Any:
+    """Imports a module of an extra.
+
+    Args:
+        module: to be imported.
+        name: what people call it.
+        extra: of this package, that brings it.
+
+    Raises:
+        MissingExtraError: if it is missing; an ImportError, with the command that installs it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{name} is missing: install it with `pip install 'softgym_mj[{extra}]'`"
+        ) from error

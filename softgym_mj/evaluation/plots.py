@@ -8,8 +8,7 @@ import numpy as np
 
 from softgym_mj.evaluation.comparison import labels
 from softgym_mj.evaluation.statistics import quartiles_over
-from softgym_mj.exceptions import OutOfRangeError, ResultError, check_name
-from softgym_mj.extras import import_extra
+from softgym_mj.exceptions import OutOfRangeError, ResultError, check_name, import_extra
 
 AXES = ("horizon", "budget", "replan_every")
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.

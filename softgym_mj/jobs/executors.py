@@ -16,8 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from softgym_mj.exceptions import WorkersLostError, check_count
-from softgym_mj.extras import import_extra
+from softgym_mj.exceptions import WorkersLostError, check_count, import_extra
 
 MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
 

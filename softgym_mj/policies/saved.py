@@ -13,8 +13,7 @@ import dm_env
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import PolicyFileError, SoftGymError
-from softgym_mj.extras import import_extra
+from softgym_mj.exceptions import PolicyFileError, SoftGymError, import_extra
 
 Policy = Callable[[dm_env.TimeStep], np.ndarray]
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError
-from softgym_mj.extras import import_extra
+from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError, import_extra
 
 if TYPE_CHECKING:
     import minari

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.entities.arena import FIELD_OF_VIEW
-from softgym_mj.exceptions import AddressUnavailableError, check_count
-from softgym_mj.extras import import_extra
+from softgym_mj.exceptions import AddressUnavailableError, check_count, import_extra
 from softgym_mj.variations.store import NUM_VARIATIONS
 from softgym_mj.viewing.camera import orbit, pose
 from softgym_mj.viewing.scene import EXTRA, Scene

@@ -7,7 +7,7 @@ from unittest import mock
 import mujoco
 import numpy as np
 
-from softgym_mj.extras import import_extra
+from softgym_mj.exceptions import import_extra
 from softgym_mj.rendering.offscreen import refresh
 
 EXTRA = "viewer"  # The extra that brings viser and mjviser.
