@@ -36,8 +36,7 @@ from types import ModuleType
 import mujoco
 import numpy as np
 
-from softgym_mj.fluid.reference import SUPPORT
-from tests.fluid_cup import SPACING, FluidCup
+from benchmarks.fluid_cup import SPACING, FluidCup
 
 # Particles along X, Y and Z. The last are 8788, the most that SoftGym draws.
 COLUMNS = ((10, 10, 5), (8, 8, 18), (10, 10, 20), (13, 13, 24), (13, 13, 52))
@@ -52,6 +51,7 @@ SHAKEN = SPEED * np.array(
 )
 MOTIONS = {"rest": REST, "shaken": SHAKEN}
 
+SUPPORT = 1.83  # Radius of the plugin's kernel over the spacing.
 KERNELS_VARIABLE = "SOFTGYM_MJ_SIMD"  # The plugin reads it in every step.
 KERNELS = ("scalar", "simd")  # The motion goes on from where the last leaves it.
 PEER = "warp"

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import softgym_mj
+from benchmarks.manipulation_scene import ManipulationScene, fold, lift_and_release
 from softgym_mj.entities import Fabric
 from softgym_mj.entities.cloth import Cloth, grid_shape
 from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS
 from softgym_mj.exceptions import OutOfRangeError
-from softgym_mj.policies.manipulation_scene import ManipulationScene, fold, lift_and_release
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace

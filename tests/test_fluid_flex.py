@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from dm_control import composer
 
-from softgym_mj.fluid import flex_reference, reference
+from benchmarks.fluid_cup import SPACING, cup_geoms
 from softgym_mj.fluid.water import Liquid, Resolution, Water
 from softgym_mj.native.library import load_plugin
-from tests.fluid_cup import SPACING, cup_geoms
+from tests.oracles import fluid, fluid_flexes
 from tests.test_fluid_physics import wall_poses
 
 FULL = mujoco.mjtState.mjSTATE_INTEGRATION
-CONTACT = reference.CONTACT * SPACING  # Beyond the flex's radius.
+CONTACT = fluid.CONTACT * SPACING  # Beyond the flex's radius.
 RADIUS = 0.005
 NEAR = 2e-5  # [m] What single precision leaves of a distance.
 # A frame that is driven by its velocity, and any number of things in it.
@@ -115,7 +115,7 @@ class FlexScene:
             index = m.flex_elem[first : first + corners * count].reshape(-1, corners)
             elements.append(index[:, [0, 1, corners - 1]] + m.flex_vertadr[flex])
             radius += count * [m.flex_radius[flex]]
-        return flex_reference.Flexes(np.concatenate(elements), np.array(radius), start, end)
+        return fluid_flexes.Flexes(np.concatenate(elements), np.array(radius), start, end)
 
     def vertices(self):
         """(n, 3) where MuJoCo's own kinematics has them."""
@@ -129,7 +129,7 @@ class FlexScene:
         corners = self.flexes(x, x).at(0)
         points = np.repeat(positions, len(corners), axis=0)
         every = np.tile(corners, (len(positions), 1, 1))
-        weights, lengths = flex_reference.closest(points, every)
+        weights, lengths = fluid_flexes.closest(points, every)
         lengths = lengths.reshape(len(positions), -1)
         pick = np.arange(len(positions)) * len(corners) + lengths.argmin(axis=1)
         a, b, c = every[pick].swapaxes(0, 1)
@@ -155,7 +155,7 @@ def test_nearest_points_are_the_nearest_of_many():
     u, v = (a[steps[:, None] + steps <= 1] for a in np.meshgrid(steps, steps))
     many = np.column_stack([1 - u - v, u, v])
     for point in random.normal(size=(20, 3)):
-        weights, distance = flex_reference.closest(point, triangles)
+        weights, distance = fluid_flexes.closest(point, triangles)
         sampled = np.linalg.norm(point - many @ triangles, axis=2).min(axis=1)
         assert (distance <= sampled + 1e-12).all() and (sampled - distance < 0.05).all()
         assert (weights > -1e-12).all() and np.allclose(weights.sum(axis=1), 1)
@@ -177,7 +177,7 @@ def test_lone_particles_are_stopped_where_they_touch(speed):
         corners = scene.flexes(x, x).at(0)
         assert len(corners) == elements
         for point in np.random.default_rng(1).uniform(-0.1, 0.1, (100, 3)):
-            weights, lengths = flex_reference.closest(point, corners)
+            weights, lengths = fluid_flexes.closest(point, corners)
             e = lengths.argmin()
             foot = weights[e] @ corners[e]
             direction = (point - foot) / lengths[e]
@@ -203,7 +203,7 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
         + cord(5, 0.03, pos="0 0.02 0.11")
     )
     scene = FlexScene(world, (4, 4), 4, 0.13, substeps=3, **settings)
-    fluid = reference.Fluid(spacing=SPACING, substeps=3, **settings)
+    liquid = fluid.Fluid(spacing=SPACING, substeps=3, **settings)
     scene.velocities[:, 2] = -2.0
     random = np.random.default_rng(0)
     touched = 0
@@ -215,12 +215,12 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
         if step % 6:
             continue
         flexes = scene.flexes(start, scene.vertices())
-        walls = [reference.Wall("plane", np.ones(3), plane, plane)]
+        walls = [fluid.Wall("plane", np.ones(3), plane, plane)]
         gravity = scene.model.opt.gravity
-        expected_x, expected_v, _ = reference.step(fluid, 0.01, gravity, walls, x, v, flexes)
+        expected_x, expected_v, _ = fluid.step(liquid, 0.01, gravity, walls, x, v, flexes)
         np.testing.assert_allclose(scene.positions, expected_x, rtol=0, atol=2e-6)
         np.testing.assert_allclose(scene.velocities, expected_v, rtol=0, atol=5e-4)
-        free_x, _, _ = reference.step(fluid, 0.01, gravity, walls, x, v)
+        free_x, _, _ = fluid.step(liquid, 0.01, gravity, walls, x, v)
         touched += (np.abs(free_x - expected_x).max(axis=1) > 1e-4).sum()
     assert touched > 50  # Something happens.
 

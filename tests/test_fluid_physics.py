@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.fluid_cup import SPACING, FluidCup
 from softgym_mj import assets
-from softgym_mj.fluid import reference
 from softgym_mj.native.library import load_plugin
-from tests.fluid_cup import SPACING, FluidCup, compression
+from tests.oracles import fluid
 
 SIMD = pytest.mark.parametrize("simd", ["scalar", "avx2"])
 SHAPES = {
@@ -36,14 +36,14 @@ def wall_poses(cup):
     for geom in range(cup.model.ngeom):
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, cup.data.geom_xmat[geom])
-        poses.append(reference.Pose(cup.data.geom_xpos[geom].copy(), quaternion))
+        poses.append(fluid.Pose(cup.data.geom_xpos[geom].copy(), quaternion))
     return poses
 
 
 _SPLASH = """
 import sys
 import mujoco
-from tests.fluid_cup import FluidCup
+from benchmarks.fluid_cup import FluidCup
 from tests.test_fluid_physics import OBSTACLES
 CLOTH = (
     '<flexcomp name="cloth" type="grid" dim="2" count="5 5 1" spacing=".04 .04 .04" mass=".01"'
@@ -83,7 +83,7 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
     settings = {"viscosity": 3e-4, "cohesion": 1.5, "friction": 0.2}
     plane = '<geom type="plane" size="1 1 1" pos="0 0 -.02"/>'
     cup = FluidCup((6, 6), 5, inside=OBSTACLES, scenery=plane, substeps=4, **settings)
-    fluid = reference.Fluid(spacing=SPACING, substeps=4, **settings)
+    liquid = fluid.Fluid(spacing=SPACING, substeps=4, **settings)
     cup.step()
     turn = np.array([0.5, 1.0, 0.3])
     for step in range(40):
@@ -96,13 +96,13 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
         cup.step()
         if step % 8 == 0:
             walls = [
-                reference.Wall(SHAPES[int(kind)], size, a, b)
+                fluid.Wall(SHAPES[int(kind)], size, a, b)
                 for kind, size, a, b in zip(
                     cup.model.geom_type, cup.model.geom_size, start, end, strict=True
                 )
             ]
             gravity = cup.model.opt.gravity
-            expected_x, expected_v, _ = reference.step(fluid, 0.01, gravity, walls, x, v)
+            expected_x, expected_v, _ = fluid.step(liquid, 0.01, gravity, walls, x, v)
             np.testing.assert_allclose(cup.positions, expected_x, rtol=0, atol=2e-6)
             np.testing.assert_allclose(cup.velocities, expected_v, rtol=0, atol=5e-4)
             assert np.abs(expected_v).max() > 0.3  # Something happens.
@@ -126,7 +126,7 @@ def test_a_column_comes_to_rest_at_its_height(columns, layers, most, speed):
     # Twice the mean height, which stray particles at the top do not change.
     assert 2 * z.mean() == pytest.approx(layers * SPACING, rel=0.05)
     assert z.max() + SPACING / 2 == pytest.approx(layers * SPACING, rel=0.05)
-    assert compression(cup.positions).max() < most
+    assert fluid.compression(cup.positions, SPACING).max() < most
     assert cup.speed() < speed
     assert energies[-1] < 0.05 * energies[0]
 
@@ -137,7 +137,7 @@ def test_fine_and_coarse_water_rest_alike(spacing):
     cup = FluidCup((8, 8), 18, spacing=spacing, viscosity=2e-4 * (spacing / SPACING) ** 1.5)
     cup.step(300)
     assert 2 * cup.positions[:, 2].mean() == pytest.approx(18 * spacing, rel=0.05)
-    assert compression(cup.positions, spacing).max() < 1.05
+    assert fluid.compression(cup.positions, spacing).max() < 1.05
 
 
 def test_mechanical_energy_decays():

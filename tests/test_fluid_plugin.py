@@ -12,7 +12,7 @@ import pytest
 from dm_control import mujoco as dm_mujoco
 from mujoco import rollout
 
-from tests.fluid_cup import MOCAP, SPACING, FluidCup
+from benchmarks.fluid_cup import MOCAP, SPACING, FluidCup
 
 STEPS = 60
 FULL = mujoco.mjtState.mjSTATE_INTEGRATION

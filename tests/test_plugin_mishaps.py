@@ -9,9 +9,9 @@ import pytest
 from dm_control.rl.control import PhysicsError
 
 import softgym_mj
+from benchmarks.fluid_cup import SPACING, FluidCup
 from softgym_mj.exceptions import OutOfRangeError
-from softgym_mj.fluid import reference
-from tests.fluid_cup import SPACING, FluidCup
+from tests.oracles import fluid as reference
 
 FULL = mujoco.mjtState.mjSTATE_INTEGRATION
 BAD_QPOS = mujoco.mjtWarning.mjWARN_BADQPOS
@@ -87,7 +87,7 @@ import sys
 import numpy as np
 import mujoco
 from mujoco import rollout
-from tests.fluid_cup import FluidCup
+from benchmarks.fluid_cup import FluidCup
 cup = FluidCup((5, 5), 6, body="", joint='<joint type="slide" axis="1 0 0"/>')
 model, data = cup.model, cup.data
 cup.step(10)
@@ -230,7 +230,7 @@ def test_too_many_neighbors_are_counted_as_a_warning():
 
 _LITTLE_MEMORY = """
 import mujoco, resource
-from tests.fluid_cup import SPACING, FluidCup
+from benchmarks.fluid_cup import SPACING, FluidCup
 cup = FluidCup((50, 50), 20, height=2.0, substeps=1)
 cup.step()
 cup.positions[:] = [0, 0, SPACING]

@@ -3,7 +3,6 @@
 import mujoco
 import numpy as np
 
-from softgym_mj.fluid.reference import REST_DENSITY, SUPPORT
 from softgym_mj.native.library import load_plugin
 
 SPACING = 0.018
@@ -93,14 +92,3 @@ class FluidCup:
     def speed(self):
         """Root mean square speed [m/s]."""
         return np.sqrt((self.velocities**2).sum(axis=1).mean())
-
-
-def compression(positions, spacing=SPACING):
-    """Solver density of every particle over the density at rest, by brute force."""
-    radius = SUPPORT * spacing
-    total = np.zeros(len(positions))
-    for i, x in enumerate(positions):
-        r = np.linalg.norm(positions - x, axis=1)
-        s = 1 - r[r < radius] / radius
-        total[i] = (s**3).sum() - 1.0  # Without the particle itself.
-    return total / REST_DENSITY

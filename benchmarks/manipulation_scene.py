@@ -8,7 +8,6 @@ import numpy as np
 
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.native.arithmetic import length
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.holding import MAX_DISPLACEMENT
@@ -110,7 +109,7 @@ class ManipulationScene:
         record, vertices = self.record, self.cloth.vertices()
         for goal, vertex in zip(self.picker.held_positions(), self.picker.held, strict=True):
             if vertex >= 0:
-                error = length(vertices[vertex] - goal)
+                error = float(np.linalg.norm(vertices[vertex] - goal))
                 record.held_error = max(record.held_error, error)
         strain = float(np.percentile(self.cloth.edge_strain(), 99))
         record.strain_99 = max(record.strain_99, strain)

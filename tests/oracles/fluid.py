@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softgym_mj.fluid.flex_reference import NO_FLEXES, Contact, Flexes, find_nearest
+from tests.oracles.fluid_flexes import NO_FLEXES, Contact, Flexes, find_nearest
 
 # As in plugin/solver.cc, where the reasons are.
 SUPPORT = 1.83
@@ -325,3 +325,14 @@ def step(
         fraction = (fluid.substeps - 1) / fluid.substeps
         v = _smooth(fluid, timestep, h, walls, flexes, fraction, x, v, impulses)
     return x, v, impulses
+
+
+def compression(positions, spacing):
+    """Solver density of every particle over the density at rest, by brute force."""
+    radius = SUPPORT * spacing
+    total = np.zeros(len(positions))
+    for i, x in enumerate(positions):
+        r = np.linalg.norm(positions - x, axis=1)
+        s = 1 - r[r < radius] / radius
+        total[i] = (s**3).sum() - 1.0  # Without the particle itself.
+    return total / REST_DENSITY
