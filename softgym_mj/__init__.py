@@ -20,8 +20,9 @@ the keyword arguments of one, and the docstring of its module, in `softgym_mj.ta
 """
 
 from softgym_mj import exceptions, registry
-from softgym_mj.envs import gymnasium_registration, suite
-from softgym_mj.registry import TASKS, load, register
+from softgym_mj.envs import suite
+from softgym_mj.envs.load import load
+from softgym_mj.registry import TASKS, register
 from softgym_mj.rendering import offscreen
 
 __version__ = "0.1.0"
@@ -34,4 +35,4 @@ def __dir__() -> list[str]:
 
 offscreen.choose_backend()
 suite.register()
-gymnasium_registration.register()
+registry.add_gymnasium_ids()

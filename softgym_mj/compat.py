@@ -18,6 +18,7 @@ import numpy as np
 
 from softgym_mj import registry
 from softgym_mj.envs.environment import Snapshot
+from softgym_mj.envs.load import load
 from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_count, check_name
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.variations.store import NUM_VARIATIONS
@@ -133,9 +134,7 @@ class OldEnv:
     ):
         """See `make`."""
         self.name, self.eval_flag = name, eval_flag
-        self._env = registry.load(
-            record.name, split=range(num_variations), horizon=horizon, **settings
-        )
+        self._env = load(record.name, split=range(num_variations), horizon=horizon, **settings)
         self._water = "water" in record.tags
         self._observed = settings["observation"]
         self._num_variations, self._deterministic = num_variations, deterministic

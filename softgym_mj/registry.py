@@ -1,4 +1,4 @@
-"""The tasks: one frozen record each, and `load`, which builds an environment from a record."""
+"""The tasks: one frozen record each, by name."""
 
 import dataclasses
 import importlib
@@ -7,6 +7,8 @@ import re
 import typing
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
+
+import gymnasium
 
 from softgym_mj.exceptions import (
     OutOfRangeError,
@@ -18,9 +20,6 @@ from softgym_mj.exceptions import (
 )
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from softgym_mj.envs.environment import Environment
     from softgym_mj.tasks.base import DeformableTask
 
 
@@ -48,6 +47,11 @@ class TaskRecord:
     def gymnasium_id(self) -> str:
         """Gymnasium id, "softgym_mj/SpreadCloth-v0" for "spread_cloth"."""
         return f"softgym_mj/{''.join(word.title() for word in self.name.split('_'))}-v0"
+
+    @property
+    def is_custom(self) -> bool:
+        """Whether it is registered by somebody else than this package."""
+        return self.name not in _SHIPPED
 
     def resolve(self) -> Callable[..., "DeformableTask"]:
         """The constructor; imports its module."""
@@ -194,7 +198,6 @@ TASKS = {
 
 
 _SHIPPED = frozenset(TASKS)
-_OF_LOAD = ("split", "horizon", "random_state")
 _NAME = re.compile("[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
@@ -239,10 +242,23 @@ def register(
     record = TaskRecord(name, constructor, tuple(tags), horizon, action_repeat, summary)
     _ = record.arguments  # Fails if they have no names.
     TASKS[name] = record
-    from softgym_mj.envs import gymnasium_registration
-
-    gymnasium_registration.register()
+    add_gymnasium_ids()
     return record
+
+
+def add_gymnasium_ids() -> None:
+    """Registers one id per task, for `make` and `make_vec`.
+
+    The environment class is imported only when one is made. Its time limit is its own `horizon`.
+    """
+    for record in TASKS.values():
+        if record.gymnasium_id not in gymnasium.registry:
+            gymnasium.register(
+                id=record.gymnasium_id,
+                entry_point="softgym_mj.envs.gymnasium_env:SoftGymEnv",
+                vector_entry_point="softgym_mj.vector.environment:make_vector_env",
+                kwargs={"task": record.name},
+            )
 
 
 def find(task: str | TaskRecord) -> TaskRecord:
@@ -278,51 +294,3 @@ def find(task: str | TaskRecord) -> TaskRecord:
             "softgym_mj.register in it, not below `if __name__ == '__main__'`"
         )
     return TASKS[name]
-
-
-def load(
-    task: str | TaskRecord,
-    *,
-    split: str | Sequence[int] = "train",
-    horizon: int | None = None,
-    random_state: "int | np.random.RandomState | None" = None,
-    **task_kwargs,
-) -> "Environment":
-    """Builds the dm_env environment of a task.
-
-    Args:
-        task: task name, one of `TASKS`, or as in `find`.
-        split: "train" (variations 0..799), "evaluate" (800..999), "all" or a sequence of indices.
-        horizon: env steps in an episode; None for the task's own, 20 with pick-and-place actions.
-        random_state: seed or generator that draws the variations.
-        **task_kwargs: keyword arguments of the task's constructor, such as `observation`;
-            `TASKS[task].arguments` has their names, `help(TASKS[task].resolve())` what they are.
-            Snapshots of a task of your own fit only where they are the same, but for observations.
-
-    Returns:
-        The environment; actions are (n,) in [-1, 1], observations arrays by name.
-
-    Raises:
-        UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
-        TaskModuleError: as in `find`.
-    """
-    record = find(task)
-    from softgym_mj.envs.environment import Environment
-    from softgym_mj.tasks.arguments import arguments_of_states
-    from softgym_mj.tasks.base import DeformableTask
-
-    record.check_arguments(task_kwargs, _OF_LOAD)
-    built = record.build(**task_kwargs)
-    if not isinstance(built, DeformableTask):
-        raise OutOfRangeError("constructor", record.constructor, "what builds a DeformableTask")
-    if record.name not in _SHIPPED:
-        built.remember_arguments(arguments_of_states(record.resolve(), task_kwargs))
-    if horizon is None:
-        horizon = built.actor.horizon or record.horizon
-    return Environment(
-        built,
-        name=record.name,
-        horizon=horizon,
-        split=split,
-        random_state=random_state,
-    )

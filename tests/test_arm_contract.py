@@ -6,8 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import softgym_mj
+from softgym_mj.rendering.observables import LABELS
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks.observations import LABELS
 from tests import test_contract, test_snapshots
 from tests.test_contract import actions, make
 

@@ -5,7 +5,8 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.tasks.observations import LABELS, NUM_CLOUD_POINTS, OBSERVATIONS
+from softgym_mj.rendering.observables import LABELS, NUM_CLOUD_POINTS
+from softgym_mj.tasks.observations import OBSERVATIONS
 
 SIZE = (160, 200)
 

@@ -8,9 +8,9 @@ from dm_control import mjcf
 
 import softgym_mj
 from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.rendering.observables import WRIST_RGB
 from softgym_mj.rendering.offscreen import CameraView, camera_ids
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks.observations import WRIST_RGB
 from tests.test_contract import actions, make
 
 SIZE = 64

@@ -9,14 +9,17 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from softgym_mj.envs.environment import Environment
+from softgym_mj.envs.load import load
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.registry import TASKS, TaskRecord, load
+from softgym_mj.registry import TASKS, TaskRecord
+from softgym_mj.rendering.observables import WRIST_RGB
 from softgym_mj.rendering.offscreen import camera_ids
 from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
+from softgym_mj.robots.gripper import HELD
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.base import DeformableTask, Entries
-from softgym_mj.tasks.observations import GOAL_RGB, HELD, OBSERVATIONS, WRIST_RGB
+from softgym_mj.tasks.observations import GOAL_RGB, OBSERVATIONS
 from softgym_mj.variations.store import SPLITS
 from tools.sheet_entries import (
     INFO,

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image
 
+from softgym_mj.envs.load import load
 from softgym_mj.policies.episodes import play
-from softgym_mj.registry import TASKS, load
+from softgym_mj.registry import TASKS
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "gifs"
 SIZE = 160  # Side [pixels].

@@ -12,8 +12,8 @@ from dm_control.composer import observation
 
 from softgym_mj.exceptions import EpisodeEndedError, OutOfRangeError, SnapshotError, check_count
 from softgym_mj.rendering.framebuffer import SizedPhysics
+from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.base import DeformableTask
-from softgym_mj.tasks.observations import blank_images
 from softgym_mj.variations.store import check_variation, split_indices
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION

@@ -12,6 +12,7 @@ from gymnasium.utils import EzPickle
 
 from softgym_mj import registry
 from softgym_mj.envs.environment import Snapshot
+from softgym_mj.envs.load import load
 from softgym_mj.exceptions import (
     EnvironmentClosedError,
     EpisodeEndedError,
@@ -83,7 +84,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         self.render_mode = render_mode
         check_image_size("render_size", render_size, LARGEST_IMAGE)
-        self._env = registry.load(task, split=split, horizon=horizon, **task_kwargs)
+        self._env = load(task, split=split, horizon=horizon, **task_kwargs)
         check_name("camera", camera, camera_ids(self._env.physics.model.ptr))
         self._view = CameraView(camera, *render_size)
         self._running = self._closed = False

@@ -5,19 +5,20 @@ import importlib.machinery
 import sys
 
 from softgym_mj import registry
+from softgym_mj.envs.load import load
 
 DOMAIN = "softgym"
 _SUITE_MODULE = "dm_control.suite"
 
 
 def _constructor(name: str):
-    def load(random=None, environment_kwargs=None, **kwargs):
+    def build(random=None, environment_kwargs=None, **kwargs):
         # Tasks of the suite call the seed `random`.
         seed = {} if random is None else {"random_state": random}
-        return registry.load(name, **kwargs, **seed, **(environment_kwargs or {}))
+        return load(name, **kwargs, **seed, **(environment_kwargs or {}))
 
-    load.__name__ = name  # The container takes the task's name from the function's.
-    return load
+    build.__name__ = name  # The container takes the task's name from the function's.
+    return build
 
 
 def _tasks():

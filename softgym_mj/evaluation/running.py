@@ -10,6 +10,7 @@ import pathlib
 from collections.abc import Callable, Iterable, Sequence
 
 from softgym_mj import registry
+from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import Folder
 from softgym_mj.evaluation.statistics import methods, summary
@@ -100,7 +101,7 @@ def _played(
     planning = configuration.planning
     assert planning is not None
     # Not `kept_environment`: in this process the samples are played in that one.
-    env = registry.load(
+    env = load(
         configuration.task, split="all", **{"observation": "reduced", **configuration.settings}
     )
     rollouts = Rollouts(configuration.task, configuration.settings, workers)

@@ -14,6 +14,7 @@ from gymnasium.vector.utils import CloudpickleWrapper
 
 from softgym_mj import registry
 from softgym_mj.envs.environment import Environment, Snapshot
+from softgym_mj.envs.load import load
 from softgym_mj.jobs.executors import Here, Workers
 from softgym_mj.registry import TaskRecord
 
@@ -93,4 +94,4 @@ def kept_environment(task: TaskRecord | bytes, settings: str) -> Environment:
     """
     record = pickle.loads(task).fn if isinstance(task, bytes) else task
     arguments = {"observation": "reduced", **json.loads(settings)}
-    return registry.load(record, split="all", **arguments)
+    return load(record, split="all", **arguments)

@@ -8,7 +8,7 @@ from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj.exceptions import InvalidActionError
-from softgym_mj.tasks.observations import wrist_observables
+from softgym_mj.rendering.observables import wrist_observables
 
 SIM_STEP = 0.01  # [s] SoftGym's sim step: actions are applied once in each.
 BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.

@@ -10,7 +10,8 @@ from dm_control.composer.observation import observable
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.robots.base import Actor
-from softgym_mj.tasks.observations import HELD
+
+HELD = "held"  # The observation: uint8 (grippers,), 1 for each gripper that holds something.
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,10 +21,11 @@ from softgym_mj.exceptions import (
     check_count,
     check_image_size,
 )
+from softgym_mj.rendering.observables import TaskCamera
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.tasks.evaluation import Evaluation, check_names
-from softgym_mj.tasks.observations import TaskCamera, enabled_names
+from softgym_mj.tasks.observations import enabled_names
 from softgym_mj.variations.randomization import Adjustable, Domain
 from softgym_mj.variations.store import check_variation
 

@@ -1,18 +1,8 @@
-"""Observation presets as data, and the observables of the task's camera."""
+"""Observation presets as data."""
 
-import contextlib
-import contextvars
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-
-import mujoco
-import numpy as np
-from dm_control.composer.observation import observable
-from dm_env import specs
+from collections.abc import Iterable, Sequence
 
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.native.arithmetic import product
-from softgym_mj.rendering.offscreen import CameraView
 
 # name: what it is. Positions are in metres, in the world frame.
 OBSERVATIONS = {
@@ -29,14 +19,7 @@ OBSERVATIONS = {
     "1; rows of zeros where it sees fewer",
 }
 GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can show it.
-HELD = "held"  # uint8 (grippers,): 1 for each gripper that holds something.
-WRIST_RGB = "wrist_rgb"  # uint8 (arms, height, width, 3): from the cameras on the hands of arms.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
-LABELS = ("background", "object", "actor", "container", "goal")
-NUM_CLOUD_POINTS = 1024
-_blank = contextvars.ContextVar("blank", default=False)
-EDGE_DEPTH = 0.01  # [m] By which the depth of a point of the cloud may differ from its neighbours'.
-LAYER_DEPTH = 0.5  # [m] By which it may lie behind the nearest: two pixels of the sky would agree.
 
 
 def enabled_names(
@@ -59,134 +42,3 @@ def enabled_names(
     if not names or len(set(names)) != len(names) or not set(names) <= set(available):
         raise UnknownNameError("observation", observation, available)
     return names
-
-
-class TaskCamera:
-    """What the task's camera sees, as colours, distances, labels and points."""
-
-    def __init__(self, height: int, width: int, parts: Callable[[], Mapping[str, Sequence[str]]]):
-        """Binds the camera.
-
-        Args:
-            height, width: of images [pixels].
-            parts: gives the names of the models that make up each of the `LABELS`; whatever
-                deforms or flows is "object", everything else "background".
-        """
-        self._view = CameraView("task", height, width)
-        self._height, self._width, self._parts = height, width, parts
-        self._model: mujoco.MjModel | None = None
-        self._labels = np.zeros(0, np.uint8)
-
-    def observables(self) -> dict[str, observable.Generic]:
-        """The observables by name."""
-        image = (self._height, self._width)
-        labels = specs.BoundedArray(image, np.uint8, 0, len(LABELS) - 1)
-        return {
-            "rgb": Seen(self._view.rgb, specs.BoundedArray((*image, 3), np.uint8, 0, 255)),
-            "depth": Seen(self._view.depth, specs.Array(image, np.float32)),
-            "segmentation": Seen(self.segmentation, labels),
-            "point_cloud": Seen(self.point_cloud, specs.Array((NUM_CLOUD_POINTS, 4), np.float32)),
-        }
-
-    def segmentation(self, physics) -> np.ndarray:
-        """Index into `LABELS` (height, width) uint8 of what each pixel shows."""
-        model = physics.model.ptr
-        if model is not self._model:
-            self._model = model
-            owners = {
-                name: i for i, label in enumerate(LABELS) for name in self._parts().get(label, ())
-            }
-            self._labels = np.array(
-                [_label(model.body(body).name, owners) for body in model.geom_bodyid], np.uint8
-            )
-        seen = self._view.segmentation(physics)
-        kind, index = seen[..., 1], seen[..., 0]
-        labels = np.where(kind >= 0, LABELS.index("object"), 0).astype(np.uint8)
-        geoms = kind == mujoco.mjtObj.mjOBJ_GEOM
-        labels[geoms] = self._labels[index[geoms]]
-        return labels
-
-    def point_cloud(self, physics) -> np.ndarray:
-        """Points of the object that are seen (1024, 4) float32: x, y, z [m] and 1, or zeros.
-
-        If there are more, they are taken evenly from the pixels in reading order.
-        """
-        shown = self.segmentation(physics) == LABELS.index("object")
-        image = np.where(shown, self._view.depth(physics), np.nan)
-        rows, columns = np.nonzero(shown)
-        depth = image[rows, columns].astype(float)
-        # Where the object ends, a pixel may have the label of one surface and the depth of another.
-        around = _neighbours(image, rows, columns)
-        sure = np.abs(depth - np.nanmedian(around, axis=0)) < EDGE_DEPTH
-        sure &= depth - np.nanmin(around, axis=0) < LAYER_DEPTH
-        rows, columns, depth = rows[sure], columns[sure], depth[sure]
-        model, data = physics.model.ptr, physics.data.ptr
-        camera = model.camera("task").id
-        pitch = 2.0 * math.tan(math.radians(model.cam_fovy[camera]) / 2) / self._height
-        right = (columns + 0.5 - self._width / 2) * pitch * depth
-        up = (self._height / 2 - rows - 0.5) * pitch * depth
-        local = np.column_stack([right, up, -depth])
-        points = data.cam_xpos[camera] + product(local, data.cam_xmat[camera].reshape(3, 3).T)
-        if len(points) > NUM_CLOUD_POINTS:
-            points = points[np.linspace(0, len(points) - 1, NUM_CLOUD_POINTS).astype(int)]
-        cloud = np.zeros((NUM_CLOUD_POINTS, 4), np.float32)
-        cloud[: len(points), :3] = points
-        cloud[: len(points), 3] = 1.0
-        return cloud
-
-
-def wrist_observables(
-    cameras: Sequence[str], height: int, width: int
-) -> dict[str, observable.Observable]:
-    """The observable of what the cameras on hands see, by name; none without such cameras.
-
-    Args:
-        cameras: their names, as `Actor.wrists` has them.
-        height, width: of images [pixels].
-    """
-    if not cameras:
-        return {}
-    views = [CameraView(camera, height, width) for camera in cameras]
-    spec = specs.BoundedArray((len(views), height, width, 3), np.uint8, 0, 255)
-    return {WRIST_RGB: Seen(lambda physics: np.array([v.rgb(physics) for v in views]), spec)}
-
-
-def _label(body: str, owners: Mapping[str, int]) -> int:
-    """The label of a body: that of the innermost model around it that has one."""
-    models = reversed(body.split("/")[:-1])
-    return next((owners[model] for model in models if model in owners), 0)
-
-
-def _neighbours(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Pixels (9, n) of the 3 x 3 around each of n; NaN beyond the image."""
-    padded = np.pad(image, 1, constant_values=np.nan)
-    return np.array([padded[rows + i, columns + j] for i in range(3) for j in range(3)])
-
-
-@contextlib.contextmanager
-def blank_images() -> Iterator[None]:
-    """Images are zeros inside.
-
-    dm_control evaluates all observations when it compiles a model and throws them away. A process
-    that has rendered can no longer be forked: one that has only made an environment should.
-    """
-    token = _blank.set(True)
-    try:
-        yield
-    finally:
-        _blank.reset(token)
-
-
-class Seen(observable.Generic):
-    """An observable with a given specification: without one, it would be rendered to find out."""
-
-    def __init__(self, look: Callable, spec: specs.Array):
-        self._spec = spec
-        super().__init__(lambda physics: self._zeros() if _blank.get() else look(physics))
-
-    def _zeros(self) -> np.ndarray:
-        return np.zeros(self._spec.shape, self._spec.dtype)
-
-    @property
-    def array_spec(self) -> specs.Array:
-        return self._spec

@@ -24,6 +24,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.marks import GoalLine
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import check_name
+from softgym_mj.rendering.observables import Seen
 from softgym_mj.rendering.offscreen import CameraView, refresh_poses
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
@@ -31,7 +32,7 @@ from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
 from softgym_mj.tasks.letters import LETTERS, letter
-from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB, Seen
+from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
 from softgym_mj.variations.store import VariationStore, generator
 
 ACTION_REPEAT = 8  # Facts 1.2.

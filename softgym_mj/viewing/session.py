@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from softgym_mj.envs.environment import Environment
+from softgym_mj.envs.load import load
 from softgym_mj.policies.factory import make_policy
-from softgym_mj.registry import load
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.variations.store import NUM_VARIATIONS
 from softgym_mj.viewing.teleoperation import Teleoperation, teleoperate

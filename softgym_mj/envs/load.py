@@ -1,0 +1,62 @@
+"""`load`: from the name of a task to its environment."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.registry import TaskRecord, find
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from softgym_mj.envs.environment import Environment
+
+_OF_LOAD = ("split", "horizon", "random_state")
+
+
+def load(
+    task: str | TaskRecord,
+    *,
+    split: str | Sequence[int] = "train",
+    horizon: int | None = None,
+    random_state: "int | np.random.RandomState | None" = None,
+    **task_kwargs,
+) -> "Environment":
+    """Builds the dm_env environment of a task.
+
+    Args:
+        task: task name, one of `TASKS`, or as in `find`.
+        split: "train" (variations 0..799), "evaluate" (800..999), "all" or a sequence of indices.
+        horizon: env steps in an episode; None for the task's own, 20 with pick-and-place actions.
+        random_state: seed or generator that draws the variations.
+        **task_kwargs: keyword arguments of the task's constructor, such as `observation`;
+            `TASKS[task].arguments` has their names, `help(TASKS[task].resolve())` what they are.
+            Snapshots of a task of your own fit only where they are the same, but for observations.
+
+    Returns:
+        The environment; actions are (n,) in [-1, 1], observations arrays by name.
+
+    Raises:
+        UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
+        TaskModuleError: as in `find`.
+    """
+    record = find(task)
+    from softgym_mj.envs.environment import Environment
+    from softgym_mj.tasks.arguments import arguments_of_states
+    from softgym_mj.tasks.base import DeformableTask
+
+    record.check_arguments(task_kwargs, _OF_LOAD)
+    built = record.build(**task_kwargs)
+    if not isinstance(built, DeformableTask):
+        raise OutOfRangeError("constructor", record.constructor, "what builds a DeformableTask")
+    if record.is_custom:
+        built.remember_arguments(arguments_of_states(record.resolve(), task_kwargs))
+    if horizon is None:
+        horizon = built.actor.horizon or record.horizon
+    return Environment(
+        built,
+        name=record.name,
+        horizon=horizon,
+        split=split,
+        random_state=random_state,
+    )
