@@ -1,0 +1,65 @@
+"""Imports run one way, and the root has few modules."""
+
+import ast
+import pathlib
+
+PACKAGE = pathlib.Path(__file__).parent.parent / "softgym_mj"
+# Each folder or root module imports only from floors below its own.
+FLOORS = [
+    {"assets", "exceptions", "metrics"},
+    {"native"},
+    {"jobs"},
+    {"rendering", "variations", "cloth"},
+    {"fluid"},
+    {"entities"},
+    {"robots"},
+    {"tasks"},
+    {"registry"},
+    {"envs"},
+    {"__init__"},
+    {"vector", "policies", "compat"},
+    {"evaluation", "viewing"},
+    {"recording"},
+    {"cli"},
+]
+FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+
+
+def room(module: str) -> str:
+    """Folder or root module that a dotted name is in."""
+    return (*module.split("."), "__init__")[1]
+
+
+def imported(file: pathlib.Path) -> set[str]:
+    """The rooms that a file imports from, within functions and for types, too."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("softgym_mj"):
+            inner = node.module != "softgym_mj"
+            names |= {node.module} if inner else {f"softgym_mj.{a.name}" for a in node.names}
+        elif isinstance(node, ast.Import):
+            names |= {a.name for a in node.names if a.name.split(".")[0] == "softgym_mj"}
+    return {room(name) if room(name) in FLOOR else "__init__" for name in names}
+
+
+def test_imports_run_one_way():
+    wrong = []
+    for file in sorted(PACKAGE.rglob("*.py")):
+        own = file.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        wrong += [
+            f"{file.relative_to(PACKAGE)} imports {other}"
+            for other in sorted(imported(file) - {own})
+            if FLOOR[other] >= FLOOR[own]
+        ]
+    assert not wrong
+
+
+def test_everything_has_a_floor():
+    rooms = {path.stem for path in PACKAGE.glob("*.py")}
+    rooms |= {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    assert rooms == set(FLOOR)
+
+
+def test_the_root_has_few_modules():
+    modules = {path.stem for path in PACKAGE.glob("*.py")}
+    assert modules == {"__init__", "compat", "exceptions", "metrics", "registry"}
