@@ -28,7 +28,7 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks import Evaluation, SceneTask
+from softgym_mj.tasks import Measures, SceneTask
 from softgym_mj.tasks.initializers import FlatCloth
 
 FABRICS = {
@@ -68,8 +68,8 @@ class Edge(SceneTask):
     def arrange(self, random):
         self.cloth.set_vertices(self.cloth.flat(angle=self.angle))
 
-    def evaluate(self):
-        return Evaluation(0.0, {"nothing": 0.0})
+    def measure(self, state, episode):
+        return Measures(0.0, {"nothing": 0.0})
 
 
 def go(env: Environment, goal: np.ndarray, grip: bool, speed: float) -> None:

@@ -1,25 +1,103 @@
-"""Task metrics and mesh diagnostics: arrays in, numbers out."""
+"""What is measured: arrays in, arrays out, of one simulation or of many at once.
 
+Leading dimensions `...` are () for one simulation and (num_envs,) for a batch. Arrays are NumPy's
+or PyTorch's; a batch pads what differs in size with zeros (`tasks.state.Episode.stack`).
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import array_api_compat
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+
+Array = Any  # Of NumPy or PyTorch.
 
 # Lines on which the covered area is measured. With 256 the error on crumpled meshes is 0.03 %; an
 # outline step parallel to X costs up to half a line pitch of its length.
 AREA_LINES = 256
+DISPLACEMENT_WEIGHT = 1.2  # Facts 3.7.
 
 
-def covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int = AREA_LINES) -> float:
-    """Area [m^2] that a triangle mesh covers in top view, layers counted once.
+@dataclasses.dataclass(frozen=True)
+class Measures:
+    """The one evaluation of an env step that feeds reward, info and logs.
+
+    Attributes:
+        performance: (...) SoftGym's task metric in its own unit; finite.
+        rewards: (...) of each term by name; their sum is the reward.
+        info: (...) further task-specific scalars by name.
+    """
+
+    performance: Array
+    rewards: dict[str, Array]
+    info: dict[str, Array] = dataclasses.field(default_factory=dict)
+
+    @property
+    def reward(self) -> Array:
+        """The sum of its terms."""
+        return sum(self.rewards.values())
+
+
+def normalize(performance: Array, lower: Array, upper: Array) -> Array:
+    """(s - lower) / (upper - lower), facts 1.8; 0 when the bounds coincide."""
+    span = upper - lower
+    return (performance - lower) / (span + (span == 0)) * (span != 0)
+
+
+def mean(values: Array, counts: Array) -> Array:
+    """Means (...) over the last axis of values (..., n), of those with counts (..., n) of 1."""
+    xp = array_api_compat.array_namespace(values)
+    return xp.sum(values * counts, axis=-1) / xp.sum(counts, axis=-1)
+
+
+def distance(first: Array, second: Array) -> Array:
+    """Distances (...) [m] of points (..., 3), of NumPy as `math.dist` rounds them."""
+    if array_api_compat.is_torch_array(first):
+        return array_api_compat.array_namespace(first).linalg.vector_norm(first - second, axis=-1)
+    rows = zip(first.reshape(-1, 3).tolist(), second.reshape(-1, 3).tolist(), strict=True)
+    return np.array([math.dist(a, b) for a, b in rows]).reshape(first.shape[:-1])[()]
+
+
+def lengths(vectors: Array) -> Array:
+    """Lengths (...) of vectors (..., 3)."""
+    return array_api_compat.array_namespace(vectors).linalg.vector_norm(vectors, axis=-1)
+
+
+def columns(*values: Array) -> Array:
+    """Values (...) side by side (..., n)."""
+    return array_api_compat.array_namespace(*values).stack(values, axis=-1)
+
+
+def taken(points: Array, indices: Array) -> Array:
+    """Points (..., k, 3) out of points (..., n, 3) by their indices (..., k)."""
+    xp = array_api_compat.array_namespace(points)
+    return xp.take_along_axis(points, indices[..., None], axis=-2)
+
+
+def covered_area(vertices: Array, triangles: Array, lines: int = AREA_LINES) -> Array:
+    """Areas (...) [m^2] that triangle meshes cover in top view, layers counted once.
 
     The covered length is exact along X on each of `lines` equidistant lines of constant Y, and
     integrated along Y by the midpoint rule. It depends neither on the mesh resolution nor on the
     orientation; for an axis-aligned flat cloth it is exactly SoftGym's value (facts A).
 
     Args:
-        vertices: (n, 3) or (n, 2) positions [m].
-        triangles: (m, 3) vertex indices.
+        vertices: (..., n, 3) or (..., n, 2) positions [m].
+        triangles: (..., m, 3) vertex indices.
         lines: number of lines.
     """
+    if array_api_compat.is_torch_array(vertices):
+        return _covered_areas(vertices, triangles, lines)
+    if vertices.ndim == 2:
+        return _covered_area(vertices, triangles, lines)
+    pairs = zip(vertices, triangles, strict=True)
+    return np.array([covered_area(v, t, lines) for v, t in pairs])
+
+
+def _covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int) -> float:
     x, y = vertices[triangles, 0], vertices[triangles, 1]
     order = np.argsort(y, axis=1, kind="stable")
     x, y = np.take_along_axis(x, order, axis=1), np.take_along_axis(y, order, axis=1)
@@ -52,40 +130,166 @@ def covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int = AREA_
     return float(np.sum(np.maximum(right - np.maximum(left, reach), 0.0)) * pitch)
 
 
+def _covered_areas(vertices, triangles, lines: int):
+    """`covered_area` of PyTorch's tensors, of all meshes in one sweep."""
+    import torch
+
+    leading, (number, _) = vertices.shape[:-2], triangles.shape[-2:]
+    points = vertices[..., :2].double().reshape(-1, vertices.shape[-2], 2)
+    corners = triangles.reshape(len(points), -1, 1).expand(-1, -1, 2)
+    x, y = torch.gather(points, 1, corners).reshape(-1, 3, 2).unbind(-1)
+    y, order = torch.sort(y, dim=1, stable=True)
+    x, per_mesh = torch.gather(x, 1, order), y.reshape(len(points), number, 3)
+    bottom, top = per_mesh[:, :, 0].amin(1), per_mesh[:, :, 2].amax(1)
+    pitch = (top - bottom) / lines
+    mesh = torch.arange(len(y), device=y.device) // number
+    step = torch.where(pitch > 0.0, pitch, torch.inf)[mesh]
+    first, last = (torch.ceil((y[:, i] - bottom[mesh]) / step - 0.5).long() for i in (0, 2))
+    counts = (last - first).clamp(min=0)
+    triangle = torch.repeat_interleave(counts)
+    start = counts.cumsum(0) - counts - first
+    line = torch.arange(len(triangle), device=y.device) - start[triangle]
+    mesh, x, y = mesh[triangle], x[triangle], y[triangle]
+    level = bottom[mesh] + (line + 0.5) * pitch[mesh]
+    lower = level < y[:, 1]
+    ends = [torch.where(lower, v[:, i], v[:, i + 1]) for i in (0, 1) for v in (x, y)]
+    edges = [_crossing(level, x[:, 0], y[:, 0], x[:, 2], y[:, 2]), _crossing(level, *ends)]
+    left, right = torch.minimum(*edges), torch.maximum(*edges)
+    span = 2.0 * (right - left.min()).max() + 1.0 if len(left) else 1.0
+    shift = (mesh * lines + line) * span
+    left, order = torch.sort(left + shift, stable=True)
+    right = (right + shift)[order]
+    reach = torch.cat([torch.full_like(right[:1], -torch.inf), right.cummax(0).values[:-1]])
+    covered = (right - torch.maximum(left, reach)).clamp(min=0.0)
+    total = torch.zeros_like(pitch).index_add(0, mesh[order], covered)
+    return (total * pitch).reshape(leading)
+
+
 def _crossing(level, x0, y0, x1, y1):
     """X where the segments (x0, y0)-(x1, y1) meet Y = level; x0 for a level segment."""
+    xp = array_api_compat.array_namespace(level)
     height = y1 - y0
-    safe = np.where(height > 0.0, height, 1.0)
-    return x0 + (x1 - x0) * np.clip((level - y0) / safe, 0.0, 1.0)
+    safe = xp.where(height > 0.0, height, 1.0)
+    return x0 + (x1 - x0) * xp.clip((level - y0) / safe, 0.0, 1.0)
 
 
-def fold_distances(sheet: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
-    """How far a sheet is from folded in half along its columns (facts 3.7).
+def particles(shape: Mapping[str, Array], points: Array) -> Array:
+    """Positions (..., dimy, dimx, 3) [m] of SoftGym's particles on a cloth.
 
     Args:
-        sheet: (rows, columns, 3) positions [m].
-        reference: (rows, columns, 3) where they ought to be [m]; only the second half counts.
+        shape: of the cloth, as in `Cloth.shape_arrays`.
+        points: (..., n, 3) positions of its vertices [m].
+    """
+    xp = array_api_compat.array_namespace(points)
+    grid = shape["grid"]
+    flat = grid.reshape((*grid.shape[:-2], -1))
+    sheet = taken(points, flat).reshape((*grid.shape, 3))
+    across = xp.einsum("...ic,...rck->...rik", shape["by_column"], sheet)
+    return xp.einsum("...jr,...rik->...jik", shape["by_row"], across)
+
+
+def offsets(shape: Mapping[str, Array], points: Array, goal: Array) -> Array:
+    """Mean distance (...) [m] of a cloth's particles from where they ought to be.
+
+    Args:
+        shape, points: as in `particles`.
+        goal: (..., dimy, dimx, 3) [m].
+    """
+    away = lengths(particles(shape, points) - goal)
+    counts = shape["rows"][..., :, None] * shape["columns"][..., None, :]
+    return mean(_flat(away), _flat(counts))
+
+
+def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
+    """How well columns 0 to half of a cloth lie on their mirror columns, and these in their places.
+
+    Everything is measured at SoftGym's particles, so it does not depend on the resolution. The
+    middle column of an odd number belongs to neither half.
+
+    Args:
+        shape, points: as in `particles`.
+        goal: (..., dimy, dimx, 3) [m] particles of the unfolded cloth; the second half counts.
 
     Returns:
-        Mean distance of the first half of the columns from their mirror columns, and mean distance
-        of these from their reference [m]. The middle column of an odd number belongs to neither.
+        Minus the mean distance of the pairs, and minus 1.2 times the mean displacement [m].
     """
-    half = sheet.shape[1] // 2
-    mirror = sheet[:, ::-1][:, :half]
-    pair = np.linalg.norm(sheet[:, :half] - mirror, axis=-1)
-    moved = np.linalg.norm(mirror - reference[:, ::-1][:, :half], axis=-1)
-    return float(pair.mean()), float(moved.mean())
+    sheet = particles(shape, points)
+    mirror = _columns(sheet, shape["second_half"])
+    counts = _flat(shape["rows"][..., :, None] * shape["pairs"][..., None, :])
+    pair = mean(_flat(lengths(_columns(sheet, shape["first_half"]) - mirror)), counts)
+    moved = mean(_flat(lengths(mirror - _columns(goal, shape["second_half"]))), counts)
+    rewards = {"pair_distance": -pair, "displacement": -DISPLACEMENT_WEIGHT * moved}
+    return Measures(
+        sum(rewards.values()), rewards, info={"pair_distance": pair, "displacement": moved}
+    )
 
 
-def matched_distance(points: np.ndarray, goal: np.ndarray) -> float:
-    """Mean distance [m] of points (n, 3) to goal points (n, 3), matched so that it is smallest."""
-    distance = np.linalg.norm(points[:, None] - goal, axis=-1)
-    return float(distance[linear_sum_assignment(distance)].mean())
+def _columns(sheet: Array, indices: Array) -> Array:
+    """Columns (..., rows, k, 3) of a sheet (..., rows, columns, 3) by their indices (..., k)."""
+    xp = array_api_compat.array_namespace(sheet)
+    return xp.take_along_axis(sheet, indices[..., None, :, None], axis=-2)
 
 
-def normalize(performance: float, lower: float, upper: float) -> float:
-    """(s - lower) / (upper - lower), facts 1.8; 0 when the bounds coincide."""
-    return (performance - lower) / (upper - lower) if upper != lower else 0.0
+def _flat(values: Array) -> Array:
+    """Values (..., rows, columns) as (..., rows * columns)."""
+    return values.reshape((*values.shape[:-2], -1))
+
+
+def inside(points: Array, pose: Array, size: Array) -> Array:
+    """Which points are in a cup's box, turned with it: (..., n) bool.
+
+    The box has the walls in it, and half a wall above the rim (facts 3.0).
+
+    Args:
+        points: (..., n, 3) [m] in the world.
+        pose: (..., 7) of the cup, or longer: x, y, z [m], quaternion (w, x, y, z).
+        size: (..., 4) its inner length, width, height and wall [m].
+    """
+    xp = array_api_compat.array_namespace(points)
+    away = points - pose[..., None, :3]
+    w, x, y, z = (pose[..., i, None] for i in range(3, 7))
+    axes = (  # Of the cup, in the world.
+        (w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)),
+        (2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)),
+        (2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z),
+    )
+    along, across, above = (sum(away[..., i] * axis[i] for i in range(3)) for axis in axes)
+    length, width, height, wall = (size[..., i, None] for i in range(4))
+    return (
+        (xp.abs(along) <= length / 2 + wall)
+        & (xp.abs(across) <= width / 2 + wall)
+        & (above >= -wall / 2)
+        & (above <= height + wall / 2)
+    )
+
+
+def fraction(marks: Array, present: Array) -> Array:
+    """Share (...) of the points (..., n) that are there that have a mark (..., n) bool."""
+    xp = array_api_compat.array_namespace(marks)
+    counted = xp.astype(marks & present, xp.float64)
+    return xp.sum(counted, axis=-1) / xp.sum(xp.astype(present, xp.float64), axis=-1)
+
+
+def highest(points: Array, present: Array) -> Array:
+    """Height (...) [m] of the highest of the points (..., n, 3) that are there (..., n) bool."""
+    xp = array_api_compat.array_namespace(points)
+    return xp.max(xp.where(present, points[..., 2], -math.inf), axis=-1)
+
+
+def matched_distance(points: Array, goal: Array) -> Array:
+    """Mean distance (...) [m] of points (..., n, 3) to goal points (..., n, 3).
+
+    They are matched so that it is smallest (Jonker and Volgenant, 1987), on the CPU.
+    """
+    xp = array_api_compat.array_namespace(points)
+    apart = lengths(points[..., :, None, :] - goal[..., None, :, :])
+    number = points.shape[-2]
+    found = []
+    for matrix in apart.reshape((-1, number, number)):
+        cost = np.asarray(matrix.cpu() if array_api_compat.is_torch_array(matrix) else matrix)
+        rows, columns = (xp.asarray(index) for index in linear_sum_assignment(cost))
+        found.append(xp.mean(matrix[rows, columns]))
+    return xp.stack(found).reshape(points.shape[:-2])[()]
 
 
 def count_intersections(vertices: np.ndarray, edges: np.ndarray, triangles: np.ndarray) -> int:

@@ -73,7 +73,7 @@ def test_crumpled_cloth_is_crumpled_and_at_rest(actor):
         cloth = env.task.cloth
         vertices = cloth.vertices()
         flat_area = np.prod(cloth.size)
-        assert env.task.initial_performance < 0.75 * flat_area
+        assert env.task.episode.initial_performance < 0.75 * flat_area
         assert np.abs(cloth.edge_strain()).mean() < 0.03
         for _ in range(3):
             env.step(np.zeros(8))

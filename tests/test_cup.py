@@ -115,7 +115,7 @@ def test_pose_is_read_from_the_data():
         assert cup.pose[2] == pytest.approx(theta, abs=1e-14)
     cup.pose = np.zeros(3)
     assert cup.pose.tolist() == [0.0, 0.0, 0.0]
-    np.testing.assert_array_equal(cup.state(), [0, 0, 0, 0.24, 0.18, 0.3])
+    np.testing.assert_array_equal(cup.whole_pose, [0, 0, 0, 1, 0, 0, 0, 0])
 
 
 @pytest.mark.parametrize(("degrees", "lift"), [(15, 0.031), (45, 0.080), (90, 0.100)])

@@ -40,20 +40,18 @@ def test_every_entry_of_an_action_is_listed(name):
 def test_entries_of_the_states_add_up(name, settings):
     env = softgym_mj.load(name, observation=(*STATES, "full_mask"), **settings)
     spec, task = env.observation_spec(), env.task
-    ending = sheet_entries.ending_entries(task)
-    points = sheet_entries.point_entries(env)
     for observation, entries in (
-        ("reduced", (*task.reduced_entries, *ending)),
-        ("full", (points, *task.tool_entries, *ending)),
+        ("reduced", sheet_entries.reduced_entries(task)),
+        ("full", sheet_entries.full_entries(env)),
         ("proprioception", sheet_entries.sensed_entries(task)),
     ):
-        assert spec[observation].shape == (sum(entry.number for entry in entries),)
+        assert spec[observation].shape == (sum(entries.values()),)
 
 
 def named(state, entries):
     """The numbers of a state by the names of its entries."""
-    ends = np.cumsum([entry.number for entry in entries])
-    return dict(zip((e.name for e in entries), np.split(state, ends[:-1]), strict=True))
+    ends = np.cumsum(list(entries.values()))
+    return dict(zip(entries, np.split(state, ends[:-1]), strict=True))
 
 
 @pytest.mark.parametrize("name", ["straighten_rope", "pour_water"])
@@ -82,13 +80,13 @@ def test_the_reduced_state_of_cups_is_what_the_sheet_says():
     env = softgym_mj.load("pour_water_amount")
     env.reset(812)
     task = env.task
-    seen = named(task.reduced_state(), task.reduced_entries)
+    seen = named(task.reduced_state(), sheet_entries.reduced_entries(task))
     cup, target = task.cup.size, task.target.size
-    assert seen["cup inner length, width, height"] == pytest.approx(
+    assert seen["cup inner length, width, height [m]"] == pytest.approx(
         [cup.length, cup.width, cup.height]
     )
-    assert seen["target height, inner length, inner width"] == pytest.approx(
+    assert seen["target height, inner length, inner width [m]"] == pytest.approx(
         [target.height, target.length, target.width]
     )
-    assert seen["target x"] == pytest.approx(task.target.pose[0])
-    assert seen["share t to be poured"] == pytest.approx(task.share)
+    assert seen["target x [m]"] == pytest.approx(task.target.pose[0])
+    assert seen["share t to be poured"] == pytest.approx(task.episode.goal["share"])

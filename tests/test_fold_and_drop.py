@@ -8,7 +8,6 @@ from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.sheet import THICKNESS
 from softgym_mj.exceptions import UnknownNameError
-from softgym_mj.tasks.folding import FoldGoal
 from softgym_mj.tasks.initializers import FlatCloth, HangingCloth
 from softgym_mj.variations.store import NUM_VARIATIONS
 
@@ -60,8 +59,8 @@ def test_particles_are_softgyms(fidelity):
     np.testing.assert_allclose(particles[..., 1], np.tile(y[:, None], (1, 61)), atol=1e-12)
 
 
-def slow_fold_distances(sheet, reference):
-    """Facts 3.7, word by word."""
+def slow_fold(sheet, reference):
+    """Facts 3.7, word by word: mean distance of the pairs, mean displacement."""
     rows, columns = sheet.shape[:2]
     pair, moved = [], []
     for j in range(rows):
@@ -73,11 +72,15 @@ def slow_fold_distances(sheet, reference):
 
 
 @pytest.mark.parametrize("columns", [6, 7])
-def test_fold_distances_agree_with_a_slow_loop(columns):
+def test_folds_are_measured_as_by_a_slow_loop(columns):
     random = np.random.default_rng(columns)
-    sheet, reference = random.normal(size=(2, 5, columns, 3))
-    fast = metrics.fold_distances(sheet, reference)
-    assert fast == pytest.approx(slow_fold_distances(sheet, reference), rel=1e-12)
+    cloth = compiled((60 + columns, 65), "fast")
+    points, goal = random.normal(size=(2, cloth.num_vertices, 3))
+    sheet, reference = cloth.particles(points), cloth.particles(goal)
+    measures = metrics.fold(cloth.arrays, points, reference)
+    pair, moved = slow_fold(sheet, reference)
+    assert list(measures.info.values()) == pytest.approx([pair, moved], rel=1e-12)
+    assert measures.performance == measures.reward == pytest.approx(-pair - 1.2 * moved, rel=1e-12)
 
 
 # ----------------------------------------------------------------------------------------- folding
@@ -91,9 +94,9 @@ def test_a_flat_cloth_has_softgyms_initial_performance(dimx, expected, fidelity)
     """Facts A."""
     cloth = compiled((dimx, 70), fidelity)
     cloth.set_vertices(cloth.flat(angle=0.3))
-    evaluation = FoldGoal(cloth, cloth.vertices()).evaluate()
-    assert evaluation.performance == pytest.approx(expected, abs=1e-9)
-    assert evaluation.reward_terms == {
+    measures = metrics.fold(cloth.arrays, cloth.vertices(), cloth.particles())
+    assert measures.performance == pytest.approx(expected, abs=1e-9)
+    assert measures.rewards == {
         "pair_distance": pytest.approx(expected, abs=1e-9),
         "displacement": pytest.approx(0.0, abs=1e-9),
     }
@@ -103,7 +106,7 @@ def test_a_flat_cloth_has_softgyms_initial_performance(dimx, expected, fidelity)
 def test_a_perfect_fold_scores_one_less_its_layer(task):
     env = make(task)
     env.reset(805)
-    cloth, goal = env.task.cloth, env.task._goal
+    cloth = env.task.cloth
     places = {
         "fold_cloth": cloth.vertices(),
         "fold_crumpled_cloth": cloth.flat(),
@@ -113,10 +116,10 @@ def test_a_perfect_fold_scores_one_less_its_layer(task):
     for layer in (0.0, LAYER):
         cloth.set_vertices(folded(cloth, places[task], layer))
         info = measured(env)
-        exact = 1.0 - layer / -env.task.initial_performance
+        exact = 1.0 - layer / -env.task.episode.initial_performance
         assert info["normalized_performance"] == pytest.approx(exact, abs=0.02)
         assert info["success"]
-    assert goal.evaluate().measures["displacement"] == pytest.approx(0.0, abs=2e-3)
+    assert info["displacement"] == pytest.approx(0.0, abs=2e-3)
 
 
 @pytest.mark.parametrize("task", [*FOLD_TASKS, "drop_cloth"])
@@ -150,7 +153,8 @@ def test_the_performance_of_a_shape_does_not_depend_on_the_resolution(fidelity):
     angle = x / radius
     bent = np.column_stack([radius * np.sin(angle), y, radius * (1.0 - np.cos(angle))])
     cloth.set_vertices(bent)
-    performance = FoldGoal(cloth, cloth.flat()).evaluate().performance
+    goal = cloth.particles(cloth.flat())
+    performance = metrics.fold(cloth.arrays, bent, goal).performance
     # The mirror image of arc s is 2 R sin(s / R) away: its mean over a half is 4 R / pi.
     fine = np.linspace(0, np.pi / 2, 100001)
     place = np.column_stack([radius * np.sin(fine), radius * (1 - np.cos(fine))])
@@ -204,7 +208,7 @@ def test_a_vertical_sheet_has_softgyms_initial_performance(dimx, x, bottom, expe
     top = max(bottom + width, 0.5)
     height = top - width / 2 - along  # Column 0 on top.
     task.cloth.set_vertices(np.column_stack([np.full_like(along, x), across, height]))
-    assert task.evaluate().performance == pytest.approx(expected, abs=2e-4)
+    assert task.measure(task.state(), task.episode).performance == pytest.approx(expected, abs=2e-4)
 
 
 def test_a_cloth_laid_flat_in_its_place_scores_one():

@@ -9,7 +9,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError, UnknownNameError
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks import Evaluation, SceneTask
+from softgym_mj.tasks import Measures, SceneTask
 from tests.test_contract import actions
 from tests.test_snapshots import trace
 
@@ -213,8 +213,8 @@ class Lift(SceneTask):
     def arrange(self, random):
         self.cloth.set_vertices(self.cloth.flat((-0.2, -0.2)))
 
-    def evaluate(self):
-        return Evaluation(0.0, {"nothing": 0.0})
+    def measure(self, state, episode):
+        return Measures(0.0, {"nothing": 0.0})
 
 
 @pytest.mark.parametrize("shape", ["box", "sphere"])

@@ -25,7 +25,7 @@ import numpy as np
 import softgym_mj
 from softgym_mj.entities import Rope
 from softgym_mj.robots.factory import make_gripper
-from softgym_mj.tasks import Evaluation, SceneTask, TaskSettings
+from softgym_mj.tasks import Measures, SceneTask, TaskSettings
 
 
 class Pull(SceneTask):
@@ -36,9 +36,9 @@ class Pull(SceneTask):
     def arrange(self, random):
         self.rope.set_vertices(self.rope.straight() + [0.0, random.uniform(-0.1, 0.1), 0.0])
 
-    def evaluate(self):
+    def measure(self, state, episode):
         height = float(self.actor.positions()[0, 2])
-        return Evaluation(height, {"height": height})
+        return Measures(height, {"height": height})
 
 
 class Rise(Pull):

@@ -21,7 +21,7 @@ from softgym_mj.policies.episodes import play
 from softgym_mj.policies.planners import OTHER_HORIZON, make_planner
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.robots.picker import Picker
-from softgym_mj.tasks import Evaluation, SceneTask, TaskSettings
+from softgym_mj.tasks import Measures, SceneTask, TaskSettings
 
 NOTEBOOK = pathlib.Path(__file__).parent.parent / "notebooks" / "05_own_task.ipynb"
 MOST_LINES = 60
@@ -40,9 +40,9 @@ class Straight(SceneTask):
         self.cloth.set_vertices(self.cloth.flat(angle=random.uniform(-1.0, 1.0)))
         self.rope.set_vertices(self.rope.straight() + [0.0, 0.0, 2 * self.cloth.radius])
 
-    def evaluate(self):
+    def measure(self, state, episode):
         distance = self.rope.end_distance()
-        return Evaluation(distance / 0.5, {"distance": distance})
+        return Measures(distance / 0.5, {"distance": distance})
 
 
 def definition():
@@ -288,8 +288,8 @@ class Still(SceneTask):
     def arrange(self, random):
         pass
 
-    def evaluate(self):
-        return Evaluation(0.0, {})
+    def measure(self, state, episode):
+        return Measures(0.0, {})
 
 
 def test_objects_that_do_not_go_together_are_errors():
@@ -340,7 +340,7 @@ def test_states_are_listed_as_they_are():
     middles = [task.cloth.vertices().mean(axis=0), task.rope.vertices().mean(axis=0)]
     expected = np.concatenate([*middles, *task.actor.positions()])
     np.testing.assert_allclose(observation["reduced"], expected, atol=1e-12)
-    assert sum(entries.number for entries in task.reduced_entries) == 6
+    assert sum(map(np.size, task.reduced(task.state(), task.episode).values())) == 6
     assert len(observation["full"]) == 3 * task.flexes.num_vertices + 6
 
 

@@ -15,7 +15,7 @@ from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.jobs.executors import Here, Processes
 from softgym_mj.policies.rollouts import Rollouts
 from softgym_mj.robots.factory import make_gripper
-from softgym_mj.tasks import Evaluation, SceneTask, TaskSettings
+from softgym_mj.tasks import Measures, SceneTask, TaskSettings
 
 DIMS = (12, 12)
 
@@ -33,8 +33,8 @@ class Counting(SceneTask):
         self.count = 0
         self.cloth.set_vertices(self.cloth.flat() + [0.0, 0.0, self.height])
 
-    def evaluate(self):
-        return Evaluation(0.1 * self.count, {"count": float(self.count)})
+    def measure(self, state, episode):
+        return Measures(0.1 * self.count, {"count": float(self.count)})
 
     def after_step(self, physics, random_state):
         self.count += 1
@@ -60,31 +60,32 @@ def started(task):
 
 
 def measured(*arguments):
-    """Methods of a task whose evaluation is made of these arguments."""
-    return {"evaluate": lambda self: Evaluation(*arguments)}
+    """Methods of a task whose measures are made of these arguments."""
+    return {"measure": lambda *_: Measures(*arguments)}
 
 
 BAD_METHODS = [
-    ({"evaluate": lambda self: 0.5}, r"evaluate\(\)=0.5.*an `Evaluation`"),
-    ({"evaluate": lambda self: None}, r"evaluate\(\)=None"),
+    ({"measure": lambda *_: 0.5}, r"measure\(\)=0.5.*`Measures`"),
+    ({"measure": lambda *_: None}, r"measure\(\)=None"),
     (measured(np.nan, {}), "performance=nan.*a finite number"),
     (measured(np.zeros(2), {}), r"performance=array.*a finite number"),
     (measured("much", {}), "performance='much'"),
-    (measured(0.5, 0.5), "reward_terms=0.5.*a dict from names to numbers"),
-    (measured(0.5, {"a": np.inf}), r"reward_terms\['a'\]=inf"),
-    (measured(0.5, {"a": np.zeros(2)}), r"reward_terms\['a'\]=array"),
-    (measured(0.5, {}, [1.0]), r"measures=\[1.0\].*a dict"),
-    (measured(0.5, {}, {"where": np.zeros(3)}), r"measures\['where'\]=array.*a number"),
-    (measured(0.5, {}, {"word": "text"}), r"measures\['word'\]='text'"),
-    (measured(0.5, {}, {"performance": 3.0}), "measures='performance'.*success, variation"),
-    (measured(0.5, {}, {"success": 7}), "measures='success'"),
-    (measured(0.5, {"a": 0.5}, {"reward_a": 9.0}), "measures='reward_a'.*begins with reward_"),
+    (measured(0.5, 0.5), "rewards=0.5.*a dict from names to numbers"),
+    (measured(0.5, {"a": np.inf}), r"rewards\['a'\]=inf"),
+    (measured(0.5, {"a": np.zeros(2)}), r"rewards\['a'\]=array"),
+    (measured(0.5, {}, [1.0]), r"info=\[1.0\].*a dict"),
+    (measured(0.5, {}, {"where": np.zeros(3)}), r"info\['where'\]=array.*a number"),
+    (measured(0.5, {}, {"word": "text"}), r"info\['word'\]='text'"),
+    (measured(0.5, {}, {"performance": 3.0}), "info='performance'.*success, variation"),
+    (measured(0.5, {}, {"success": 7}), "info='success'"),
+    (measured(0.5, {"a": 0.5}, {"reward_a": 9.0}), "info='reward_a'.*begins with reward_"),
     (measured(0.5, {}, {"picks_held": 5}), r"\['picks_held'\].*only once"),
     ({"diagnostics": lambda self: {"variation": 5}}, r"\['variation'\].*only once"),
-    ({"bounds": lambda self: (1.0, 0.0)}, r"bounds\(\)=\(1.0, 0.0\).*lower < upper"),
-    ({"bounds": lambda self: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\)"),
-    ({"bounds": lambda self: 1.0}, r"bounds\(\)=1.0"),
-    ({"key_points": lambda self: np.zeros(3)}, r"key_points\(\)=\(3,\).*\(n, 3\)"),
+    ({"bounds": lambda *_: (1.0, 0.0)}, r"bounds\(\)=\(1.0, 0.0\).*lower < upper"),
+    ({"bounds": lambda *_: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\)"),
+    ({"bounds": lambda *_: 1.0}, r"bounds\(\)=1.0"),
+    ({"reduced": lambda *_: {"a": np.array([np.nan])}}, r"reduced\(\)\['a'\].*finite numbers"),
+    ({"reduced": lambda *_: {"a": np.zeros((1, 1, 1))}}, r"reduced\(\)\['a'\].*finite numbers"),
     ({"resize": lambda self, variation: None}, r"resize\(\)=None.*True if the model changed"),
 ]
 
@@ -208,8 +209,8 @@ def rewarding(value, dims=DIMS):
             self.cloth, self.height, self.count = Cloth(dims), 0.1, 0
             SceneTask.__init__(self, [self.cloth], make_gripper(actor, "cloth"), **settings)
 
-        def evaluate(self):
-            return Evaluation(value, {"value": value})
+        def measure(self, state, episode):
+            return Measures(value, {"value": value})
 
     return Mine
 

@@ -43,7 +43,7 @@ def test_the_start_scores_zero(env):
     info = env.info()
     assert info["performance"] == pytest.approx(-wanted / number)
     assert info["normalized_performance"] == 0.0 and info["poured"] == 0.0
-    assert info["share"] == env.task.share == goal_share(VARIATION)
+    assert info["share"] == env.task.episode.goal["share"] == goal_share(VARIATION)
 
 
 def test_the_right_amount_scores_one_and_too_much_costs_as_too_little(env):
@@ -65,10 +65,10 @@ def test_the_bar_is_where_facts_say(env):
     env.reset(VARIATION)
     task, (cup, target) = env.task, (env.task.cup.size, env.task.target.size)
     highest = task.water.positions()[:, 2].max()
-    height = target.wall / 2 + task.share * (highest - cup.wall / 2) * (
+    height = target.wall / 2 + task.episode.goal["share"] * (highest - cup.wall / 2) * (
         cup.length * cup.width / (target.length * target.width)
     )
-    assert task.level == pytest.approx(height, rel=1e-12)
+    assert task.episode.goal["level"] == pytest.approx(height, rel=1e-12)
     model, data = env.physics.model.ptr, env.physics.data.ptr
     mujoco.mj_kinematics(model, data)
     bar = model.geom("level/bar").id
@@ -90,12 +90,12 @@ def test_the_bar_tells_where_the_water_will_stand():
     positions = env.task.water.positions()
     inside = positions[env.task.target.inside(positions)]
     surface = np.percentile(inside[:, 2], 98)
-    assert surface == pytest.approx(env.task.level, abs=0.02)
+    assert surface == pytest.approx(env.task.episode.goal["level"], abs=0.02)
 
 
 def test_states_end_with_the_goal(env):
     observation = env.reset(VARIATION).observation
-    goal = [env.task.level, env.task.share]
+    goal = [env.task.episode.goal["level"], env.task.episode.goal["share"]]
     np.testing.assert_array_equal(observation["reduced"][13:], goal)
     np.testing.assert_array_equal(observation["full"][-2:], goal)
     pour = softgym_mj.load("pour_water", split=[VARIATION], fidelity="fast")

@@ -7,7 +7,7 @@ from softgym_mj.entities import Arena, Cloth, Fabric, Rope
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
 from softgym_mj.robots.factory import make_gripper
-from softgym_mj.tasks import Evaluation, SceneTask
+from softgym_mj.tasks import Measures, SceneTask
 
 HEIGHT = 0.5  # [m] Of the middle of a rod or board.
 # [m] Of a rod from the middle row of a cloth's vertices, which are 3.1 cm apart.
@@ -87,8 +87,8 @@ class Shelf(SceneTask):
     def arrange(self, random):
         self.rope.set_vertices(self.rope.straight() + [0.0, 0.0, 0.1])
 
-    def evaluate(self):
-        return Evaluation(0.0, {"none": 0.0})
+    def measure(self, state, episode):
+        return Measures(0.0, {"none": 0.0})
 
 
 @pytest.mark.parametrize("actor", ["franka", "sawyer"])

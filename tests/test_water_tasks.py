@@ -156,15 +156,15 @@ def test_transport_reward_of_appendix_a(transport):
     # 5 % outside at the goal; 154 particles do not have that fraction exactly.
     task.cup.pose = np.array([1.2, 0.0, 0.0])
     counts = scatter(transport, [(0.05, [0.0, 0.0, 0.1]), (0.95, [1.2, 0.0, 0.05])])
-    evaluation = task.evaluate()
+    evaluation = task.measure(task.state(), task.episode)
     out = counts[0] / counts.sum()
     assert evaluation.performance == pytest.approx(-10 * out)
-    assert evaluation.measures["spilled"] == pytest.approx(out)
+    assert evaluation.info["spilled"] == pytest.approx(out)
     assert 0.045 < out < 0.055
     task.cup.pose = np.array([0.6, 0.0, 0.0])
     scatter(transport, [(1.0, [0.6, 0.0, 0.05])])
-    assert task.evaluate().performance == pytest.approx(-0.6)
-    assert task.bounds() == (-1.2, 0.0)  # Hence 0.5 normalised.
+    assert task.measure(task.state(), task.episode).performance == pytest.approx(-0.6)
+    assert task.bounds(task.episode) == (-1.2, 0.0)  # Hence 0.5 normalised.
 
 
 def test_pour_counts_what_is_in_the_target_and_not_in_the_cup(pour):
@@ -174,17 +174,17 @@ def test_pour_counts_what_is_in_the_target_and_not_in_the_cup(pour):
     inside = [scene.distance, 0.0, 0.05]
     outside = [scene.distance, 0.0, scene.target.height + scene.target.wall]
     counts = scatter(pour, [(0.25, inside), (0.25, outside), (0.5, [0.0, 0.0, 0.05])])
-    evaluation = task.evaluate()
+    evaluation = task.measure(task.state(), task.episode)
     fractions = counts / counts.sum()
     assert evaluation.performance == evaluation.reward == pytest.approx(fractions[0])
-    assert evaluation.measures["spilled"] == pytest.approx(fractions[1])
-    assert evaluation.measures["fraction_in_cup"] == pytest.approx(fractions[2])
+    assert evaluation.info["spilled"] == pytest.approx(fractions[1])
+    assert evaluation.info["fraction_in_cup"] == pytest.approx(fractions[2])
     # The cup lowered into the target: what is in both does not count.
     task.cup.pose = np.array([scene.distance, 0.0, 0.0])
-    evaluation = task.evaluate()
+    evaluation = task.measure(task.state(), task.episode)
     assert evaluation.performance == 0.0
-    assert evaluation.measures["fraction_in_target"] == pytest.approx(fractions[0])
-    assert task.bounds() == (0.0, 1.0)
+    assert evaluation.info["fraction_in_target"] == pytest.approx(fractions[0])
+    assert task.bounds(task.episode) == (0.0, 1.0)
 
 
 # ---------------------------------------------------------------- states

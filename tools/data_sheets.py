@@ -6,7 +6,7 @@
 import inspect
 import pathlib
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
@@ -18,14 +18,15 @@ from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks.base import DeformableTask, Entries
+from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.tasks.observations import GOAL_RGB, OBSERVATIONS
 from softgym_mj.variations.store import SPLITS
 from tools.sheet_entries import (
     INFO,
     action_entries,
     ending_entries,
-    point_entries,
+    full_entries,
+    reduced_entries,
     sensed_entries,
 )
 
@@ -105,12 +106,13 @@ def actions(
 # ---------------------------------------------------------------------- observations
 
 
-def entry_table(entries: Iterable[Entries], start: int = 0) -> str:
-    """Which entries of a state are what, from index `start`."""
+def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
+    """Which entries of a state are what, from index `start`: numbers by what they are [unit]."""
     rows = []
-    for entry in entries:
-        end = start + entry.number - 1
-        rows.append((start if end == start else f"{start} to {end}", entry.name, entry.unit))
+    for label, number in entries.items():
+        end = start + number - 1
+        name, _, unit = label.rstrip("]").partition(" [")
+        rows.append((start if end == start else f"{start} to {end}", name, unit))
         start = end + 1
     return table(("entries", "what", "unit"), rows)
 
@@ -125,15 +127,14 @@ def observations(env: Environment, arms: Environment, remarks: Sequence[str]) ->
         ("observation", "shape", "dtype", "what"),
         ((f"`{name}`", s.shape, s.dtype, summaries[name]) for name, s in shown.items()),
     )
-    ending = ending_entries(task)
     yield "### `reduced`\n"
-    yield entry_table((*task.reduced_entries, *ending))
+    yield entry_table(reduced_entries(task))
     yield from remarks
     yield "### `full`\n"
-    yield entry_table((point_entries(env), *task.tool_entries, *ending))
+    yield entry_table(full_entries(env))
     yield "### `proprioception`\n"
     yield entry_table(sensed_entries(task))
-    number = sum(entry.number for entry in ending)
+    number = sum(ending_entries(task).values())
     reduced, full = (spec[name].shape[0] - number for name in ("reduced", "full"))
     yield (
         f"With {' or '.join(f'`{name}`' for name in ARMS)}; from entry {reduced} of `reduced` and "
@@ -164,7 +165,8 @@ def bounds(env: Environment) -> tuple[str, str]:
     seen = []
     for variation in VARIATIONS:
         env.reset(variation)
-        seen.append((env.task.initial_performance, *env.task.bounds()))
+        episode = env.task.episode
+        seen.append((episode.initial_performance, *env.task.bounds(episode)))
     (first, *one), (second, *other) = seen
 
     def said(a: float, b: float) -> str:

@@ -1,11 +1,13 @@
 """What the entries of actions and states and the keys of info mean, for the data sheets."""
 
+import numpy as np
+
 from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.cup_mover import NAMES, CupMover
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.holding import MAX_DISPLACEMENT
 from softgym_mj.robots.pick_and_place import LARGEST_OFFSET, PickAndPlace, PixelPickAndPlace
-from softgym_mj.tasks.base import DeformableTask, Entries
+from softgym_mj.tasks.base import DeformableTask
 
 # What the keys of info mean; "reward_*" and "domain_*" are explained apart.
 INFO = {
@@ -69,39 +71,46 @@ def action_entries(task: DeformableTask) -> list[tuple[str, str, str]]:
     return entries
 
 
-def sensed_entries(task: DeformableTask) -> tuple[Entries, ...]:
+def sensed_entries(task: DeformableTask) -> dict[str, int]:
     """What the actor senses of itself; all but a cup's pose also ends the other states."""
     actor = task.actor
     if actor.wrists:  # Arms.
         number = actor.num_grippers if isinstance(actor, Gripper) else 1
-        points = tuple(Entries(f"arm {i}, tool point (x, y, z)", 3, "m") for i in range(number))
-        own = (
-            ("quaternion of the tool (w, x, y, z)", 4, ""),
-            ("opening between the fingers", 1, "m"),
-            ("joint positions", 7, "rad"),
-            ("joint velocities", 7, "rad/s"),
-        )
-        return points + tuple(
-            Entries(f"arm {i}, {name}", size, unit)
-            for i in range(number)
-            for name, size, unit in own
-        )
+        points = {f"arm {i}, tool point (x, y, z) [m]": 3 for i in range(number)}
+        own = {
+            "quaternion of the tool (w, x, y, z)": 4,
+            "opening between the fingers [m]": 1,
+            "joint positions [rad]": 7,
+            "joint velocities [rad/s]": 7,
+        }
+        return points | {
+            f"arm {i}, {name}": size for i in range(number) for name, size in own.items()
+        }
     if isinstance(actor, Gripper):
-        return tuple(Entries(f"gripper {i} (x, y, z)", 3, "m") for i in range(actor.num_grippers))
+        return {f"gripper {i} (x, y, z) [m]": 3 for i in range(actor.num_grippers)}
     if isinstance(actor, CupMover):
-        return (Entries("cup x, z", 2, "m"), Entries("cup theta", 1, "rad"))
+        return {"cup x, z [m]": 2, "cup theta [rad]": 1}
     raise TypeError(f"no description of what {type(actor).__name__} senses")
 
 
-def ending_entries(task: DeformableTask) -> tuple[Entries, ...]:
+def ending_entries(task: DeformableTask) -> dict[str, int]:
     """What the actor senses of itself at the end of the full and the reduced state."""
     listed_apart = isinstance(task.actor, CupMover) and not task.actor.wrists
-    return () if listed_apart else sensed_entries(task)
+    return {} if listed_apart else sensed_entries(task)
 
 
-def point_entries(env: Environment) -> Entries:
-    """The points of the full state."""
-    number = env.observation_spec()["full_mask"].shape[0]
-    return Entries(
-        f"{number} points (x, y, z each), zeros from the last that exists", 3 * number, "m"
-    )
+def reduced_entries(task: DeformableTask) -> dict[str, int]:
+    """What the reduced state lists."""
+    return sizes(task.reduced(task.state(), task.episode)) | ending_entries(task)
+
+
+def full_entries(env: Environment) -> dict[str, int]:
+    """What the full state lists."""
+    task, number = env.task, env.observation_spec()["full_mask"].shape[0]
+    points = {f"{number} points (x, y, z each), zeros from the last that exists [m]": 3 * number}
+    return points | sizes(task.beside(task.state(), task.episode)) | ending_entries(task)
+
+
+def sizes(arrays: dict[str, np.ndarray]) -> dict[str, int]:
+    """How many numbers each array has."""
+    return {name: np.size(array) for name, array in arrays.items()}

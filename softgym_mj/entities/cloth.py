@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from softgym_mj import metrics
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import OutOfRangeError, check_name
 from softgym_mj.native.arithmetic import product
@@ -102,15 +103,24 @@ class Cloth(Sheet):
         """Current vertex positions (rows, columns, 3) [m]."""
         return self.vertices().reshape(*self._shape, 3)
 
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What depends on the size, by name.
+
+        Side lengths `size` (2,) [m], `triangles` (m, 3), `corners` (4,) and the `grid` (rows,
+        columns) of vertex indices; weights `by_row` (dimy, rows) and `by_column` (dimx, columns) of
+        SoftGym's particles; ones `rows` (dimy,) and `columns` (dimx,); the columns of particles of
+        the halves (dimx // 2,), mirror columns in the same place, and ones, `pairs`, of these.
+        """
+        return self._arrays
+
     def particles(self, vertices: np.ndarray | None = None) -> np.ndarray:
         """Positions (dimy, dimx, 3) [m] of SoftGym's particles on the mesh.
 
         Args:
             vertices: (num_vertices, 3) positions [m]; the current ones when None.
         """
-        grid = (self.vertices() if vertices is None else vertices).reshape(*self._shape, 3)
-        by_row, by_column = self._interpolation
-        return np.einsum("jr,rck->jck", by_row, np.einsum("ic,rck->rik", by_column, grid))
+        return metrics.particles(self._arrays, self.vertices() if vertices is None else vertices)
 
     def flat(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
         """Vertex positions (num_vertices, 3) [m] of the cloth lying flat at its resting height.
@@ -134,12 +144,25 @@ class Cloth(Sheet):
         self._shape = grid_shape(dims, self._fidelity)
         rows, columns = self._shape
         width, depth = self.size
-        self._interpolation = _interpolation(dims[1], rows), _interpolation(dims[0], columns)
         x, y = np.meshgrid(
             np.linspace(-width / 2, width / 2, columns), np.linspace(depth / 2, -depth / 2, rows)
         )
         points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
         self._set_mesh(points, _alternating_triangles(rows, columns))
+        half = dims[0] // 2
+        self._arrays = {
+            "size": np.array(self.size),
+            "triangles": self._triangles,
+            "corners": self.corners,
+            "grid": np.arange(rows * columns).reshape(rows, columns),
+            "by_row": _interpolation(dims[1], rows),
+            "by_column": _interpolation(dims[0], columns),
+            "rows": np.ones(dims[1]),
+            "columns": np.ones(dims[0]),
+            "first_half": np.arange(half),
+            "second_half": dims[0] - 1 - np.arange(half),
+            "pairs": np.ones(half),
+        }
         return True
 
     def _mass(self, density: float) -> float:

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
+from softgym_mj import metrics
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.native.arithmetic import product
 
@@ -47,15 +48,6 @@ class CupSize:
     def depth(self) -> float:
         """Height [m] of the rim above the upper side of the floor."""
         return self.height - self.wall / 2
-
-    @property
-    def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners (3,) [m] of the box that counts as the cup, in its own frame (facts 3.0).
-
-        The walls are included, and half a wall above the rim.
-        """
-        half = np.array([self.length, self.width]) / 2 + self.wall
-        return np.array([*-half, -self.wall / 2]), np.array([*half, self.height + self.wall / 2])
 
 
 class Cup(composer.Entity):
@@ -184,19 +176,15 @@ class Cup(composer.Entity):
         if self._is_held:
             mujoco.mj_kinematics(self._model, self._data)
 
-    def state(self) -> np.ndarray:
-        """Pose and inner measures (6,): x, z [m], theta [rad], length, width, height [m]."""
-        size = self._size
-        return np.array([*self.pose, size.length, size.width, size.height])
+    @property
+    def whole_pose(self) -> np.ndarray:
+        """Position [m], quaternion (w, x, y, z) and theta [rad]: (8,)."""
+        theta = self.pose[2]
+        return np.array([*self._position, *self._quaternion, theta])
 
     def inside(self, points: np.ndarray) -> np.ndarray:
         """Which points (n, 3) [m] of the world are in the cup's box, turned with it: (n,) bool."""
-        self._look()
-        rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, self._quaternion)
-        local = product(points - self._position, rotation.reshape(3, 3))
-        low, high = self._size.box
-        return np.all((low <= local) & (local <= high), axis=1)
+        return metrics.inside(points, self.whole_pose, np.array(dataclasses.astuple(self._size)))
 
     # ------------------------------------------------------------------ side view
 

@@ -1,6 +1,8 @@
 """The tasks, and what they are made of."""
 
-from softgym_mj.tasks.base import DeformableTask, Entries, Evaluation, TaskSettings
+from softgym_mj.metrics import Measures
+from softgym_mj.tasks.base import DeformableTask, TaskSettings
 from softgym_mj.tasks.scene_task import SceneTask
+from softgym_mj.tasks.state import Episode, State
 
-__all__ = ["DeformableTask", "Entries", "Evaluation", "SceneTask", "TaskSettings"]
+__all__ = ["DeformableTask", "Episode", "Measures", "SceneTask", "State", "TaskSettings"]

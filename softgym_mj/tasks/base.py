@@ -3,7 +3,7 @@
 import abc
 import collections
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypedDict
 
 import numpy as np
@@ -21,28 +21,15 @@ from softgym_mj.exceptions import (
     check_count,
     check_image_size,
 )
+from softgym_mj.metrics import Array, Measures
 from softgym_mj.rendering.observables import TaskCamera
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
-from softgym_mj.tasks.evaluation import Evaluation, check_names
+from softgym_mj.tasks.measures import check_names, checked
 from softgym_mj.tasks.observations import enabled_names
+from softgym_mj.tasks.state import Episode, State
 from softgym_mj.variations.randomization import Adjustable, Domain
 from softgym_mj.variations.store import check_variation
-
-
-@dataclasses.dataclass(frozen=True)
-class Entries:
-    """Consecutive entries of a state.
-
-    Attributes:
-        name: what they are, in their order.
-        number: how many there are.
-        unit: their unit, "" for none.
-    """
-
-    name: str
-    number: int
-    unit: str
 
 
 class TaskSettings(TypedDict, total=False):
@@ -113,8 +100,8 @@ class DeformableTask(composer.Task, abc.ABC):
         for name in enabled_names(observation, self._observables):
             self._observables[name].enabled = True
         self._variation = 0
-        self._initial_performance = 0.0
-        self._evaluation: Evaluation | None = None
+        self._episode: Episode | None = None
+        self._measures: Measures | None = None
         self._named = False  # Whether the names in info have been checked.
         self._arguments: dict[str, str] = {}
 
@@ -153,38 +140,58 @@ class DeformableTask(composer.Task, abc.ABC):
     # ------------------------------------------------------------------ what a task defines
 
     @abc.abstractmethod
-    def evaluate(self) -> Evaluation:
-        """Measures the current state and changes nothing: `set_state` calls it once more."""
+    def measure(self, state: State, episode: Episode) -> Measures:
+        """Measures a state and changes nothing: `set_state` calls it once more.
+
+        The tasks of the package are functions of these arrays alone, of one simulation or of many.
+        """
 
     @abc.abstractmethod
-    def bounds(self) -> tuple[float, float]:
-        """(lower, upper) performance that normalise to 0 and 1 in this episode."""
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
+        """(lower, upper) performance (...) that normalise to 0 and 1 in an episode."""
+
+    @abc.abstractmethod
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        """The few numbers that describe the state: (..., k) by what they are, with their unit.
+
+        What the actor senses of itself follows by itself.
+        """
+
+    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+        """What the full state lists between the points and what the actor senses, as `reduced`."""
+        return {}
+
+    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """What an episode's measures compare with: arrays by name.
+
+        Args:
+            variation: index.
+            points: (n, 3) [m] of each object at the start, by name.
+        """
+        return {}
+
+    def show(self, goal: dict[str, np.ndarray]) -> None:
+        """Draws the goal of an episode that starts."""
 
     @abc.abstractmethod
     def begin(self) -> None:
         """Puts everything where an episode of the current variation starts."""
 
     @abc.abstractmethod
-    def points(self) -> np.ndarray:
-        """All points (n, 3) [m] of what deforms or flows."""
+    def object_points(self) -> dict[str, np.ndarray]:
+        """Points (n, 3) [m] of each object that deforms or flows, by name."""
 
     @abc.abstractmethod
-    def tool_state(self) -> np.ndarray:
-        """What the full state tells of grippers or cups, behind the points: numbers (n,)."""
+    def sensed(self) -> np.ndarray:
+        """What the actor senses of itself at the end of the full and the reduced state: (n,)."""
 
-    @abc.abstractmethod
-    def reduced_state(self) -> np.ndarray:
-        """The few numbers (n,) that describe the state."""
+    def poses(self) -> dict[str, np.ndarray]:
+        """Poses (8,) of cups by name, as in `State`."""
+        return {}
 
-    @property
-    @abc.abstractmethod
-    def reduced_entries(self) -> tuple[Entries, ...]:
-        """What the reduced state lists, up to what the actor senses of itself."""
-
-    @property
-    def tool_entries(self) -> tuple[Entries, ...]:
-        """What the full state lists between the points and what the actor senses of itself."""
-        return ()
+    def shapes(self) -> dict[str, dict[str, np.ndarray]]:
+        """What depends on the sizes of objects, by object and name."""
+        return {}
 
     @property
     @abc.abstractmethod
@@ -218,20 +225,37 @@ class DeformableTask(composer.Task, abc.ABC):
             raise OutOfRangeError("resize()", resized, "True if the model changed, else False")
         return self._domain.apply(self._variation) or resized
 
+    def after_compile(self, physics, random_state):
+        self._episode = None  # It has other sizes.
+
+    def _new_episode(self) -> Episode:
+        points = self.object_points()
+        goal = self.goal(self._variation, points)
+        return Episode(self._variation, points, self.shapes(), goal, 0.0)
+
     def initialize_episode(self, physics, random_state):
         self.begin()
-        self._evaluation = self._evaluated()
-        self._initial_performance = self._evaluation.performance
+        self._episode = self._new_episode()
+        self.show(self._episode.goal)
+        self._measures = self._measured()
+        initial = self._measures.performance
+        self._episode = dataclasses.replace(self._episode, initial_performance=initial)
         if not self._named:
-            names = self._evaluation.measures, self.diagnostics(), self._actor.diagnostics()
-            check_names(names)
+            check_names((self._measures.info, self.diagnostics(), self._actor.diagnostics()))
             self._named = True
 
-    def _evaluated(self) -> Evaluation:
-        evaluation = self.evaluate()
-        if not isinstance(evaluation, Evaluation):
-            raise OutOfRangeError("evaluate()", evaluation, "an `Evaluation`")
-        return evaluation
+    def points(self) -> np.ndarray:
+        """All points (n, 3) [m] of what deforms or flows."""
+        return np.concatenate(list(self.object_points().values()))
+
+    def state(self) -> State:
+        """The current state."""
+        points = self.object_points()
+        present = {name: np.ones(len(array), bool) for name, array in points.items()}
+        return State(points, present, self.poses(), self.sensed())
+
+    def _measured(self) -> Measures:
+        return checked(self.measure(self.state(), self.episode))
 
     def before_step(self, physics, action, random_state):
         # Our environment drives the actor; the base class would write `ctrl`.
@@ -242,7 +266,7 @@ class DeformableTask(composer.Task, abc.ABC):
             )
 
     def after_step(self, physics, random_state):
-        self._evaluation = self._evaluated()
+        self._measures = self._measured()
 
     def action_spec(self, physics) -> specs.BoundedArray:
         return self._actor.action_spec(physics)
@@ -251,40 +275,51 @@ class DeformableTask(composer.Task, abc.ABC):
         return self.last_evaluation.reward
 
     @property
-    def last_evaluation(self) -> Evaluation:
-        """Evaluation of the state after the last env step or reset."""
-        if self._evaluation is None:
-            raise EpisodeEndedError("no episode has started: call reset() first")
-        return self._evaluation
+    def episode(self) -> Episode:
+        """What the episode started with; before, what is there: specifications are read off it."""
+        if self._episode is None:
+            self._episode = self._new_episode()
+        return self._episode
 
     @property
-    def initial_performance(self) -> float:
-        """Performance at reset."""
-        return self._initial_performance
+    def last_evaluation(self) -> Measures:
+        """Measures of the state after the last env step or reset."""
+        if self._measures is None:
+            raise EpisodeEndedError("no episode has started: call reset() first")
+        return self._measures
+
+    def normalized(self, performance: Array) -> Array:
+        """A performance of this episode in terms of its bounds."""
+        return metrics.normalize(performance, *self.bounds(self.episode))
 
     def info(self) -> dict[str, float | int | bool]:
         """Scalars of the last evaluation; the reward is the sum of the "reward_*" entries."""
-        evaluation = self.last_evaluation
-        normalized = metrics.normalize(evaluation.performance, *self.bounds())
+        measures = self.last_evaluation
+        normalized = self.normalized(measures.performance)
         return {
-            "performance": evaluation.performance,
+            "performance": measures.performance,
             "normalized_performance": normalized,
             "success": bool(normalized >= self._success),
-            **{f"reward_{name}": value for name, value in evaluation.reward_terms.items()},
-            **evaluation.measures,
+            **{f"reward_{name}": value for name, value in measures.rewards.items()},
+            **measures.info,
             **self.diagnostics(),
             **self._actor.diagnostics(),
             **{f"domain_{name}": self._domain.values[name] for name in self._domain.varying},
             "variation": self._variation,
         }
 
+    def reduced_state(self) -> np.ndarray:
+        """The numbers of `reduced`, then what the actor senses of itself."""
+        state = self.state()
+        return flat([*self.reduced(state, self.episode).values(), state.sensed])
+
     def full_state(self) -> np.ndarray:
-        """All points (x, y, z each), zeros up to `max_points`, then `tool_state`."""
-        points, tool = self.points().ravel(), self.tool_state().ravel()
-        state = np.zeros(3 * self._max_points + tool.size)
-        state[: points.size] = points
-        state[3 * self._max_points :] = tool
-        return state
+        """All points (x, y, z each), zeros up to `max_points`, `beside`, what the actor senses."""
+        state = self.state()
+        points = flat(state.points.values())
+        padding = np.zeros(3 * self._max_points - points.size)
+        beside = self.beside(state, self.episode).values()
+        return flat([points, padding, *beside, state.sensed])
 
     def full_mask(self) -> np.ndarray:
         """1 for each of the points of `full_state` that exists, else 0: (max_points,) uint8."""
@@ -315,7 +350,7 @@ class DeformableTask(composer.Task, abc.ABC):
         """
         return {
             "variation": self._variation,
-            "initial_performance": self._initial_performance,
+            "initial_performance": self.episode.initial_performance,
             "actor": self._actor.get_state(),
         }
 
@@ -324,6 +359,12 @@ class DeformableTask(composer.Task, abc.ABC):
 
         A task that remembers something of its own takes it back before it calls this.
         """
-        self._initial_performance = state["initial_performance"]
+        initial = state["initial_performance"]
+        self._episode = dataclasses.replace(self.episode, initial_performance=initial)
         self._actor.set_state(state["actor"])
-        self._evaluation = self._evaluated()
+        self._measures = self._measured()
+
+
+def flat(arrays: Iterable[np.ndarray]) -> np.ndarray:
+    """All numbers of some arrays in one (n,)."""
+    return np.concatenate([np.ravel(array) for array in arrays])

@@ -4,10 +4,12 @@ from typing import Protocol
 
 import numpy as np
 
+from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth, grid_shape
+from softgym_mj.metrics import Array
 from softgym_mj.robots.gripper import Gripper
-from softgym_mj.tasks.base import Entries
 from softgym_mj.tasks.flex_task import FlexTask, Layout
+from softgym_mj.tasks.state import Episode, State
 from softgym_mj.variations.store import Initializer, VariationStore
 
 
@@ -29,7 +31,7 @@ class ClothInitializer(Initializer, Protocol):
 
 
 class ClothTask(FlexTask):
-    """A task on one cloth. Its key points are the corners p1 p2 p3 p4, see `Cloth.corners`."""
+    """A task on one cloth. Its reduced state lists the corners p1 p2 p3 p4, see `Cloth.corners`."""
 
     def __init__(
         self,
@@ -70,12 +72,12 @@ class ClothTask(FlexTask):
     def resize(self, variation: int) -> bool:
         return self._cloth.resize(self._initializer.dims(variation))
 
-    def key_points(self) -> np.ndarray:
-        return self._cloth.vertices()[self._cloth.corners]
+    def shapes(self) -> dict[str, dict[str, np.ndarray]]:
+        return {"cloth": self._cloth.arrays}
 
-    @property
-    def reduced_entries(self) -> tuple[Entries, ...]:
-        return tuple(Entries(f"corner p{i + 1} (x, y, z)", 3, "m") for i in range(4))
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        corners = metrics.taken(state.points["cloth"], episode.shapes["cloth"]["corners"])
+        return {f"corner p{i + 1} (x, y, z) [m]": corners[..., i, :] for i in range(4)}
 
     def diagnostics(self) -> dict[str, float | int]:
         diagnostics = super().diagnostics()

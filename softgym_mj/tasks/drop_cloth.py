@@ -22,17 +22,18 @@ from typing import Unpack
 
 import numpy as np
 
+from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
 from softgym_mj.tasks.flex_task import Layout
-from softgym_mj.tasks.folding import FoldGoal
 from softgym_mj.tasks.initializers import SIZE_RANGE, HangingCloth
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.state import Episode, State
 
 ACTION_REPEAT, FOLD_ACTION_REPEAT = 16, 8  # Facts 1.2; 5, row 1.
 WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # Facts 2.2.
@@ -74,28 +75,29 @@ class DropTask(ClothTask):
         self.actor.place(self.cloth.vertices()[held] + above, WORKSPACE)
         self.actor.take(held.tolist())
 
-    def bounds(self) -> tuple[float, float]:
-        return self.initial_performance, 0.0
+    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """SoftGym's particles (dimy, dimx, 3) [m] of the flat cloth in its place."""
+        return {"particles": self.cloth.particles(self.place())}
+
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
+        return episode.initial_performance, 0.0
 
 
 class DropCloth(DropTask):
     """See the module docstring."""
 
-    def evaluate(self) -> Evaluation:
-        offset = self.cloth.particles() - self.cloth.particles(self.place())
-        performance = -float(np.linalg.norm(offset, axis=-1).mean())
-        return Evaluation(performance, reward_terms={"distance": performance}, measures={})
+    def measure(self, state: State, episode: Episode) -> Measures:
+        shape, goal = episode.shapes["cloth"], episode.goal["particles"]
+        performance = -metrics.offsets(shape, state.points["cloth"], goal)
+        return Measures(performance, rewards={"distance": performance})
 
 
 class DropFoldCloth(DropTask):
     """See the module docstring."""
 
-    def evaluate(self) -> Evaluation:
-        return self._goal.evaluate()
-
-    def start(self, state: np.ndarray) -> None:
-        super().start(state)
-        self._goal = FoldGoal(self.cloth, self.place())
+    def measure(self, state: State, episode: Episode) -> Measures:
+        shape, goal = episode.shapes["cloth"], episode.goal["particles"]
+        return metrics.fold(shape, state.points["cloth"], goal)
 
 
 def drop_cloth(

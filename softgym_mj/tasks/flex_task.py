@@ -1,6 +1,5 @@
 """`FlexTask`: what the tasks on a cloth or a rope share."""
 
-import abc
 import dataclasses
 import math
 import warnings
@@ -13,9 +12,7 @@ from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.variations.store import VariationStore
 
-CLEARANCE = (
-    0.06  # [m] At reset, from a gripper's centre to the top of the object: a picker and 1 cm.
-)
+CLEARANCE = 0.06  # [m] At reset, of grippers' centres above the object: a picker's radius and 1 cm.
 MOST_SPEED = 20.0  # [m/s] Ten times what grippers do; in 10^5 random steps nothing comes near it.
 
 
@@ -40,9 +37,8 @@ class Layout:
 class FlexTask(StoredTask):
     """A task on one flex that grippers handle.
 
-    Full state: all vertices, zero-padded, then what the actor senses of itself. Reduced state: the
-    key points, then the same. Points are x, y, z [m] each; pickers sense their centres, arms as
-    `Arms.proprioception` says.
+    Full state: all vertices, zero-padded, then what the actor senses of itself. Points are x, y, z
+    [m] each; pickers sense their centres, arms as `Arms.proprioception` says.
     """
 
     _actor: Gripper
@@ -96,10 +92,6 @@ class FlexTask(StoredTask):
     def parts(self) -> dict[str, tuple[str, ...]]:
         return {"actor": self._actor.model_names}
 
-    @abc.abstractmethod
-    def key_points(self) -> np.ndarray:
-        """Points (n, 3) [m] of the object that the reduced state lists."""
-
     def reset_point(self) -> tuple[float, float]:
         """X, Y [m] that the grippers start around: the middle of the object's bounding box."""
         vertices = self._target.vertices()
@@ -115,15 +107,11 @@ class FlexTask(StoredTask):
         positions = self._actor.default_positions(np.array([x, y, height]))
         self._actor.place(positions, workspace.centred_at(x, y))
 
-    def points(self) -> np.ndarray:
-        return self._target.vertices()
+    def object_points(self) -> dict[str, np.ndarray]:
+        return {self._target.mjcf_model.model: self._target.vertices()}
 
-    def tool_state(self) -> np.ndarray:
+    def sensed(self) -> np.ndarray:
         return self._actor.proprioception()
-
-    def reduced_state(self) -> np.ndarray:
-        """The key points (x, y, z each) [m], then what the actor senses of itself."""
-        return np.concatenate([self.key_points().ravel(), self._actor.proprioception()])
 
     def diagnostics(self) -> dict[str, float | int]:
         speed = math.sqrt(float((self._target.velocities() ** 2).sum(axis=1).max()))

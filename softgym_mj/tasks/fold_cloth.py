@@ -22,15 +22,16 @@ from typing import Unpack
 
 import numpy as np
 
+from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
+from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
 from softgym_mj.tasks.flex_task import Layout
-from softgym_mj.tasks.folding import FoldGoal
 from softgym_mj.tasks.initializers import CrumpledCloth, FlatCloth
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.state import Episode, State
 
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
@@ -45,7 +46,6 @@ class FoldCloth(ClothTask):
         self, cloth: Cloth, actor: Gripper, initializer: ClothInitializer, height: float, **settings
     ):
         """Wires the task; `height` [m] of the pickers at reset, `settings` as in `ClothTask`."""
-        self._goal = FoldGoal(cloth, cloth.flat())
         layout = Layout("cloth", WORKSPACE, height, SUCCESS)
         super().__init__(layout, cloth, actor, initializer, **settings)
 
@@ -55,19 +55,16 @@ class FoldCloth(ClothTask):
         x, y, _ = (self.cloth.vertex(first) + self.cloth.vertex(second)) / 2
         return float(x), float(y)
 
-    def reference(self, state: np.ndarray) -> np.ndarray:
-        """Where the vertices (n, 3) [m] of the unfolded cloth are, for the start `state`."""
-        return state
+    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """SoftGym's particles (dimy, dimx, 3) [m] of the unfolded cloth."""
+        return {"particles": self.cloth.particles(points["cloth"])}
 
-    def start(self, state: np.ndarray) -> None:
-        super().start(state)
-        self._goal = FoldGoal(self.cloth, self.reference(state))
+    def measure(self, state: State, episode: Episode) -> Measures:
+        shape, goal = episode.shapes["cloth"], episode.goal["particles"]
+        return metrics.fold(shape, state.points["cloth"], goal)
 
-    def evaluate(self) -> Evaluation:
-        return self._goal.evaluate()
-
-    def bounds(self) -> tuple[float, float]:
-        return self.initial_performance, 0.0
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
+        return episode.initial_performance, 0.0
 
 
 class FoldCrumpledCloth(FoldCloth):
@@ -76,8 +73,8 @@ class FoldCrumpledCloth(FoldCloth):
     def reset_point(self) -> tuple[float, float]:
         return 0.0, 0.0
 
-    def reference(self, state: np.ndarray) -> np.ndarray:
-        return self.cloth.flat()
+    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {"particles": self.cloth.particles(self.cloth.flat())}
 
 
 def fold_cloth(

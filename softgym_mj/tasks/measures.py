@@ -1,12 +1,12 @@
-"""`Evaluation`: what a task measures after an env step, checked as soon as it is made."""
+"""Checks what a task measures, as soon as it has."""
 
-import dataclasses
 import math
 from collections.abc import Iterable
 
 import numpy as np
 
 from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.metrics import Measures
 
 _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
 # Names in info that are not the task's own; names of other groups begin with a word of theirs.
@@ -16,44 +16,36 @@ INFO_NAMES = frozenset(
 _INFO_PREFIXES = ("reward_", "domain_")
 
 
-@dataclasses.dataclass(frozen=True)
-class Evaluation:
-    """The one evaluation of an env step that feeds reward, info and logs.
-
-    Attributes:
-        performance: SoftGym's task metric in its own unit; finite.
-        reward_terms: named terms whose sum is the reward; finite.
-        measures: further task-specific scalars for info. Their names are none of `INFO_NAMES` and
-            do not begin with "reward_" or "domain_".
+def checked(measures: object) -> Measures:
+    """The measures of one simulation as Python's numbers.
 
     Raises:
-        OutOfRangeError: for what is no number, not finite or has such a name.
+        OutOfRangeError: for what is no number, not finite or has the name of something else in
+            info: one of `INFO_NAMES`, or what begins with "reward_" or "domain_".
     """
+    if not isinstance(measures, Measures):
+        raise OutOfRangeError("measure()", measures, "`Measures`")
+    groups = {"rewards": measures.rewards, "info": measures.info}
+    for group, values in groups.items():
+        if not isinstance(values, dict):
+            raise OutOfRangeError(group, values, "a dict from names to numbers")
+    for name in measures.info:
+        if not isinstance(name, str) or name in INFO_NAMES or name.startswith(_INFO_PREFIXES):
+            taken = f"{', '.join(sorted(INFO_NAMES))}, or what begins with reward_ or domain_"
+            raise OutOfRangeError("info", name, f"a name that info does not have: {taken}")
+    return Measures(
+        _number("performance", measures.performance, finite=True),
+        {k: _number(f"rewards[{k!r}]", v, finite=True) for k, v in measures.rewards.items()},
+        {k: _number(f"info[{k!r}]", v, finite=False) for k, v in measures.info.items()},
+    )
 
-    performance: float
-    reward_terms: dict[str, float]
-    measures: dict[str, float] = dataclasses.field(default_factory=dict)
 
-    def __post_init__(self):
-        if not (isinstance(self.performance, _NUMBERS) and math.isfinite(self.performance)):
-            raise OutOfRangeError("performance", self.performance, "a finite number")
-        for group in ("reward_terms", "measures"):
-            if not isinstance(getattr(self, group), dict):
-                raise OutOfRangeError(group, getattr(self, group), "a dict from names to numbers")
-        for name, value in self.reward_terms.items():
-            if not (isinstance(value, _NUMBERS) and math.isfinite(value)):
-                raise OutOfRangeError(f"reward_terms[{name!r}]", value, "a finite number")
-        for name, value in self.measures.items():
-            if not isinstance(value, _NUMBERS):
-                raise OutOfRangeError(f"measures[{name!r}]", value, "a number")
-            if not isinstance(name, str) or name in INFO_NAMES or name.startswith(_INFO_PREFIXES):
-                taken = f"{', '.join(sorted(INFO_NAMES))}, or what begins with reward_ or domain_"
-                raise OutOfRangeError("measures", name, f"a name that info does not have: {taken}")
-
-    @property
-    def reward(self) -> float:
-        """The sum of its terms."""
-        return sum(self.reward_terms.values())
+def _number(name: str, value: object, finite: bool) -> float | int | bool:
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if not isinstance(value, _NUMBERS) or (finite and not math.isfinite(value)):
+        raise OutOfRangeError(name, value, "a finite number" if finite else "a number")
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def check_names(groups: Iterable[Iterable[str]]) -> None:

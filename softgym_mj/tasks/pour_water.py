@@ -26,16 +26,18 @@ from typing import Unpack
 
 import numpy as np
 
+from softgym_mj import metrics
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.marks import LevelMark
 from softgym_mj.fluid import Liquid, Water
+from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.cup_mover import CupMover, KeepClear
 from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
-from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.tasks.settled_water import SettledWater
+from softgym_mj.tasks.state import Episode, State
 from softgym_mj.tasks.water_scenes import PourScenes
-from softgym_mj.tasks.water_task import WaterTask, pose_entries
+from softgym_mj.tasks.water_task import WaterTask, cup_state, inside
 from softgym_mj.variations.store import generator
 
 ACTION_REPEAT = 8  # Facts 1.2.
@@ -43,11 +45,6 @@ MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] in a sim step: 1 m/s and 1.5 rad/s
 BASE_X = 0.5  # [m] Of an arm.
 SUCCESS = 0.95  # Ours: a twentieth of the water may be spilled or stay in the cup,
 AMOUNT_SUCCESS = 0.9  # or a tenth of the share be missing or too much.
-
-GOAL_ENTRIES = (
-    Entries("height of the red bar", 1, "m"),
-    Entries("share t to be poured", 1, ""),
-)
 
 # SoftGym's contrast of 20 in viscosity and 5 in cohesion to TransportWater (facts 1.3; 5, row 46),
 # at values with which the water leaves the lip as a jet and splashes little.
@@ -79,46 +76,26 @@ class PourWater(WaterTask):
         """The cup to pour into."""
         return self._target
 
-    def evaluate(self) -> Evaluation:
-        positions = self.water.positions()
-        in_cup, in_target = self.cup.inside(positions), self.target.inside(positions)
-        poured = float(np.mean(in_target & ~in_cup))
-        return Evaluation(
-            performance=poured,
-            reward_terms={"poured": poured},
-            measures={
-                "fraction_in_cup": float(np.mean(in_cup)),
-                "fraction_in_target": float(np.mean(in_target)),
-                "spilled": float(np.mean(~in_cup & ~in_target)),
-            },
-        )
+    def measure(self, state: State, episode: Episode) -> Measures:
+        shares = fractions(state, episode)
+        poured = shares.pop("poured")
+        return Measures(poured, rewards={"poured": poured}, info=shares)
 
-    def bounds(self) -> tuple[float, float]:
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return 0.0, 1.0
 
-    def water_state(self) -> np.ndarray:
-        positions, size, target = self.water.positions(), self.cup.size, self.target.size
-        return np.array(
-            [
-                *self.cup.pose,
-                *(size.length, size.width, size.height),
-                self.target.pose[0],
-                *(target.height, target.length, target.width),
-                self.highest(),
-                np.mean(self.target.inside(positions)),
-                np.mean(self.cup.inside(positions)),
-            ]
-        )
-
-    @property
-    def reduced_entries(self) -> tuple[Entries, ...]:
-        return (
-            *pose_entries("cup"),
-            Entries("target x", 1, "m"),
-            Entries("target height, inner length, inner width", 3, "m"),
-            Entries("height of the highest particle", 1, "m"),
-            Entries("fraction in the target's box, fraction in the cup's", 2, ""),
-        )
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        shares, size = fractions(state, episode), episode.shapes["target"]["size"]
+        top = metrics.highest(state.points["water"], state.present["water"])
+        both = metrics.columns(shares["fraction_in_target"], shares["fraction_in_cup"])
+        sides = metrics.columns(size[..., 2], size[..., 0], size[..., 1])
+        return {
+            **cup_state("cup", state, episode),
+            "target x [m]": state.poses["target"][..., :1],
+            "target height, inner length, inner width [m]": sides,
+            "height of the highest particle [m]": top[..., None],
+            "fraction in the target's box, fraction in the cup's": both,
+        }
 
 
 class PourWaterAmount(PourWater):
@@ -128,7 +105,6 @@ class PourWaterAmount(PourWater):
 
     def __init__(self, *parts, **settings):
         """Wires the task like `PourWater`."""
-        self._share, self._level = 1.0, 0.0
         super().__init__(*parts, **settings)
         self._mark = LevelMark()
         self.root_entity.attach(self._mark)
@@ -137,54 +113,55 @@ class PourWaterAmount(PourWater):
     def parts(self) -> dict[str, tuple[str, ...]]:
         return {**super().parts, "goal": (self._mark.mjcf_model.model,)}
 
-    @property
-    def share(self) -> float:
-        """Fraction of the water that ought to be poured."""
-        return self._share
-
-    @property
-    def level(self) -> float:
-        """Height of the red bar [m]."""
-        return self._level
-
-    def start(self, state: np.ndarray) -> None:
-        super().start(state)
-        self._share = goal_share(self.variation)
-        cup, target = self.cup.size, self.target.size
+    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Fraction `share` of the water that ought to be poured, height `level` [m] of the bar."""
+        share, cup, target = goal_share(variation), self.cup.size, self.target.size
         # Facts 3.3: the water of the upright cup, laid on the target's floor.
-        depth = self.highest() - cup.wall / 2
+        depth = points["water"][:, 2].max() - cup.wall / 2
         floors = (cup.length * cup.width) / (target.length * target.width)
-        self._level = target.wall / 2 + self._share * depth * floors
-        near = self.target.pose[0] - target.length / 2
-        self._mark.draw(near, self._level, target.width)
+        return {
+            "share": np.array(share),
+            "level": np.array(target.wall / 2 + share * depth * floors),
+        }
 
-    def evaluate(self) -> Evaluation:
-        whole = super().evaluate()
-        number = self.water.num_particles
-        missing = int(number * self._share) / number - whole.performance
-        return Evaluation(
-            performance=-abs(missing),
-            reward_terms={"missing": -abs(missing)},
-            measures={**whole.measures, "poured": whole.performance, "share": self._share},
-        )
+    def show(self, goal: dict[str, np.ndarray]) -> None:
+        near = self.target.pose[0] - self.target.size.length / 2
+        self._mark.draw(near, float(goal["level"]), self.target.size.width)
 
-    def bounds(self) -> tuple[float, float]:
-        return self.initial_performance, 0.0
+    def measure(self, state: State, episode: Episode) -> Measures:
+        whole, share = super().measure(state, episode), episode.goal["share"]
+        number = state.present["water"].sum(axis=-1)
+        missing = number * share // 1 / number - whole.performance
+        rewards = {"missing": -abs(missing)}
+        info = {**whole.info, "poured": whole.performance, "share": share}
+        return Measures(rewards["missing"], rewards, info)
 
-    def water_state(self) -> np.ndarray:
-        return np.array([*super().water_state(), self._level, self._share])
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
+        return episode.initial_performance, 0.0
 
-    def containers_state(self) -> np.ndarray:
-        """The cups (12,), then the height of the red bar [m] and t."""
-        return np.array([*super().containers_state(), self._level, self._share])
+    def _goal_state(self, episode: Episode) -> dict[str, Array]:
+        return {
+            "height of the red bar [m]": episode.goal["level"][..., None],
+            "share t to be poured": episode.goal["share"][..., None],
+        }
 
-    @property
-    def reduced_entries(self) -> tuple[Entries, ...]:
-        return (*super().reduced_entries, *GOAL_ENTRIES)
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        return {**super().reduced(state, episode), **self._goal_state(episode)}
 
-    @property
-    def tool_entries(self) -> tuple[Entries, ...]:
-        return (*super().tool_entries, *GOAL_ENTRIES)
+    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+        return {**super().beside(state, episode), **self._goal_state(episode)}
+
+
+def fractions(state: State, episode: Episode) -> dict[str, Array]:
+    """Shares (...) of the water by where it is."""
+    cup, target = (inside(name, state, episode) for name in ("cup", "target"))
+    marks = {
+        "poured": target & ~cup,
+        "fraction_in_cup": cup,
+        "fraction_in_target": target,
+        "spilled": ~cup & ~target,
+    }
+    return {k: metrics.fraction(v, state.present["water"]) for k, v in marks.items()}
 
 
 def goal_share(variation: int) -> float:

@@ -24,15 +24,16 @@ from softgym_mj import metrics
 from softgym_mj.entities.marks import GoalLine
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import check_name
+from softgym_mj.metrics import Array, Measures
 from softgym_mj.rendering.observables import Seen
 from softgym_mj.rendering.offscreen import CameraView, refresh_poses
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
 from softgym_mj.tasks.letters import LETTERS, letter
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
+from softgym_mj.tasks.state import Episode, State
 from softgym_mj.variations.store import VariationStore, generator
 
 ACTION_REPEAT = 8  # Facts 1.2.
@@ -59,7 +60,6 @@ class RopeConfiguration(FlexTask):
         self._rope, self._line = rope, GoalLine(rope.num_vertices)
         every = np.arange(rope.num_vertices)
         self._matched = rope.key_points if matching == "key_points" else every
-        self._goal = self._place(LETTERS[0])
         self._goal_rgb: np.ndarray | None = None
         super().__init__(
             Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS),
@@ -81,10 +81,13 @@ class RopeConfiguration(FlexTask):
         places = letter(name, self._rope.num_vertices)
         return np.column_stack([places, np.full(len(places), self._rope.radius)])
 
-    @property
-    def goal(self) -> np.ndarray:
+    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Where the vertices (n, 3) [m] ought to lie, from either end."""
-        return self._goal.copy()
+        return {"rope": self._place(goal_name(variation))}
+
+    def show(self, goal: dict[str, np.ndarray]) -> None:
+        self._goal_rgb = None
+        self._line.draw(goal["rope"][:, :2])
 
     @property
     def parts(self) -> dict[str, tuple[str, ...]]:
@@ -112,45 +115,31 @@ class RopeConfiguration(FlexTask):
         for geom in range(model.ngeom):
             if model.geom(geom).name.split("/")[0] in self._actor.model_names:
                 model.geom_group[geom] = HIDDEN_GROUP
-        self._rope.set_vertices(self._goal)
+        self._rope.set_vertices(self.episode.goal["rope"])
         image = CameraView("task", height, width).rgb(physics)
         data.qpos[:], data.qvel[:], model.geom_group[:] = qpos, qvel, groups
         refresh_poses(physics)
         return image
 
-    def start(self, state: np.ndarray) -> None:
-        super().start(state)
-        self._goal = self._place(goal_name(self.variation))
-        self._goal_rgb = None
-        self._line.draw(self._goal[:, :2])
+    def measure(self, state: State, episode: Episode) -> Measures:
+        points, goal = state.points["rope"], episode.goal["rope"]
+        matched = (points[..., self._matched, :], goal[..., self._matched, :])
+        performance = -metrics.matched_distance(*matched)
+        return Measures(performance, rewards={"matched_distance": performance})
 
-    def evaluate(self) -> Evaluation:
-        points, goal = self._rope.vertices()[self._matched], self._goal[self._matched]
-        performance = -metrics.matched_distance(points, goal)
-        return Evaluation(performance, reward_terms={"matched_distance": performance}, measures={})
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
+        return episode.initial_performance, 0.0
 
-    def bounds(self) -> tuple[float, float]:
-        return self.initial_performance, 0.0
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        keys, places = self._rope.key_points, {"rope": state.points, "goal": episode.goal}
+        return {
+            f"{len(keys)} key points of the {name} (x, y, z each) [m]": place["rope"][..., keys, :]
+            for name, place in places.items()
+        }
 
-    def key_points(self) -> np.ndarray:
-        keys = self._rope.key_points
-        return np.concatenate([self._rope.vertices()[keys], self._goal[keys]])
-
-    @property
-    def reduced_entries(self) -> tuple[Entries, ...]:
-        number = len(self._rope.key_points)
-        return (
-            Entries(f"{number} key points of the rope (x, y, z each)", 3 * number, "m"),
-            Entries(f"{number} key points of the goal (x, y, z each)", 3 * number, "m"),
-        )
-
-    @property
-    def tool_entries(self) -> tuple[Entries, ...]:
-        number = len(self._goal)
-        return (Entries(f"{number} vertices of the goal (x, y, z each)", 3 * number, "m"),)
-
-    def tool_state(self) -> np.ndarray:
-        return np.concatenate([self._goal.ravel(), self._actor.proprioception()])
+    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+        goal = episode.goal["rope"]
+        return {f"{goal.shape[-2]} vertices of the goal (x, y, z each) [m]": goal}
 
 
 def rope_configuration(

@@ -11,10 +11,12 @@ from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.fluid import Water
+from softgym_mj.metrics import Array
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import DeformableTask, Entries
+from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.state import Episode, State
 from softgym_mj.variations.randomization import Adjustable, Prefixed
 from softgym_mj.variations.store import generator
 
@@ -28,7 +30,7 @@ SUNK = 1e-3  # [m] By which points may start below the floor: those at rest lie 
 class SceneTask(DeformableTask):
     """A task on several objects, whose flexes grippers can hold.
 
-    A subclass defines `arrange`, where things start, and `evaluate`, what is wanted. One that
+    A subclass defines `arrange`, where things start, and `measure`, what is wanted. One that
     remembers something of its own, such as a counter, changes it in `after_step` and makes it part
     of snapshots, which are exact then, too:
 
@@ -40,7 +42,7 @@ class SceneTask(DeformableTask):
             super().set_state(state)  # Evaluates: what that needs is back by now.
 
     Full state: all points (x, y, z each [m]) of the objects in their order, then what the actor
-    senses of itself. Reduced state: `key_points`, then the same.
+    senses of itself. Reduced state: what `reduced` says, then the same.
     """
 
     _actor: Gripper
@@ -128,21 +130,19 @@ class SceneTask(DeformableTask):
                 of the class. A subclass, or a class with another name, starts elsewhere.
         """
 
-    def bounds(self) -> tuple[float, float]:
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
         """(lower, upper) performance that normalise to 0 and 1, lower < upper.
 
         Unless a task says otherwise its performance is from 0 to 1 by itself.
         """
         return 0.0, 1.0
 
-    def key_points(self) -> np.ndarray:
-        """Points (n, 3) [m] that the reduced state lists: the middle of every object."""
-        return np.array([_points(thing).mean(axis=0) for thing in self._objects])
-
-    @property
-    def reduced_entries(self) -> tuple[Entries, ...]:
-        names = (thing.mjcf_model.model for thing in self._objects)
-        return tuple(Entries(f"middle of the {name} (x, y, z)", 3, "m") for name in names)
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        """The middle of every object, unless a task says otherwise."""
+        return {
+            f"middle of the {name} (x, y, z) [m]": points.mean(axis=-2)
+            for name, points in state.points.items()
+        }
 
     # ------------------------------------------------------------------ parts
 
@@ -174,12 +174,14 @@ class SceneTask(DeformableTask):
 
     def initialize_episode(self, physics, random_state):
         super().initialize_episode(physics, random_state)
-        bounds = np.asarray(self.bounds(), float)
+        bounds = np.asarray(self.bounds(self.episode), float)
         if bounds.shape != (2,) or not np.isfinite(bounds).all() or bounds[0] >= bounds[1]:
-            raise OutOfRangeError("bounds()", self.bounds(), "(lower, upper) with lower < upper")
-        points = np.asarray(self.key_points(), float)
-        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-            raise OutOfRangeError("key_points()", points.shape, "finite array of shape (n, 3)")
+            found = self.bounds(self.episode)
+            raise OutOfRangeError("bounds()", found, "(lower, upper) with lower < upper")
+        for name, found in self.reduced(self.state(), self.episode).items():
+            values = np.asarray(found, float)
+            if values.ndim > 2 or not np.isfinite(values).all():
+                raise OutOfRangeError(f"reduced()[{name!r}]", values, "finite numbers (n,)")
 
     def _check_points(self):
         """Raises `OutOfRangeError` unless everything starts above the floor, if there is one."""
@@ -194,16 +196,11 @@ class SceneTask(DeformableTask):
                 valid = "on the floor or above it [m]: `arrange` puts it there"
                 raise OutOfRangeError(f"lowest point of {name!r}", height, valid)
 
-    def points(self) -> np.ndarray:
-        return np.concatenate([_points(thing) for thing in self._objects])
+    def object_points(self) -> dict[str, np.ndarray]:
+        return {thing.mjcf_model.model: _points(thing) for thing in self._objects}
 
-    def tool_state(self) -> np.ndarray:
+    def sensed(self) -> np.ndarray:
         return self._actor.proprioception()
-
-    def reduced_state(self) -> np.ndarray:
-        """The key points (x, y, z each) [m], then what the actor senses of itself."""
-        points = np.asarray(self.key_points(), float).ravel()
-        return np.concatenate([points, self._actor.proprioception()])
 
     @property
     def state_layout(self) -> dict[str, object]:

@@ -18,13 +18,14 @@ from typing import Unpack
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
+from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import Evaluation
 from softgym_mj.tasks.cloth_task import ClothTask
 from softgym_mj.tasks.flex_task import Layout
 from softgym_mj.tasks.initializers import CrumpledCloth
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.state import Episode, State
 
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.
@@ -40,13 +41,14 @@ class SpreadCloth(ClothTask):
         layout = Layout("cloth", WORKSPACE, RESET_HEIGHT, SUCCESS)
         super().__init__(layout, cloth, actor, initializer, **settings)
 
-    def evaluate(self) -> Evaluation:
-        area = metrics.covered_area(self.cloth.vertices(), self.cloth.triangles)
-        return Evaluation(performance=area, reward_terms={"covered_area": area}, measures={})
+    def measure(self, state: State, episode: Episode) -> Measures:
+        triangles = episode.shapes["cloth"]["triangles"]
+        area = metrics.covered_area(state.points["cloth"], triangles)
+        return Measures(area, rewards={"covered_area": area})
 
-    def bounds(self) -> tuple[float, float]:
-        width, depth = self.cloth.size
-        return self.initial_performance, width * depth
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
+        size = episode.shapes["cloth"]["size"]
+        return episode.initial_performance, size[..., 0] * size[..., 1]
 
 
 def spread_cloth(

@@ -14,16 +14,15 @@ around the centre of the rope's bounding box. End: horizon only.
 from collections.abc import Mapping, Sequence
 from typing import Unpack
 
-import numpy as np
-
 from softgym_mj import metrics
 from softgym_mj.entities.rope import LENGTH, Rope
+from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.state import Episode, State
 from softgym_mj.variations.store import VariationStore
 
 ACTION_REPEAT = 8  # Facts 1.2.
@@ -52,29 +51,26 @@ class StraightenRope(FlexTask):
         """The rope."""
         return self._rope
 
-    def evaluate(self) -> Evaluation:
-        distance = self._rope.end_distance()
+    def measure(self, state: State, episode: Episode) -> Measures:
+        points = state.points["rope"]
+        distance = metrics.distance(points[..., 0, :], points[..., -1, :])
         performance = -abs(distance - LENGTH)
-        return Evaluation(
-            performance=performance,
-            reward_terms={"end_distance_error": performance},
-            measures={"end_point_distance": distance},
+        return Measures(
+            performance,
+            rewards={"end_distance_error": performance},
+            info={"end_point_distance": distance},
         )
 
     def diagnostics(self) -> dict[str, float | int]:
-        initial = metrics.normalize(self.initial_performance, *self.bounds())
+        initial = self.normalized(self.episode.initial_performance)
         return {**super().diagnostics(), "initial_normalized_performance": initial}
 
-    def bounds(self) -> tuple[float, float]:
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return -LENGTH, 0.0
 
-    def key_points(self) -> np.ndarray:
-        return self._rope.vertices()[self._rope.key_points]
-
-    @property
-    def reduced_entries(self) -> tuple[Entries, ...]:
-        number = len(self._rope.key_points)
-        return (Entries(f"{number} key points (x, y, z each)", 3 * number, "m"),)
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        keys = self._rope.key_points
+        return {f"{len(keys)} key points (x, y, z each) [m]": state.points["rope"][..., keys, :]}
 
 
 def straighten_rope(

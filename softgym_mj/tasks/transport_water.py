@@ -16,17 +16,17 @@ End: horizon only.
 from collections.abc import Mapping, Sequence
 from typing import Unpack
 
-import numpy as np
-
+from softgym_mj import metrics
 from softgym_mj.entities.cup import Cup
 from softgym_mj.fluid import Liquid, Water
+from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.cup_mover import CupMover, Track
 from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
-from softgym_mj.tasks.base import Entries, Evaluation
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.tasks.settled_water import SettledWater
+from softgym_mj.tasks.state import Episode, State
 from softgym_mj.tasks.water_scenes import TransportScenes
-from softgym_mj.tasks.water_task import WaterTask
+from softgym_mj.tasks.water_task import WaterTask, inside
 
 ACTION_REPEAT = 8  # Facts 1.2.
 GOAL = 1.2  # [m]
@@ -50,42 +50,28 @@ class TransportWater(WaterTask):
         """Wires the task; `settings` as in `WaterTask`."""
         super().__init__("transport_water", SUCCESS, initializer, water, [cup], actor, **settings)
 
-    def _fraction_inside(self) -> float:
-        return float(np.mean(self.cup.inside(self.water.positions())))
+    def measure(self, state: State, episode: Episode) -> Measures:
+        away = abs(GOAL - state.poses["cup"][..., 0])
+        share = self._fraction_inside(state, episode)
+        rewards = {"distance": -away, "spill": SPILL_PENALTY * (share - 1.0)}
+        info = {"distance_to_target": away, "spilled": 1.0 - share}
+        return Measures(sum(rewards.values()), rewards, info)
 
-    def evaluate(self) -> Evaluation:
-        distance = float(abs(GOAL - self.cup.pose[0]))
-        inside = self._fraction_inside()
-        terms = {"distance": -distance, "spill": SPILL_PENALTY * (inside - 1.0)}
-        return Evaluation(
-            performance=sum(terms.values()),
-            reward_terms=terms,
-            measures={"distance_to_target": distance, "spilled": 1.0 - inside},
-        )
+    def _fraction_inside(self, state: State, episode: Episode) -> Array:
+        return metrics.fraction(inside("cup", state, episode), state.present["water"])
 
-    def bounds(self) -> tuple[float, float]:
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return -GOAL, 0.0
 
-    def water_state(self) -> np.ndarray:
-        size, inside = self.cup.size, self._fraction_inside()
-        return np.array(
-            [
-                self.cup.pose[0],
-                *(size.length, size.width, size.height),
-                self.highest(),
-                inside,
-                1.0 - inside,
-            ]
-        )
-
-    @property
-    def reduced_entries(self) -> tuple[Entries, ...]:
-        return (
-            Entries("cup x", 1, "m"),
-            Entries("cup inner length, width, height", 3, "m"),
-            Entries("height of the highest particle", 1, "m"),
-            Entries("fraction in the cup, fraction outside", 2, ""),
-        )
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        share = self._fraction_inside(state, episode)
+        top = metrics.highest(state.points["water"], state.present["water"])
+        return {
+            "cup x [m]": state.poses["cup"][..., :1],
+            "cup inner length, width, height [m]": episode.shapes["cup"]["size"][..., :3],
+            "height of the highest particle [m]": top[..., None],
+            "fraction in the cup, fraction outside": metrics.columns(share, 1.0 - share),
+        }
 
 
 def transport_water(

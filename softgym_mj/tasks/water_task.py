@@ -1,16 +1,18 @@
 """`WaterTask`: what the tasks on water in cups share."""
 
-import abc
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
+from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.fluid import Water
+from softgym_mj.metrics import Array
 from softgym_mj.robots.cup_mover import CupMover
-from softgym_mj.tasks.base import Entries
 from softgym_mj.tasks.settled_water import SettledWater
+from softgym_mj.tasks.state import Episode, State
 from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.tasks.water_scenes import LARGEST_COUNT, Scene, num_particles
 from softgym_mj.variations.store import VariationStore
@@ -18,13 +20,14 @@ from softgym_mj.variations.store import VariationStore
 MIDDLE = 0.6  # [m] Cups move and stand between x = -0.25 and 1.4.
 
 
-def pose_entries(name: str) -> tuple[Entries, ...]:
-    """The entries of `Cup.state`."""
-    return (
-        Entries(f"{name} x, z", 2, "m"),
-        Entries(f"{name} theta", 1, "rad"),
-        Entries(f"{name} inner length, width, height", 3, "m"),
-    )
+def cup_state(name: str, state: State, episode: Episode) -> dict[str, Array]:
+    """A cup's pose and inner measures by what they are."""
+    pose, size = state.poses[name], episode.shapes[name]["size"]
+    return {
+        f"{name} x, z [m]": pose[..., :3:2],
+        f"{name} theta [rad]": pose[..., 7:],
+        f"{name} inner length, width, height [m]": size[..., :3],
+    }
 
 
 class WaterTask(StoredTask):
@@ -114,28 +117,26 @@ class WaterTask(StoredTask):
         self._actor.place(np.zeros(3))
         self._water.set_particles(state)
 
-    def points(self) -> np.ndarray:
-        return self._water.positions()
+    def object_points(self) -> dict[str, np.ndarray]:
+        return {"water": self._water.positions()}
 
-    def tool_state(self) -> np.ndarray:
-        return np.concatenate([self.containers_state(), self._actor.arm_state()])
+    def poses(self) -> dict[str, np.ndarray]:
+        return {cup.mjcf_model.model: cup.whole_pose for cup in self._cups}
 
-    def containers_state(self) -> np.ndarray:
-        """What the full state tells of the cups: `Cup.state` (6,) of each."""
-        return np.concatenate([cup.state() for cup in self._cups])
+    def shapes(self) -> dict[str, dict[str, np.ndarray]]:
+        return {
+            cup.mjcf_model.model: {"size": np.array(dataclasses.astuple(cup.size))}
+            for cup in self._cups
+        }
 
-    @property
-    def tool_entries(self) -> tuple[Entries, ...]:
-        names = [cup.mjcf_model.model for cup in self._cups]
-        return tuple(entry for name in names for entry in pose_entries(name))
+    def sensed(self) -> np.ndarray:
+        return self._actor.arm_state()
 
-    @abc.abstractmethod
-    def water_state(self) -> np.ndarray:
-        """The few numbers (n,) that describe water and cups, as in the task's docstring."""
+    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+        cups = (cup_state(name, state, episode) for name in state.poses)
+        return {name: values for cup in cups for name, values in cup.items()}
 
-    def reduced_state(self) -> np.ndarray:
-        return np.concatenate([self.water_state(), self._actor.arm_state()])
 
-    def highest(self) -> float:
-        """Height [m] of the highest particle anywhere, splashes included."""
-        return float(self._water.positions()[:, 2].max())
+def inside(name: str, state: State, episode: Episode) -> Array:
+    """Which particles (..., n) are in a cup's box."""
+    return metrics.inside(state.points["water"], state.poses[name], episode.shapes[name]["size"])

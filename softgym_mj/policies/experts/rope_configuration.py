@@ -29,7 +29,7 @@ class RopeConfiguration(PickerExpert):
 
     def _goal(self) -> np.ndarray:
         """The letter (41, 3) [m] from the end that suits the rope."""
-        goal, vertices = self._env.task.goal, self._target.vertices()
+        goal, vertices = self._env.task.episode.goal["rope"], self._target.vertices()
         errors = [np.linalg.norm(vertices - g, axis=1).sum() for g in (goal, goal[::-1])]
         return goal if errors[0] <= errors[1] else goal[::-1]
 
