@@ -14,7 +14,7 @@ from softgym_mj.tasks.straighten_rope import WORKSPACE
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
 VARIATION = 803
-ALIKE = 1e-4  # [m] How alike a step is in a mirror: the solver stops at a tolerance.
+ALIKE = 2e-4  # [m] How alike a step is in a mirror: rows are solved in another order there.
 
 
 @pytest.fixture(name="env", scope="module")

@@ -309,12 +309,12 @@ class DeformableTask(composer.Task, abc.ABC):
         }
 
     def reduced_state(self) -> np.ndarray:
-        """The numbers of `reduced`, then what the actor senses of itself."""
+        """The numbers of `reduced`, then what the actor senses of itself: (n,)."""
         state = self.state()
         return flat([*self.reduced(state, self.episode).values(), state.sensed])
 
     def full_state(self) -> np.ndarray:
-        """All points (x, y, z each), zeros up to `max_points`, `beside`, what the actor senses."""
+        """All points (x, y, z each), zeros, `beside`, what the actor senses: (n,)."""
         state = self.state()
         points = flat(state.points.values())
         padding = np.zeros(3 * self._max_points - points.size)
