@@ -71,6 +71,7 @@ class Rope(Flex):
         elements = np.column_stack([np.arange(count - 1), np.arange(1, count)])
         flexcomp = self._add_flexcomp(points, elements, radius=radius)
         flexcomp.contact.condim = 3
+        self._key_points = np.round(np.linspace(0, count - 1, NUM_KEY_POINTS)).astype(int)
         self._set_parameters()
 
     @property
@@ -99,7 +100,7 @@ class Rope(Flex):
     @property
     def key_points(self) -> np.ndarray:
         """Vertex indices (10,), evenly spaced from end to end; SoftGym's are 0, 4, ..., 32, 40."""
-        return np.round(np.linspace(0, self.num_vertices - 1, NUM_KEY_POINTS)).astype(int)
+        return self._key_points
 
     def straight(self) -> np.ndarray:
         """Vertex positions (num_vertices, 3) [m] of the straight rope on the floor."""

@@ -8,7 +8,6 @@ import dm_env
 import mujoco
 import numpy as np
 from dm_control import composer
-from dm_control.composer import observation
 
 from softgym_mj.exceptions import EpisodeEndedError, OutOfRangeError, SnapshotError, check_count
 from softgym_mj.rendering.framebuffer import SizedPhysics
@@ -109,15 +108,10 @@ class Environment(composer.Environment):
         with blank_images():
             super()._recompile_physics_and_update_observables()
         self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
-        self._timestep = self._model.opt.timestep
-        physics_steps = self._n_sub_steps // self._task.action_repeat
-        self._fractions = [(i + 1) / physics_steps for i in range(physics_steps)]
 
-    def _make_observation_updater(self):
-        # Hooks and observables run once per sim step, however many physics steps that takes.
-        return observation.Updater(
-            self._task.observables, self._task.action_repeat, self._strip_singleton_obs_buffer_dim
-        )
+    def _substep(self, action):
+        for _ in range(self._task.actor.sim_steps or 1):  # What some actors need for an action.
+            super()._substep(action)
 
     # ------------------------------------------------------------------ properties
 
@@ -188,31 +182,12 @@ class Environment(composer.Environment):
         """
         if self._reset_next_step:
             return self.reset()
-        task, actor, physics = self._task, self._task.actor, self._physics_proxy
-        action = actor.checked_action(action)
-        hooks, updater, random_state = self._hooks, self._observation_updater, self._random_state
-        hooks.before_step(physics, action, random_state)
-        updater.prepare_for_next_control_step()
-        actor.command(action)
-        with self._physics.check_invalid_state():
-            for i in range(actor.sim_steps or task.action_repeat):
-                if 0 < i < task.action_repeat:
-                    updater.update()
-                hooks.before_substep(physics, action, random_state)
-                actor.plan()
-                for fraction in self._fractions:
-                    actor.move(fraction, self._timestep)
-                    mujoco.mj_step(self._model, self._data)
-                hooks.after_substep(physics, random_state)
-        hooks.after_step(physics, random_state)
-        updater.update()
+        timestep = super().step(action)
         self._step_count += 1
-        reward = task.get_reward(physics)
-        discount = task.get_discount(physics)
-        ended = task.should_terminate_episode(physics) or self._step_count >= self._horizon
-        self._reset_next_step = ended
-        step_type = dm_env.StepType.LAST if ended else dm_env.StepType.MID
-        return dm_env.TimeStep(step_type, reward, discount, updater.get_observation())
+        if self._step_count >= self._horizon:
+            self._reset_next_step = True
+            timestep = timestep._replace(step_type=dm_env.StepType.LAST)
+        return timestep
 
     # ------------------------------------------------------------------ snapshots
 
@@ -270,7 +245,7 @@ class Environment(composer.Environment):
 
 def _edits_mjcf(part: composer.Task | composer.Entity) -> bool:
     """Whether a task or an entity edits the model before every episode."""
-    base = composer.Task if isinstance(part, composer.Task) else composer.Entity
+    base = DeformableTask if isinstance(part, composer.Task) else composer.Entity
     return type(part).initialize_episode_mjcf is not base.initialize_episode_mjcf
 
 

@@ -3,6 +3,7 @@
 import mujoco
 from dm_control import mjcf
 from dm_control.mujoco import engine
+from dm_control.rl import control
 
 
 class SizedPhysics(mjcf.Physics):
@@ -12,6 +13,24 @@ class SizedPhysics(mjcf.Physics):
     """
 
     _size = (0, 0)  # (height, width) of the buffer [pixels].
+    _warned = False
+
+    def step(self, nstep: int = 1) -> None:
+        """As in the base class, which takes longer to look for new warnings than a rope's step.
+
+        Raises:
+            PhysicsError: if the state is invalid.
+        """
+        if self._warned:  # From now on it is a question of which are new.
+            return super().step(nstep)
+        mujoco.mj_step(self.model.ptr, self.data.ptr, nstep)
+        numbers = self.data.ptr.warning.number
+        if numbers.any():
+            self._warned = True
+            names = [
+                name for name, n in zip(mujoco.mjtWarning.__members__, numbers, strict=False) if n
+            ]
+            raise control.PhysicsError(f"physics state is invalid: warnings {', '.join(names)}")
 
     @property
     def contexts(self) -> engine.Contexts:

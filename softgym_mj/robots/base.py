@@ -20,6 +20,8 @@ class Actor(abc.ABC):
     In an env step: `command` once, then `plan` in every sim step and `move` in every physics step.
     """
 
+    # Whether actions take as many sim steps as they need.
+    varies = False
     # Env steps of an episode; None: as many as the task's record says.
     horizon: int | None = None
     # What the name of a task's camera ends with if the actor would stand in the way of the usual.

@@ -29,7 +29,7 @@ from softgym_mj.tasks.measures import check_names, checked
 from softgym_mj.tasks.observations import enabled_names
 from softgym_mj.tasks.state import Episode, State
 from softgym_mj.variations.randomization import Adjustable, Domain
-from softgym_mj.variations.store import check_variation
+from softgym_mj.variations.store import SPLITS, check_variation
 
 
 class TaskSettings(TypedDict, total=False):
@@ -48,7 +48,7 @@ class DeformableTask(composer.Task, abc.ABC):
     and where things start.
 
     Attributes:
-        driven: whether an `Environment` passes actions on to the actor.
+        driven: whether an `Environment` makes as many sim steps as an action takes.
     """
 
     driven = False
@@ -99,8 +99,10 @@ class DeformableTask(composer.Task, abc.ABC):
         )
         for name in enabled_names(observation, self._observables):
             self._observables[name].enabled = True
-        self._variation = 0
+        self._substep = 0  # Of the env step.
+        self._variation, self._chosen = 0, False
         self._episode: Episode | None = None
+        self._present: dict[str, np.ndarray] = {}
         self._measures: Measures | None = None
         self._named = False  # Whether the names in info have been checked.
         self._arguments: dict[str, str] = {}
@@ -219,14 +221,15 @@ class DeformableTask(composer.Task, abc.ABC):
 
     def choose_variation(self, variation: int) -> bool:
         """Sets the variation of the next episode; True when the model must be recompiled."""
-        self._variation = check_variation(variation)
+        self._variation, self._chosen = check_variation(variation), True
         resized = self.resize(self._variation)
         if not isinstance(resized, (bool, np.bool_)):
             raise OutOfRangeError("resize()", resized, "True if the model changed, else False")
         return self._domain.apply(self._variation) or resized
 
     def after_compile(self, physics, random_state):
-        self._episode = None  # It has other sizes.
+        self._episode, self._present = None, {}  # Sizes are others.
+        physics.legacy_step = False  # Steps are whole: what holds vertices sets velocities before.
 
     def _new_episode(self) -> Episode:
         points = self.object_points()
@@ -251,19 +254,40 @@ class DeformableTask(composer.Task, abc.ABC):
     def state(self) -> State:
         """The current state."""
         points = self.object_points()
-        present = {name: np.ones(len(array), bool) for name, array in points.items()}
-        return State(points, present, self.poses(), self.sensed())
+        if not self._present:
+            self._present = {name: np.ones(len(array), bool) for name, array in points.items()}
+        return State(points, self._present, self.poses(), self.sensed())
 
     def _measured(self) -> Measures:
         return checked(self.measure(self.state(), self.episode))
 
+    def initialize_episode_mjcf(self, random_state):
+        if not self._chosen:  # By nobody, as in composer's own Environment.
+            self.choose_variation(int(random_state.choice(SPLITS["train"])))
+        self._chosen = False
+
+    def set_timesteps(self, control_timestep: float, physics_timestep: float) -> None:
+        super().set_timesteps(control_timestep, physics_timestep)
+        self._timestep = physics_timestep  # Looked up in the model, it would take long.
+        self._parts_of_sim_step = round(SIM_STEP / physics_timestep)
+
     def before_step(self, physics, action, random_state):
-        # Our environment drives the actor; the base class would write `ctrl`.
-        if not self.driven:
+        actor = self._actor
+        action = actor.checked_action(action)
+        if actor.varies and not self.driven:
             raise UndrivenError(
-                "composer's own Environment does not drive the actor of a DeformableTask: "
-                "run it in softgym_mj.envs.environment.Environment, or by softgym_mj.load"
+                "actions of this actor take as long as they need: run the task in "
+                "softgym_mj.envs.environment.Environment, or by softgym_mj.load"
             )
+        actor.command(action)
+        self._substep = 0
+
+    def before_substep(self, physics, action, random_state):
+        part = self._substep % self._parts_of_sim_step
+        if part == 0:
+            self._actor.plan()
+        self._actor.move((part + 1) / self._parts_of_sim_step, self._timestep)
+        self._substep += 1
 
     def after_step(self, physics, random_state):
         self._measures = self._measured()

@@ -71,5 +71,5 @@ def stack(values: Sequence) -> Array:
     largest = np.max([array.shape for array in arrays], axis=0).astype(int)
     whole = np.zeros((len(arrays), *largest), arrays[0].dtype)
     for i, array in enumerate(arrays):
-        whole[i, *map(slice, array.shape)] = array
+        whole[i, ...][tuple(slice(size) for size in array.shape)] = array
     return whole
