@@ -15,7 +15,7 @@ from collections.abc import Iterable
 
 import softgym_mj
 from softgym_mj.envs.environment import Environment
-from softgym_mj.jobs.executors import make_workers
+from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.files import write_whole
 from softgym_mj.policies.factory import make_policy
 
@@ -58,8 +58,8 @@ def play(tasks: Iterable[str], variations: Iterable[int], jobs: int, out: pathli
     scores: Scores = json.loads(out.read_text()) if out.exists() else {}
     wanted = [(task, actor, v) for v in variations for task in tasks for actor in ACTORS]
     calls = [(t, a, v) for t, a, v in wanted if str(v) not in scores.get(t, {}).get(a, {})]
-    with make_workers(jobs, None) as workers:
-        for index, value in workers.results(score, calls):
+    with make_executor(jobs, None) as executor:
+        for index, value in executor.results(score, calls):
             task, actor, variation = calls[index]
             scores.setdefault(task, {}).setdefault(actor, {})[str(variation)] = value
             write_whole(out, json.dumps(scores, indent=1).encode())

@@ -18,7 +18,7 @@ import time
 import numpy as np
 
 import softgym_mj
-from softgym_mj.jobs.executors import Here, Processes, Workers
+from softgym_mj.jobs.executors import Executor, ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import Rollouts
 
 SETTINGS = {"rope": {}, "cloth": {}, "water": {"draw": "none"}}
@@ -26,7 +26,7 @@ SEQUENCES, HORIZON = {"rope": 60, "cloth": 12, "water": 24}, 15
 VARIATION = 803
 
 
-class Threads(Workers):
+class Threads(Executor):
     """Threads with an environment each: MuJoCo releases the interpreter's lock in a step."""
 
     def __init__(self, number: int):
@@ -69,12 +69,13 @@ def measure(task: str, turns: int) -> dict[str, float]:
     snapshot = env.get_state()
     size = env.task.actor.action_size
     sequences = np.random.default_rng(0).uniform(-1, 1, (SEQUENCES[kind], HORIZON, size))
-    workers = {
-        "here": Here(), "processes_1": Processes(1), "processes_2": Processes(2),
-        "threads_1": Threads(1), "threads_2": Threads(2),
-    }  # fmt: skip
+    executors = {
+        "here": SerialExecutor(),
+        **{f"processes_{number}": ProcessExecutor(number) for number in (1, 2)},
+        **{f"threads_{number}": Threads(number) for number in (1, 2)},
+    }
     ways = {"plain": functools.partial(step_through, env)}
-    for name, own in workers.items():
+    for name, own in executors.items():
         ways[name] = Rollouts(task, settings, own).returns
     expected = {name: way(snapshot, sequences) for name, way in ways.items()}  # Warms up, too.
     for name, returns in expected.items():
@@ -85,7 +86,7 @@ def measure(task: str, turns: int) -> dict[str, float]:
             start = time.perf_counter()
             way(snapshot, sequences)
             seconds[name].append(time.perf_counter() - start)
-    for own in workers.values():
+    for own in executors.values():
         own.close()
     steps = sequences.shape[0] * HORIZON
     rates = {f"{name}_per_second": steps / float(np.median(s)) for name, s in seconds.items()}

@@ -14,7 +14,7 @@ import shutil
 
 import softgym_mj
 from softgym_mj.evaluation import Configuration, Planning, evaluate
-from softgym_mj.jobs.executors import make_workers
+from softgym_mj.jobs.executors import make_executor
 
 RESULTS = pathlib.Path(__file__).parent.parent / "docs" / "results"
 
@@ -40,8 +40,8 @@ def main() -> None:
         if result["task"] not in arguments.tasks:
             continue
         folder = arguments.folder / file.stem
-        with make_workers(arguments.jobs) as workers:
-            found = evaluate(configuration(result), folder, workers)
+        with make_executor(arguments.jobs) as executor:
+            found = evaluate(configuration(result), folder, executor)
         shutil.copy(folder / "result.json", file)
         old, new = (r["summary"]["mean"] for r in (result, found))
         print(f"{file.stem}: {old:.3f} before, {new:.3f} now", flush=True)

@@ -5,7 +5,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
-from softgym_mj.jobs.executors import Here, Processes
+from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies import planners
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
@@ -126,9 +126,9 @@ def test_rollouts_are_what_the_environment_does(task):
     if sequences.shape[2] == 8:
         sequences[:, :, 3] = 1.0  # One gripper closes, whatever is there.
     snapshot = env.get_state()
-    returns = Rollouts(task, settings, Here()).returns(snapshot, sequences)
-    with Processes(2) as workers:
-        shared = Rollouts(task, settings, workers).returns(snapshot, sequences)
+    returns = Rollouts(task, settings, SerialExecutor()).returns(snapshot, sequences)
+    with ProcessExecutor(2) as executor:
+        shared = Rollouts(task, settings, executor).returns(snapshot, sequences)
     np.testing.assert_array_equal(shared, returns)
     expected = []
     for sequence in sequences:
@@ -144,7 +144,9 @@ def test_returns_end_with_the_episode():
     env.reset(800)
     env.step(np.zeros(8))
     sequences = actions(env, 6)[None]
-    returns = Rollouts("straighten_rope", settings, Here()).returns(env.get_state(), sequences)
+    returns = Rollouts("straighten_rope", settings, SerialExecutor()).returns(
+        env.get_state(), sequences
+    )
     assert returns == [sum(env.step(action).reward for action in sequences[0, :2])]
 
 
@@ -162,7 +164,7 @@ def play(env, policy, steps):
 
 def make_policy(env, **settings):
     planner = make_planner("icem", "straighten_rope", 4, budget=80, iterations=2)
-    rollouts = Rollouts("straighten_rope", {}, Here())
+    rollouts = Rollouts("straighten_rope", {}, SerialExecutor())
     return ModelPredictivePolicy(env, planner, rollouts, replan_every=2, **settings)
 
 
@@ -194,14 +196,16 @@ def test_a_journal_of_something_else_is_an_error(tmp_path):
             play(env, make_policy(env, journal=journal), 1)
     with pytest.raises(OutOfRangeError, match="replan_every=5"):
         planner = make_planner("cem", "straighten_rope", 4, budget=40, iterations=1)
-        ModelPredictivePolicy(env, planner, Rollouts("straighten_rope", {}, Here()), replan_every=5)
+        ModelPredictivePolicy(
+            env, planner, Rollouts("straighten_rope", {}, SerialExecutor()), replan_every=5
+        )
 
 
 def test_planning_straightens_a_rope():
     env = softgym_mj.load("straighten_rope", split="all", horizon=40)
     planner = make_planner("icem", "straighten_rope", 5, budget=150, iterations=3)
     policy = ModelPredictivePolicy(
-        env, planner, Rollouts("straighten_rope", {}, Here()), replan_every=5
+        env, planner, Rollouts("straighten_rope", {}, SerialExecutor()), replan_every=5
     )
     timestep = env.reset(801)
     start = env.info()["normalized_performance"]

@@ -17,7 +17,7 @@ from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, Planning, evaluate
 from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
-from softgym_mj.jobs.executors import Processes, RayCluster
+from softgym_mj.jobs.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.factory import make_policy
 
 SHORT = {"horizon": 6}
@@ -52,17 +52,17 @@ def test_an_episode_is_scored_at_its_last_step(tmp_path):
     assert json.loads((tmp_path / "result.json").read_text()) == result
 
 
-def test_the_result_does_not_depend_on_the_workers(tmp_path):
+def test_the_result_does_not_depend_on_the_executor(tmp_path):
     configurations = {"random": SIMPLE, "icem": PLANNED}
     expected = {}
     for name, configuration in configurations.items():
         evaluate(configuration, tmp_path / "here" / name)
         expected[name] = (tmp_path / "here" / name / "result.json").read_bytes()
     # Both with the same workers, whose start takes longer than what they do.
-    for kind in (Processes, RayCluster):
-        with kind(number=2) as workers:
+    for kind in (ProcessExecutor, RayExecutor):
+        with kind(number=2) as executor:
             for name, configuration in configurations.items():
-                evaluate(configuration, tmp_path / kind.__name__ / name, workers)
+                evaluate(configuration, tmp_path / kind.__name__ / name, executor)
                 result = tmp_path / kind.__name__ / name / "result.json"
                 assert result.read_bytes() == expected[name]
 
@@ -137,8 +137,8 @@ def test_a_worker_that_is_killed_costs_nothing(kind, tmp_path, monkeypatch):
     configuration = Configuration(
         "straighten_rope", "tests.test_evaluation:deadly", (800, 801, 802), (0, 1), SHORT
     )
-    with Processes(2) if kind == "processes" else RayCluster(number=2) as workers:
-        evaluate(configuration, tmp_path / "killed_once", workers)
+    with ProcessExecutor(2) if kind == "processes" else RayExecutor(number=2) as executor:
+        evaluate(configuration, tmp_path / "killed_once", executor)
     assert flag.exists()
     evaluate(configuration, tmp_path / "whole")
     assert (tmp_path / "killed_once" / "result.json").read_bytes() == (

@@ -12,7 +12,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.evaluation import Configuration, Planning, evaluate
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError, SoftGymError, UnknownNameError
 from softgym_mj.fluid import Liquid, Resolution, Water
-from softgym_mj.jobs.executors import Here, Processes
+from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import Rollouts
 from softgym_mj.robots.factory import make_gripper
 from softgym_mj.tasks import Measures, SceneTask, TaskSettings
@@ -215,19 +215,21 @@ def rewarding(value, dims=DIMS):
     return Mine
 
 
-@pytest.mark.parametrize("workers", [Here(), Processes(1)], ids=["here", "processes"])
-def test_the_task_that_was_registered_last_is_played(workers, register, tmp_path):
+@pytest.mark.parametrize(
+    "executor", [SerialExecutor(), ProcessExecutor(1)], ids=["serial", "processes"]
+)
+def test_the_task_that_was_registered_last_is_played(executor, register, tmp_path):
     planning = Planning(horizon=2, budget=20, iterations=1, replan_every=2)
-    with workers:
+    with executor:
         for value, dims in ((0.5, DIMS), (0.25, DIMS), (0.75, (20, 20))):
             register("mine", rewarding(value, dims), horizon=2)
             env = softgym_mj.load("mine")
             env.reset(800)
-            returns = Rollouts("mine", {}, workers).returns(env.get_state(), np.zeros((2, 2, 8)))
+            returns = Rollouts("mine", {}, executor).returns(env.get_state(), np.zeros((2, 2, 8)))
             assert returns.tolist() == [2 * value, 2 * value]
             for policy in ("zero", "cem"):
                 configuration = Configuration(
                     "mine", policy, (800,), planning=planning if policy == "cem" else None
                 )
-                result = evaluate(configuration, str(tmp_path / f"{policy}{value}"), workers)
+                result = evaluate(configuration, str(tmp_path / f"{policy}{value}"), executor)
                 assert result["episodes"][0]["return"] == 2 * value

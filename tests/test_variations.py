@@ -15,7 +15,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError, UnknownNameError
-from softgym_mj.jobs.executors import make_workers
+from softgym_mj.jobs.executors import make_executor
 from softgym_mj.variations import store as variations
 
 SPECIFICATION = '{"initializer": "test"}'
@@ -387,7 +387,7 @@ def test_files_do_not_depend_on_jobs(store, initializer, jobs, tmp_path, monkeyp
     indices = [3, 0, 999, 17, 4]
     expected = expected_contents(initializer, indices, tmp_path / "reference", monkeypatch)
     seen = []
-    assert store.generate_missing(indices, make_workers(jobs), progress=seen.append) == 5
+    assert store.generate_missing(indices, make_executor(jobs), progress=seen.append) == 5
     assert contents(store.folder) == expected
     assert sorted(expected) == ["0000.npz", "0003.npz", "0004.npz", "0017.npz", "0999.npz"]
     assert sorted(seen) == sorted(indices)
@@ -402,19 +402,19 @@ def test_generation_resumes(store, initializer, jobs, tmp_path, monkeypatch):
     damage(store.file(5))
     seen = []
     count = len(calls(initializer))
-    assert store.generate_missing(range(6), make_workers(jobs), progress=seen.append) == 4
+    assert store.generate_missing(range(6), make_executor(jobs), progress=seen.append) == 4
     assert sorted(calls(initializer)[count:]) == [0, 3, 4, 5]
     assert sorted(seen) == list(range(6))
     assert contents(store.folder) == expected
     assert store.file(1).stat().st_mtime_ns == 10**18
     assert store.file(2).stat().st_mtime_ns == 10**18
-    assert store.generate_missing(range(6), make_workers(jobs)) == 0
+    assert store.generate_missing(range(6), make_executor(jobs)) == 0
 
 
 @pytest.mark.parametrize("jobs", [0, -1])
 def test_bad_jobs(store, initializer, jobs):
     with pytest.raises(OutOfRangeError, match=f"jobs={jobs} .*1 or more"):
-        store.generate_missing(range(3), make_workers(jobs))
+        store.generate_missing(range(3), make_executor(jobs))
     assert calls(initializer) == []
 
 
@@ -424,7 +424,7 @@ def test_failure_leaves_what_is_finished(initializer, jobs, tmp_path, monkeypatc
     count = len(calls(initializer))
     failing = variations.VariationStore(dataclasses.replace(initializer, failing=3, delay=0.2))
     with pytest.raises(ArithmeticError, match="variation 3 fails"):
-        failing.generate_missing(range(5), make_workers(jobs))
+        failing.generate_missing(range(5), make_executor(jobs))
     found = contents(failing.folder)
     assert found.items() <= expected.items()
     # The error comes when nothing runs any more: what was started, other processes too, is there.
@@ -432,7 +432,7 @@ def test_failure_leaves_what_is_finished(initializer, jobs, tmp_path, monkeypatc
     assert sorted(found) == [f"{index:04d}.npz" for index in sorted(started - {3})]
     assert started == {0, 1, 2, 3} if jobs == 1 else started >= {0, 1, 3}
     store = variations.VariationStore(initializer)  # The cause is removed.
-    store.generate_missing(range(5), make_workers(jobs))
+    store.generate_missing(range(5), make_executor(jobs))
     assert contents(store.folder) == expected
 
 

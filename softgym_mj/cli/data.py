@@ -19,7 +19,7 @@ from softgym_mj.cli.console import (
     progress_bar,
 )
 from softgym_mj.exceptions import OutOfRangeError
-from softgym_mj.jobs.executors import make_workers
+from softgym_mj.jobs.executors import make_executor
 from softgym_mj.registry import find
 
 
@@ -43,10 +43,10 @@ def generate(
     if not isinstance(built, StoredTask):
         raise OutOfRangeError("task", record.name, "a task that keeps its initial states")
     store = built.store
-    with make_workers(jobs, ray) as workers, progress_bar() as progress:
+    with make_executor(jobs, ray) as executor, progress_bar() as progress:
         bar = progress.add_task(f"{record.name} variations", total=num)
         made = store.generate_missing(
-            range(start, start + num), workers, lambda index: progress.advance(bar)
+            range(start, start + num), executor, lambda index: progress.advance(bar)
         )
     console.print(f"{made} generated, {num - made} were there, in {store.folder}")
     if pack is not None:

@@ -61,7 +61,7 @@ def evaluate(
 ) -> None:
     """Scores a policy as the paper does; may be killed and run again."""
     from softgym_mj import evaluation
-    from softgym_mj.jobs.executors import make_workers
+    from softgym_mj.jobs.executors import make_executor
 
     planning = evaluation.Planning(horizon, budget, iterations, replan_every)
     configuration = evaluation.Configuration(
@@ -73,8 +73,8 @@ def evaluate(
         planning if policy in PLANNERS else None,
     )
     try:
-        with _Bar(configuration) as bar, make_workers(jobs, ray) as workers:
-            result = evaluation.evaluate(configuration, out, workers, bar.progress())
+        with _Bar(configuration) as bar, make_executor(jobs, ray) as executor:
+            result = evaluation.evaluate(configuration, out, executor, bar.progress())
     except KeyboardInterrupt:
         console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
         raise typer.Exit(130) from None

@@ -14,7 +14,7 @@ from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import Folder
 from softgym_mj.evaluation.statistics import methods, summary
-from softgym_mj.jobs.executors import Here, Workers
+from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import PLANNERS, Plan
@@ -37,7 +37,7 @@ class Progress:
 def evaluate(
     configuration: Configuration,
     folder: str | os.PathLike[str],
-    workers: Workers | None = None,
+    executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> dict:
     """Plays all episodes that `folder` does not hold yet, and writes `folder`/result.json.
@@ -49,7 +49,7 @@ def evaluate(
         folder: of this evaluation alone, or of one with other variations and seeds. It knows tasks
             by name: a task of your own that has changed since needs another folder. A policy whose
             file has changed is refused.
-        workers: who simulates; None for this process.
+        executor: where it is simulated; None for this process.
         progress: told of episodes and decisions.
 
     Returns:
@@ -60,7 +60,7 @@ def evaluate(
         ResultError: if the folder belongs to another configuration or holds a damaged file.
         PolicyFileError: for a saved policy that is none.
     """
-    workers, progress = workers or Here(), progress or Progress()
+    executor, progress = executor or SerialExecutor(), progress or Progress()
     written = configuration.as_json()
     kept = Folder(pathlib.Path(folder), written)
     found = {key: kept.episode(*key) for key in configuration.episodes}
@@ -68,7 +68,7 @@ def evaluate(
     for episode in episodes.values():
         progress.on_episode(episode)
     missing = [key for key in configuration.episodes if key not in episodes]
-    for key, episode in _played(configuration, missing, kept, workers, progress):
+    for key, episode in _played(configuration, missing, kept, executor, progress):
         kept.add(episode)
         episodes[key] = episode
         progress.on_episode(episode)
@@ -88,14 +88,14 @@ def _played(
     configuration: Configuration,
     missing: Sequence[tuple[int, int]],
     folder: Folder,
-    workers: Workers,
+    executor: Executor,
     progress: Progress,
 ) -> Iterable[tuple[tuple[int, int], dict]]:
     settings = json.dumps(dict(configuration.settings), sort_keys=True)
     if configuration.policy not in PLANNERS:
-        task = sent_to(workers, configuration.task)
+        task = sent_to(executor, configuration.task)
         calls = [(task, settings, configuration.policy, *key) for key in missing]
-        for index, episode in workers.results(play_episode, calls):
+        for index, episode in executor.results(play_episode, calls):
             yield missing[index], episode
         return
     planning = configuration.planning
@@ -104,7 +104,7 @@ def _played(
     env = load(
         configuration.task, split="all", **{"observation": "reduced", **configuration.settings}
     )
-    rollouts = Rollouts(configuration.task, configuration.settings, workers)
+    rollouts = Rollouts(configuration.task, configuration.settings, executor)
     for variation, seed in missing:
         policy = ModelPredictivePolicy(
             env,

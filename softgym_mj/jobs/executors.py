@@ -1,6 +1,6 @@
 """Where independent calls are computed: here, in processes of this machine, or on a Ray cluster.
 
-Whatever the workers, every call is made with the same arguments and its result is used once: a
+Whatever the executor, every call is made with the same arguments and its result is used once: a
 worker that is lost has its calls made again by another.
 """
 
@@ -21,7 +21,7 @@ from softgym_mj.exceptions import WorkersLostError, check_count, import_extra
 MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
 
 
-class Workers(abc.ABC):
+class Executor(abc.ABC):
     """Makes calls side by side; a context manager."""
 
     @property
@@ -52,7 +52,7 @@ class Workers(abc.ABC):
 
     @abc.abstractmethod
     def close(self) -> None:
-        """Ends the workers; calls that run are finished."""
+        """Ends its workers; calls that run are finished."""
 
     def __enter__(self):
         return self
@@ -61,7 +61,7 @@ class Workers(abc.ABC):
         self.close()
 
 
-class Here(Workers):
+class SerialExecutor(Executor):
     """One call after the other, in this thread."""
 
     @property
@@ -76,7 +76,7 @@ class Here(Workers):
         pass
 
 
-class Processes(Workers):
+class ProcessExecutor(Executor):
     """Processes on this machine. They end with their parent, even if it is killed."""
 
     def __init__(self, number: int):
@@ -145,7 +145,7 @@ class Processes(Workers):
             self._pool = None
 
 
-class RayCluster(Workers):
+class RayExecutor(Executor):
     """The cores of a Ray cluster. Ray makes the calls of a lost worker or machine again."""
 
     def __init__(self, address: str | None = None, number: int | None = None):
@@ -204,8 +204,8 @@ class RayCluster(Workers):
             self._ray.shutdown()
 
 
-def make_workers(jobs: int = 1, ray: str | None = None) -> Workers:
-    """Workers by number.
+def make_executor(jobs: int = 1, ray: str | None = None) -> Executor:
+    """The executor of a number of workers.
 
     Args:
         jobs: number of processes; 1 works in this one.
@@ -214,8 +214,8 @@ def make_workers(jobs: int = 1, ray: str | None = None) -> Workers:
     """
     check_count("jobs", jobs, 1)
     if ray is not None:
-        return RayCluster(None, jobs) if ray == "local" else RayCluster(ray)
-    return Here() if jobs == 1 else Processes(jobs)
+        return RayExecutor(None, jobs) if ray == "local" else RayExecutor(ray)
+    return SerialExecutor() if jobs == 1 else ProcessExecutor(jobs)
 
 
 def _cancel(futures: Iterable[concurrent.futures.Future]) -> None:

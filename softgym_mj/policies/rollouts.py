@@ -1,4 +1,4 @@
-"""`Rollouts`: returns of many action sequences from one state, computed by any workers.
+"""`Rollouts`: returns of many action sequences from one state, computed by any executor.
 
 A snapshot restores an episode exactly, so that the returns do not depend on who computes them.
 """
@@ -15,7 +15,7 @@ from gymnasium.vector.utils import CloudpickleWrapper
 from softgym_mj import registry
 from softgym_mj.envs.environment import Environment, Snapshot
 from softgym_mj.envs.load import load
-from softgym_mj.jobs.executors import Here, Workers
+from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.registry import TaskRecord
 
 # Calls for each worker at a time: enough to even out sequences that take longer than others.
@@ -25,37 +25,37 @@ CALLS_PER_WORKER = 3
 class Rollouts:
     """Plays action sequences in copies of an environment."""
 
-    def __init__(self, task: str | TaskRecord, settings: Mapping[str, object], workers: Workers):
+    def __init__(self, task: str | TaskRecord, settings: Mapping[str, object], executor: Executor):
         """Chooses what is played.
 
         Args:
             task: task name or record: what is registered now, whatever replaces it later.
             settings: keyword arguments of the task that JSON can hold.
-            workers: who plays.
+            executor: where they are played.
         """
-        self._key = sent_to(workers, task), json.dumps(dict(settings), sort_keys=True)
-        self._workers = workers
+        self._key = sent_to(executor, task), json.dumps(dict(settings), sort_keys=True)
+        self._executor = executor
 
     def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
         """Undiscounted returns (n,) of action sequences (n, horizon, size) from a state.
 
         A sequence counts up to the end of the episode.
         """
-        number = min(len(sequences), CALLS_PER_WORKER * self._workers.number)
-        if self._workers.number == 1:
+        number = min(len(sequences), CALLS_PER_WORKER * self._executor.number)
+        if self._executor.number == 1:
             number = 1
         parts = np.array_split(sequences, number)
         calls = [(*self._key, snapshot, part) for part in parts]
-        return np.concatenate(self._workers.all(play_sequences, calls))
+        return np.concatenate(self._executor.all(play_sequences, calls))
 
 
-def sent_to(workers: Workers, task: str | TaskRecord) -> TaskRecord | bytes:
-    """A task as calls of these workers take it: pickled, with its class if no module has it.
+def sent_to(executor: Executor, task: str | TaskRecord) -> TaskRecord | bytes:
+    """A task as calls of this executor take it: pickled, with its class if no module has it.
 
     Other processes have not necessarily registered it.
     """
     record = registry.find(task)
-    if isinstance(workers, Here):
+    if isinstance(executor, SerialExecutor):
         return record
     return pickle.dumps(CloudpickleWrapper(record))  # type: ignore[arg-type]  # Wraps anything.
 

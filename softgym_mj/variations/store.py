@@ -30,7 +30,7 @@ from softgym_mj.exceptions import (
     UnknownNameError,
     check_count,
 )
-from softgym_mj.jobs.executors import Here, Workers
+from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.jobs.files import PARTIAL, write_whole
 
 NUM_VARIATIONS = 1000
@@ -179,14 +179,15 @@ class VariationStore:
     def generate_missing(
         self,
         indices: Iterable[int],
-        workers: Workers | None = None,
+        executor: Executor | None = None,
         progress: Callable[[int], None] = lambda _: None,
     ) -> int:
         """Generates what is missing or corrupt; may be killed and resumed.
 
         Args:
             indices: variation indices.
-            workers: who generates; None for this process. The files do not depend on it.
+            executor: where they are generated, which the files do not depend on; None for this
+                process.
             progress: called with each index when its file is there.
 
         Returns:
@@ -200,7 +201,7 @@ class VariationStore:
             else:
                 missing.append(index)
         calls = [(index,) for index in missing]
-        for i, state in (workers or Here()).results(self._initializer.generate, calls):
+        for i, state in (executor or SerialExecutor()).results(self._initializer.generate, calls):
             self.save(missing[i], state)
             progress(missing[i])
         return len(missing)

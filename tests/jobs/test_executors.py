@@ -1,4 +1,4 @@
-"""Workers: order, errors, and what happens when one of them is killed."""
+"""Executors: order, errors, and what happens when a worker is killed."""
 
 import os
 import pathlib
@@ -8,14 +8,24 @@ import time
 import pytest
 
 from softgym_mj.exceptions import OutOfRangeError, WorkersLostError
-from softgym_mj.jobs.executors import Here, Processes, RayCluster, Workers, make_workers
+from softgym_mj.jobs.executors import (
+    Executor,
+    ProcessExecutor,
+    RayExecutor,
+    SerialExecutor,
+    make_executor,
+)
 
 
-@pytest.fixture(name="workers", params=["here", "processes", "ray"], scope="module")
-def _workers(request):
-    kinds = {"here": Here, "processes": lambda: Processes(2), "ray": lambda: RayCluster(number=2)}
-    with kinds[request.param]() as workers:
-        yield workers
+@pytest.fixture(name="executor", params=["serial", "processes", "ray"], scope="module")
+def _executor(request):
+    kinds = {
+        "serial": SerialExecutor,
+        "processes": lambda: ProcessExecutor(2),
+        "ray": lambda: RayExecutor(number=2),
+    }
+    with kinds[request.param]() as executor:
+        yield executor
 
 
 def square(value: int) -> int:
@@ -48,40 +58,40 @@ def fail_at_two(folder: str, index: int) -> int:
     return index
 
 
-def test_results_come_in_order_whoever_computes_them(workers: Workers):
-    assert workers.all(square, [(i,) for i in range(9)]) == [i * i for i in range(9)]
-    assert sorted(workers.results(square, [(2,), (3,)])) == [(0, 4), (1, 9)]
-    assert workers.all(square, []) == []
+def test_results_come_in_order_whoever_computes_them(executor: Executor):
+    assert executor.all(square, [(i,) for i in range(9)]) == [i * i for i in range(9)]
+    assert sorted(executor.results(square, [(2,), (3,)])) == [(0, 4), (1, 9)]
+    assert executor.all(square, []) == []
 
 
-def test_the_error_of_a_call_comes_after_what_had_begun(workers: Workers, tmp_path):
+def test_the_error_of_a_call_comes_after_what_had_begun(executor: Executor, tmp_path):
     found = []
     with pytest.raises(ArithmeticError, match="call 2 fails"):
-        for index, value in workers.results(fail_at_two, [(str(tmp_path), i) for i in range(6)]):
+        for index, value in executor.results(fail_at_two, [(str(tmp_path), i) for i in range(6)]):
             assert index == value
             found.append(index)
     begun = {int(file.name.split("_")[0]) for file in tmp_path.iterdir()}
     assert begun == set(found)
-    assert workers.all(square, [(4,)]) == [16]  # They are still good.
+    assert executor.all(square, [(4,)]) == [16]  # They are still good.
 
 
 @pytest.mark.parametrize("kind", ["processes", "ray"])
 def test_a_killed_worker_is_replaced_and_nothing_counts_twice(kind, tmp_path):
-    with Processes(2) if kind == "processes" else RayCluster(number=2) as workers:
+    with ProcessExecutor(2) if kind == "processes" else RayExecutor(number=2) as executor:
         calls = [(str(tmp_path), i) for i in range(8)]
-        found = list(workers.results(die_once, calls))
+        found = list(executor.results(die_once, calls))
         assert sorted(found) == [(i, 10 * i) for i in range(8)]
     assert len(list(tmp_path.glob("3_*"))) == 2  # The lost call was made again.
 
 
 def test_workers_that_always_die_are_an_error():
-    with Processes(1) as workers, pytest.raises(WorkersLostError, match="3 times in a row"):
-        workers.all(die, [(0,)])
+    with ProcessExecutor(1) as executor, pytest.raises(WorkersLostError, match="3 times in a row"):
+        executor.all(die, [(0,)])
 
 
 def test_numbers():
-    assert make_workers().number == 1 and isinstance(make_workers(), Here)
-    assert make_workers(3).number == 3
+    assert make_executor().number == 1 and isinstance(make_executor(), SerialExecutor)
+    assert make_executor(3).number == 3
     for jobs in (0, -2, 1.5):
         with pytest.raises(OutOfRangeError, match=f"jobs={jobs}"):
-            make_workers(jobs)
+            make_executor(jobs)
