@@ -21,7 +21,7 @@ from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
 from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_count, check_name
 from softgym_mj.rendering.offscreen import CameraView
-from softgym_mj.variations.store import NUM_VARIATIONS
+from softgym_mj.variations.indices import NUM_VARIATIONS
 
 ENVIRONMENTS = {
     "PassWater": "transport_water",

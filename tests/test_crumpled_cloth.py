@@ -7,7 +7,7 @@ import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.tasks.initializers import CrumpledCloth
-from softgym_mj.variations.store import NUM_VARIATIONS
+from softgym_mj.variations.indices import NUM_VARIATIONS
 
 
 @functools.cache

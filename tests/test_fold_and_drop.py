@@ -9,7 +9,7 @@ from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.sheet import THICKNESS
 from softgym_mj.exceptions import UnknownNameError
 from softgym_mj.tasks.initializers import FlatCloth, HangingCloth
-from softgym_mj.variations.store import NUM_VARIATIONS
+from softgym_mj.variations.indices import NUM_VARIATIONS
 
 RADIUS = THICKNESS / 2.0  # [m]
 

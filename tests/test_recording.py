@@ -12,7 +12,7 @@ import softgym_mj
 from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError, UnknownNameError
 from softgym_mj.policies.episodes import play
 from softgym_mj.recording import dataset_name, record
-from softgym_mj.variations.store import SPLITS
+from softgym_mj.variations.indices import SPLITS
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ import softgym_mj
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.rope import FIDELITIES, Rope
 from softgym_mj.tasks.initializers import SETTLED_SPEED, TwistedRope
-from softgym_mj.variations.store import NUM_VARIATIONS
+from softgym_mj.variations.indices import NUM_VARIATIONS
 
 
 @pytest.fixture(name="env", scope="module")

@@ -20,7 +20,7 @@ from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.tasks.observations import GOAL_RGB, OBSERVATIONS
-from softgym_mj.variations.store import SPLITS
+from softgym_mj.variations.indices import SPLITS
 from tools.sheet_entries import (
     INFO,
     action_entries,

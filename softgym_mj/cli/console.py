@@ -10,7 +10,7 @@ import typer
 
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.registry import TASKS
-from softgym_mj.variations.store import split_indices
+from softgym_mj.variations.indices import split_indices
 
 console = rich.console.Console()
 

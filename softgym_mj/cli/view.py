@@ -9,7 +9,7 @@ from softgym_mj.exceptions import RenderingUnavailableError
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import find
 from softgym_mj.rendering.offscreen import has_display
-from softgym_mj.variations.store import check_variation
+from softgym_mj.variations.indices import check_variation
 from softgym_mj.viewing.session import TELEOPERATE, Session
 
 

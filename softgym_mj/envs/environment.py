@@ -13,7 +13,7 @@ from softgym_mj.exceptions import EpisodeEndedError, OutOfRangeError, SnapshotEr
 from softgym_mj.rendering.framebuffer import SizedPhysics
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.base import DeformableTask
-from softgym_mj.variations.store import check_variation, split_indices
+from softgym_mj.variations.indices import check_variation, split_indices
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 

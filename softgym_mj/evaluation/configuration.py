@@ -22,7 +22,7 @@ from softgym_mj.policies.planners import (
     usual_horizon,
 )
 from softgym_mj.policies.saved import SEED, is_saved, sha256
-from softgym_mj.variations.store import check_variation, split_indices
+from softgym_mj.variations.indices import check_variation, split_indices
 
 # Counts up when scores of the same episode would differ: results of two versions are not mixed.
 PROTOCOL = 1

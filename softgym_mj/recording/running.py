@@ -19,7 +19,7 @@ from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import is_saved, sha256
 from softgym_mj.recording import datasets
 from softgym_mj.recording.episodes import KeptEpisodes, play
-from softgym_mj.variations.store import SPLITS, check_variation
+from softgym_mj.variations.indices import SPLITS, check_variation
 
 if TYPE_CHECKING:
     import minari

@@ -28,8 +28,8 @@ from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.tasks.measures import check_names, checked
 from softgym_mj.tasks.observations import enabled_names
 from softgym_mj.tasks.state import Episode, State
+from softgym_mj.variations.indices import SPLITS, check_variation
 from softgym_mj.variations.randomization import Adjustable, Domain
-from softgym_mj.variations.store import SPLITS, check_variation
 
 
 class TaskSettings(TypedDict, total=False):

@@ -10,7 +10,8 @@ from softgym_mj.metrics import Array
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.state import Episode, State
-from softgym_mj.variations.store import Initializer, VariationStore
+from softgym_mj.variations.indices import Initializer
+from softgym_mj.variations.store import VariationStore
 
 
 class ClothInitializer(Initializer, Protocol):

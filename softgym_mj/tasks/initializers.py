@@ -16,7 +16,7 @@ from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import SettlingError
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.variations.store import generator
+from softgym_mj.variations.indices import generator
 
 SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.
 _MIN_SETTLE_STEPS = 10  # Sim steps: at release the speed passes through zero without being at rest.

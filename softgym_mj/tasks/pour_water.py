@@ -38,7 +38,7 @@ from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.state import Episode, State
 from softgym_mj.tasks.water_scenes import PourScenes
 from softgym_mj.tasks.water_task import WaterTask, cup_state, inside
-from softgym_mj.variations.store import generator
+from softgym_mj.variations.indices import generator
 
 ACTION_REPEAT = 8  # Facts 1.2.
 MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] in a sim step: 1 m/s and 1.5 rad/s.

@@ -34,7 +34,8 @@ from softgym_mj.tasks.initializers import TwistedRope
 from softgym_mj.tasks.letters import LETTERS, letter
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
 from softgym_mj.tasks.state import Episode, State
-from softgym_mj.variations.store import VariationStore, generator
+from softgym_mj.variations.indices import generator
+from softgym_mj.variations.store import VariationStore
 
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.

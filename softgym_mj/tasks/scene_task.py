@@ -18,7 +18,6 @@ from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.tasks.state import Episode, State
 from softgym_mj.variations.randomization import Adjustable, Prefixed
-from softgym_mj.variations.store import generator
 
 ACTION_REPEAT = 8  # As in most of SoftGym's tasks.
 WORKSPACE = Workspace((-0.7, -0.6, 0.0), (0.7, 0.6, 0.6))

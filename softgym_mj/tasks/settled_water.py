@@ -11,7 +11,7 @@ from softgym_mj.exceptions import SettlingError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.fluid.water import TIMESTEP
 from softgym_mj.tasks.water_scenes import Scenes
-from softgym_mj.variations.store import generator
+from softgym_mj.variations.indices import generator
 
 LOOSENESS = 1.05  # The lattice is this much higher than water at rest, and settles by sinking.
 NOISE = 0.01  # Of the spacing: a perfect lattice would stand in unstable balance.

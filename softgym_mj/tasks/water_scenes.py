@@ -13,7 +13,7 @@ import numpy as np
 from softgym_mj.entities.cup import CupSize
 from softgym_mj.exceptions import check_name
 from softgym_mj.fluid import Resolution
-from softgym_mj.variations.store import generator
+from softgym_mj.variations.indices import generator
 
 # Particles of a sample as a fraction of SoftGym's.
 FIDELITIES = {"fast": 0.5, "default": 1.0, "accurate": 2.0}

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_name
-from softgym_mj.variations.store import generator
+from softgym_mj.variations.indices import generator
 
 Range = tuple[float, float]
 

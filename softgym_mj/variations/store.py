@@ -1,9 +1,6 @@
-"""Variations of a task: seeds, the train/evaluate split and the store of settled initial states.
+"""The store of settled start states: what takes simulation is generated once.
 
-A variation is an index 0..999 of an `Initializer`. Everything random in it comes from a generator
-seeded with a hash of the initializer's name and that index, so it is the same on every machine
-and whatever was generated before. States that take simulation to settle are kept in a store:
-first the set shipped in the package, then the user's cache, one file a variation.
+First comes the set shipped in the package, then the user's cache, one file a variation.
 """
 
 import functools
@@ -16,29 +13,16 @@ import pathlib
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Sequence
-from typing import Protocol
+from collections.abc import Callable, Iterable
 
 import mujoco
 import numpy as np
 
 from softgym_mj import assets
-from softgym_mj.exceptions import (
-    CacheUnavailableError,
-    CorruptStoreError,
-    OutOfRangeError,
-    UnknownNameError,
-    check_count,
-)
+from softgym_mj.exceptions import CacheUnavailableError, CorruptStoreError
 from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.jobs.files import PARTIAL, write_whole
-
-NUM_VARIATIONS = 1000
-SPLITS = {
-    "train": range(0, 800),
-    "evaluate": range(800, NUM_VARIATIONS),
-    "all": range(NUM_VARIATIONS),
-}
+from softgym_mj.variations.indices import NUM_VARIATIONS, Initializer, check_variation
 
 CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"  # Overrides the cache folder.
 _MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])  # Results change between minors.
@@ -52,53 +36,6 @@ _UNREADABLE = (
 _ABANDONED = 3600.0  # Age [s] of a partial file that nobody can still be writing.
 
 _log = logging.getLogger(__name__)
-
-
-class Initializer(Protocol):
-    """Produces the initial states of a family of variations; picklable."""
-
-    @property
-    def name(self) -> str:
-        """Of the set of states; part of file names."""
-
-    @property
-    def parameters(self) -> dict[str, object]:
-        """Everything, JSON-able, that changes the generated states."""
-        ...
-
-    def generate(self, index: int) -> np.ndarray:
-        """Settled vertex positions (n, 3) [m] of a variation; a pure function of `index`."""
-        ...
-
-
-def check_variation(index: object) -> int:
-    """The index as int.
-
-    Raises:
-        OutOfRangeError: if it is not a whole number in 0..999.
-    """
-    return check_count("variation", index, 0, NUM_VARIATIONS - 1)
-
-
-def split_indices(split: str | Sequence[int]) -> Sequence[int]:
-    """Variation indices of a split.
-
-    Args:
-        split: "train" (0..799), "evaluate" (800..999), "all" or at least one index.
-    """
-    if isinstance(split, Sequence) and not isinstance(split, str):
-        if not len(split):
-            raise OutOfRangeError("split", split, "a split name or at least one variation")
-        return [check_variation(index) for index in split]
-    if not isinstance(split, str) or split not in SPLITS:
-        raise UnknownNameError("split", split, [*SPLITS, "a sequence of variation indices"])
-    return SPLITS[split]
-
-
-def generator(name: str, index: int) -> np.random.Generator:
-    """The random generator of variation `index` of the family `name`."""
-    digest = hashlib.sha256(f"softgym_mj/{name}/{check_variation(index)}".encode()).digest()
-    return np.random.default_rng(int.from_bytes(digest[:16], "little"))
 
 
 def cache_folder() -> pathlib.Path:

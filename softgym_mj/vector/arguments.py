@@ -10,7 +10,7 @@ import numpy as np
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.exceptions import InvalidActionError, OutOfRangeError, SnapshotError
 from softgym_mj.robots.base import BOUND_TOLERANCE
-from softgym_mj.variations.store import check_variation
+from softgym_mj.variations.indices import check_variation
 
 MASK = "reset_mask"  # Gymnasium's option that says who is to be reset.
 _SHOWN = 60  # Characters of a wrong state in a message.

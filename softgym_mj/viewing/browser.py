@@ -10,7 +10,7 @@ import numpy as np
 
 from softgym_mj.entities.arena import FIELD_OF_VIEW
 from softgym_mj.exceptions import AddressUnavailableError, check_count, import_extra
-from softgym_mj.variations.store import NUM_VARIATIONS
+from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.viewing.camera import orbit, pose
 from softgym_mj.viewing.scene import EXTRA, Scene
 from softgym_mj.viewing.session import TELEOPERATE, Session

@@ -10,7 +10,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.variations.store import NUM_VARIATIONS
+from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.viewing.teleoperation import Teleoperation, teleoperate
 
 TELEOPERATE = "teleoperate"  # The policy that a person is.

@@ -1,7 +1,6 @@
-"""Variations: seeds, splits and the store, against known values, byte comparison and damage."""
+"""The store of start states: byte comparison and damage."""
 
 import dataclasses
-import hashlib
 import itertools
 import os
 import pathlib
@@ -13,10 +12,11 @@ import time
 import numpy as np
 import pytest
 
-import softgym_mj
-from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError, UnknownNameError
+from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError
 from softgym_mj.jobs.executors import make_executor
+from softgym_mj.variations import indices as numbering
 from softgym_mj.variations import store as variations
+from softgym_mj.variations.indices import generator
 
 SPECIFICATION = '{"initializer": "test"}'
 
@@ -36,7 +36,7 @@ class FakeInitializer:
         return {"scale": self.scale}
 
     def points(self, index: int) -> np.ndarray:
-        return self.scale * variations.generator(self.name, index).normal(size=(3 + index % 4, 3))
+        return self.scale * generator(self.name, index).normal(size=(3 + index % 4, 3))
 
     def generate(self, index: int) -> np.ndarray:
         with open(self.log, "a") as stream:
@@ -76,102 +76,6 @@ def expected_contents(initializer, indices, folder, monkeypatch) -> dict[str, by
     for index in indices:
         store.generate(index)
     return contents(store.folder)
-
-
-# ---------------------------------------------------------------- seeds
-
-
-@pytest.mark.parametrize(
-    ("name", "index", "raw", "uniform"),
-    [
-        (
-            "twisted_rope",
-            0,
-            [17277533539172858437, 11081912795625566404],
-            [0.9366169699181189, 0.6007516964156074],
-        ),
-        (
-            "crumpled_cloth",
-            999,
-            [3851326687854604827, 948634654099081856],
-            [0.2087808380961682, 0.051425587643462944],
-        ),
-    ],
-)
-def test_known_draws(name, index, raw, uniform):
-    assert variations.generator(name, index).bit_generator.random_raw(2).tolist() == raw
-    assert variations.generator(name, index).random(2).tolist() == uniform
-
-
-@pytest.mark.parametrize("index", [0, 1, 17, 999, np.int64(17)])
-def test_seed_is_a_hash_of_name_and_index(index):
-    digest = hashlib.sha256(b"softgym_mj/some_name/%d" % index).digest()
-    seed = sum(byte << (8 * place) for place, byte in enumerate(digest[:16]))
-    expected = np.random.default_rng(seed).bit_generator.random_raw(5)
-    found = variations.generator("some_name", index).bit_generator.random_raw(5)
-    np.testing.assert_array_equal(found, expected)
-
-
-def test_draws_do_not_depend_on_what_was_drawn_before():
-    first = variations.generator("a", 3).random(4)
-    np.random.seed(0)  # noqa: NPY002 (the global generator must not matter)
-    for index in range(10):
-        variations.generator("b", index).random(100)
-    np.testing.assert_array_equal(variations.generator("a", 3).random(4), first)
-
-
-def test_names_and_indices_give_different_draws():
-    draws = [
-        variations.generator(name, index).bit_generator.random_raw()
-        for name in ("a", "b", "a1", "twisted_rope")
-        for index in range(1000)
-    ]
-    assert len(set(draws)) == 4000
-
-
-@pytest.mark.parametrize("index", [-1, 1000, 0.0, True, "0"])
-def test_generator_checks_its_index(index):
-    with pytest.raises(OutOfRangeError):
-        variations.generator("a", index)
-
-
-# ---------------------------------------------------------------- splits and indices
-
-
-def test_splits():
-    assert list(variations.split_indices("train")) == list(range(800))
-    assert list(variations.split_indices("evaluate")) == list(range(800, 1000))
-    assert list(variations.split_indices("all")) == list(range(1000))
-    train, evaluate = set(variations.SPLITS["train"]), set(variations.SPLITS["evaluate"])
-    assert not train & evaluate
-    assert train | evaluate == set(variations.SPLITS["all"])
-
-
-@pytest.mark.parametrize("split", ["Train", "test", "", None, 0])
-def test_unknown_split(split):
-    with pytest.raises(UnknownNameError, match=r"split=.*'train', 'evaluate', 'all'"):
-        variations.split_indices(split)
-
-
-@pytest.mark.parametrize(
-    "index", [0, 999, np.int32(5), np.int64(999), np.uint8(200)], ids=lambda i: type(i).__name__
-)
-def test_good_variations(index):
-    checked = variations.check_variation(index)
-    assert type(checked) is int
-    assert checked == index
-
-
-@pytest.mark.parametrize(
-    "index", [-1, 1000, 10**9, 3.5, 3.0, np.float64(3), True, np.True_, "a", "3", None, [3]]
-)
-def test_bad_variations(index):
-    with pytest.raises(OutOfRangeError) as error:
-        variations.check_variation(index)
-    assert isinstance(error.value, ValueError)
-    assert "variation=" in str(error.value)
-    assert str(index) in str(error.value)
-    assert "0..999" in str(error.value)
 
 
 # ---------------------------------------------------------------- files
@@ -443,7 +347,7 @@ KILLED_COUNT = 12
 # Generates slowly; with a second argument it kills itself in the write of that many files.
 SCRIPT = f"""
 import os, signal, sys
-import test_variations as module
+from tests.variations import test_store as module
 from softgym_mj.variations import store as variations
 
 if len(sys.argv) > 2:
@@ -460,11 +364,9 @@ store.generate_missing(range({KILLED_COUNT}), progress=lambda index: print(index
 
 
 def start_generation(*arguments: str) -> subprocess.Popen:
-    folders = [pathlib.Path(__file__).parent, pathlib.Path(softgym_mj.__file__).parents[1]]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))}
     return subprocess.Popen(
         [sys.executable, "-c", SCRIPT, *arguments],
-        env=environment,
+        cwd=pathlib.Path(__file__).parents[2],  # Where it finds the tests.
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -502,7 +404,8 @@ def test_kill_and_resume(store, initializer, moment, tmp_path, monkeypatch):
 @pytest.fixture(name="packed")
 def _packed(store, initializer, tmp_path, monkeypatch) -> pathlib.Path:
     """All of six variations packed into the place of the shipped set; the cache is empty."""
-    monkeypatch.setattr(variations, "NUM_VARIATIONS", 6)
+    for module in (numbering, variations):
+        monkeypatch.setattr(module, "NUM_VARIATIONS", 6)
     store.generate_missing(range(6))
     file = tmp_path / "assets" / f"{initializer.name}.npz"
     store.pack(file)
