@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, comparison, evaluate, plots
-from softgym_mj.evaluation.folder import write_json
 from softgym_mj.evaluation.indices import as_text, parsed
 from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
+from softgym_mj.jobs.files import write_json
 
 
 def written(folder, **changes):

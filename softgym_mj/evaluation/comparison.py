@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from softgym_mj.evaluation.configuration import PROTOCOL
-from softgym_mj.evaluation.folder import read_json
 from softgym_mj.evaluation.indices import as_text
 from softgym_mj.evaluation.statistics import quartiles_over, summary
 from softgym_mj.exceptions import ResultError
-from softgym_mj.jobs.files import write_whole
+from softgym_mj.jobs.files import read_json, write_whole
 
 _NEEDED = ("protocol", "task", "policy", "variations", "seeds", "settings", "planning", "episodes")
 

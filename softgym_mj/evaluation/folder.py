@@ -1,13 +1,12 @@
 """The folder of an evaluation: a file for each finished episode, a journal of a planned one."""
 
-import json
 import pathlib
 from collections.abc import Mapping
 from typing import Any
 
 from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import ResultError
-from softgym_mj.jobs.files import write_whole
+from softgym_mj.jobs.files import read_json, write_json
 
 
 class Folder:
@@ -70,23 +69,3 @@ class Folder:
 
     def _file(self, variation: int, seed: int) -> pathlib.Path:
         return self._path / "episodes" / f"{variation:04d}_seed{seed}.json"
-
-
-def write_json(file: pathlib.Path, content: Mapping[str, Any]) -> None:
-    """Writes a file whole or not at all."""
-    write_whole(file, (json.dumps(content, indent=2) + "\n").encode())
-
-
-def read_json(file: pathlib.Path) -> dict:
-    """Reads what `write_json` wrote.
-
-    Raises:
-        ResultError: if it is no JSON object.
-    """
-    try:
-        content = json.loads(file.read_text())
-    except (OSError, ValueError) as error:
-        raise ResultError(f"{file} cannot be read: {error}") from error
-    if not isinstance(content, dict):
-        raise ResultError(f"{file} is not a result")
-    return content

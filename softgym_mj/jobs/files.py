@@ -1,8 +1,13 @@
 """Files that are written whole or not at all."""
 
+import json
 import os
 import pathlib
 import secrets
+from collections.abc import Mapping
+from typing import Any
+
+from softgym_mj.exceptions import ResultError
 
 PARTIAL = ".{}.{}.partial"  # Name of a file while it is written.
 
@@ -19,3 +24,23 @@ def write_whole(file: pathlib.Path, content: bytes) -> None:
         os.replace(partial, file)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_json(file: pathlib.Path, content: Mapping[str, Any]) -> None:
+    """Writes a JSON object as `write_whole` does."""
+    write_whole(file, (json.dumps(content, indent=2) + "\n").encode())
+
+
+def read_json(file: pathlib.Path) -> dict[str, Any]:
+    """Reads what `write_json` wrote.
+
+    Raises:
+        ResultError: if it is no JSON object.
+    """
+    try:
+        content = json.loads(file.read_text())
+    except (OSError, ValueError) as error:
+        raise ResultError(f"{file} cannot be read: {error}") from error
+    if not isinstance(content, dict):
+        raise ResultError(f"{file} is not a result")
+    return content

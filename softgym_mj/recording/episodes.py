@@ -12,9 +12,8 @@ import dm_env
 import gymnasium
 import numpy as np
 
-from softgym_mj.evaluation.folder import read_json, write_json
 from softgym_mj.exceptions import ResultError
-from softgym_mj.jobs.files import write_whole
+from softgym_mj.jobs.files import read_json, write_json, write_whole
 from softgym_mj.policies.factory import Policy
 
 _BETWEEN = "/"  # Part and name of an array: "infos/success".
