@@ -1,0 +1,195 @@
+"""`Store`: values by key, a file each, so that work that was killed goes on from what is there.
+
+A file has a line of JSON with the digest of the specification, the key and the checksum of the
+content, which follows. So it is refused when it is truncated or altered, was made under other
+settings or lies in the place of another key.
+"""
+
+import hashlib
+import io
+import json
+import pathlib
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from softgym_mj.exceptions import ResultError, SoftGymError
+from softgym_mj.jobs.executors import Executor, SerialExecutor
+from softgym_mj.jobs.files import PARTIAL, read_json, write_json, write_whole
+
+Key = int | str | tuple[int | str, ...]
+
+_ABANDONED = 3600.0  # Age [s] of a partial file that nobody can still be writing.
+_SHOWN = 300  # Bytes of a wrong header in a message.
+
+
+class Codec(NamedTuple):
+    """How values become bytes, the same for the same value, and come back."""
+
+    encode: Callable[[Any], bytes]
+    decode: Callable[[bytes], Any]
+
+
+def _arrays_to_npz(arrays: Mapping[str, np.ndarray]) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]  # No name is `allow_pickle`.
+    return buffer.getvalue()
+
+
+def _npz_to_arrays(content: bytes) -> dict[str, np.ndarray]:
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+ARRAYS = Codec(_arrays_to_npz, _npz_to_arrays)  # Arrays by name.
+JSON = Codec(lambda value: json.dumps(value, indent=2).encode() + b"\n", json.loads)
+
+
+def _damaged(file: pathlib.Path, reason: str) -> SoftGymError:
+    return ResultError(f"{file} cannot be read: {reason}; delete it")
+
+
+class Store:
+    """A folder of values that all belong to one specification."""
+
+    def __init__(
+        self,
+        folder: pathlib.Path,
+        specification: Mapping[str, Any],
+        codec: Codec,
+        damaged: Callable[[pathlib.Path, str], SoftGymError] = _damaged,
+    ):
+        """Names a folder; nothing is read or written yet.
+
+        Args:
+            folder: of this store alone.
+            specification: everything, JSON-able, that a value depends on besides its key.
+            codec: `ARRAYS` or `JSON`.
+            damaged: the error for a file and what is wrong with it.
+        """
+        self._specification = json.loads(json.dumps(specification))  # Tuples are lists there.
+        text = json.dumps(self._specification, sort_keys=True)
+        self._digest = hashlib.sha256(text.encode()).hexdigest()
+        self._folder, self._codec, self._damaged = folder, codec, damaged
+        self._claimed = False
+
+    @property
+    def folder(self) -> pathlib.Path:
+        """Where the files are."""
+        return self._folder
+
+    @property
+    def _claim(self) -> pathlib.Path:
+        return self._folder / "specification.json"
+
+    def is_empty(self) -> bool:
+        """Whether the folder holds nothing but a specification."""
+        return all(file == self._claim for file in self._folder.glob("[!.]*"))
+
+    def differences(self) -> list[str]:
+        """The parts of the specification that are others for what the folder holds.
+
+        Raises:
+            ResultError: if the folder's specification is damaged.
+        """
+        if self.is_empty() or not self._claim.exists():
+            return []
+        found, own = read_json(self._claim), self._specification
+        return [name for name in {**own, **found} if found.get(name) != own.get(name)]
+
+    def claim(self) -> None:
+        """Writes the specification into the folder, as the first `put` does."""
+        write_json(self._claim, self._specification)
+        self._claimed = True
+
+    def file(self, key: Key) -> pathlib.Path:
+        """The file of a key: "0004.value", "0800_0000.value"."""
+        parts = key if isinstance(key, tuple) else (key,)
+        names = [f"{part:04d}" if isinstance(part, int) else part for part in parts]
+        return self._folder / f"{'_'.join(names)}.value"
+
+    def has(self, key: Key) -> bool:
+        """Whether there is a file of this key, whatever is in it."""
+        return self.file(key).exists()
+
+    def get(self, key: Key) -> Any:
+        """The value of a key.
+
+        Raises:
+            FileNotFoundError: if there is none.
+            SoftGymError: the store's own for a file that is damaged, or of another specification
+                or key.
+        """
+        file = self.file(key)
+        try:
+            header, _, content = file.read_bytes().partition(b"\n")
+        except FileNotFoundError:
+            raise
+        except OSError as error:
+            raise self._damaged(file, repr(error)) from error
+        expected = self._header(key, content)
+        if header != expected:
+            shown = header[:_SHOWN].decode(errors="replace")
+            raise self._damaged(file, f"it begins with {shown!r}, expected {expected.decode()!r}")
+        return self._codec.decode(content)
+
+    def put(self, key: Key, value: Any) -> None:
+        """Keeps a value: its file is written whole or not at all."""
+        if not self._claimed:
+            self.claim()
+        content = self._codec.encode(value)
+        write_whole(self.file(key), self._header(key, content) + b"\n" + content)
+
+    def _header(self, key: Key, content: bytes) -> bytes:
+        checksum = hashlib.sha256(content).hexdigest()
+        header = {"specification": self._digest, "key": key, "sha256": checksum}
+        return json.dumps(header).encode()
+
+    def run(
+        self,
+        keys: Iterable[Key],
+        function: Callable,
+        executor: Executor | None = None,
+        progress: Callable[[Any, Any], None] = lambda key, value: None,
+        *,
+        replace: bool = False,
+    ) -> int:
+        """Makes the values that are missing; may be killed and run again.
+
+        Args:
+            keys: of all values.
+            function: makes the value of a key, or of the parts of a key; as executors take it.
+            executor: where it is called, which the files do not depend on; None for this process.
+            progress: called with key and value of each file that is there; then, as they come, of
+                each new one.
+            replace: whether damaged files count as missing; else they are an error.
+
+        Returns:
+            How many values were made.
+        """
+        self._remove_abandoned()
+        missing: list[Key] = []
+        for key in keys:
+            try:
+                value = self.get(key)
+            except FileNotFoundError:
+                missing.append(key)
+            except SoftGymError:
+                if not replace:
+                    raise
+                missing.append(key)
+            else:
+                progress(key, value)
+        calls = [key if isinstance(key, tuple) else (key,) for key in missing]
+        for index, value in (executor or SerialExecutor()).results(function, calls):
+            self.put(missing[index], value)
+            progress(missing[index], value)
+        return len(missing)
+
+    def _remove_abandoned(self) -> None:
+        """Removes what a killed process left of a file it was writing."""
+        for file in self._folder.glob(PARTIAL.format("*", "*")):
+            if time.time() - file.stat().st_mtime > _ABANDONED:
+                file.unlink(missing_ok=True)

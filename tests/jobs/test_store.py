@@ -1,0 +1,345 @@
+"""The store: byte comparison, damage, and runs that fail, are killed and go on."""
+
+import functools
+import itertools
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from softgym_mj.exceptions import CorruptStoreError, ResultError
+from softgym_mj.jobs.executors import make_executor
+from softgym_mj.jobs.files import PARTIAL
+from softgym_mj.jobs.store import ARRAYS, JSON, Store
+
+SPECIFICATION = {"task": "rope", "settings": {"size": (3, 4), "scale": 0.1}}
+ARRAY_VALUE = {
+    "points": np.random.default_rng(0).normal(size=(5, 3)).astype(np.float32),
+    "infos/success": np.array([False, True]),
+    "empty": np.zeros((0, 2), np.uint8),
+}
+JSON_VALUE = {"score": 0.1 + 0.2, "worst": -float("inf"), "cpu": None, "plan": [1, 2.0]}
+
+
+@pytest.fixture(name="store")
+def _store(tmp_path) -> Store:
+    return Store(tmp_path / "deep" / "folder", SPECIFICATION, JSON)
+
+
+def contents(store: Store) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in sorted(store.folder.iterdir())}
+
+
+# ---------------------------------------------------------------- values
+
+
+def test_arrays_come_back(tmp_path):
+    store = Store(tmp_path, SPECIFICATION, ARRAYS)
+    store.put(3, ARRAY_VALUE)
+    found = store.get(3)
+    assert list(found) == list(ARRAY_VALUE)
+    for name, array in ARRAY_VALUE.items():
+        np.testing.assert_array_equal(found[name], array)
+        assert found[name].dtype == array.dtype
+
+
+def test_json_comes_back(store):
+    store.put(3, JSON_VALUE)
+    found = store.get(3)
+    assert list(found.items()) == list(JSON_VALUE.items())
+
+
+def test_a_key_has_a_file(store):
+    names = {
+        4: "0004",
+        12345: "12345",
+        (800, 0): "0800_0000",
+        ("rope", "franka", 7): "rope_franka_0007",
+    }
+    for key in names:
+        assert not store.has(key)
+        with pytest.raises(FileNotFoundError):
+            store.get(key)
+        store.put(key, key)
+        assert store.has(key)
+    files = {f"{name}.value" for name in names.values()}
+    assert set(contents(store)) == files | {"specification.json"}
+
+
+@pytest.mark.parametrize(("codec", "value"), [(ARRAYS, ARRAY_VALUE), (JSON, JSON_VALUE)])
+def test_the_same_value_gives_the_same_bytes(codec, value, tmp_path, monkeypatch):
+    now, later = (Store(tmp_path / name, SPECIFICATION, codec) for name in ("now", "later"))
+    now.put(1, value)
+    # Zip entries can hold a time of day; another day must give the same file.
+    monkeypatch.setattr(time, "localtime", lambda *_: time.gmtime(2_000_000_000))
+    monkeypatch.setattr(time, "time", lambda: 2e9)
+    later.put(1, value)
+    assert contents(now) == contents(later)
+
+
+# ---------------------------------------------------------------- damage
+
+
+@pytest.fixture(name="file", params=["arrays", "json"])
+def _file(request, tmp_path) -> tuple[Store, pathlib.Path]:
+    arrays = {"points": ARRAY_VALUE["points"]}
+    codec, value = {"arrays": (ARRAYS, arrays), "json": (JSON, JSON_VALUE)}[request.param]
+    store = Store(tmp_path, SPECIFICATION, codec)
+    store.put(1, value)
+    return store, store.file(1)
+
+
+def test_truncated_at_any_length(file):
+    store, path = file
+    content = path.read_bytes()
+    for length in range(len(content)):
+        path.write_bytes(content[:length])
+        with pytest.raises(ResultError):
+            store.get(1)
+
+
+@pytest.mark.parametrize("mask", [0x01, 0xFF], ids=hex)
+def test_any_altered_byte(file, mask):
+    store, path = file
+    content = path.read_bytes()
+    for position in range(len(content)):
+        damaged = bytearray(content)
+        damaged[position] ^= mask
+        path.write_bytes(bytes(damaged))
+        with pytest.raises(ResultError):
+            store.get(1)
+
+
+@pytest.mark.parametrize("content", [b"", b"\n", b"{}\n{}", b"[" * 10**5, bytes(1000)])
+def test_no_value_at_all(store, content):
+    store.put(1, JSON_VALUE)
+    store.file(1).write_bytes(content)
+    with pytest.raises(ResultError, match=r"0001\.value cannot be read: it begins.*; delete it"):
+        store.get(1)
+    store.file(1).unlink()
+    store.file(1).mkdir()
+    with pytest.raises(ResultError, match=r"0001\.value cannot be read: IsADirectoryError"):
+        store.get(1)
+
+
+def test_a_file_in_the_place_of_another_key(store):
+    for key in (1, (1, 0), (1, 2)):
+        store.put(key, JSON_VALUE)
+    for key, other in itertools.permutations((1, (1, 0), (1, 2)), 2):
+        before = store.file(key).read_bytes()
+        store.file(key).write_bytes(store.file(other).read_bytes())
+        with pytest.raises(ResultError, match=r"\.value cannot be read"):
+            store.get(key)
+        store.file(key).write_bytes(before)
+    store.put(("a", "b"), 1)
+    with pytest.raises(ResultError):  # The name of its file is the same.
+        store.get("a_b")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"task": "cloth"}, {"settings": {**SPECIFICATION["settings"], "scale": 0.2}}, {"a": 1}],
+)
+def test_a_file_of_another_specification(store, change, tmp_path):
+    other = Store(tmp_path / "other", {**SPECIFICATION, **change}, JSON)
+    for one in (store, other):
+        one.put(1, JSON_VALUE)
+    store.file(1).write_bytes(other.file(1).read_bytes())
+    with pytest.raises(ResultError):
+        store.get(1)
+
+
+def test_a_store_can_have_an_error_of_its_own(tmp_path):
+    def damaged(file, reason):
+        return CorruptStoreError(f"{file.name}: {reason}")
+
+    store = Store(tmp_path, SPECIFICATION, JSON, damaged)
+    store.put(1, 0)
+    store.file(1).write_bytes(b"x")
+    with pytest.raises(CorruptStoreError, match=r"0001\.value: it begins with 'x', expected"):
+        store.get(1)
+
+
+def test_an_interrupted_write_leaves_the_old_file(store, monkeypatch):
+    store.put(1, "old")
+    before = contents(store)
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", interrupted)
+        for key in (1, 2):
+            with pytest.raises(KeyboardInterrupt):
+                store.put(key, "new")
+    assert contents(store) == before
+
+
+# ---------------------------------------------------------------- specifications
+
+
+def test_a_folder_has_one_specification(store):
+    folder = store.folder
+    other = Store(folder, {"task": "cloth", "settings": SPECIFICATION["settings"], "a": 1}, JSON)
+    assert store.is_empty() and not folder.exists()
+    store.claim()  # Without a value it is anybody's.
+    assert store.is_empty() and other.differences() == []
+    store.put(1, JSON_VALUE)
+    assert not store.is_empty()
+    assert Store(folder, SPECIFICATION, JSON).differences() == []
+    assert other.differences() == ["task", "a"]
+    (folder / "specification.json").write_text("{")
+    with pytest.raises(ResultError, match=r"specification\.json cannot be read"):
+        other.differences()
+
+
+# ---------------------------------------------------------------- runs
+
+
+def value(log: str, failing: int, delay: float, index: int) -> list[float]:
+    """Cheap numbers; the call leaves a line in the file `log`."""
+    with open(log, "a") as stream:
+        stream.write(f"{index}\n")
+    if index == failing:
+        raise ArithmeticError(f"value {index} fails on purpose")
+    time.sleep(delay)
+    return np.random.default_rng(index).normal(size=3 + index % 4).tolist()
+
+
+@pytest.fixture(name="log")
+def _log(tmp_path) -> pathlib.Path:
+    (tmp_path / "log").touch()
+    return tmp_path / "log"
+
+
+def function(log: pathlib.Path, failing: int = -1, delay: float = 0.0):
+    return functools.partial(value, str(log), failing, delay)
+
+
+def calls(log: pathlib.Path) -> list[int]:
+    """The values made so far, in order."""
+    return [int(line) for line in log.read_text().split()]
+
+
+def expected_contents(keys, tmp_path) -> dict[str, bytes]:
+    """The files of values that are put one by one."""
+    store = Store(tmp_path / "reference", SPECIFICATION, JSON)
+    for key in keys:
+        store.put(key, value(os.devnull, -1, 0.0, key))
+    return contents(store)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_run_goes_on(store, log, jobs, tmp_path):
+    store.run((1, 2, 5), function(log))
+    for key in (1, 2):
+        os.utime(store.file(key), ns=(10**18, 10**18))
+    seen = {}
+    with make_executor(jobs) as executor:
+        assert store.run(range(6), function(log), executor, seen.__setitem__) == 3
+        assert sorted(calls(log)[3:]) == [0, 3, 4]
+        assert seen == {key: value(os.devnull, -1, 0.0, key) for key in range(6)}
+        assert list(seen)[:3] == [1, 2, 5]  # What is there comes first.
+        assert contents(store) == expected_contents(range(6), tmp_path)
+        assert [store.file(key).stat().st_mtime_ns for key in (1, 2)] == [10**18] * 2
+        assert store.run(range(6), function(log), executor) == 0
+
+
+def test_the_parts_of_a_key_are_arguments(store):
+    store.run([(2, 3), (3, 2)], pow)
+    assert store.get((2, 3)) == 8 and store.get((3, 2)) == 9
+
+
+def test_damage_is_an_error_or_replaced(store, log):
+    store.run(range(4), function(log))
+    before = contents(store)
+    store.file(2).write_bytes(before["0002.value"][:-1])
+    with pytest.raises(ResultError, match=r"0002\.value"):
+        store.run(range(5), function(log))
+    assert calls(log) == [0, 1, 2, 3]
+    seen = []
+    assert (
+        store.run(range(4), function(log), None, lambda key, _: seen.append(key), replace=True) == 1
+    )
+    assert seen == [0, 1, 3, 2] and calls(log) == [0, 1, 2, 3, 2]
+    assert contents(store) == before
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_failure_leaves_what_is_finished(store, log, jobs, tmp_path):
+    with make_executor(jobs) as executor:
+        with pytest.raises(ArithmeticError, match="value 3 fails"):
+            store.run(range(5), function(log, failing=3, delay=0.2), executor)
+        # The error comes when nothing runs any more: what was started, elsewhere too, is there.
+        started = set(calls(log))
+        assert [key for key in range(5) if store.has(key)] == sorted(started - {3})
+        assert started == {0, 1, 2, 3} if jobs == 1 else started >= {0, 1, 3}
+        store.run(range(5), function(log), executor)  # The cause is removed.
+    assert contents(store) == expected_contents(range(5), tmp_path)
+
+
+def test_abandoned_files_are_removed(store, log):
+    store.put(1, 0)
+    old, new = (store.folder / PARTIAL.format("0002.value", name) for name in ("old", "new"))
+    for file in (old, new):
+        file.touch()
+    os.utime(old, (0, 0))
+    store.run([1], function(log))
+    assert not old.exists() and new.exists()  # Somebody may be writing this one.
+
+
+# Runs slowly; with a third argument it kills itself in the write of that many values.
+SCRIPT = """
+import os, pathlib, signal, sys
+from tests.jobs import test_store as module
+
+if len(sys.argv) > 3:
+    replace, left = os.replace, [int(sys.argv[3])]
+    def dying_replace(source, target):
+        left[0] -= target.suffix == ".value"
+        if not left[0]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        replace(source, target)
+    os.replace = dying_replace
+store = module.Store(pathlib.Path(sys.argv[1]), module.SPECIFICATION, module.JSON)
+function = module.function(sys.argv[2], delay=0.05)
+store.run(range(12), function, None, lambda key, value: print(key, flush=True))
+"""
+
+
+def start(*arguments: object) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, *map(str, arguments)],
+        cwd=pathlib.Path(__file__).parents[2],  # Where it finds the tests.
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("moment", ["between", "in a write"])
+def test_kill_and_resume(store, log, moment, tmp_path):
+    if moment == "between":
+        with start(store.folder, log) as process:
+            for line in process.stdout:
+                if int(line) == 3:
+                    process.kill()
+                    break
+    else:
+        with start(store.folder, log, 5) as process:
+            process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    expected = expected_contents(range(12), tmp_path)
+    finished = {file.name: file.read_bytes() for file in store.folder.glob("*.value")}
+    assert 4 <= len(finished) < 12
+    assert finished.items() <= expected.items()
+
+    with start(store.folder, log) as process:
+        seen = sorted(map(int, process.stdout))
+    assert process.returncode == 0 and seen == list(range(12))
+    assert {file.name: file.read_bytes() for file in store.folder.glob("[!.]*")} == expected
+    assert max(calls(log).count(key) for key in range(len(finished))) == 1
