@@ -88,12 +88,12 @@ def share_states(usual: Environment, other: Environment, kind: str, fidelity: st
             usual.task.choose_variation(index)
             shapes = [grid_shape(usual.task.cloth.dims, name) for name in ("default", fidelity)]
             points = resampled_sheet(points, *shapes)
-        other.task.store.save(index, points)
+        other.task.store.put(index, points)
         if usual.name in CRUMPLED:  # Interpolated layers are too close to each other in places.
             other.reset(index)
             for _ in range(SETTLE_STEPS):
                 other.step(np.tile([0.0, 0.0, 0.0, -1.0], 2))
-            other.task.store.save(index, other.task.points())
+            other.task.store.put(index, other.task.points())
 
 
 def play(env: Environment, variation: int, policy) -> tuple[float, np.ndarray]:

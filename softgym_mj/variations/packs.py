@@ -1,0 +1,93 @@
+"""Packs: the start states of all variations in one file, as shipped in the package."""
+
+import functools
+import hashlib
+import io
+import pathlib
+import zipfile
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from softgym_mj import assets
+from softgym_mj.exceptions import CorruptStoreError
+from softgym_mj.jobs.files import write_whole
+
+# What numpy and zipfile raise on a file that is not a whole npz of ours.
+_UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+
+@functools.cache
+def shipped(name: str, specification: str) -> list[np.ndarray] | None:
+    """The shipped states of an initializer; None if there are none of this specification."""
+    file = pathlib.Path(assets.path("variations", f"{name}.npz"))
+    if not file.exists() or _stored_specification(file) != specification:
+        return None
+    return read_pack(file, specification)
+
+
+def _stored_specification(file: pathlib.Path) -> str | None:
+    try:
+        with np.load(file, allow_pickle=False) as content:
+            return str(content["specification"])
+    except _UNREADABLE as error:
+        raise corrupt(file, repr(error)) from error
+
+
+def corrupt(file: pathlib.Path, reason: str) -> CorruptStoreError:
+    """The error for a file of start states."""
+    return CorruptStoreError(
+        f"{file} is not a valid store of initial states ({reason}). Generate it again with "
+        "`softgym-mj generate TASK`, which replaces invalid files and keeps valid ones."
+    )
+
+
+def _checksum(specification: str, counts: np.ndarray, vertices: np.ndarray) -> str:
+    digest = hashlib.sha256(specification.encode())
+    digest.update(np.ascontiguousarray(counts).tobytes())
+    digest.update(np.ascontiguousarray(vertices).tobytes())
+    return digest.hexdigest()
+
+
+def write_pack(file: pathlib.Path, states: Sequence[np.ndarray], specification: str) -> None:
+    """Writes vertex positions [(n, 3) float32, ...] to an npz, atomically and byte-reproducibly."""
+    counts = np.array([len(state) for state in states], np.int32)
+    vertices = np.concatenate(states).astype(np.float32)
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        specification=specification,
+        checksum=_checksum(specification, counts, vertices),
+        counts=counts,
+        vertices=vertices,
+    )
+    write_whole(file, buffer.getvalue())
+
+
+def read_pack(file: pathlib.Path, specification: str) -> list[np.ndarray]:
+    """Reads what `write_pack` wrote: a list of (n, 3) float64 arrays [m].
+
+    Raises:
+        FileNotFoundError: if there is no such file.
+        CorruptStoreError: if it is truncated, altered or of another specification.
+    """
+    if not file.exists():
+        raise FileNotFoundError(file)
+    try:
+        with np.load(file, allow_pickle=False) as content:
+            found, checksum = str(content["specification"]), str(content["checksum"])
+            counts, vertices = content["counts"], content["vertices"]
+    except _UNREADABLE as error:
+        raise corrupt(file, repr(error)) from error
+    if found != specification:
+        raise corrupt(file, f"it holds {found}, expected {specification}")
+    actual = _checksum(found, counts, vertices)
+    if actual != checksum:
+        raise corrupt(file, f"checksum {actual[:12]}..., expected {checksum[:12]}...")
+    return [
+        np.asarray(part, float) for part in np.split(vertices, np.cumsum(counts)[:-1].astype(int))
+    ]

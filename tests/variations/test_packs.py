@@ -1,0 +1,198 @@
+"""Packs of start states: byte comparison, damage, and what is shipped."""
+
+import dataclasses
+import pathlib
+import time
+
+import numpy as np
+import pytest
+
+from softgym_mj import assets
+from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError
+from softgym_mj.variations import indices, packs
+from softgym_mj.variations import store as store_module
+from softgym_mj.variations.store import VariationStore
+
+SPECIFICATION = '{"initializer": "test"}'
+
+
+def some_states() -> list[np.ndarray]:
+    random = np.random.default_rng(0)
+    return [random.normal(size=(count, 3)).astype(np.float32) for count in (5, 1, 41)]
+
+
+def test_write_and_read(tmp_path):
+    file = tmp_path / "deep" / "folder" / "states.npz"
+    states = some_states()
+    packs.write_pack(file, states, SPECIFICATION)
+    found = packs.read_pack(file, SPECIFICATION)
+    assert len(found) == len(states)
+    for state, expected in zip(found, states, strict=True):
+        assert state.dtype == np.float64
+        np.testing.assert_array_equal(state, expected)
+    assert [path.name for path in file.parent.iterdir()] == ["states.npz"]
+
+
+def test_float64_is_rounded_to_float32(tmp_path):
+    state = np.random.default_rng(1).normal(size=(7, 3))
+    packs.write_pack(tmp_path / "a", [state], SPECIFICATION)
+    (found,) = packs.read_pack(tmp_path / "a", SPECIFICATION)
+    np.testing.assert_array_equal(found, state.astype(np.float32))
+
+
+def test_same_input_gives_the_same_bytes(tmp_path, monkeypatch):
+    packs.write_pack(tmp_path / "now", some_states(), SPECIFICATION)
+    # Zip entries can hold a time of day; another day must give the same file.
+    monkeypatch.setattr(time, "localtime", lambda *_: time.gmtime(2_000_000_000))
+    monkeypatch.setattr(time, "time", lambda: 2e9)
+    packs.write_pack(tmp_path / "later", some_states(), SPECIFICATION)
+    assert (tmp_path / "now").read_bytes() == (tmp_path / "later").read_bytes()
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        packs.read_pack(tmp_path / "nothing.npz", SPECIFICATION)
+
+
+def assert_corrupt(file: pathlib.Path, specification: str = SPECIFICATION) -> None:
+    with pytest.raises(CorruptStoreError) as error:
+        packs.read_pack(file, specification)
+    assert str(file) in str(error.value)
+    assert "softgym-mj generate" in str(error.value)
+
+
+@pytest.fixture(name="file")
+def _file(tmp_path) -> pathlib.Path:
+    file = tmp_path / "states.npz"
+    packs.write_pack(file, some_states(), SPECIFICATION)
+    return file
+
+
+def test_truncated_at_any_length(file):
+    content = file.read_bytes()
+    for length in [*range(0, len(content), 13), len(content) - 1]:
+        file.write_bytes(content[:length])
+        assert_corrupt(file)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"no zip file at all", b"PK\x03\x04", b"PK\x05\x06" + bytes(18), bytes(1000)],
+    ids=("empty", "text", "head", "empty zip", "zeros"),
+)
+def test_not_a_store(file, content):
+    file.write_bytes(content)
+    assert_corrupt(file)
+
+
+def test_another_numpy_file(file):
+    with open(file, "wb") as stream:
+        np.save(stream, np.arange(12.0))
+    assert_corrupt(file)
+
+
+def test_npz_without_the_entries(file):
+    np.savez(file, vertices=np.zeros((3, 3)))
+    assert_corrupt(file)
+
+
+def test_wrong_specification(file):
+    assert_corrupt(file, specification=SPECIFICATION.replace("test", "other"))
+
+
+@pytest.mark.parametrize("entry", ["vertices", "counts", "checksum", "specification"])
+def test_one_altered_byte_of_an_entry(file, entry):
+    with np.load(file) as loaded:
+        entries = dict(loaded)
+    # A well-formed zip file, so that only our own checksum can tell.
+    altered = np.atleast_1d(entries[entry]).copy()
+    altered.view(np.uint8)[4] ^= 1
+    entries[entry] = altered.reshape(entries[entry].shape)
+    np.savez_compressed(file, **entries)
+    assert_corrupt(file)
+
+
+@pytest.mark.parametrize("mask", [0x01, 0xFF], ids=hex)
+def test_any_altered_byte_of_the_file_is_seen_or_harmless(file, mask):
+    content, states = file.read_bytes(), some_states()
+    escaped = {}
+    for position in range(len(content)):
+        damaged = bytearray(content)
+        damaged[position] ^= mask
+        file.write_bytes(bytes(damaged))
+        try:
+            found = packs.read_pack(file, SPECIFICATION)
+        except CorruptStoreError:
+            continue
+        except Exception as error:  # Any other type is the failure.
+            escaped[position] = repr(error)
+            continue
+        # Some bytes mean nothing: time stamps, attributes, the version that wrote the file.
+        assert len(found) == len(states)
+        assert all(map(np.array_equal, found, states)), position
+    assert not escaped, f"{len(escaped)} bytes, the first: {list(escaped.items())[:3]}"
+
+
+# ---------------------------------------------------------------- the shipped set
+
+
+@pytest.fixture(name="packed")
+def _packed(store, initializer, tmp_path, monkeypatch) -> pathlib.Path:
+    """All of six variations packed into the place of the shipped set; the cache is empty."""
+    for module in (indices, store_module):
+        monkeypatch.setattr(module, "NUM_VARIATIONS", 6)
+    store.generate_missing(range(6))
+    file = tmp_path / "assets" / f"{initializer.name}.npz"
+    store.pack(file)
+    for index in range(6):
+        store.file(index).unlink()
+    pathlib.Path(initializer.log).unlink()
+    monkeypatch.setattr(assets, "path", lambda *parts: str(tmp_path / "assets" / parts[-1]))
+    packs.shipped.cache_clear()
+    yield file
+    packs.shipped.cache_clear()
+
+
+def test_pack_holds_all_variations(packed, initializer):
+    specification = packs._stored_specification(packed)
+    states = packs.read_pack(packed, specification)
+    assert len(states) == 6
+    for index, state in enumerate(states):
+        np.testing.assert_array_equal(state, initializer.points(index).astype(np.float32))
+
+
+def test_pack_needs_all_variations(store, tmp_path, monkeypatch):
+    monkeypatch.setattr(store_module, "NUM_VARIATIONS", 4)
+    store.generate_missing((0, 1, 3))
+    with pytest.raises(FileNotFoundError, match=r"0002\.value"):
+        store.pack(tmp_path / "packed.npz")
+    assert not (tmp_path / "packed.npz").exists()
+
+
+def test_shipped_states_are_used_first(packed, store, initializer):
+    assert packed.exists()
+    for index in (5, 0):
+        expected = initializer.points(index).astype(np.float32)
+        np.testing.assert_array_equal(store.load(index), expected)
+    assert initializer.calls() == []
+    with pytest.raises(OutOfRangeError):
+        store.load(6)
+
+
+def test_loaded_states_belong_to_the_caller(packed, store, initializer):
+    assert packed.exists()
+    store.load(2)[:] = 0.0
+    np.testing.assert_array_equal(store.load(2), initializer.points(2).astype(np.float32))
+
+
+def test_shipped_states_of_other_parameters_are_ignored(packed, initializer):
+    assert packed.exists()
+    other = VariationStore(dataclasses.replace(initializer, scale=3.0))
+    np.testing.assert_array_equal(other.load(1), (3.0 * initializer.points(1)).astype(np.float32))
+    assert initializer.calls() == [1]
+
+
+def test_corrupt_shipped_file(packed, store):
+    packed.write_bytes(packed.read_bytes()[:-40])
+    with pytest.raises(CorruptStoreError, match="softgym-mj generate"):
+        store.load(0)
