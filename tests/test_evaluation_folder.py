@@ -5,7 +5,7 @@ import hashlib
 
 import pytest
 
-from softgym_mj.evaluation import Configuration, evaluate
+from softgym_mj.evaluation import Configuration, Progress, evaluate
 from softgym_mj.exceptions import ResultError, UnexpectedArgumentError
 from tests.test_saved_policies import exported
 
@@ -21,10 +21,18 @@ def test_a_folder_belongs_to_one_configuration(tmp_path):
     other = dataclasses.replace(SIMPLE, policy="zero", seeds=(0,))
     with pytest.raises(ResultError, match="another policy"):
         evaluate(other, tmp_path)
-    file = next((tmp_path / "episodes").glob("*.json"))
-    file.write_text("{")
-    with pytest.raises(ResultError, match="cannot be read"):
-        evaluate(SIMPLE, tmp_path)
+
+
+def test_damage_is_an_error_and_not_played_again(tmp_path):
+    evaluate(SIMPLE, tmp_path)
+    first, second = sorted((tmp_path / "episodes").glob("080*"))[:2]
+    first.write_bytes(second.read_bytes())
+    played = Progress(on_episode=pytest.fail)
+    with pytest.raises(ResultError, match=rf"{first.name} cannot be read"):
+        evaluate(SIMPLE, tmp_path, None, played)
+    (tmp_path / "provenance.json").write_text("{")
+    with pytest.raises(ResultError, match=r"provenance\.json cannot be read"):
+        evaluate(SIMPLE, tmp_path, None, played)
 
 
 def test_a_folder_goes_on_with_other_variations_and_seeds(tmp_path):

@@ -4,17 +4,20 @@ Every episode is a pure function of the configuration, its variation and its see
 """
 
 import dataclasses
+import functools
 import json
 import os
 import pathlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 
 from softgym_mj import registry
 from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
-from softgym_mj.evaluation.folder import Folder
+from softgym_mj.evaluation.folder import open_folder
 from softgym_mj.evaluation.statistics import methods, summary
 from softgym_mj.jobs.executors import Executor, SerialExecutor
+from softgym_mj.jobs.files import write_json
+from softgym_mj.jobs.store import Store
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import PLANNERS, Plan
@@ -62,42 +65,37 @@ def evaluate(
     """
     executor, progress = executor or SerialExecutor(), progress or Progress()
     written = configuration.as_json()
-    kept = Folder(pathlib.Path(folder), written)
-    found = {key: kept.episode(*key) for key in configuration.episodes}
-    episodes = {key: episode for key, episode in found.items() if episode is not None}
-    for episode in episodes.values():
-        progress.on_episode(episode)
-    missing = [key for key in configuration.episodes if key not in episodes]
-    for key, episode in _played(configuration, missing, kept, executor, progress):
-        kept.add(episode)
+    store, machines = open_folder(pathlib.Path(folder), written)
+    episodes: dict[tuple[int, int], dict] = {}
+
+    def add(key: tuple[int, int], episode: dict) -> None:
         episodes[key] = episode
         progress.on_episode(episode)
+
+    play: Callable[[int, int], dict]
+    if configuration.policy in PLANNERS:  # They use the executor, for samples.
+        play, executor = _planned(configuration, store, executor, progress), SerialExecutor()
+    else:
+        task = sent_to(executor, configuration.task)
+        settings = json.dumps(dict(configuration.settings), sort_keys=True)
+        play = functools.partial(play_episode, task, settings, configuration.policy)
+    store.run(configuration.episodes, play, executor, add)
     ordered = [episodes[key] for key in configuration.episodes]
     result = {
         **written,
-        "machines": kept.machines,
+        "machines": machines,
         "summary": summary(ordered),
         "methods": methods(ordered),
         "episodes": ordered,
     }
-    kept.finish(result)
+    write_json(pathlib.Path(folder) / "result.json", result)
     return result
 
 
-def _played(
-    configuration: Configuration,
-    missing: Sequence[tuple[int, int]],
-    folder: Folder,
-    executor: Executor,
-    progress: Progress,
-) -> Iterable[tuple[tuple[int, int], dict]]:
-    settings = json.dumps(dict(configuration.settings), sort_keys=True)
-    if configuration.policy not in PLANNERS:
-        task = sent_to(executor, configuration.task)
-        calls = [(task, settings, configuration.policy, *key) for key in missing]
-        for index, episode in executor.results(play_episode, calls):
-            yield missing[index], episode
-        return
+def _planned(
+    configuration: Configuration, store: Store, executor: Executor, progress: Progress
+) -> Callable[[int, int], dict]:
+    """What plays an episode of a policy that plans, by variation and seed."""
     planning = configuration.planning
     assert planning is not None
     # Not `kept_environment`: in this process the samples are played in that one.
@@ -105,17 +103,20 @@ def _played(
         configuration.task, split="all", **{"observation": "reduced", **configuration.settings}
     )
     rollouts = Rollouts(configuration.task, configuration.settings, executor)
-    for variation, seed in missing:
+
+    def play(variation: int, seed: int) -> dict:
         policy = ModelPredictivePolicy(
             env,
             configuration.planner(),
             rollouts,
             seed=seed,
             replan_every=planning.replan_every,
-            journal=folder.journal(variation, seed),
+            journal=store.file((variation, seed)).with_suffix(".jsonl"),
             on_decision=progress.on_decision,
         )
-        yield (variation, seed), _play(env, policy, variation, seed)
+        return _play(env, policy, variation, seed)
+
+    return play
 
 
 def play_episode(
