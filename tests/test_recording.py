@@ -143,7 +143,7 @@ def test_no_success_is_an_error_that_keeps_the_episodes(tmp_path):
     arguments = {"policy": "zero", "dataset": "rope/zero-v0", "horizon": 3}
     with pytest.raises(OutOfRangeError, match=r"successful_only=True .*none of the 2 episodes"):
         record("straighten_rope", (800, 801), successful_only=True, **arguments)
-    assert len(list(tmp_path.rglob("*.npz"))) == 2
+    assert len(list(tmp_path.rglob("*.value"))) == 2
     assert record("straighten_rope", (800, 801), **arguments).total_episodes == 2
 
 

@@ -4,6 +4,7 @@ Every episode is a pure function of the configuration and its variation.
 """
 
 import copy
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,11 +15,12 @@ import mujoco
 import softgym_mj
 from softgym_mj import registry
 from softgym_mj.evaluation.configuration import check_settings
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import OutOfRangeError, ResultError
+from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import is_saved, sha256
 from softgym_mj.recording import datasets
-from softgym_mj.recording.episodes import KeptEpisodes, play
+from softgym_mj.recording.episodes import flat, nested, play
 from softgym_mj.variations.indices import SPLITS, check_variation
 
 if TYPE_CHECKING:
@@ -95,14 +97,20 @@ def record(
             "settings": settings,
             "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
         }
-        kept = KeptEpisodes(datasets.unfinished_folder(dataset), configuration)
+        store = Store(datasets.unfinished_folder(dataset), configuration, ARRAYS)
+        if differ := store.differences():
+            raise ResultError(
+                f"{store.folder} holds episodes of an unfinished recording with another "
+                f"{', '.join(differ)}; finish that, choose another dataset or delete the folder"
+            )
         successful = []
         for variation in variations:
-            if not kept.has(variation):
+            if not store.has(variation):
                 # A policy of its own, which cannot depend on what was played before.
                 act = make_policy(policy, env.unwrapped.dm_env, seed)  # type: ignore[attr-defined]
-                kept.add(variation, play(env, act, variation))
-            last = {name: values[-1] for name, values in kept.episode(variation)["infos"].items()}
+                store.put(variation, flat(play(env, act, variation)))
+            infos = nested(store.get(variation))["infos"]
+            last = {name: values[-1] for name, values in infos.items()}
             if last["success"]:
                 successful.append(variation)
             on_episode(last)
@@ -113,11 +121,11 @@ def record(
             counts = f"{len(successful)} of {len(variations)} episodes, those with success."
             metadata["description"] = f"{found.summary} {counts}".lstrip()
         buffers = (
-            {"seed": seed, "options": {"variation": variation}, **kept.episode(variation)}
+            {"seed": seed, "options": {"variation": variation}, **nested(store.get(variation))}
             for variation in (successful if successful_only else variations)
         )
         made = datasets.write_dataset(dataset, env, buffers, metadata)
-        kept.remove()
+        shutil.rmtree(store.folder)
         return made
     finally:
         env.close()
