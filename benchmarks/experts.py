@@ -2,8 +2,8 @@
 
     python benchmarks/experts.py straighten_rope fold_cloth --jobs 2 --out benchmarks/experts.json
 
-The file keeps what is done: the same command goes on from it. `make sheets` shows docs/experts.json
-in README and docs.
+The same command goes on where it was stopped, with the scores in `--folder`. `make sheets` shows
+docs/experts.json in README and docs.
 """
 
 import argparse
@@ -13,10 +13,13 @@ import pathlib
 import statistics
 from collections.abc import Iterable
 
+import mujoco
+
 import softgym_mj
 from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import ResultError
 from softgym_mj.jobs.executors import make_executor
-from softgym_mj.jobs.files import write_whole
+from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.policies.factory import make_policy
 
 ACTORS = ("default", "franka", "sawyer")  # Pickers or cups, arms.
@@ -53,16 +56,21 @@ def table(scores: Scores) -> str:
     return "\n".join(lines)
 
 
-def play(tasks: Iterable[str], variations: Iterable[int], jobs: int, out: pathlib.Path) -> Scores:
-    """Adds the scores that `out` lacks to it; what they all are."""
-    scores: Scores = json.loads(out.read_text()) if out.exists() else {}
-    wanted = [(task, actor, v) for v in variations for task in tasks for actor in ACTORS]
-    calls = [(t, a, v) for t, a, v in wanted if str(v) not in scores.get(t, {}).get(a, {})]
-    with make_executor(jobs, None) as executor:
-        for index, value in executor.results(score, calls):
-            task, actor, variation = calls[index]
-            scores.setdefault(task, {}).setdefault(actor, {})[str(variation)] = value
-            write_whole(out, json.dumps(scores, indent=1).encode())
+def play(
+    tasks: Iterable[str], variations: Iterable[int], jobs: int, folder: pathlib.Path
+) -> Scores:
+    """The scores of tasks with every actor; plays those that `folder` lacks."""
+    versions = {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__}
+    store = Store(folder, versions, JSON)
+    if differ := store.differences():
+        raise ResultError(f"{folder} holds scores of another {', '.join(differ)}; delete it")
+    keys = [(task, actor, v) for v in variations for task in tasks for actor in ACTORS]
+    with make_executor(jobs) as executor:
+        store.run(keys, score, executor)
+    scores: Scores = {}
+    for task, actor, variation in keys:
+        value = store.get((task, actor, variation))
+        scores.setdefault(task, {}).setdefault(actor, {})[str(variation)] = value
     return scores
 
 
@@ -71,12 +79,15 @@ def main() -> None:
     parser.add_argument("tasks", nargs="*", help="all if none is named")
     parser.add_argument("--every", type=int, default=3, help="play every n-th variation")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--folder", type=pathlib.Path, default=pathlib.Path("build/experts"))
     parser.add_argument("--out", type=pathlib.Path, required=True)
     arguments = parser.parse_args()
     os.environ.setdefault("MUJOCO_GL", "disable")
     variations = range(FIRST, LAST + 1, arguments.every)
     tasks = arguments.tasks or list(softgym_mj.TASKS)
-    print(table(play(tasks, variations, arguments.jobs, arguments.out)))
+    scores = play(tasks, variations, arguments.jobs, arguments.folder)
+    arguments.out.write_text(json.dumps(scores, indent=1))
+    print(table(scores))
 
 
 if __name__ == "__main__":
