@@ -17,7 +17,6 @@ import mujoco
 
 import softgym_mj
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import ResultError
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.policies.factory import make_policy
@@ -62,8 +61,6 @@ def play(
     """The scores of tasks with every actor; plays those that `folder` lacks."""
     versions = {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__}
     store = Store(folder, versions, JSON)
-    if differ := store.differences():
-        raise ResultError(f"{folder} holds scores of another {', '.join(differ)}; delete it")
     keys = [(task, actor, v) for v in variations for task in tasks for actor in ACTORS]
     with make_executor(jobs) as executor:
         store.run(keys, score, executor)

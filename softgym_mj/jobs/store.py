@@ -21,7 +21,7 @@ from softgym_mj.jobs.files import PARTIAL, read_json, write_json, write_whole
 
 Key = int | str | tuple[int | str, ...]
 
-_ABANDONED = 3600.0  # Age [s] of a partial file that nobody can still be writing.
+_ABANDONED = 3600.0  # Age [s] of a partial file that a killed process left.
 _SHOWN = 300  # Bytes of a wrong header in a message.
 
 
@@ -52,7 +52,11 @@ def _damaged(file: pathlib.Path, reason: str) -> SoftGymError:
 
 
 class Store:
-    """A folder of values that all belong to one specification."""
+    """A folder of values that all belong to one specification.
+
+    Attributes:
+        folder: where the files are.
+    """
 
     def __init__(
         self,
@@ -72,21 +76,12 @@ class Store:
         self._specification = json.loads(json.dumps(specification))  # Tuples are lists there.
         text = json.dumps(self._specification, sort_keys=True)
         self._digest = hashlib.sha256(text.encode()).hexdigest()
-        self._folder, self._codec, self._damaged = folder, codec, damaged
-        self._claimed = False
-
-    @property
-    def folder(self) -> pathlib.Path:
-        """Where the files are."""
-        return self._folder
-
-    @property
-    def _claim(self) -> pathlib.Path:
-        return self._folder / "specification.json"
+        self.folder, self._codec, self._damaged = folder, codec, damaged
+        self._claim, self._claimed = folder / "specification.json", False
 
     def is_empty(self) -> bool:
         """Whether the folder holds nothing but a specification."""
-        return all(file == self._claim for file in self._folder.glob("[!.]*"))
+        return all(file == self._claim for file in self.folder.glob("[!.]*"))
 
     def differences(self) -> list[str]:
         """The parts of the specification that are others for what the folder holds.
@@ -108,7 +103,7 @@ class Store:
         """The file of a key: "0004.value", "0800_0000.value"."""
         parts = key if isinstance(key, tuple) else (key,)
         names = [f"{part:04d}" if isinstance(part, int) else part for part in parts]
-        return self._folder / f"{'_'.join(names)}.value"
+        return self.folder / f"{'_'.join(names)}.value"
 
     def has(self, key: Key) -> bool:
         """Whether there is a file of this key, whatever is in it."""
@@ -123,10 +118,10 @@ class Store:
                 or key.
         """
         file = self.file(key)
+        if not file.exists():
+            raise FileNotFoundError(file)
         try:
             header, _, content = file.read_bytes().partition(b"\n")
-        except FileNotFoundError:
-            raise
         except OSError as error:
             raise self._damaged(file, repr(error)) from error
         expected = self._header(key, content)
@@ -169,16 +164,15 @@ class Store:
         Returns:
             How many values were made.
         """
-        self._remove_abandoned()
+        for file in self.folder.glob(PARTIAL.format("*", "*")):
+            if time.time() - file.stat().st_mtime > _ABANDONED:
+                file.unlink(missing_ok=True)
+        absent = (FileNotFoundError, SoftGymError) if replace else FileNotFoundError
         missing: list[Key] = []
         for key in keys:
             try:
                 value = self.get(key)
-            except FileNotFoundError:
-                missing.append(key)
-            except SoftGymError:
-                if not replace:
-                    raise
+            except absent:
                 missing.append(key)
             else:
                 progress(key, value)
@@ -187,9 +181,3 @@ class Store:
             self.put(missing[index], value)
             progress(missing[index], value)
         return len(missing)
-
-    def _remove_abandoned(self) -> None:
-        """Removes what a killed process left of a file it was writing."""
-        for file in self._folder.glob(PARTIAL.format("*", "*")):
-            if time.time() - file.stat().st_mtime > _ABANDONED:
-                file.unlink(missing_ok=True)

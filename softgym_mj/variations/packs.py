@@ -72,11 +72,8 @@ def read_pack(file: pathlib.Path, specification: str) -> list[np.ndarray]:
     """Reads what `write_pack` wrote: a list of (n, 3) float64 arrays [m].
 
     Raises:
-        FileNotFoundError: if there is no such file.
         CorruptStoreError: if it is truncated, altered or of another specification.
     """
-    if not file.exists():
-        raise FileNotFoundError(file)
     try:
         with np.load(file, allow_pickle=False) as content:
             found, checksum = str(content["specification"]), str(content["checksum"])

@@ -9,14 +9,13 @@ import logging
 import os
 import pathlib
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import mujoco
 import numpy as np
 
 from softgym_mj.exceptions import CacheUnavailableError
 from softgym_mj.jobs.executors import Executor
-from softgym_mj.jobs.store import ARRAYS, Store
+from softgym_mj.jobs.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
 from softgym_mj.variations.indices import NUM_VARIATIONS, Initializer, check_variation
 
@@ -66,11 +65,11 @@ class VariationStore(Store):
             self.put(index, self._initializer.generate(index))
         return self.get(index)
 
-    def get(self, key: Any) -> np.ndarray:
+    def get(self, key: Key) -> np.ndarray:
         """Vertex positions (n, 3) [m] of a variation in the cache; errors as in `Store`."""
         return super().get(key)["points"].astype(float)
 
-    def put(self, key: Any, value: np.ndarray) -> None:
+    def put(self, key: Key, value: np.ndarray) -> None:
         """Keeps vertex positions (n, 3) [m], in single precision.
 
         Raises:

@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 
-from softgym_mj.exceptions import CorruptStoreError, ResultError
+from softgym_mj.exceptions import ResultError
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.files import PARTIAL
 from softgym_mj.jobs.store import ARRAYS, JSON, Store
@@ -151,17 +151,6 @@ def test_a_file_of_another_specification(store, change, tmp_path):
         one.put(1, JSON_VALUE)
     store.file(1).write_bytes(other.file(1).read_bytes())
     with pytest.raises(ResultError):
-        store.get(1)
-
-
-def test_a_store_can_have_an_error_of_its_own(tmp_path):
-    def damaged(file, reason):
-        return CorruptStoreError(f"{file.name}: {reason}")
-
-    store = Store(tmp_path, SPECIFICATION, JSON, damaged)
-    store.put(1, 0)
-    store.file(1).write_bytes(b"x")
-    with pytest.raises(CorruptStoreError, match=r"0001\.value: it begins with 'x', expected"):
         store.get(1)
 
 
