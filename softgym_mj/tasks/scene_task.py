@@ -17,6 +17,7 @@ from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.base import DeformableTask
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.tasks.state import Episode, State
+from softgym_mj.variations.indices import generator
 from softgym_mj.variations.randomization import Adjustable, Prefixed
 
 ACTION_REPEAT = 8  # As in most of SoftGym's tasks.
