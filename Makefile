@@ -38,6 +38,7 @@ bench: $(VENV)/.installed
 sheets: $(VENV)/.installed-dev
 	$(BIN)/python -m tools.data_sheets
 	$(BIN)/python -m tools.tables
+	$(BIN)/python -m tools.architecture
 
 # Plays the tasks for the README's moving pictures, docs/gifs.
 gifs: $(VENV)/.installed

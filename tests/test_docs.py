@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from softgym_mj import compat, registry
 from softgym_mj.cli import commands
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
-from tools import tables
+from tools import architecture, tables
 
 ROOT = pathlib.Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -169,3 +169,11 @@ def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
 def test_the_scores_are_those_of_the_files():
     for path, text in tables.pages().items():
         assert path.read_text() == text
+
+
+def test_the_picture_of_the_folders_is_theirs():
+    assert architecture.FILE.read_text() == architecture.svg()
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    rows = re.findall(r"^\| (`.*?`) \|", page, re.MULTILINE)
+    listed = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert listed == {room for floor in architecture.FLOORS for room in floor} - {"__init__"}

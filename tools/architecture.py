@@ -1,0 +1,39 @@
+"""Draws docs/architecture.svg: the folders on their floors, as tests/test_imports.py has them."""
+
+import pathlib
+
+from tests.test_imports import FLOORS
+
+FILE = pathlib.Path(__file__).parent.parent / "docs" / "architecture.svg"
+WIDTH, HEIGHT, GAP = 130, 30, 14  # [pixels] Of a box, and between two.
+COLORS = ("#e8eef7", "#d3e1f1")  # Of the floors in turn.
+
+
+def svg() -> str:
+    """The picture."""
+    widest = max(map(len, FLOORS))
+    width = widest * (WIDTH + GAP) + GAP
+    height = len(FLOORS) * (HEIGHT + GAP) + GAP
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        'font-family="sans-serif" font-size="14" text-anchor="middle">'
+    ]
+    for floor, rooms in enumerate(FLOORS):
+        y = height - (floor + 1) * (HEIGHT + GAP)
+        left = (width - len(rooms) * (WIDTH + GAP) + GAP) / 2
+        for i, room in enumerate(sorted(rooms)):
+            x = left + i * (WIDTH + GAP)
+            parts.append(
+                f'<rect x="{x:g}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="5" '
+                f'fill="{COLORS[floor % 2]}" stroke="#4a6a96"/>'
+                f'<text x="{x + WIDTH / 2:g}" y="{y + HEIGHT / 2 + 5:g}">{room}</text>'
+            )
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def main() -> None:
+    FILE.write_text(svg())
+
+
+if __name__ == "__main__":
+    main()
