@@ -24,7 +24,7 @@ from softgym_mj.exceptions import (
     WorkersLostError,
 )
 from softgym_mj.vector import pool as vector_pool
-from softgym_mj.vector.environment import VectorEnv
+from softgym_mj.vector.base import VectorEnv
 
 ROPE = "softgym_mj/StraightenRope-v0"
 PACKAGE = str(pathlib.Path(softgym_mj.__file__).parent)
