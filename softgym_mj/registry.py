@@ -256,7 +256,7 @@ def add_gymnasium_ids() -> None:
             gymnasium.register(
                 id=record.gymnasium_id,
                 entry_point="softgym_mj.envs.gymnasium_env:SoftGymEnv",
-                vector_entry_point="softgym_mj.vector.base:make_vector_env",
+                vector_entry_point="softgym_mj.vector.make:make_vec",
                 kwargs={"task": record.name},
             )
 

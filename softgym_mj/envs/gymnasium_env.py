@@ -19,7 +19,6 @@ from softgym_mj.exceptions import (
     OutOfRangeError,
     SnapshotError,
     UnexpectedArgumentError,
-    UnknownNameError,
     check_image_size,
     check_name,
 )
@@ -29,6 +28,26 @@ _OPTIONS = ("variation", "state")
 _OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera")
 # Attributes that a copy has besides the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "spec")
+
+
+def check_options(seed: object, options: Mapping[str, Any]) -> None:
+    """Raises unless a reset can have these options.
+
+    Raises:
+        UnknownNameError: for an unknown option.
+        OutOfRangeError: for a seed or a variation beside a state.
+    """
+    for key in options:
+        check_name("options key", key, _OPTIONS)
+    if "state" in options:
+        for name, value in (("seed", seed), ("variation", options.get("variation"))):
+            if value is not None:
+                raise OutOfRangeError(name, value, "None, as the state has its own")
+
+
+def draw_variation(generator: np.random.Generator, variations: Sequence[int]) -> int:
+    """The variation of the next episode, one of a split."""
+    return int(variations[int(generator.integers(len(variations)))])
 
 
 def _space(spec: specs.Array) -> gymnasium.spaces.Box:
@@ -130,19 +149,13 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         """
         self._check_open()
         options = options or {}
-        for key in options:
-            if key not in _OPTIONS:
-                raise UnknownNameError("options key", key, _OPTIONS)
+        check_options(seed, options)
         if "state" in options:
-            for name, value in (("seed", seed), ("variation", options.get("variation"))):
-                if value is not None:
-                    raise OutOfRangeError(name, value, "None, as the state has its own")
             return self.set_state(options["state"])
         super().reset(seed=seed)
         variation = options.get("variation")
         if variation is None:
-            variations = self._env.variations
-            variation = int(variations[int(self.np_random.integers(len(variations)))])
+            variation = draw_variation(self.np_random, self._env.variations)
         timestep = self._env.reset(variation)
         self._running = True
         return self._convert(timestep.observation), self._env.info()

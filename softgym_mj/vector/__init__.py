@@ -1,1 +1,1 @@
-"""Many environments at once."""
+"""Many environments at once: one interface, and backends that run the simulations."""

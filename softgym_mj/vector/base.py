@@ -1,127 +1,60 @@
-"""`VectorEnv`: many environments at once, in worker processes; `gymnasium.make_vec` makes it."""
+"""`VectorEnv`: many environments at once, of any backend; `make_vec` makes it."""
 
-import copy
-import functools
-import itertools
-import multiprocessing
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import operator
+from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 import gymnasium
 import numpy as np
+from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import (
-    CloudpickleWrapper,
-    batch_space,
-    create_shared_memory,
-    read_from_shared_memory,
-)
+from gymnasium.vector.utils import batch_space, iterate
 
-from softgym_mj import registry
-from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.envs.environment import Snapshot
+from softgym_mj.envs.gymnasium_env import check_options, draw_variation
 from softgym_mj.exceptions import (
     EpisodeEndedError,
+    InvalidActionError,
     NotCopyableError,
     OutOfRangeError,
-    check_count,
-    check_name,
+    SnapshotError,
 )
-from softgym_mj.rendering.offscreen import has_rendered
-from softgym_mj.vector.arguments import MASK, checked_actions, options_of_each, seed_of_each
-from softgym_mj.vector.pool import WorkerPool
+from softgym_mj.robots.base import BOUND_TOLERANCE
+from softgym_mj.variations.store import check_variation
+from softgym_mj.vector.backend import Backend
 
-_MODES = {mode.value: mode for mode in AutoresetMode}
-
-
-def make_vector_env(task: str | registry.TaskRecord, **kwargs: Any) -> "VectorEnv":
-    """A `VectorEnv` of a task; `gymnasium.make_vec("softgym_mj/SpreadCloth-v0", ...)` calls it.
-
-    Args:
-        task: task name or record.
-        **kwargs: of `VectorEnv` (num_envs, num_workers, autoreset_mode, context) and of
-            `SoftGymEnv` (render_mode, split, observation, actor, ...).
-    """
-    # Another process has not necessarily registered the same tasks.
-    if isinstance(task, str) and task in registry.TASKS:
-        task = registry.TASKS[task]
-    names = ("num_envs", "num_workers", "autoreset_mode", "context")
-    own = {name: kwargs.pop(name) for name in names if name in kwargs}
-    return VectorEnv(functools.partial(SoftGymEnv, task, **kwargs), **own)
+_SHOWN = 60  # Characters of a wrong state in a message.
+_State = tuple[Snapshot, Mapping[str, Any]]  # With the state of the generator.
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
-    """Environments in a few worker processes, each of which steps its share one by one.
+    """Environments that a backend simulates; variations are drawn, and episodes reset, here.
 
-    Observations, images among them, come through shared memory. An error in a worker is raised
-    here with its own type; where it comes out of `step`, some have taken the step and others have
-    not. A call that is interrupted (Ctrl-C, an alarm) is still carried out by all of them.
+    An error of an environment is raised here with its own type; where it comes out of `step`, some
+    have taken the step and others have not. A call that is interrupted (Ctrl-C, an alarm) is still
+    carried out by all of them.
+
+    Attributes:
+        backend: what simulates.
     """
 
-    def __init__(
-        self,
-        make: Callable[[], gymnasium.Env],
-        num_envs: int = 1,
-        *,
-        num_workers: int | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        context: str | None = None,
-    ):
-        """Starts the workers.
+    def __init__(self, backend: Backend, variations: Sequence[int], autoreset_mode: AutoresetMode):
+        """Takes a backend over, and closes it with itself.
 
         Args:
-            make: makes an environment.
-            num_envs: number of environments, 1 or more.
-            num_workers: number of processes, 1..num_envs; by default one a core. Two a core balance
-                variations that differ a lot in cost, as those of water do; each costs some time.
-            autoreset_mode: what follows the last step of an episode. "NextStep": the next step
-                resets, ignores its action and has reward 0. "SameStep": the last step returns the
-                first observation of the next episode, and its own in info["final_obs"] and
-                info["final_info"]. "Disabled": you reset, with options={"reset_mask": ended}.
-            context: how processes start: "fork", "forkserver" or "spawn". By default Python's own
-                way, but "forkserver" rather than "fork" once this process has rendered, as OpenGL
-                does not survive a fork. The latter two need `if __name__ == "__main__":` in a
-                script.
-
-        Raises:
-            OutOfRangeError, UnknownNameError: for a bad argument.
+            backend: what simulates.
+            variations: indices to draw from.
+            autoreset_mode: what follows the last step of an episode, see `make_vec`.
         """
-        check_count("num_envs", num_envs, 1)
-        if num_workers is None:
-            num_workers = min(num_envs, _num_cores())
-        check_count("num_workers", num_workers, 1, num_envs)
-        if not isinstance(autoreset_mode, AutoresetMode):
-            check_name("autoreset_mode", autoreset_mode, _MODES)
-            autoreset_mode = _MODES[autoreset_mode]
-        if context is not None:
-            check_name("context", context, multiprocessing.get_all_start_methods())
-        elif multiprocessing.get_start_method() == "fork" and has_rendered():
-            context = "forkserver"
-        example = make()
-        self.num_envs, self._mode = num_envs, autoreset_mode
-        self.metadata = {**example.metadata, "autoreset_mode": autoreset_mode}
-        self.render_mode = example.render_mode
-        self.single_observation_space = example.observation_space
-        self.single_action_space = example.action_space
-        self.observation_space = batch_space(example.observation_space, num_envs)
-        self.action_space = batch_space(example.action_space, num_envs)
-        example.close()
-        self._ended = np.zeros(num_envs, bool)
-        methods: Any = multiprocessing.get_context(context)
-        space = self.single_observation_space
-        self._shared = create_shared_memory(space, num_envs, methods)
-        self._observations = read_from_shared_memory(space, self._shared, num_envs)
-        bounds = np.linspace(0, num_envs, num_workers + 1).round().astype(int)
-        self._shares = [slice(*pair) for pair in itertools.pairwise(bounds)]
-        wrapped = CloudpickleWrapper(make)
-        self._pool = WorkerPool(
-            methods, [(wrapped, share, autoreset_mode, self._shared) for share in self._shares]
-        )
-
-    @property
-    def num_workers(self) -> int:
-        """Number of processes."""
-        return len(self._shares)
+        self.backend, self.num_envs = backend, backend.num_envs
+        self._variations, self._mode = variations, autoreset_mode
+        self.metadata = {**backend.metadata, "autoreset_mode": autoreset_mode}
+        self.render_mode = backend.render_mode
+        self.single_observation_space = backend.observation_space
+        self.single_action_space = backend.action_space
+        self.observation_space = batch_space(backend.observation_space, self.num_envs)
+        self.action_space = batch_space(backend.action_space, self.num_envs)
+        self._generators = [np_random()[0] for _ in range(self.num_envs)]
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options=None):
         """Starts episodes.
@@ -138,25 +71,36 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             OutOfRangeError, UnknownNameError, SnapshotError: for bad seeds or options.
         """
-        seeds = seed_of_each(seed, self.num_envs)
         options = dict(options or {})
-        mask = np.asarray(options.pop(MASK, np.ones(self.num_envs, bool)))
-        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
-            valid = f"({self.num_envs},) bool, at least one of them true"
-            raise OutOfRangeError(MASK, mask, valid)
-        return self._pool.run(self._reset, seeds, options_of_each(options, self.num_envs), mask)
+        mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
+        check_options(seed, options)
+        if "state" in options:
+            states = _states_of_each(options["state"], self.num_envs)
+            return self.backend.run(self._restore, mask, states)
+        seeds = _seed_of_each(seed, self.num_envs)
+        variations = _variations_of_each(options.get("variation"), self.num_envs)
+        return self.backend.run(self._reset, mask, seeds, variations)
 
-    def _reset(self, seeds: list[int | None], options: list[dict[str, Any]], mask: np.ndarray):
-        calls = {
-            i: ("reset", seeds[share], options[share], mask[share])
-            for i, share in enumerate(self._shares)
-            if mask[share].any()
-        }
-        answers = self._pool.ask(calls)
-        for i in np.flatnonzero(mask):
-            self._ended[i] = "state" in options[i] and options[i]["state"][0].ended
-        infos = _joined([(self._shares[i], answer) for i, answer in answers.items()], self.num_envs)
-        return copy.deepcopy(self._observations), infos
+    def _reset(self, mask: np.ndarray, seeds: list[int | None], variations: list[int | None]):
+        for i in np.flatnonzero(mask).tolist():
+            if seeds[i] is not None:
+                self._generators[i], _ = np_random(seeds[i])
+        drawn = self._draw(mask & [variation is None for variation in variations])
+        given = {i: v for i, v in enumerate(variations) if mask[i] and v is not None}
+        self.backend.reset(given | drawn)
+        return self.backend.observe(), self.backend.infos(mask)
+
+    def _restore(self, mask: np.ndarray, states: Sequence[_State]):
+        restored = {i: states[i] for i in np.flatnonzero(mask).tolist()}
+        self.backend.restore({i: snapshot for i, (snapshot, _) in restored.items()})
+        for i, (_, generator) in restored.items():
+            self._generators[i].bit_generator.state = generator
+        return self.backend.observe(), self.backend.infos(mask)
+
+    def _draw(self, mask: np.ndarray) -> dict[int, int]:
+        """Variations of the next episodes, by number of the environment."""
+        chosen = np.flatnonzero(mask).tolist()
+        return {i: draw_variation(self._generators[i], self._variations) for i in chosen}
 
     def step(self, actions: np.ndarray):
         """Applies actions (num_envs, n) in [-1, 1].
@@ -168,28 +112,28 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             EpisodeEndedError: if an episode has ended and nothing resets by itself.
             InvalidActionError: for a bad action; no environment is stepped then.
         """
-        return self._pool.run(
-            self._step, checked_actions(actions, self.num_envs, self.single_action_space)
-        )
+        actions = _checked_actions(actions, self.num_envs, self.single_action_space)
+        return self.backend.run(self._step, actions)
 
     def _step(self, actions: np.ndarray):
-        if self._mode == AutoresetMode.DISABLED and self._ended.any():
-            ended = np.flatnonzero(self._ended).tolist()
+        ended, everyone = self.backend.ended(), np.ones(self.num_envs, bool)
+        if self._mode == AutoresetMode.DISABLED and ended.any():
             raise EpisodeEndedError(
-                f"episodes of environments {ended} have ended: call reset(options="
-                '{"reset_mask": terminated | truncated}) before step()'
+                f"episodes of environments {np.flatnonzero(ended).tolist()} have ended: call "
+                'reset(options={"reset_mask": terminated | truncated}) before step()'
             )
-        calls = {i: ("step", actions[share]) for i, share in enumerate(self._shares)}
-        answers = list(self._pool.ask(calls).values())
-        rewards, terminated, truncated = (
-            np.concatenate([answer[k] for answer in answers]) for k in range(3)
-        )
-        self._ended = terminated | truncated
-        infos = _joined(
-            [(s, answer[3]) for s, answer in zip(self._shares, answers, strict=True)],
-            self.num_envs,
-        )
-        return copy.deepcopy(self._observations), rewards, terminated, truncated, infos
+        starts = self._draw(ended & (self._mode == AutoresetMode.NEXT_STEP))
+        outcome = self.backend.step(actions, starts)
+        ended, last = self.backend.ended(), {}
+        if self._mode == AutoresetMode.SAME_STEP and ended.any():
+            observations = np.full(self.num_envs, None, object)
+            each = list(iterate(self.observation_space, self.backend.observe()))
+            for i in np.flatnonzero(ended):
+                observations[i] = each[i]
+            last = {"final_obs": observations, "final_info": self.backend.infos(ended),
+                    "_final_obs": ended, "_final_info": ended.copy()}  # fmt: skip
+            self.backend.reset(self._draw(ended))
+        return self.backend.observe(), *outcome, last | self.backend.infos(everyone)
 
     def render(self) -> tuple[Any, ...] | None:
         """What `render` of each environment returns."""
@@ -197,7 +141,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def get_state(self) -> list[Any]:
         """A snapshot of each environment, as of `SoftGymEnv.get_state`, for `set_state`."""
-        return list(self.call("get_state"))
+        return self.backend.run(self._states)
+
+    def _states(self) -> list[_State]:
+        generators = [generator.bit_generator.state for generator in self._generators]
+        return list(zip(self.backend.get_state(), generators, strict=True))
 
     def set_state(self, states: Sequence[Any]):
         """Restores snapshots, of any vector environment or of single ones of the same kind.
@@ -208,10 +156,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self.reset(options={"state": states})
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """What a method, or an attribute, of each environment returns."""
-        calls = {i: ("call", name, args, kwargs) for i in range(self.num_workers)}
-        answers = self._pool.run(self._pool.ask, calls)
-        return tuple(value for answer in answers.values() for value in answer)
+        """What a method, or an attribute, of each environment returns.
+
+        Take states from `get_state`: the generators that draw variations are not in environments.
+        """
+        return self.backend.run(self.backend.call, name, [(args, kwargs)] * self.num_envs)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute of each environment."""
@@ -223,44 +172,110 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:
             raise OutOfRangeError("values", values, f"{self.num_envs} of them")
-        calls = {i: ("set_attr", name, values[share]) for i, share in enumerate(self._shares)}
-        self._pool.run(self._pool.ask, calls)
+        nothing: dict[str, Any] = {}
+        arguments = [((name, value), nothing) for value in values]
+        self.backend.run(self.backend.call, "set_wrapper_attr", arguments)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Ends the workers."""
-        self._pool.close()
-
-    def __del__(self):
-        if hasattr(self, "_pool"):
-            self.close()
+        """Closes the backend."""
+        self.backend.close()
 
     def __reduce__(self) -> NoReturn:
         raise NotCopyableError(
-            "a VectorEnv can be neither copied nor pickled, as its environments live in processes "
-            "of their own: make another one and use other.set_state(envs.get_state())"
+            "a VectorEnv can be neither copied nor pickled, as what simulates cannot: "
+            "make another one and use other.set_state(envs.get_state())"
         )
 
 
-def _num_cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+def _checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.ndarray:
+    """Actions of `number` environments, as an array (number, n).
+
+    Raises:
+        OutOfRangeError: unless there is one for each.
+        InvalidActionError: for one of the wrong shape, or outside the action space of each, a Box.
+    """
+    try:
+        actions = np.array(actions)  # A copy: an interrupted step may come to it later.
+    except ValueError:  # Ragged.
+        actions = np.empty(0, object)
+    if actions.shape[:1] != (number,):
+        valid = f"an action for each of the {number} environments"
+        raise OutOfRangeError("actions", f"an array of shape {actions.shape}", valid)
+    if not isinstance(space, gymnasium.spaces.Box):
+        return actions
+    if actions.dtype.kind not in "fiub" or actions.shape[1:] != space.shape:
+        raise InvalidActionError(
+            f"actions are {actions.dtype}{actions.shape}; expected real numbers "
+            f"{(number, *space.shape)}."
+        )
+    fits = (actions >= space.low - BOUND_TOLERANCE) & (actions <= space.high + BOUND_TOLERANCE)
+    bad = np.argwhere(~fits)  # NaN does not fit, either.
+    if len(bad):
+        first = tuple(bad[0].tolist())
+        raise InvalidActionError(
+            f"actions{list(first)} = {actions[first]}, of environment {first[0]}, must be finite "
+            "and within [-1, 1]; clip the actions first, for example with "
+            "numpy.clip(actions, -1, 1). No environment has been stepped."
+        )
+    return actions
 
 
-def _joined(parts: Iterable[tuple[slice, Mapping[str, Any]]], number: int) -> dict[str, Any]:
-    """Infos of all environments from those of shares; zeros, or None, where a share has none."""
-    parts = list(parts)
-    joined: dict[str, Any] = {}
-    for share, infos in parts:
-        for key, values in infos.items():
-            if isinstance(values, dict):
-                if key not in joined:
-                    own = [(place, part[key]) for place, part in parts if key in part]
-                    joined[key] = _joined(own, number)
-                continue
-            if key not in joined:
-                empty = None if values.dtype == object else 0
-                joined[key] = np.full((number, *values.shape[1:]), empty, values.dtype)
-            joined[key][share] = values
-    return joined
+def _seed_of_each(seed: Any, number: int) -> list[int | None]:
+    """Seeds from one, which the next has one more of, from a sequence, or from None."""
+    valid = f"a whole number, or {number} of them"
+    try:
+        if seed is None or isinstance(seed, (int, np.integer)):
+            return [None if seed is None else int(seed) + i for i in range(number)]
+        seeds = [None if one is None else operator.index(one) for one in seed]
+    except TypeError:
+        raise OutOfRangeError("seed", seed, valid) from None
+    if len(seeds) != number:
+        raise OutOfRangeError("seed", seed, valid)
+    return seeds
+
+
+def _checked_mask(mask: Any, number: int) -> np.ndarray:
+    """Gymnasium's option "reset_mask", (number,) bool: who is to be reset; None for all."""
+    mask = np.ones(number, bool) if mask is None else np.asarray(mask)
+    if mask.shape != (number,) or mask.dtype != bool or not mask.any():
+        valid = f"({number},) bool, at least one of them true"
+        raise OutOfRangeError("reset_mask", mask, valid)
+    return mask
+
+
+def _variations_of_each(variation: Any, number: int) -> list[int | None]:
+    """Variations from one for all, from a sequence, or from None.
+
+    Raises:
+        OutOfRangeError: for another number of them, or for bad ones.
+    """
+    if isinstance(variation, np.ndarray) and variation.ndim:
+        variation = variation.tolist()
+    if not isinstance(variation, Sequence):
+        return [None if variation is None else check_variation(variation)] * number
+    if len(variation) != number:
+        valid = f"an index, or one for each of the {number} environments"
+        raise OutOfRangeError("variation", variation, valid)
+    return [check_variation(index) for index in variation]
+
+
+def _states_of_each(states: Any, number: int) -> Sequence[_State]:
+    """The states themselves.
+
+    Raises:
+        SnapshotError: for another number of them, or for bad ones.
+    """
+    if not isinstance(states, Sequence) or len(states) != number:
+        raise SnapshotError(
+            f"expected the states of all {number} environments, not {_brief(states)}"
+        )
+    for state in states:
+        whole = isinstance(state, tuple) and len(state) == 2 and isinstance(state[0], Snapshot)
+        if not whole:
+            raise SnapshotError(f"expected what `get_state` returned, not {_brief(state)}")
+    return states
+
+
+def _brief(value: object) -> str:
+    """What something is, in few characters: a state has thousands."""
+    return f"{type(value).__name__} {repr(value)[:_SHOWN]}"

@@ -1,17 +1,17 @@
-"""`WorkerPool`: the processes of a `VectorEnv`, asked in a way that no interrupt tears apart."""
+"""`WorkerPool`: worker processes, asked in a way that no interrupt tears apart."""
 
 import contextlib
 import os
 import queue
 import threading
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
 from softgym_mj.exceptions import EnvironmentClosedError, WorkersLostError
-from softgym_mj.vector.worker import END, READY, serve
+from softgym_mj.vector.worker import END, serve
 
 # [s] That workers have to finish a call whose answer nobody waits for; one may be stuck.
 _PATIENCE = 5.0
@@ -21,24 +21,25 @@ _GLANCE = 0.5
 
 
 class WorkerPool:
-    """Processes that answer calls.
+    """Processes that answer messages.
 
     All talk with them is in a thread of its own, because signals such as that of Ctrl-C are raised
     in the main thread: there, they would leave half a message in a pipe, or an answer that the
     next call would take for its own.
     """
 
-    def __init__(self, context: Any, shares: Sequence[tuple]):
+    def __init__(self, context: Any, number: int, *arguments: Any):
         """Starts the processes and waits until they are there.
 
         Args:
             context: how processes start, of `multiprocessing.get_context`.
-            shares: arguments of `vector_worker.serve`, but its pipe, of each process.
+            number: of processes.
+            *arguments: of `serve`, but its pipe.
         """
         self._pipes: list[Connection] = []
         processes: list[Any] = []
         try:
-            for arguments in shares:
+            for _ in range(number):
                 here, there = context.Pipe()
                 process = context.Process(target=serve, args=(there, here, *arguments), daemon=True)
                 process.start()
@@ -57,7 +58,7 @@ class WorkerPool:
             raise
         self._owner = os.getpid()
         self._end = weakref.finalize(self, _end, self._jobs, self._thread, processes, self._owner)
-        self.run(self.ask, dict.fromkeys(range(len(shares)), (READY,)))
+        self.run(self.ask, {i: {} for i in range(number)})
 
     def run(self, function: Callable[..., Any], *args: Any) -> Any:
         """What a function returns, which is carried out to its end even if this is interrupted.
@@ -82,11 +83,11 @@ class WorkerPool:
         finally:
             del value  # Its traceback has this frame: together they would keep the pool alive.
 
-    def ask(self, calls: Mapping[int, tuple]) -> dict[int, Any]:
-        """Has workers make calls at the same time; to be called by `run` only.
+    def ask(self, messages: Mapping[int, Any]) -> dict[int, Any]:
+        """Has workers answer messages at the same time; to be called by `run` only.
 
         Args:
-            calls: name and arguments of a call, by number of the worker.
+            messages: of `serve`, by number of the worker.
 
         Returns:
             Their answers.
@@ -95,19 +96,16 @@ class WorkerPool:
             WorkersLostError: if one has ended. Or the first of their errors.
         """
         # Before the first is sent: what cannot be pickled is sent to nobody.
-        messages = {i: ForkingPickler.dumps(call) for i, call in calls.items()}
-        lost, replies = [], {}
-        for i, message in messages.items():
-            try:
+        pickled = {i: ForkingPickler.dumps(message) for i, message in messages.items()}
+        for i, message in pickled.items():
+            with contextlib.suppress(ConnectionError):  # A lost one does not answer, either.
                 self._pipes[i].send_bytes(message)
-            except ConnectionError:
-                lost.append(i)
+        lost, replies = [], {}
         for i in messages:
-            if i not in lost:
-                try:
-                    replies[i] = self._pipes[i].recv_bytes()
-                except (EOFError, ConnectionError):
-                    lost.append(i)
+            try:
+                replies[i] = self._pipes[i].recv_bytes()
+            except (EOFError, ConnectionError):
+                lost.append(i)
         if lost:
             raise WorkersLostError(
                 f"worker {lost[0]} of a vector environment has ended (killed, or out of memory?): "
@@ -145,7 +143,7 @@ def _work(jobs: queue.SimpleQueue, pipes: list[Connection], processes: list[Any]
         del job, function, args, result, outcome
     for pipe in pipes:
         with contextlib.suppress(ConnectionError):  # One that has ended already.
-            pipe.send((END,))
+            pipe.send(END)
         pipe.close()
     for process in processes:
         process.join()

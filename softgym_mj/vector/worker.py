@@ -1,4 +1,4 @@
-"""What a worker process of a `VectorEnv` does: it answers calls for its share of environments."""
+"""What a worker process of a `ProcessBackend` does: it answers calls of its environments."""
 
 import functools
 import signal
@@ -10,104 +10,84 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from gymnasium.vector.utils import CloudpickleWrapper, concatenate, iterate, write_to_shared_memory
+from gymnasium.vector.utils import CloudpickleWrapper, write_to_shared_memory
 
 from softgym_mj.exceptions import SoftGymError
 
-END = "end"  # The call that ends a worker.
-READY = "ready"  # The call that only says that it has started.
-
-
-class Share(SyncVectorEnv):
-    """The environments of one worker, which start each with its own options."""
-
-    def start(
-        self, seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]], mask: np.ndarray
-    ) -> tuple[Any, dict[str, Any]]:
-        """Resets those that `mask` (n,) bool names; observations and infos as of `reset`."""
-        infos: dict[str, Any] = {}
-        for i in np.flatnonzero(mask).tolist():
-            own = dict(options[i])
-            self._env_obs[i], info = self.envs[i].reset(seed=seeds[i], options=own)
-            infos = self._add_info(infos, info, i)
-            # An episode that is restored after its end is followed by the next one.
-            self._autoreset_envs[i] = "state" in own and own["state"][0].ended
-        self._observations = concatenate(
-            self.single_observation_space, self._env_obs, self._observations
-        )
-        return self._observations, infos
+END = None  # The message that ends a worker.
+OUTCOME = gymnasium.spaces.Box(-np.inf, np.inf, (3,), np.float64)  # Reward, terminated, truncated.
 
 
 def serve(
-    pipe: Connection,
-    other_end: Connection,
-    make: CloudpickleWrapper,
-    share: slice,
-    mode: AutoresetMode,
-    shared: Any,
+    pipe: Connection, other_end: Connection, make: CloudpickleWrapper, space: Any, memory: Any
 ) -> None:
-    """Answers calls until it is told to end, or until nobody is left who could.
+    """Answers messages until it is told to end, or until nobody is left who could.
 
     Args:
-        pipe: brings calls, tuples that start with a name, and takes answers: whether the call
-            succeeded, and what it returned or raised.
+        pipe: brings messages, the name and the arguments of a call by number of the environment,
+            and takes whether all calls succeeded, and their answers or the error.
         other_end: of the pipe, which a fork has, too.
-        make: makes an environment.
-        share: which of all environments are here.
-        mode: what follows the last step of an episode.
-        shared: shared memory that takes the observations.
+        make: makes an environment, at its first call.
+        space: of what an environment shows, an observation and an `OUTCOME`.
+        memory: shared memory that takes what all show.
     """
     # Ctrl-C in a terminal goes to every process of a program. Its first one decides what follows.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     other_end.close()
-    made = functools.cache(lambda: _make(make, share, mode))
+    made = functools.cache(lambda number: make())
     while True:
         try:
-            name, *arguments = pipe.recv()
-            if name == END:
+            calls = pipe.recv()
+            if calls is END:
                 return
-            pipe.send_bytes(_pickled(name, *_answered(made, name, arguments, share.start, shared)))
+            reply: tuple[bool, Any]
+            try:
+                reply = True, _answers(calls, made, space, memory)
+            except Exception as error:
+                error.add_note(traceback.format_exc())
+                reply = False, error
+            pipe.send_bytes(_pickled(calls, *reply))
         except (EOFError, ConnectionError):  # The other end has been killed.
             return
 
 
-def _make(make: Callable[[], gymnasium.Env], share: slice, mode: AutoresetMode) -> Share:
-    return Share([make] * (share.stop - share.start), copy=False, autoreset_mode=mode)
+def _answers(
+    calls: Mapping[int, tuple], made: Callable[[int], gymnasium.Env], space: Any, memory: Any
+) -> dict[int, Any]:
+    """What methods return; of a step or a start the info, as the rest is shown."""
+    answers = {}
+    for i, (name, *arguments) in calls.items():
+        if name == "call":
+            answers[i] = _call(made(i), *arguments)
+        else:
+            observation, *outcome, answers[i] = _play(made(i), name, *arguments)
+            shown: Any = (observation, outcome)
+            write_to_shared_memory(space, i, shown, memory)
+    return answers
 
 
-def _answered(
-    made: Callable[[], Share], name: str, arguments: Sequence[Any], first: int, shared: Any
-) -> tuple[bool, Any]:
-    """Whether a call succeeds, and its answer or error; the first one makes the environments."""
-    try:
-        return True, None if name == READY else _answer(made(), name, arguments, first, shared)
-    except Exception as error:
-        error.add_note(traceback.format_exc())
-        return False, error
+def _call(env: gymnasium.Env, name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+    found = env.get_wrapper_attr(name)
+    return found(*args, **kwargs) if callable(found) else found
 
 
-def _answer(envs: Share, name: str, arguments: Sequence[Any], first: int, shared: Any) -> Any:
-    """Makes a call; what it returns besides observations, which go into the shared memory."""
-    if name == "call":
-        method, args, kwargs = arguments
-        return envs.call(method, *args, **kwargs)
-    if name == "set_attr":
-        return envs.set_attr(*arguments)
-    answer: Any
-    if name == "reset":
-        observations, answer = envs.start(*arguments)
-    else:
-        observations, *answer = envs.step(*arguments)
-    for i, observation in enumerate(iterate(envs.observation_space, observations)):
-        write_to_shared_memory(envs.single_observation_space, first + i, observation, shared)
-    return answer
+def _play(env: gymnasium.Env, name: str, argument: Any) -> tuple:
+    """What `step` returns; as much of an episode that starts or continues."""
+    if name == "step":
+        return env.step(argument)
+    ended, options = False, {"variation": argument}
+    if name == "restore":
+        ended = argument.ended
+        options = {"state": (argument, env.np_random.bit_generator.state)}
+    observation, info = env.reset(options=options)
+    return observation, 0.0, False, ended, info
 
 
-def _pickled(name: str, succeeded: bool, answer: Any) -> memoryview:
-    """The bytes of an answer, or of an error if it has none."""
+def _pickled(calls: Mapping[int, tuple], succeeded: bool, answer: Any) -> memoryview:
+    """The bytes of a reply, or of an error if it has none."""
     try:
         return ForkingPickler.dumps((succeeded, answer))
     except Exception as error:  # Whatever the answer's own classes raise.
+        name = next(iter(calls.values()))[0]
         reason = f"{type(answer).__name__} of {name!r} cannot leave its worker: {error}"
         return ForkingPickler.dumps((False, SoftGymError(reason)))

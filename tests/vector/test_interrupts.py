@@ -25,6 +25,7 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.vector import pool as vector_pool
 from softgym_mj.vector.base import VectorEnv
+from softgym_mj.vector.processes import ProcessBackend
 
 ROPE = "softgym_mj/StraightenRope-v0"
 PACKAGE = str(pathlib.Path(softgym_mj.__file__).parent)
@@ -209,7 +210,8 @@ class Stuck(gymnasium.Env):
 def test_nobody_waits_for_a_stuck_worker(monkeypatch):
     monkeypatch.setattr(vector_pool, "_PATIENCE", 0.1)
     before = set(multiprocessing.active_children())
-    envs = VectorEnv(Stuck, 2, num_workers=2)
+    backend = ProcessBackend(Stuck, 2, num_workers=2)
+    envs = VectorEnv(backend, [0], gymnasium.vector.AutoresetMode.NEXT_STEP)
     envs.reset()
     threading.Timer(0.2, os.kill, [os.getpid(), signal.SIGINT]).start()
     with pytest.raises(KeyboardInterrupt):

@@ -1,0 +1,64 @@
+"""`make_vec`: from the name of a task to many environments of it."""
+
+import functools
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from gymnasium.vector import AutoresetMode
+
+from softgym_mj.exceptions import check_name
+from softgym_mj.registry import TaskRecord, find
+
+if TYPE_CHECKING:
+    from softgym_mj.vector.base import VectorEnv
+
+_DEVICES = ("cpu",)
+_MODES = [mode.value for mode in AutoresetMode]
+
+
+def make_vec(
+    task: str | TaskRecord,
+    num_envs: int,
+    *,
+    device: str = "cpu",
+    num_workers: int | None = None,
+    autoreset_mode: str | AutoresetMode = "NextStep",
+    context: str | None = None,
+    split: str | Sequence[int] = "train",
+    **task_kwargs: Any,
+) -> "VectorEnv":
+    """Builds many environments of a task; `gymnasium.make_vec` with the id of a task ends here.
+
+    Args:
+        task: task name, or as in `registry.find`.
+        num_envs: number of environments, 1 or more.
+        device: what simulates: "cpu", worker processes.
+        num_workers: number of processes, 1..num_envs; by default one a core. Two a core balance
+            variations that differ a lot in cost, as those of water do; each costs some time.
+        autoreset_mode: what follows the last step of an episode. "NextStep": the next step
+            resets, ignores its action and has reward 0. "SameStep": the last step returns the
+            first observation of the next episode, and its own in info["final_obs"] and
+            info["final_info"]. "Disabled": you reset, with options={"reset_mask": ended}.
+        context: how processes start: "fork", "forkserver" or "spawn". By default Python's own
+            way, but "forkserver" rather than "fork" once this process has rendered, as OpenGL
+            does not survive a fork. The latter two need `if __name__ == "__main__":` in a script.
+        split: "train", "evaluate", "all" or a sequence of variation indices to draw from.
+        **task_kwargs: of `SoftGymEnv` (render_mode, horizon, observation, actor, ...).
+
+    Raises:
+        UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
+        TaskModuleError: as in `registry.find`.
+    """
+    check_name("device", device, _DEVICES)
+    if not isinstance(autoreset_mode, AutoresetMode):
+        check_name("autoreset_mode", autoreset_mode, _MODES)
+    record = find(task)  # Another process has not necessarily registered the same tasks.
+    from softgym_mj.envs.gymnasium_env import SoftGymEnv
+    from softgym_mj.variations.store import split_indices
+    from softgym_mj.vector.base import VectorEnv
+    from softgym_mj.vector.processes import ProcessBackend
+
+    variations = split_indices(split)
+    make = functools.partial(SoftGymEnv, record, split=split, **task_kwargs)
+    backend = ProcessBackend(make, num_envs, num_workers=num_workers, context=context)
+    return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))

@@ -1,0 +1,134 @@
+"""`ProcessBackend`: environments in worker processes, each of which steps its share one by one."""
+
+import copy
+import multiprocessing
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import CloudpickleWrapper, create_shared_memory, read_from_shared_memory
+
+from softgym_mj.envs.environment import Snapshot
+from softgym_mj.exceptions import check_count, check_name
+from softgym_mj.rendering.offscreen import has_rendered
+from softgym_mj.vector.backend import Backend
+from softgym_mj.vector.pool import WorkerPool
+from softgym_mj.vector.worker import OUTCOME
+
+
+class ProcessBackend(Backend):
+    """Arrays are NumPy's; observations, images among them, come through shared memory."""
+
+    def __init__(
+        self,
+        make: Callable[[], gymnasium.Env],
+        num_envs: int,
+        *,
+        num_workers: int | None = None,
+        context: str | None = None,
+    ):
+        """Starts the workers.
+
+        Args:
+            make: makes an environment that takes the options of `SoftGymEnv.reset`.
+            num_envs: number of environments, 1 or more.
+            num_workers: as of `make_vec`.
+            context: as of `make_vec`.
+
+        Raises:
+            OutOfRangeError, UnknownNameError: for a bad argument.
+        """
+        self.num_envs = check_count("num_envs", num_envs, 1)
+        if num_workers is None:
+            num_workers = min(num_envs, _num_cores())
+        self.num_workers = check_count("num_workers", num_workers, 1, num_envs)
+        if context is not None:
+            check_name("context", context, multiprocessing.get_all_start_methods())
+        elif multiprocessing.get_start_method() == "fork" and has_rendered():
+            context = "forkserver"
+        example = make()
+        self.observation_space, self.action_space = example.observation_space, example.action_space
+        self.metadata, self.render_mode = example.metadata, example.render_mode
+        example.close()
+        methods: Any = multiprocessing.get_context(context)
+        shown = spaces.Tuple((self.observation_space, OUTCOME))
+        memory = create_shared_memory(shown, num_envs, methods)
+        views: Any = read_from_shared_memory(shown, memory, num_envs)
+        self._observations, self._outcomes = views
+        self._infos: dict[int, Mapping[str, Any]] = {}
+        bounds = np.linspace(0, num_envs, num_workers + 1).round()
+        self._workers = np.searchsorted(bounds, np.arange(num_envs), "right") - 1
+        self._pool = WorkerPool(methods, num_workers, CloudpickleWrapper(make), shown, memory)
+
+    def run(self, function: Callable[..., Any], *args: Any) -> Any:
+        return self._pool.run(function, *args)
+
+    def close(self) -> None:
+        self._pool.close()
+
+    def _ask(self, calls: Mapping[int, tuple]) -> dict[int, Any]:
+        """Answers of environments to calls, at the same time where their workers differ."""
+        shares: dict[int, dict[int, tuple]] = {}
+        for i, call in calls.items():
+            shares.setdefault(int(self._workers[i]), {})[i] = call
+        answers = self._pool.ask(shares).values()
+        return {i: answer for share in answers for i, answer in share.items()}
+
+    def reset(self, variations: Mapping[int, int]) -> None:
+        self._infos |= self._ask({i: ("start", index) for i, index in variations.items()})
+
+    def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
+        self._infos |= self._ask({i: ("restore", snapshot) for i, snapshot in snapshots.items()})
+
+    def step(self, actions: np.ndarray, variations: Mapping[int, int]) -> tuple[Any, Any, Any]:
+        steps = {i: ("step", action) for i, action in enumerate(actions)}
+        self._infos |= self._ask(steps | {i: ("start", v) for i, v in variations.items()})
+        rewards, terminated, truncated = self._outcomes.T.copy()
+        return rewards, terminated.astype(bool), truncated.astype(bool)
+
+    def ended(self) -> np.ndarray:
+        return self._outcomes[:, 1:].any(axis=1)
+
+    def observe(self) -> Any:
+        return copy.deepcopy(self._observations)
+
+    def infos(self, mask: np.ndarray) -> dict[str, Any]:
+        return _by_name({i: self._infos[i] for i in np.flatnonzero(mask).tolist()}, self.num_envs)
+
+    def get_state(self) -> list[Snapshot]:
+        return [snapshot for snapshot, _ in self.call("get_state", [((), {})] * self.num_envs)]
+
+    def call(self, name: str, arguments: Sequence[tuple[Sequence, Mapping]]) -> tuple[Any, ...]:
+        return tuple(
+            self._ask({i: ("call", name, *own) for i, own in enumerate(arguments)}).values()
+        )
+
+
+def _num_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _by_name(infos: Mapping[int, Mapping[str, Any]], number: int) -> dict[str, Any]:
+    """Infos by name, as Gymnasium has them: values (number, ...), and in "_name" who has one."""
+    named: dict[str, Any] = {}
+    for key in dict.fromkeys(key for info in infos.values() for key in info):
+        own = {i: info[key] for i, info in infos.items() if key in info}
+        first = next(iter(own.values()))
+        if isinstance(first, dict):
+            named[key] = _by_name(own, number)
+        elif isinstance(first, (int, float, np.number, np.ndarray)):
+            named[key] = np.zeros((number, *np.shape(first)), np.asarray(first).dtype)
+            named[key][list(own)] = list(own.values())
+        else:
+            named[key] = np.full(number, None, object)
+            for i, value in own.items():
+                named[key][i] = value
+        named[f"_{key}"] = np.zeros(number, bool)
+        named[f"_{key}"][list(own)] = True
+    return named
