@@ -12,7 +12,7 @@ As a Gymnasium environment, or many:
 
     import gymnasium
     env = gymnasium.make("softgym_mj/SpreadCloth-v0", observation="rgb")
-    envs = gymnasium.make_vec("softgym_mj/SpreadCloth-v0", num_envs=8)
+    envs = softgym_mj.make_vec("spread_cloth", num_envs=8)
 
 `softgym_mj.TASKS` has the tasks by name; `help(softgym_mj.TASKS["spread_cloth"].resolve())` lists
 the keyword arguments of one, and the docstring of its module, in `softgym_mj.tasks`, defines it.
@@ -24,9 +24,10 @@ from softgym_mj.envs import suite
 from softgym_mj.envs.load import load
 from softgym_mj.registry import TASKS, register
 from softgym_mj.rendering import offscreen
+from softgym_mj.vector.make import make_vec
 
 __version__ = "0.1.0"
-__all__ = ["TASKS", "__version__", "exceptions", "load", "register", "registry"]
+__all__ = ["TASKS", "__version__", "exceptions", "load", "make_vec", "register", "registry"]
 
 
 def __dir__() -> list[str]:

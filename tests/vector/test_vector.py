@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import (
     EpisodeEndedError,
@@ -16,6 +17,7 @@ from softgym_mj.exceptions import (
     WorkersLostError,
 )
 from softgym_mj.rendering.offscreen import CameraView
+from tests.vector.same import same
 
 ROPE = "softgym_mj/StraightenRope-v0"
 HORIZON, SEED, NUM_ENVS = 3, 7, 2
@@ -58,6 +60,22 @@ def test_nothing_resets_by_itself():
     with pytest.raises(EpisodeEndedError, match=r"environments \[0\] have ended: call reset"):
         envs.step(actions)
     envs.close()
+
+
+def test_two_names_make_the_same():
+    """A mode can be Gymnasium's own, a task its record."""
+    mode = gymnasium.vector.AutoresetMode.SAME_STEP
+    one, other = (
+        make(autoreset_mode="SameStep"),
+        softgym_mj.make_vec(
+            softgym_mj.TASKS["straighten_rope"], NUM_ENVS, horizon=HORIZON, autoreset_mode=mode
+        ),
+    )
+    assert one.metadata == other.metadata and one.metadata["autoreset_mode"] is mode
+    assert same(one.reset(seed=SEED), other.reset(seed=SEED))
+    for actions in actions_of(one, HORIZON + 1):
+        assert same(one.step(actions), other.step(actions))
+    one.close(), other.close()
 
 
 def test_images_come_through_shared_memory():
