@@ -40,7 +40,8 @@ class Odd(gymnasium.Env):
             info["odd"] = np.full((2, 2), self.steps)
         ended = self.steps >= 2 + self.episode % 3
         terminated = ended and self.episode % 2 == 0
-        return self._observation(), float(action[0]), terminated, ended, info
+        truncated = ended and not terminated
+        return self._observation(), float(action[0]), terminated, truncated, info
 
     def _observation(self):
         return {"a": np.uint8(self.steps), "b": np.array([self.steps, self.episode], "f") / 10}
