@@ -20,7 +20,7 @@ from softgym_mj.exceptions import (
     SnapshotError,
 )
 from softgym_mj.robots.base import BOUND_TOLERANCE
-from softgym_mj.variations.store import check_variation
+from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
 
 _SHOWN = 60  # Characters of a wrong state in a message.

@@ -54,7 +54,7 @@ def make_vec(
         check_name("autoreset_mode", autoreset_mode, _MODES)
     record = find(task)  # Another process has not necessarily registered the same tasks.
     from softgym_mj.envs.gymnasium_env import SoftGymEnv
-    from softgym_mj.variations.store import split_indices
+    from softgym_mj.variations.indices import split_indices
     from softgym_mj.vector.base import VectorEnv
     from softgym_mj.vector.processes import ProcessBackend
 
