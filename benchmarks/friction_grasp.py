@@ -92,7 +92,7 @@ def wait(env: Environment, grip: bool, steps: int) -> None:
 def edge_place(env: Environment) -> np.ndarray:
     """Where the tool has to come down (2,) [m], to straddle the edge that is best across X."""
     grid = env.task.cloth.grid()[:, :, :2]
-    base = np.array(env.task.actor.stands[0].base[:2])
+    base = np.array(env.task.actor.mounts[0].base[:2])
     choices = []
     for edge in (grid[:, 0], grid[:, -1], grid[0], grid[-1]):
         along = edge[-1] - edge[0]

@@ -86,7 +86,7 @@ def track(kind: str, arm: str, motion: str, seconds: float) -> dict[str, object]
     """Distances of one motion."""
     model, data, arms = scene(kind, arm)
     steps = round(seconds / SIM_STEP)
-    base = arms.stands[0].base
+    base = arms.mounts[0].base
     path = {"waypoints": waypoints, "lissajous": lissajous, "random": random}[motion](steps)
     if motion != "random":  # From the arm's frame, which faces +Y.
         path = np.column_stack([-path[:, 1], path[:, 0], path[:, 2]]) + base

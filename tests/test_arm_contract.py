@@ -48,7 +48,7 @@ def test_the_states_end_with_what_the_arms_sense(case):
     mujoco.mj_kinematics(env.physics.model.ptr, env.physics.data.ptr)
     for i, own in enumerate(sensed[3 * number :].reshape(number, 19)):
         prefix = f"arms/{actor.arm.name}_{i}/"
-        joints = [f"{prefix}{joint}" for joint in actor.arm.arm_joints]
+        joints = [f"{prefix}{joint}" for joint in actor.arm.joints]
         fingers = [f"{prefix}{joint}" for joint in actor.arm.finger_joints]
         tool = f"{prefix}{actor.arm.tcp_site}"
         np.testing.assert_allclose(sensed[3 * i : 3 * i + 3], named.site_xpos[tool], atol=1e-9)

@@ -177,7 +177,7 @@ def transform(rotation, origin):
 
 def frames(arm, angles):
     """Pose (4, 4) of every frame of the table."""
-    angles = dict(zip(arm.arm_joints, angles, strict=True))
+    angles = dict(zip(arm.joints, angles, strict=True))
     poses = {"world": np.eye(4)}
     for body, (parent, origin, quaternion, joint) in FRAMES[arm.name].items():
         poses[body] = poses[parent] @ transform(turned(quaternion), origin)
@@ -212,7 +212,7 @@ def gap(arm, model, data):
 
 def test_forward_kinematics_are_those_of_the_table(arm, model):
     data = mujoco.MjData(model)
-    addresses = [model.joint(name).qposadr[0] for name in arm.arm_joints]
+    addresses = [model.joint(name).qposadr[0] for name in arm.joints]
     for angles in random_angles(arm, 50):
         data.qpos[addresses] = angles
         mujoco.mj_kinematics(model, data)
@@ -226,14 +226,14 @@ def test_joints_turn_about_z_and_have_the_table_s_limits(arm, model):
     for index, (name, row) in enumerate(LIMITS[arm.name].items()):
         lower, upper, speed, torque = row
         joint, actuator = model.joint(name), model.actuator(name)
-        assert arm.arm_joints[index] == name
+        assert arm.joints[index] == name
         np.testing.assert_array_equal(joint.axis, [0, 0, 1])
         np.testing.assert_array_equal(joint.range, [lower, upper])
         np.testing.assert_array_equal(actuator.ctrlrange, [lower, upper])
         np.testing.assert_array_equal(actuator.forcerange, [-torque, torque])
         assert arm.velocity_limits[index] == speed
         assert arm.torque_limits[index] == torque
-    assert len(LIMITS[arm.name]) == len(arm.arm_joints) == len(arm.home)
+    assert len(LIMITS[arm.name]) == len(arm.joints) == len(arm.home)
 
 
 def test_names_are_those_of_the_model(arm, model):
@@ -325,7 +325,7 @@ def test_home_is_the_documented_pose(arm, model):
     np.testing.assert_allclose(data.site(arm.tcp_site).xpos, tcp, atol=2e-3)
     approach = data.site(arm.tcp_site).xmat.reshape(3, 3)[:, 2]
     assert math.degrees(math.acos(-approach[2])) < 1.0
-    shoulder = data.joint(arm.arm_joints[1]).xanchor
+    shoulder = data.joint(arm.joints[1]).xanchor
     assert shoulder[2] == pytest.approx(arm.shoulder_height)
 
 

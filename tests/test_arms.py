@@ -191,7 +191,7 @@ def test_an_arm_that_is_sent_out_of_reach_goes_as_far_as_it_says():
         way = np.clip((far - actor.commanded_positions()[0]) / (0.01 * SIM_STEPS), -0.6, 0.6)
         env.step(np.append(way, -1.0))
     np.testing.assert_allclose(actor.within_reach(0, nearest), nearest, atol=1e-12)
-    distance = np.linalg.norm((actor.positions()[0] - actor.stands[0].base)[:2])
-    assert distance == pytest.approx(actor.stands[0].farthest(nearest[2]), abs=2e-3)
+    distance = np.linalg.norm((actor.positions()[0] - actor.mounts[0].base)[:2])
+    assert distance == pytest.approx(actor.mounts[0].farthest(nearest[2]), abs=2e-3)
     assert np.linalg.norm(actor.positions()[0] - actor.commanded_positions()[0]) < 2e-3
     assert env.info()["at_reach"] == 1 and env.info()["ik_failures"] == 0

@@ -15,10 +15,10 @@ from softgym_mj.entities.rope import Rope
 from softgym_mj.robots import arm_bodies, cartesian
 from softgym_mj.robots.arms import PLACES, Arms
 from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.command_filter import LEAD
 from softgym_mj.robots.gripper import Workspace
-from softgym_mj.robots.guide import LEAD
 from softgym_mj.robots.models import ARMS
-from softgym_mj.robots.stands import Stand, facing_each_other
+from softgym_mj.robots.mounts import Mount, facing_each_other
 
 SPEED = 0.6  # [m/s] Largest of the motions.
 WORKSPACE = Workspace((-0.7, -0.7, 0.0), (0.7, 0.7, 0.5))
@@ -196,8 +196,8 @@ def test_without_a_solution_the_reference_stands_still(monkeypatch):
 def test_an_elbow_swings_home_slowly_and_the_tool_stays(arm):
     """Displaced along the null space, it comes back by the same share in each solution."""
     record = ARMS[arm]
-    model = arm_bodies.kinematic_model(record, [Stand((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
-    names = zip(record.arm_joints, record.velocity_limits, strict=True)
+    model = arm_bodies.kinematic_model(record, [Mount((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
+    names = zip(record.joints, record.velocity_limits, strict=True)
     limits = {f"{arm}_0/{joint}": limit for joint, limit in names}
     tool, home = f"{arm}_0/tcp", arm_bodies.home(record)
     controller = cartesian.CartesianController(model, [tool], home, limits)
@@ -222,8 +222,8 @@ def test_an_elbow_swings_home_slowly_and_the_tool_stays(arm):
 
 def test_the_controller_clips_what_is_outside_the_limits():
     arm = ARMS["franka"]
-    model = arm_bodies.kinematic_model(arm, [Stand((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
-    limits = {f"franka_0/{j}": v for j, v in zip(arm.arm_joints, arm.velocity_limits, strict=True)}
+    model = arm_bodies.kinematic_model(arm, [Mount((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
+    limits = {f"franka_0/{j}": v for j, v in zip(arm.joints, arm.velocity_limits, strict=True)}
     controller = cartesian.CartesianController(
         model, ["franka_0/tcp"], arm_bodies.home(arm), limits
     )
@@ -236,38 +236,38 @@ def test_the_controller_clips_what_is_outside_the_limits():
     np.testing.assert_array_equal(controller.configuration, arm_bodies.home(arm))
 
 
-def test_stands_clip_to_half_a_ring():
-    (stand,) = facing_each_other(1, 0.6, 0.25, 0.75)
+def test_mounts_clip_to_half_a_ring():
+    (mount,) = facing_each_other(1, 0.6, 0.25, 0.75)
     # In front of the base at (0, -0.6), nearer than 0.25 m, further than 0.75 m, behind it, above.
-    np.testing.assert_allclose(stand.clip(np.array([0.1, -0.1, 0.3])), [0.1, -0.1, 0.3])
-    np.testing.assert_allclose(stand.clip(np.array([0.0, -0.5, 0.3])), [0.0, -0.35, 0.3])
+    np.testing.assert_allclose(mount.clip(np.array([0.1, -0.1, 0.3])), [0.1, -0.1, 0.3])
+    np.testing.assert_allclose(mount.clip(np.array([0.0, -0.5, 0.3])), [0.0, -0.35, 0.3])
     np.testing.assert_allclose(
-        stand.clip(np.array([0.6, 0.2, 0.15])), [0.45, 0.0, 0.15], atol=1e-12
+        mount.clip(np.array([0.6, 0.2, 0.15])), [0.45, 0.0, 0.15], atol=1e-12
     )
-    behind = stand.clip(np.array([0.5, -1.0, 0.3]))
+    behind = mount.clip(np.array([0.5, -1.0, 0.3]))
     assert math.dist(behind[:2], (0.0, -0.6)) == pytest.approx(math.hypot(0.5, 0.05))
     assert behind[1] > -0.6
-    above = stand.clip(np.array([0.0, 0.6, 0.6]))
+    above = mount.clip(np.array([0.0, 0.6, 0.6]))
     np.testing.assert_allclose(above, [0.0, 0.0, 0.6], atol=1e-12)  # 0.6 along, 0.45 up.
-    assert stand.farthest(0.15) == 0.75 and stand.farthest(0.6) == pytest.approx(0.6)
+    assert mount.farthest(0.15) == 0.75 and mount.farthest(0.6) == pytest.approx(0.6)
     mirrored = facing_each_other(2, 0.6, 0.25, 0.75)[1]
     np.testing.assert_allclose(
         mirrored.clip(np.array([-0.6, -0.2, 0.15])), [-0.45, 0.0, 0.15], atol=1e-12
     )
 
 
-def test_stands_know_where_their_reach_ends():
+def test_mounts_know_where_their_reach_ends():
     """A clipped point lies at the end of the reach, as does none that can be moved either way."""
-    (stand,) = facing_each_other(1, 0.6, 0.25, 0.75, height=0.3)
+    (mount,) = facing_each_other(1, 0.6, 0.25, 0.75, height=0.3)
     random = np.random.default_rng(0)
     clipped = 0
     for point in random.uniform([-1.0, -1.2, 0.0], [1.0, 0.6, 1.2], (2000, 3)):
-        there = stand.clip(point)
+        there = mount.clip(point)
         if np.abs(there - point).max() > 1e-12:
             clipped += 1
-            assert stand.at_end(point) and stand.at_end(there)
+            assert mount.at_end(point) and mount.at_end(there)
         else:
             around = there + 1e-3 * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
-            moved = max(np.abs(stand.clip(near) - near).max() for near in around)
-            assert not stand.at_end(point) or moved > 1e-12
+            moved = max(np.abs(mount.clip(near) - near).max() for near in around)
+            assert not mount.at_end(point) or moved > 1e-12
     assert 500 < clipped < 1900

@@ -19,7 +19,7 @@ water_tasks = pytest.mark.parametrize("task", ["transport_water", "pour_water"])
 def motors(env):
     """Addresses of the motors, their joint positions and speeds."""
     model, arm = env.physics.model.ptr, env.task.actor.arm
-    names = [f"arms/{arm.name}_0/{joint}" for joint in arm.arm_joints]
+    names = [f"arms/{arm.name}_0/{joint}" for joint in arm.joints]
     joints = [model.joint(name).id for name in names]
     return (
         np.array([model.actuator(name).id for name in names]),
@@ -66,7 +66,7 @@ def test_a_cup_out_of_reach_waits_and_comes_back(arm):
     for _ in range(15):
         env.step(-np.ones(1))
     low = actor.commanded_pose
-    # The command stays within a lead of the guide, that within a lead of the reference.
+    # The command stays within a lead of the filter, that within a lead of the reference.
     assert abs(low[0] - actor.cup.pose[0]) < cup_arm.LEAD + 0.06 + 0.02
     assert env.info()["ik_failures"] == 0
     before = actor.cup.pose[0]
@@ -87,12 +87,12 @@ def test_reference_and_cup_follow_the_command(task, arm):
     while not timestep.last():
         timestep = env.step(act(timestep))
         actor = env.task.actor
-        guide = actor._guide.points[0] / cup_arm.TURNS_AS
-        references.append(np.abs(actor.reference_pose - guide))
+        leader = actor._filter.points[0] / cup_arm.TURNS_AS
+        references.append(np.abs(actor.reference_pose - leader))
         cups.append(np.abs(actor.cup.pose - actor.reference_pose))
         # Torques within the limits, but for what contact adds in the very step.
         assert np.all((torques(env) > 1.02 * low) & (torques(env) < 1.02 * high))
-    # The reference may be a solution (0.02 s) behind a guide of up to 0.8 m/s and 1 rad/s.
+    # The reference may be a solution (0.02 s) behind a filter of up to 0.8 m/s and 1 rad/s.
     assert np.max(references, axis=0)[:2].max() < 0.025
     assert np.max(cups, axis=0)[:2].max() < 0.02  # [m]: water of up to 1.6 kg weighs on it.
     assert np.mean(cups, axis=0)[:2].max() < 0.01

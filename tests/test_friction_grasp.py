@@ -63,7 +63,7 @@ def edge_place(env):
     the arm's reach.
     """
     grid = env.task.cloth.grid()[:, :, :2]
-    base = np.array(env.task.actor.stands[0].base[:2])
+    base = np.array(env.task.actor.mounts[0].base[:2])
     choices = []
     for edge in (grid[:, 0], grid[:, -1], grid[0], grid[-1]):
         along = edge[-1] - edge[0]
@@ -184,7 +184,7 @@ def test_a_piece_of_a_rope_is_lifted(arm):
     vertices = target.vertices()
     along = np.gradient(vertices, axis=0)
     across = np.abs(along[:, 1]) / np.linalg.norm(along, axis=1)
-    reach = np.linalg.norm((vertices - actor.stands[0].base)[:, :2], axis=1)
+    reach = np.linalg.norm((vertices - actor.mounts[0].base)[:, :2], axis=1)
     across[[*range(3), *range(-3, 0)]] = 0.0  # An end would slip out.
     vertex = int(np.where(reach < FAR, across, 0.0).argmax())
     close_at(env, vertices[vertex, :2])

@@ -11,8 +11,8 @@ from dm_control import mjcf
 from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.exceptions import check_name
 from softgym_mj.robots import menagerie
-from softgym_mj.robots.models import ArmModel
-from softgym_mj.robots.stands import Stand
+from softgym_mj.robots.models import Arm
+from softgym_mj.robots.mounts import Mount
 
 # [s] Damping over stiffness of the servos in a scene. The models have 0.05, with which a servo at
 # its torque limit flutters at steps of 10 ms: its damping then counts as explicit.
@@ -22,7 +22,7 @@ CAMERA = "wrist"  # On the hand of an arm's model; in a scene, with the arm's nu
 PEDESTAL, PEDESTAL_COLOR = 0.11, (0.25, 0.26, 0.28, 1.0)  # Radius [m] and colour: steel grey.
 
 
-def names(arm: ArmModel, number: int) -> tuple[str, ...]:
+def names(arm: Arm, number: int) -> tuple[str, ...]:
     """Names (number,) of the arms' models."""
     return tuple(f"{arm.name}_{i}" for i in range(number))
 
@@ -32,7 +32,7 @@ def wrists(number: int) -> tuple[str, ...]:
     return tuple(f"{CAMERA}_{i}" for i in range(number))
 
 
-def home(arm: ArmModel) -> np.ndarray:
+def home(arm: Arm) -> np.ndarray:
     """Joint angles (7,) [rad] in which the fingers close across the arm's direction.
 
     Arms that meet face to face then turn the flat sides of their hands to each other.
@@ -44,31 +44,31 @@ def home(arm: ArmModel) -> np.ndarray:
 
 def add_arms(
     root: mjcf.RootElement,
-    arm: ArmModel,
-    stands: Sequence[Stand],
+    arm: Arm,
+    mounts: Sequence[Mount],
     pad_contact: Mapping[str, object] = MappingProxyType({}),
     least_pad: tuple[float, float] = (0.0, 0.0),
     visual: str = "primitive",
 ) -> None:
-    """Adds an arm for each stand to a model; hands and fingers collide with objects.
+    """Adds an arm for each mount to a model; hands and fingers collide with objects.
 
     Cameras on the hands are named as in `wrists`.
 
     Args:
         root: the model.
         arm: the kind of arm.
-        stands: where the arms stand.
+        mounts: where the arms stand.
         pad_contact: attributes of the pads' geoms that say how they touch.
         least_pad: half width and half length [m] that the pads' geoms have at least.
         visual: what they look like: "primitive", our own shapes, or "menagerie".
 
     Raises:
         UnknownNameError: if there is no such look.
-        ModelUnavailableError: as in `menagerie.dress`.
+        ModelUnavailableError: as in `menagerie.replace_visuals`.
     """
     check_name("visual", visual, menagerie.VISUALS)
-    number = len(stands)
-    for name, camera, stand in zip(names(arm, number), wrists(number), stands, strict=True):
+    number = len(mounts)
+    for name, camera, mount in zip(names(arm, number), wrists(number), mounts, strict=True):
         model = _load(arm, name)
         model.find("camera", CAMERA).name = camera
         for geom in hand_geoms(model, arm):
@@ -77,27 +77,27 @@ def add_arms(
             model.find("geom", pad).set_attributes(**pad_contact)
             _enlarge(model.find("geom", pad), *least_pad)
         if visual == "menagerie":
-            menagerie.dress(model, arm)
-        _attach(root, model, stand)
-        height = stand.base[2]
+            menagerie.replace_visuals(model, arm)
+        _attach(root, model, mount)
+        height = mount.base[2]
         if height > 0.0:
             root.worldbody.add(
                 "geom", name=f"{name}_pedestal", type="cylinder", size=[PEDESTAL, height / 2],
-                pos=[*stand.base[:2], height / 2], rgba=PEDESTAL_COLOR, contype=0, conaffinity=0,
+                pos=[*mount.base[:2], height / 2], rgba=PEDESTAL_COLOR, contype=0, conaffinity=0,
             )  # fmt: skip
 
 
-def kinematic_model(arm: ArmModel, stands: Sequence[Stand], tips: float = 0.0) -> mujoco.MjModel:
+def kinematic_model(arm: Arm, mounts: Sequence[Mount], tips: float = 0.0) -> mujoco.MjModel:
     """The arms alone, with open fingers: seven joints each, what may meet, and the floor.
 
     The pads lack the last `tips` [m], which may come nearer to the floor than the rest.
     """
     root = mjcf.RootElement(model="kinematics")
     root.worldbody.add("geom", name=FLOOR, type="plane", size=[1.0, 1.0, 1.0])
-    for name, stand in zip(names(arm, len(stands)), stands, strict=True):
+    for name, mount in zip(names(arm, len(mounts)), mounts, strict=True):
         model = _load(arm, name)
         fingers = [model.find("joint", finger) for finger in arm.finger_joints]
-        outer = model.find("joint", arm.arm_joints[3]).parent.find_all("geom")
+        outer = model.find("joint", arm.joints[3]).parent.find_all("geom")
         for geom in model.find_all("geom"):
             if geom not in outer or geom.dclass.dclass == "visual":
                 geom.remove()
@@ -112,7 +112,7 @@ def kinematic_model(arm: ArmModel, stands: Sequence[Stand], tips: float = 0.0) -
             _open(finger, arm.finger_range[1])
         for element in [*fingers, *model.asset.mesh]:
             element.remove()
-        _attach(root, model, stand)
+        _attach(root, model, mount)
     return mujoco.MjModel.from_xml_string(root.to_xml_string())
 
 
@@ -122,7 +122,7 @@ def outer_geoms(model: mujoco.MjModel, names: Sequence[str]) -> list[list[int]]:
     return [[i for i, owner in enumerate(owners) if owner == name] for name in names]
 
 
-def hand_geoms(model: mjcf.RootElement, arm: ArmModel) -> list[mjcf.Element]:
+def hand_geoms(model: mjcf.RootElement, arm: Arm) -> list[mjcf.Element]:
     """What of the hand is solid: the pads, then the hand itself."""
     pads = [model.find("geom", pad) for pad in arm.pad_geoms]
     hand = pads[0].parent.parent
@@ -158,7 +158,7 @@ def tune(
     return (damping + model.dof_damping[model.jnt_dofadr[joints]]) / stiffness
 
 
-def _load(arm: ArmModel, name: str) -> mjcf.RootElement:
+def _load(arm: Arm, name: str) -> mjcf.RootElement:
     model = mjcf.from_path(arm.xml_path)
     model.model = name
     model.keyframe.remove()  # It holds for this model alone: a scene has more coordinates.
@@ -187,7 +187,7 @@ def _enlarge(pad: mjcf.Element, half_width: float, half_length: float) -> None:
     pad.pos = pad.dclass.geom.pos - np.array([0.0, 0.0, pad.size[2] - length])
 
 
-def _attach(root: mjcf.RootElement, model: mjcf.RootElement, stand: Stand) -> None:
+def _attach(root: mjcf.RootElement, model: mjcf.RootElement, mount: Mount) -> None:
     frame = root.attach(model)
-    frame.pos = stand.base
-    frame.quat = [math.cos(stand.yaw / 2), 0.0, 0.0, math.sin(stand.yaw / 2)]
+    frame.pos = mount.base
+    frame.quat = [math.cos(mount.yaw / 2), 0.0, 0.0, math.sin(mount.yaw / 2)]

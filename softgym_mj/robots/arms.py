@@ -12,15 +12,15 @@ from dm_control import mjcf
 from softgym_mj.exceptions import check_count
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.cartesian import CartesianController
+from softgym_mj.robots.command_filter import CommandFilter
 from softgym_mj.robots.grasps import PICK_DISTANCE, AttachGrasp, Fingers, FrictionGrasp, Grasp
 from softgym_mj.robots.gripper import Workspace
-from softgym_mj.robots.guide import Guide
 from softgym_mj.robots.holding import HoldingGripper
-from softgym_mj.robots.models import ARMS, ArmModel
-from softgym_mj.robots.servos import Servos
-from softgym_mj.robots.stands import Stand, facing_each_other
+from softgym_mj.robots.joint_servos import JointServos
+from softgym_mj.robots.models import ARMS, Arm
+from softgym_mj.robots.mounts import Mount, facing_each_other
 
-# Distance [m] of the bases from the middle; `inner` and `outer` of their stands. Measured with the
+# Distance [m] of the bases from the middle; `inner` and `outer` of their mounts. Measured with the
 # tool down, up to 80 degrees to a side: a Franka gets to within 1 mm up to 0.8 m from its axis at
 # heights of 0.02 to 0.2 m, 0.72 m at 0.45 m; a Sawyer up to 0.9 m, 0.8 m. What is nearer than
 # 0.25 m is in the way of the elbow, which jumps in a Franka. From 0.7 m, all four corners of flat
@@ -45,10 +45,10 @@ class Arms(HoldingGripper[Grasp]):
 
     def _build(
         self,
-        arm: ArmModel = ARMS["franka"],
+        arm: Arm = ARMS["franka"],
         num_arms: int = 2,
         base_height: float = 0.0,
-        stands: Sequence[Stand] | None = None,
+        mounts: Sequence[Mount] | None = None,
         name: str = "arms",
         visual: str = "primitive",
     ):
@@ -58,7 +58,7 @@ class Arms(HoldingGripper[Grasp]):
             arm: the kind of arm.
             num_arms: 1, which stands at -Y and faces +Y, or 2 that face each other.
             base_height: of the mounting planes above the floor [m].
-            stands: where the arms stand, instead of these.
+            mounts: where the arms stand, instead of these.
             name: model name.
             visual: "primitive" or "menagerie", as in `arm_bodies.add_arms`.
 
@@ -67,33 +67,33 @@ class Arms(HoldingGripper[Grasp]):
             UnknownNameError, ModelUnavailableError: as in `arm_bodies.add_arms`.
         """
         check_count("arms", num_arms, 1, 2)
-        if stands is None:
-            stands = facing_each_other(num_arms, *PLACES[arm.name], height=base_height)
-        self._arm, self._stands = arm, tuple(stands)
+        if mounts is None:
+            mounts = facing_each_other(num_arms, *PLACES[arm.name], height=base_height)
+        self._arm, self._mounts = arm, tuple(mounts)
         self._mjcf_root = mjcf.RootElement(model=name)
         self._holding = self.grasp(num_arms)
         self.hold_height = self._holding.hold_height
         arm_bodies.add_arms(
-            self._mjcf_root, arm, self._stands, self._holding.pad_contact,
+            self._mjcf_root, arm, self._mounts, self._holding.pad_contact,
             self._holding.least_pad, visual,
         )  # fmt: skip
         tips = AttachGrasp.tip_clearance - self._holding.tip_clearance
-        self._servos = Servos(arm, self._stands, arm_bodies.home(arm), tips)
-        self._guide = Guide(num_arms)
+        self._servos = JointServos(arm, self._mounts, arm_bodies.home(arm), tips)
+        self._filter = CommandFilter(num_arms)
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     @property
-    def arm(self) -> ArmModel:
+    def arm(self) -> Arm:
         """The kind of arm."""
         return self._arm
 
     @property
-    def stands(self) -> tuple[Stand, ...]:
+    def mounts(self) -> tuple[Mount, ...]:
         """Where each arm stands."""
-        return self._stands
+        return self._mounts
 
     @property
-    def servos(self) -> Servos:
+    def servos(self) -> JointServos:
         """What moves the joints."""
         return self._servos
 
@@ -139,13 +139,13 @@ class Arms(HoldingGripper[Grasp]):
         straight towards the base at the same height. Joints may stop an arm before: a Franka 5 cm
         before, near the floor when its base is 0.5 m high.
         """
-        return self._stands[i].clip(np.clip(point, self._low, self._high))
+        return self._mounts[i].clip(np.clip(point, self._low, self._high))
 
     @property
     def at_reach(self) -> int:
         """How many commanded points lie at the end of an arm's reach, and so may be clipped."""
-        points = zip(self._stands, self._guide.commanded, strict=True)
-        return sum(stand.at_end(point) for stand, point in points)
+        points = zip(self._mounts, self._filter.commanded, strict=True)
+        return sum(mount.at_end(point) for mount, point in points)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
         positions = np.tile(point, (self.num_grippers, 1)).astype(float)
@@ -164,7 +164,7 @@ class Arms(HoldingGripper[Grasp]):
         self._set_workspace(workspace)
         reached = [self.within_reach(i, point) for i, point in enumerate(positions)]
         self.controller.reset(np.array(reached))
-        self._guide.start(self.controller.within_lead(np.array(reached)))
+        self._filter.start(self.controller.within_lead(np.array(reached)))
         self._servos.reset()
 
     def _set_workspace(self, workspace: Workspace):
@@ -180,16 +180,16 @@ class Arms(HoldingGripper[Grasp]):
 
     def plan(self) -> None:
         """Moves the commanded points by the action, as far as they may go, and the arms after."""
-        wanted = np.clip(self._guide.commanded + self._displacement, self._low, self._high)
-        for i, stand in enumerate(self._stands):
-            wanted[i] = stand.clip(wanted[i])
-        self._guide.advance(wanted, self.controller.within_lead)
+        wanted = np.clip(self._filter.commanded + self._displacement, self._low, self._high)
+        for i, mount in enumerate(self._mounts):
+            wanted[i] = mount.clip(wanted[i])
+        self._filter.advance(wanted, self.controller.within_lead)
         self._holding.plan(self._grips, self.positions())
         self._servos.plan(self._follow)
 
     def _follow(self, steps: int) -> None:
-        # The guide is taken to go on as it does until the controller's next solution.
-        self.controller.follow(self._guide.points + steps * self._guide.step)
+        # The filter is taken to go on as it does until the controller's next solution.
+        self.controller.follow(self._filter.points + steps * self._filter.step)
 
     def move(self, fraction: float, timestep: float) -> None:
         self._servos.move(fraction)
@@ -211,21 +211,21 @@ class Arms(HoldingGripper[Grasp]):
 
     def commanded_positions(self) -> np.ndarray:
         """Commanded tool points (num_grippers, 3) [m]."""
-        return self._guide.commanded.copy()
+        return self._filter.commanded.copy()
 
     def reference_positions(self) -> np.ndarray:
         """Tool points (num_grippers, 3) [m] that the joints are led along.
 
-        They go after the commanded ones, see `Guide`.
+        They go after the commanded ones, see `CommandFilter`.
         """
-        return self._guide.points.copy()
+        return self._filter.points.copy()
 
     @property
     def wrists(self) -> tuple[str, ...]:
         return arm_bodies.wrists(self.num_grippers)
 
     def proprioception(self) -> np.ndarray:
-        """What the arms sense of themselves (22 n,), see `Servos.sensed`."""
+        """What the arms sense of themselves (22 n,), see `JointServos.sensed`."""
         return self._servos.sensed(self._data.qpos[self._fingers_at].sum(axis=1))
 
     def diagnostics(self) -> dict[str, float | int]:
@@ -241,13 +241,13 @@ class Arms(HoldingGripper[Grasp]):
         return {
             **self._holding.get_state(),
             **self.controller.get_state(),
-            **self._guide.get_state(),
+            **self._filter.get_state(),
             **self._servos.get_state(),
             "workspace": np.array([self._workspace.low, self._workspace.high]),
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        for part in (self._holding, self.controller, self._guide, self._servos):
+        for part in (self._holding, self.controller, self._filter, self._servos):
             part.set_state(state)
         low, high = state["workspace"]
         self._set_workspace(Workspace(tuple(low), tuple(high)))

@@ -13,7 +13,7 @@ import mink
 import mujoco
 import numpy as np
 
-from softgym_mj.robots.guide import drawn_in
+from softgym_mj.robots.command_filter import drawn_in
 from softgym_mj.robots.kinematics import Clearance, Reference, Summed, ToolTask
 
 PERIOD = 0.02  # [s] From one solution to the next: 50 Hz.

@@ -11,11 +11,11 @@ from softgym_mj.entities.cup import GRIP, Cup
 from softgym_mj.native.arithmetic import product
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.cartesian import LEAD, CartesianController
+from softgym_mj.robots.command_filter import CommandFilter
 from softgym_mj.robots.cup_mover import CupMover, Rule
-from softgym_mj.robots.guide import Guide
-from softgym_mj.robots.models import ArmModel
-from softgym_mj.robots.servos import Servos
-from softgym_mj.robots.stands import Stand
+from softgym_mj.robots.joint_servos import JointServos
+from softgym_mj.robots.models import Arm
+from softgym_mj.robots.mounts import Mount
 
 # [m] From the line on which the handle is held to the arm's base. With it a Franka that stands in
 # the middle of the way keeps to the experts' ways within 4 mm for 1.2 m, 22 mm in a pour; a Sawyer
@@ -63,7 +63,7 @@ class CupArm(composer.Entity, CupMover):
 
     def __init__(
         self,
-        arm: ArmModel,
+        arm: Arm,
         cup: Cup,
         max_step: Sequence[float],
         rule: Rule,
@@ -81,15 +81,15 @@ class CupArm(composer.Entity, CupMover):
         CupMover.__init__(self, cup, max_step, rule)
         composer.Entity.__init__(self, arm, base_x, visual)
 
-    def _build(self, arm: ArmModel, base_x: float, visual: str):
+    def _build(self, arm: Arm, base_x: float, visual: str):
         self._arm = arm
         self._mjcf_root = mjcf.RootElement(model="arms")
-        stand = Stand((base_x, GRIP[1] + STANDOFF, 0.0), -math.pi / 2, 0.0, 1.0)
-        arm_bodies.add_arms(self._mjcf_root, arm, [stand], visual=visual)
+        mount = Mount((base_x, GRIP[1] + STANDOFF, 0.0), -math.pi / 2, 0.0, 1.0)
+        arm_bodies.add_arms(self._mjcf_root, arm, [mount], visual=visual)
         home = np.array(HOMES[arm.name])
-        self._servos = Servos(arm, [stand], home, orientation_cost=ORIENTATION_COST)
+        self._servos = JointServos(arm, [mount], home, orientation_cost=ORIENTATION_COST)
         self._controller = self._servos.controller
-        self._guide = Guide(1, clipped)
+        self._filter = CommandFilter(1, clipped)
         (self._name,) = arm_bodies.names(arm, 1)
         tool = self._mjcf_root.find("site", f"{self._name}/{arm.tcp_site}")
         site = tool.parent.add("site", name="grip", pos=tool.pos, quat=_grip_quaternion(tool))
@@ -105,7 +105,7 @@ class CupArm(composer.Entity, CupMover):
         return (self._mjcf_root.model,)
 
     @property
-    def arm(self) -> ArmModel:
+    def arm(self) -> Arm:
         """The kind of arm."""
         return self._arm
 
@@ -130,7 +130,7 @@ class CupArm(composer.Entity, CupMover):
 
     @property
     def commanded_pose(self) -> np.ndarray:
-        return self._guide.commanded[0] / TURNS_AS
+        return self._filter.commanded[0] / TURNS_AS
 
     @property
     def reference_pose(self) -> np.ndarray:
@@ -145,7 +145,7 @@ class CupArm(composer.Entity, CupMover):
         self._rejected = 0
         self._aim(pose)
         self._controller.reset(self._tool(pose)[None])
-        self._guide.start((pose * TURNS_AS)[None])
+        self._filter.start((pose * TURNS_AS)[None])
         self._servos.reset()
         self._data.qpos[self._fingers_at] = HALF_HANDLE
         self._data.ctrl[self._finger_motors] = HALF_HANDLE
@@ -158,15 +158,15 @@ class CupArm(composer.Entity, CupMover):
         self._controller.turn(product(turned(pose[2]), UPRIGHT)[None])
 
     def plan(self) -> None:
-        self._guide.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
+        self._filter.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
         self._servos.plan(self._follow)
 
     def _within_lead(self, points: np.ndarray) -> np.ndarray:
         return clipped(points, (self.reference_pose * TURNS_AS)[None], LEAD)
 
     def _follow(self, steps: int) -> None:
-        # The guide is taken to go on as it does until the controller's next solution.
-        pose = (self._guide.points + steps * self._guide.step)[0] / TURNS_AS
+        # The filter is taken to go on as it does until the controller's next solution.
+        pose = (self._filter.points + steps * self._filter.step)[0] / TURNS_AS
         self._aim(pose)
         self._controller.follow(self._tool(pose)[None])
 
@@ -181,7 +181,7 @@ class CupArm(composer.Entity, CupMover):
         return self.arm_state()
 
     def arm_state(self) -> np.ndarray:
-        """What the arm senses of itself (22,), see `Servos.sensed`."""
+        """What the arm senses of itself (22,), see `JointServos.sensed`."""
         return self._servos.sensed(self._data.qpos[self._fingers_at].sum(keepdims=True))
 
     def diagnostics(self) -> dict[str, float | int]:
@@ -193,13 +193,13 @@ class CupArm(composer.Entity, CupMover):
         return {
             **super().get_state(),
             **self._controller.get_state(),
-            **self._guide.get_state(),
+            **self._filter.get_state(),
             **self._servos.get_state(),
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         super().set_state(state)
-        for part in (self._controller, self._guide, self._servos):
+        for part in (self._controller, self._filter, self._servos):
             part.set_state(state)
 
 

@@ -12,7 +12,7 @@ from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.native.arithmetic import product, squares
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.holding import Held, Holding
-from softgym_mj.robots.models import ArmModel
+from softgym_mj.robots.models import Arm
 
 # [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
 PICK_DISTANCE = 0.03
@@ -34,7 +34,7 @@ class Fingers:
         pads: geoms (n, 2) of their pads.
     """
 
-    arm: ArmModel
+    arm: Arm
     model: mujoco.MjModel
     data: mujoco.MjData
     positions_at: np.ndarray

@@ -13,7 +13,7 @@ import numpy as np
 from dm_control import mjcf
 
 from softgym_mj.exceptions import ModelUnavailableError
-from softgym_mj.robots.models import ArmModel
+from softgym_mj.robots.models import Arm
 
 VISUALS = ("primitive", "menagerie")
 # By which a frame there may differ from ours. Copies of these models that have other kinematics are
@@ -23,7 +23,7 @@ SHOWN_GROUPS = 3  # MuJoCo draws groups 0, 1 and 2 unless told otherwise.
 CLASS = "menagerie"  # Default class of the copied shapes, and prefix of what they are made of.
 
 
-def dress(model: mjcf.RootElement, arm: ArmModel) -> None:
+def replace_visuals(model: mjcf.RootElement, arm: Arm) -> None:
     """Replaces the drawn shapes of an arm by those in Menagerie, with meshes and colours.
 
     A link gets the shapes of the body of the same name; what Menagerie lacks (the gripper of its
@@ -46,7 +46,7 @@ def dress(model: mjcf.RootElement, arm: ArmModel) -> None:
         _fail(arm, error)
 
 
-def _spec(arm: ArmModel) -> mujoco.MjSpec:
+def _spec(arm: Arm) -> mujoco.MjSpec:
     try:
         import mujoco_menagerie
     except ImportError as error:
@@ -61,7 +61,7 @@ def _spec(arm: ArmModel) -> mujoco.MjSpec:
         _fail(arm, error)
 
 
-def _fail(arm: ArmModel, reason: object) -> NoReturn:
+def _fail(arm: Arm, reason: object) -> NoReturn:
     raise ModelUnavailableError(
         f"visual='menagerie' cannot show {arm.name!r} as {arm.menagerie!r}: {reason}. This model "
         "is downloaded from github.com when first used; or set MENAGERIE_ROOT to a checkout of "
@@ -69,10 +69,10 @@ def _fail(arm: ArmModel, reason: object) -> NoReturn:
     )
 
 
-def _common_bodies(source: mujoco.MjModel, arm: ArmModel) -> list[str]:
+def _common_bodies(source: mujoco.MjModel, arm: Arm) -> list[str]:
     """Bodies of an arm that Menagerie's has, too; `ModelUnavailableError` unless frames agree."""
     model = mujoco.MjModel.from_xml_path(arm.xml_path)
-    for joint in arm.arm_joints:
+    for joint in arm.joints:
         if _owner(source, joint) != _owner(model, joint):
             _fail(arm, f"it has no body {_owner(model, joint)!r} with a joint {joint!r}")
     ours, theirs = _frames(model, arm), _frames(source, arm)
@@ -96,17 +96,17 @@ def _owner(model: mujoco.MjModel, joint: str) -> str | None:
     return None if number < 0 else model.body(model.jnt_bodyid[number]).name
 
 
-def _frames(model: mujoco.MjModel, arm: ArmModel) -> dict[tuple[str, str], np.ndarray]:
+def _frames(model: mujoco.MjModel, arm: Arm) -> dict[tuple[str, str], np.ndarray]:
     """Where the bodies and joints of an arm in its home pose are, as seen from its base.
 
     Keys are kind and name. Of bodies, position [m] and the three axes (4, 3); of joints, anchor [m]
     and axis (2, 3).
     """
     data = mujoco.MjData(model)
-    for joint, angle in zip(arm.arm_joints, arm.home, strict=True):
+    for joint, angle in zip(arm.joints, arm.home, strict=True):
         data.qpos[model.joint(joint).qposadr] = angle
     mujoco.mj_kinematics(model, data)
-    base = model.body_parentid[model.joint(arm.arm_joints[0]).bodyid[0]]
+    base = model.body_parentid[model.joint(arm.joints[0]).bodyid[0]]
     origin, axes = data.xpos[base], data.xmat[base].reshape(3, 3)
     frames = {}
     for i in range(1, model.nbody):

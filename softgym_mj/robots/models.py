@@ -6,7 +6,7 @@ from softgym_mj import assets
 
 
 @dataclasses.dataclass(frozen=True)
-class ArmModel:
+class Arm:
     """An arm with seven joints and a gripper with two fingers.
 
     Names are those in the MJCF model; they get a prefix where the model is attached to a scene.
@@ -16,7 +16,7 @@ class ArmModel:
         xml_path: the MJCF model. It has a keyframe "home" with the fingers open, to be removed
             where the model joins a scene, which has more coordinates, and a camera "wrist" on the
             hand.
-        arm_joints: the seven joints, from the base to the hand; their actuators have their names.
+        joints: the seven joints, from the base to the hand; their actuators have their names.
         finger_joints: the two slides; equal positions are symmetric, 0 is closed.
         tcp_site: the point between the pads; its z axis points out of the gripper, and the fingers
             close along its y axis.
@@ -36,7 +36,7 @@ class ArmModel:
 
     name: str
     xml_path: str
-    arm_joints: tuple[str, ...]
+    joints: tuple[str, ...]
     finger_joints: tuple[str, str]
     home: tuple[float, ...]
     velocity_limits: tuple[float, ...]
@@ -54,7 +54,7 @@ class ArmModel:
     @property
     def actuators(self) -> tuple[str, ...]:
         """Names (9,) of the position actuators: of the arm, then of the fingers."""
-        return (*self.arm_joints, *self.finger_joints)
+        return (*self.joints, *self.finger_joints)
 
     @property
     def opening(self) -> tuple[float, float]:
@@ -64,10 +64,10 @@ class ArmModel:
 
 
 # Franka Emika Panda with the Franka Hand.
-FRANKA = ArmModel(
+FRANKA = Arm(
     name="franka",
     xml_path=assets.path("franka", "franka.xml"),
-    arm_joints=tuple(f"joint{i}" for i in range(1, 8)),
+    joints=tuple(f"joint{i}" for i in range(1, 8)),
     finger_joints=("finger_joint1", "finger_joint2"),
     # Menagerie's keyframe: elbow up, TCP at (0.554, 0, 0.521).
     home=(0.0, 0.0, 0.0, -1.5708, 0.0, 1.5708, -0.7853),
@@ -84,10 +84,10 @@ FRANKA = ArmModel(
 )
 
 # Rethink Robotics Sawyer with the Rethink electric gripper.
-SAWYER = ArmModel(
+SAWYER = Arm(
     name="sawyer",
     xml_path=assets.path("sawyer", "sawyer.xml"),
-    arm_joints=tuple(f"right_j{i}" for i in range(7)),
+    joints=tuple(f"right_j{i}" for i in range(7)),
     finger_joints=("left_finger_joint", "right_finger_joint"),
     # "neutral" in Rethink's named_poses.yaml, as in Menagerie: TCP at (0.450, 0.160, 0.107).
     home=(0.0, -1.18, 0.0, 2.18, 0.0, 0.57, 3.3161),

@@ -1,4 +1,4 @@
-"""`Servos`: the joints of arms in a scene, led along the reference of a `CartesianController`."""
+"""`JointServos`: the joints of arms in a scene, led by a `CartesianController`."""
 
 from collections.abc import Callable, Sequence
 
@@ -9,13 +9,13 @@ from softgym_mj.native.arithmetic import product
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cartesian import ORIENTATION_COST, PERIOD, CartesianController
-from softgym_mj.robots.models import ArmModel
-from softgym_mj.robots.stands import Stand
+from softgym_mj.robots.models import Arm
+from softgym_mj.robots.mounts import Mount
 
 SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
 
 
-class Servos:
+class JointServos:
     """The joint servos of one or more arms, led from one solution of the controller to the next.
 
     Attributes:
@@ -26,8 +26,8 @@ class Servos:
 
     def __init__(
         self,
-        arm: ArmModel,
-        stands: Sequence[Stand],
+        arm: Arm,
+        mounts: Sequence[Mount],
         home: np.ndarray,
         tips: float = 0.0,
         orientation_cost: float = ORIENTATION_COST,
@@ -36,16 +36,16 @@ class Servos:
 
         Args:
             arm: the kind of the arms.
-            stands: where they stand.
+            mounts: where they stand.
             home: joint angles (7,) [rad] that are kept where nothing else matters.
             tips: as in `arm_bodies.kinematic_model`.
             orientation_cost: as in `CartesianController`.
         """
-        self._arm, number = arm, len(stands)
+        self._arm, number = arm, len(mounts)
         names = arm_bodies.names(arm, number)
         tools = [f"{name}/{arm.tcp_site}" for name in names]
-        limits = zip(arm.arm_joints, arm.velocity_limits, strict=True)
-        self._kinematics = model = arm_bodies.kinematic_model(arm, stands, tips)
+        limits = zip(arm.joints, arm.velocity_limits, strict=True)
+        self._kinematics = model = arm_bodies.kinematic_model(arm, mounts, tips)
         self.controller = CartesianController(
             model,
             tools,
@@ -69,7 +69,7 @@ class Servos:
         self._data = data
 
         def ids(find):
-            return [find(f"{p}/{joint}").id for p in prefixes for joint in self._arm.arm_joints]
+            return [find(f"{p}/{joint}").id for p in prefixes for joint in self._arm.joints]
 
         joints, self.motors = ids(model.joint), np.array(ids(model.actuator))
         self.positions_at = model.jnt_qposadr[joints]

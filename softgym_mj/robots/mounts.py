@@ -1,4 +1,4 @@
-"""`Stand`: where an arm is mounted and how far it reaches."""
+"""`Mount`: where an arm is mounted and how far it reaches."""
 
 import dataclasses
 import math
@@ -11,7 +11,7 @@ END = 1e-4  # [m] Points so near to the end of the reach are at it.
 
 
 @dataclasses.dataclass(frozen=True)
-class Stand:
+class Mount:
     """An arm's place.
 
     Attributes:
@@ -58,17 +58,17 @@ class Stand:
 
 def facing_each_other(
     number: int, distance: float, inner: float, outer: float, height: float = 0.0
-) -> tuple[Stand, ...]:
-    """One stand at -Y that faces +Y and, for two, another one opposite.
+) -> tuple[Mount, ...]:
+    """One mount at -Y that faces +Y and, for two, another one opposite.
 
     Args:
         number: 1 or 2.
         distance: of the bases from the origin [m].
-        inner, outer: as in `Stand`.
+        inner, outer: as in `Mount`.
         height: of the mounting planes [m].
     """
-    stands = (
-        Stand((0.0, -distance, height), math.pi / 2, inner, outer),
-        Stand((0.0, distance, height), -math.pi / 2, inner, outer),
+    mounts = (
+        Mount((0.0, -distance, height), math.pi / 2, inner, outer),
+        Mount((0.0, distance, height), -math.pi / 2, inner, outer),
     )
-    return stands[:number]
+    return mounts[:number]

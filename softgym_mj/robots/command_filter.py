@@ -1,4 +1,4 @@
-"""`Guide`: a path that arms can follow, however abruptly they are commanded."""
+"""`CommandFilter`: a path that arms can follow, however abruptly they are commanded."""
 
 from collections.abc import Callable
 
@@ -11,11 +11,11 @@ from softgym_mj.robots.base import SIM_STEP
 # this at most, which their torques can do.
 ACCELERATION = 10.0
 SPEED_UP = ACCELERATION * SIM_STEP**2  # The same as a change of the displacement in a sim step [m].
-# [m/s] Up to this speed the guide moves along with the commanded point, instead of staying so far
-# behind that it can come to rest there. When a command of 0.5 m/s ends at once, the guide goes
+# [m/s] Up to this speed the filter moves along with the commanded point, instead of staying so far
+# behind that it can come to rest there. When a command of 0.5 m/s ends at once, the filter goes
 # 10 mm too far and returns (39 mm at 1 m/s); the hand, which comes after it, 19 mm (50 to 60 mm).
 ALONG = 0.5
-# [m] By which the commanded point may be ahead of the guide. The hand is further behind: by up to
+# [m] By which the commanded point may be ahead of the filter. The hand is further behind: by up to
 # `cartesian.LEAD` and what the joints lag.
 LEAD = 0.06
 
@@ -24,7 +24,7 @@ LEAD = 0.06
 Draw = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 
 
-class Guide:
+class CommandFilter:
     """Points that go after commanded ones, as fast as lets them come to rest beside them.
 
     Attributes:
@@ -38,7 +38,7 @@ class Guide:
 
         Args:
             number: of points.
-            draw: how commanded points are held near the guide; None for `drawn_in`.
+            draw: how commanded points are held near the filter; None for `drawn_in`.
         """
         self._draw = drawn_in if draw is None else draw
         self.start(np.zeros((number, 3)))
@@ -52,7 +52,7 @@ class Guide:
         """A sim step in which points (n, 3) [m] are wanted.
 
         Args:
-            wanted: where the commanded points ought to be; they wait where the guide is far behind.
+            wanted: where the commanded points ought to be; they wait if the filter is far behind.
             hold: gives for points (n, 3) [m] those that are not too far ahead of the arms.
         """
         before = self.commanded
@@ -68,11 +68,11 @@ class Guide:
 
     def get_state(self) -> dict[str, np.ndarray]:
         """For snapshots."""
-        return {"guide": np.array([self.commanded, self.points, self.step])}
+        return {"filter": np.array([self.commanded, self.points, self.step])}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Restores what `get_state` returned."""
-        self.commanded, self.points, self.step = state["guide"].copy()
+        self.commanded, self.points, self.step = state["filter"].copy()
 
 
 def drawn_in(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarray:
