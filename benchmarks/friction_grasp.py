@@ -130,7 +130,7 @@ def pinch_edge(arm: str, variation: int, fabric: str, stiffness: float) -> dict[
     wait(env, True, round(1.0 / ENV_STEP))
     cost = 1e3 * (time.thread_time() - start[0]) / (env.physics.data.time - start[1]) * 0.01
     drift, height = np.linalg.norm(offset(vertex) - pinched), cloth.vertex(vertex)[2]
-    opening = env.physics.data.qpos[actor._fingers_at[0]].sum()
+    opening = env.physics.data.qpos[actor.servos.fingers.positions_at[0]].sum()
     held = drift < 0.05 and height > 0.15 and opening > 0.001
     known = actor.held[0] >= 0
     wait(env, False, 6)

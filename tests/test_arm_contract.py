@@ -42,20 +42,21 @@ def test_the_states_end_with_what_the_arms_sense(case):
     env.reset(800)
     observation = env.step(actions(env, 1)[0]).observation
     actor, named = env.task.actor, env.physics.named.data
-    number = 1 if "water" in case else 2
-    sensed = observation["reduced"][-22 * number :]
-    np.testing.assert_array_equal(observation["full"][-22 * number :], sensed)
+    number, joints = 1 if "water" in case else 2, len(actor.arm.joints)
+    size = number * (8 + 2 * joints)
+    sensed = observation["reduced"][-size:]
+    np.testing.assert_array_equal(observation["full"][-size:], sensed)
     mujoco.mj_kinematics(env.physics.model.ptr, env.physics.data.ptr)
-    for i, own in enumerate(sensed[3 * number :].reshape(number, 19)):
+    for i, own in enumerate(sensed[3 * number :].reshape(number, -1)):
         prefix = f"arms/{actor.arm.name}_{i}/"
-        joints = [f"{prefix}{joint}" for joint in actor.arm.joints]
+        names = [f"{prefix}{joint}" for joint in actor.arm.joints]
         fingers = [f"{prefix}{joint}" for joint in actor.arm.finger_joints]
         tool = f"{prefix}{actor.arm.tcp_site}"
         np.testing.assert_allclose(sensed[3 * i : 3 * i + 3], named.site_xpos[tool], atol=1e-9)
         turn = Rotation.from_quat(own[:4], scalar_first=True).as_matrix().ravel()
         np.testing.assert_allclose(turn, named.site_xmat[tool], atol=1e-9)
-        np.testing.assert_array_equal(own[5:12], named.qpos[joints])
-        np.testing.assert_array_equal(own[12:], named.qvel[joints])
+        np.testing.assert_array_equal(own[5 : 5 + joints], named.qpos[names])
+        np.testing.assert_array_equal(own[5 + joints :], named.qvel[names])
         assert own[4] == named.qpos[fingers].sum()
 
 

@@ -68,7 +68,7 @@ def test_what_is_taken_follows_and_is_released(case):
     down[:, 2] = actor.limits[0][2]
     for _ in go(env, down, (False, False)):
         pass
-    fingers = env.physics.data.qpos[actor._fingers_at]
+    fingers = env.physics.data.qpos[actor.servos.fingers.positions_at]
     np.testing.assert_allclose(fingers, actor.arm.finger_range[1], atol=1e-3)
     rest = actor.commanded_positions()
     for _ in range(3):
@@ -76,7 +76,7 @@ def test_what_is_taken_follows_and_is_released(case):
     assert np.all(actor.held >= 0) and actor.held[0] != actor.held[1]
     gap = np.linalg.norm(target.vertices()[actor.held] - vertices[taken], axis=1)
     assert np.all(gap < actor.pick_distance + 0.01)
-    assert env.physics.data.qpos[actor._fingers_at].max() < 0.002  # Closed.
+    assert env.physics.data.qpos[actor.servos.fingers.positions_at].max() < 0.002  # Closed.
     assert distance_to_target(env).max() < 0.002
     held = actor.held
     lift, carry = np.array([0.0, 0.0, 0.2]), np.array([0.15, 0.0, 0.2])
@@ -102,7 +102,9 @@ def test_what_is_taken_follows_and_is_released(case):
     fallen = actor.positions()[:, 2] - target.vertices()[held][:, 2]
     assert fallen.min() > 0.05  # 0.10 to 0.16, as last bits of the goals have it.
     np.testing.assert_allclose(
-        env.physics.data.qpos[actor._fingers_at], actor.arm.finger_range[1], atol=1e-3
+        env.physics.data.qpos[actor.servos.fingers.positions_at],
+        actor.arm.finger_range[1],
+        atol=1e-3,
     )
 
 

@@ -13,7 +13,7 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.rope import Rope
 from softgym_mj.robots import arm_bodies, cartesian
-from softgym_mj.robots.arms import PLACES, Arms
+from softgym_mj.robots.arms import Arms
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.command_filter import LEAD
 from softgym_mj.robots.gripper import Workspace
@@ -110,7 +110,7 @@ def in_front(points: np.ndarray, distance: float) -> np.ndarray:
 def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
     scene, data = Scene.make(kind, arm), ARMS[arm]
     arms = scene.arms
-    path = motion(4.0, PLACES[arm][0])
+    path = motion(4.0, ARMS[arm].distance)
     speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / SIM_STEP
     assert SPEED * 0.8 < speeds.max() < SPEED * 1.01
     scene.start(path[0])
@@ -139,7 +139,7 @@ def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
 @arms_by_name
 def test_an_unreachable_command_saturates_and_recovers(arm):
     scene = Scene.make("rope", arm)
-    start = in_front(np.array([[0.45, 0.0, 0.2]]), PLACES[arm][0])
+    start = in_front(np.array([[0.45, 0.0, 0.2]]), ARMS[arm].distance)
     scene.start(start)
     low, high = scene.model.jnt_range[scene.model.actuator_trnid[scene.arms.servos.motors, 0]].T
     for direction in ([0.0, 1.0, 1.0], [1.0, 0.5, -1.0], [-1.0, -1.0, 1.0]):
@@ -158,7 +158,7 @@ def test_an_unreachable_command_saturates_and_recovers(arm):
 @arms_by_name
 def test_the_start_is_where_it_is_wanted_and_at_rest(arm):
     scene = Scene.make("rope", arm, 2)
-    distance = PLACES[arm][0]
+    distance = ARMS[arm].distance
     first = np.random.default_rng(1).uniform(BOX[0], BOX[1] - [0.1, 0.0, 0.0], (5, 3))
     for point in in_front(first, distance):
         points = np.array([point, -point * [1.0, 1.0, -1.0]])

@@ -112,7 +112,7 @@ def carries(arm, variation):
     lift_and_carry(env)
     drift = np.linalg.norm(offset(env, vertex) - pinched)
     height = target.vertex(vertex)[2]
-    opening = env.physics.data.qpos[actor._fingers_at[0]].sum()
+    opening = env.physics.data.qpos[actor.servos.fingers.positions_at[0]].sum()
     # Cloth is between the pads: of its 4 mm, they leave some.
     held = drift < 0.05 and height > 0.15 and opening > 0.001 and actor.held[0] >= 0
     np.testing.assert_array_equal(env.physics.model.dof_M0, mass)

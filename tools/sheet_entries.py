@@ -76,12 +76,13 @@ def sensed_entries(task: DeformableTask) -> dict[str, int]:
     actor = task.actor
     if actor.wrists:  # Arms.
         number = actor.num_grippers if isinstance(actor, Gripper) else 1
+        joints = len(actor.arm.joints)
         points = {f"arm {i}, tool point (x, y, z) [m]": 3 for i in range(number)}
         own = {
             "quaternion of the tool (w, x, y, z)": 4,
             "opening between the fingers [m]": 1,
-            "joint positions [rad]": 7,
-            "joint velocities [rad/s]": 7,
+            "joint positions [rad]": joints,
+            "joint velocities [rad/s]": joints,
         }
         return points | {
             f"arm {i}, {name}": size for i in range(number) for name, size in own.items()

@@ -33,7 +33,7 @@ def wrists(number: int) -> tuple[str, ...]:
 
 
 def home(arm: Arm) -> np.ndarray:
-    """Joint angles (7,) [rad] in which the fingers close across the arm's direction.
+    """Joint angles (joints,) [rad] in which the fingers close across the arm's direction.
 
     Arms that meet face to face then turn the flat sides of their hands to each other.
     """
@@ -88,7 +88,7 @@ def add_arms(
 
 
 def kinematic_model(arm: Arm, mounts: Sequence[Mount], tips: float = 0.0) -> mujoco.MjModel:
-    """The arms alone, with open fingers: seven joints each, what may meet, and the floor.
+    """The arms alone, with open fingers: their joints, what may meet, and the floor.
 
     The pads lack the last `tips` [m], which may come nearer to the floor than the rest.
     """
@@ -97,7 +97,7 @@ def kinematic_model(arm: Arm, mounts: Sequence[Mount], tips: float = 0.0) -> muj
     for name, mount in zip(names(arm, len(mounts)), mounts, strict=True):
         model = _load(arm, name)
         fingers = [model.find("joint", finger) for finger in arm.finger_joints]
-        outer = model.find("joint", arm.joints[3]).parent.find_all("geom")
+        outer = model.find("joint", arm.wrist_joint).parent.find_all("geom")
         for geom in model.find_all("geom"):
             if geom not in outer or geom.dclass.dclass == "visual":
                 geom.remove()

@@ -4,28 +4,22 @@ The arms are led by their tool points, the points between the fingers. How the f
 a `Grasp`: attached to the real tool point, wherever the joints are, or by friction.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from dm_control import mjcf
 
-from softgym_mj.exceptions import check_count
+from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.cartesian import CartesianController
 from softgym_mj.robots.command_filter import CommandFilter
-from softgym_mj.robots.grasps import PICK_DISTANCE, AttachGrasp, Fingers, FrictionGrasp, Grasp
+from softgym_mj.robots.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, Grasp
 from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.joint_servos import JointServos
 from softgym_mj.robots.models import ARMS, Arm
 from softgym_mj.robots.mounts import Mount, facing_each_other
 
-# Distance [m] of the bases from the middle; `inner` and `outer` of their mounts. Measured with the
-# tool down, up to 80 degrees to a side: a Franka gets to within 1 mm up to 0.8 m from its axis at
-# heights of 0.02 to 0.2 m, 0.72 m at 0.45 m; a Sawyer up to 0.9 m, 0.8 m. What is nearer than
-# 0.25 m is in the way of the elbow, which jumps in a Franka. From 0.7 m, all four corners of flat
-# cloths are in reach in more than nine of ten variations.
-PLACES = {"franka": (0.7, 0.28, 0.78), "sawyer": (0.7, 0.25, 0.85)}
 START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
 
 
@@ -39,7 +33,6 @@ class Arms(HoldingGripper[Grasp]):
     of the arms pass through it.
     """
 
-    grasp: type[Grasp] = AttachGrasp
     least_distance = 0.15  # Measured: 0.14 m side by side (Franka), 0.08 m face to face.
     camera_suffix = "_arms"
 
@@ -49,7 +42,7 @@ class Arms(HoldingGripper[Grasp]):
         num_arms: int = 2,
         base_height: float = 0.0,
         mounts: Sequence[Mount] | None = None,
-        name: str = "arms",
+        grasp: str = "attach",
         visual: str = "primitive",
     ):
         """Builds the arms.
@@ -59,19 +52,22 @@ class Arms(HoldingGripper[Grasp]):
             num_arms: 1, which stands at -Y and faces +Y, or 2 that face each other.
             base_height: of the mounting planes above the floor [m].
             mounts: where the arms stand, instead of these.
-            name: model name.
+            grasp: how they hold: "attach" or "friction".
             visual: "primitive" or "menagerie", as in `arm_bodies.add_arms`.
 
         Raises:
             OutOfRangeError: for another number of arms.
-            UnknownNameError, ModelUnavailableError: as in `arm_bodies.add_arms`.
+            UnknownNameError: if there is no such grasp or look.
+            ModelUnavailableError: as in `arm_bodies.add_arms`.
         """
         check_count("arms", num_arms, 1, 2)
+        check_name("grasp", grasp, GRASPS)
         if mounts is None:
-            mounts = facing_each_other(num_arms, *PLACES[arm.name], height=base_height)
+            mounts = facing_each_other(num_arms, arm.distance, *arm.reach, height=base_height)
         self._arm, self._mounts = arm, tuple(mounts)
-        self._mjcf_root = mjcf.RootElement(model=name)
-        self._holding = self.grasp(num_arms)
+        self.name = f"{arm.name}/{grasp}"
+        self._mjcf_root = mjcf.RootElement(model="arms")
+        self._holding = GRASPS[grasp](num_arms)
         self.hold_height = self._holding.hold_height
         arm_bodies.add_arms(
             self._mjcf_root, arm, self._mounts, self._holding.pad_contact,
@@ -108,29 +104,8 @@ class Arms(HoldingGripper[Grasp]):
         return PICK_DISTANCE
 
     def after_compile(self, physics, random_state):
-        model, arm = physics.model.ptr, self._arm
-        self._data = physics.data.ptr
-        prefixes = [
-            f"{self._mjcf_root.model}/{name}" for name in arm_bodies.names(arm, self.num_grippers)
-        ]
-
-        def ids(find, elements):
-            return np.array([[find(f"{p}/{element}").id for element in elements] for p in prefixes])
-
-        self._servos.bind(model, self._data, prefixes)
-        fingers = ids(model.joint, arm.finger_joints)
-        self._fingers_at = model.jnt_qposadr[fingers]
-        self._holding.use(
-            Fingers(
-                arm,
-                model,
-                self._data,
-                self._fingers_at,
-                model.jnt_dofadr[fingers],
-                ids(model.actuator, arm.finger_joints),
-                ids(model.geom, arm.pad_geoms),
-            )
-        )
+        self._servos.bind(physics.model.ptr, physics.data.ptr, self._mjcf_root.model)
+        self._holding.use(self._servos.fingers)
 
     def within_reach(self, i: int, point: np.ndarray) -> np.ndarray:
         """Where arm `i` goes to when it is told to go to a point (3,) [m].
@@ -225,8 +200,8 @@ class Arms(HoldingGripper[Grasp]):
         return arm_bodies.wrists(self.num_grippers)
 
     def proprioception(self) -> np.ndarray:
-        """What the arms sense of themselves (22 n,), see `JointServos.sensed`."""
-        return self._servos.sensed(self._data.qpos[self._fingers_at].sum(axis=1))
+        """What the arms sense of themselves (n (8 + 2 joints),), see `JointServos.sensed`."""
+        return self._servos.sensed()
 
     def diagnostics(self) -> dict[str, float | int]:
         return {
@@ -240,40 +215,13 @@ class Arms(HoldingGripper[Grasp]):
     def get_state(self) -> dict[str, np.ndarray]:
         return {
             **self._holding.get_state(),
-            **self.controller.get_state(),
             **self._filter.get_state(),
             **self._servos.get_state(),
             "workspace": np.array([self._workspace.low, self._workspace.high]),
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        for part in (self._holding, self.controller, self._filter, self._servos):
+        for part in (self._holding, self._filter, self._servos):
             part.set_state(state)
         low, high = state["workspace"]
         self._set_workspace(Workspace(tuple(low), tuple(high)))
-
-
-class FrankaArms(Arms):
-    """Arms of Franka: snapshots know actors by their class."""
-
-
-class SawyerArms(Arms):
-    """Arms of Sawyer."""
-
-
-class FrankaFrictionArms(FrankaArms):
-    """Arms of Franka that hold by friction."""
-
-    grasp = FrictionGrasp
-
-
-class SawyerFrictionArms(SawyerArms):
-    """Arms of Sawyer that hold by friction."""
-
-    grasp = FrictionGrasp
-
-
-GRASPS: dict[str, Mapping[str, type[Arms]]] = {
-    "attach": {"franka": FrankaArms, "sawyer": SawyerArms},
-    "friction": {"franka": FrankaFrictionArms, "sawyer": SawyerFrictionArms},
-}

@@ -20,6 +20,8 @@ class Actor(abc.ABC):
     In an env step: `command` once, then `plan` in every sim step and `move` in every physics step.
     """
 
+    # What snapshots and messages call this kind of actor, such as "picker" or "franka/attach".
+    name: str
     # Whether actions take as many sim steps as they need.
     varies = False
     # Env steps of an episode; None: as many as the task's record says.

@@ -17,15 +17,6 @@ from softgym_mj.robots.joint_servos import JointServos
 from softgym_mj.robots.models import Arm
 from softgym_mj.robots.mounts import Mount
 
-# [m] From the line on which the handle is held to the arm's base. With it a Franka that stands in
-# the middle of the way keeps to the experts' ways within 4 mm for 1.2 m, 22 mm in a pour; a Sawyer
-# within 1 mm. (From 0.4 m, or 0.15 m higher up, a Franka is up to 75 mm off.)
-STANDOFF = 0.55
-# Joint angles [rad] in which the hand points ahead and the fingers close on an upright plate.
-HOMES = {
-    "franka": (0.0, 0.0, 0.0, -1.9, 0.0, 3.4, 0.8),
-    "sawyer": (0.0, -1.0, 0.0, 1.8, 0.0, -0.8, 1.57),
-}
 ORIENTATION_COST = 0.3  # [1/rad]: a radian off is as bad as 0.3 m. Tilt pours.
 # [m/rad] Ways that a turn counts as where a speed or a lead is limited: about what is held.
 TURNS_AS = np.array([1.0, 1.0, 0.3])
@@ -82,16 +73,16 @@ class CupArm(composer.Entity, CupMover):
         composer.Entity.__init__(self, arm, base_x, visual)
 
     def _build(self, arm: Arm, base_x: float, visual: str):
-        self._arm = arm
+        self._arm, self.name = arm, f"{arm.name}/cup"
         self._mjcf_root = mjcf.RootElement(model="arms")
-        mount = Mount((base_x, GRIP[1] + STANDOFF, 0.0), -math.pi / 2, 0.0, 1.0)
+        mount = Mount((base_x, GRIP[1] + arm.standoff, 0.0), -math.pi / 2, *arm.reach)
         arm_bodies.add_arms(self._mjcf_root, arm, [mount], visual=visual)
-        home = np.array(HOMES[arm.name])
+        home = np.array(arm.home_cup)
         self._servos = JointServos(arm, [mount], home, orientation_cost=ORIENTATION_COST)
         self._controller = self._servos.controller
         self._filter = CommandFilter(1, clipped)
-        (self._name,) = arm_bodies.names(arm, 1)
-        tool = self._mjcf_root.find("site", f"{self._name}/{arm.tcp_site}")
+        (name,) = arm_bodies.names(arm, 1)
+        tool = self._mjcf_root.find("site", f"{name}/{arm.tcp_site}")
         site = tool.parent.add("site", name="grip", pos=tool.pos, quat=_grip_quaternion(tool))
         self.cup.join_hand(self, site)
 
@@ -118,13 +109,7 @@ class CupArm(composer.Entity, CupMover):
         arena.attach(self)
 
     def after_compile(self, physics, random_state):
-        model, data = physics.model.ptr, physics.data.ptr
-        prefix = f"{self._mjcf_root.model}/{self._name}"
-        self._servos.bind(model, data, [prefix])
-        fingers = [f"{prefix}/{finger}" for finger in self._arm.finger_joints]
-        at = model.jnt_qposadr[[model.joint(finger).id for finger in fingers]]
-        motors = [model.actuator(finger).id for finger in fingers]
-        self._data, self._fingers_at, self._finger_motors = data, at, motors
+        self._servos.bind(physics.model.ptr, physics.data.ptr, self._mjcf_root.model)
 
     # ------------------------------------------------------------------ motion
 
@@ -147,8 +132,7 @@ class CupArm(composer.Entity, CupMover):
         self._controller.reset(self._tool(pose)[None])
         self._filter.start((pose * TURNS_AS)[None])
         self._servos.reset()
-        self._data.qpos[self._fingers_at] = HALF_HANDLE
-        self._data.ctrl[self._finger_motors] = HALF_HANDLE
+        self._servos.fingers.put(0, HALF_HANDLE, HALF_HANDLE)
 
     def _tool(self, pose: np.ndarray) -> np.ndarray:
         """The tool point (3,) [m] that gives the cup a pose."""
@@ -181,8 +165,8 @@ class CupArm(composer.Entity, CupMover):
         return self.arm_state()
 
     def arm_state(self) -> np.ndarray:
-        """What the arm senses of itself (22,), see `JointServos.sensed`."""
-        return self._servos.sensed(self._data.qpos[self._fingers_at].sum(keepdims=True))
+        """What the arm senses of itself (8 + 2 joints,), see `JointServos.sensed`."""
+        return self._servos.sensed()
 
     def diagnostics(self) -> dict[str, float | int]:
         return {**super().diagnostics(), "ik_failures": self._controller.failures}
@@ -192,26 +176,14 @@ class CupArm(composer.Entity, CupMover):
     def get_state(self) -> dict[str, np.ndarray]:
         return {
             **super().get_state(),
-            **self._controller.get_state(),
             **self._filter.get_state(),
             **self._servos.get_state(),
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         super().set_state(state)
-        for part in (self._controller, self._filter, self._servos):
+        for part in (self._filter, self._servos):
             part.set_state(state)
-
-
-class FrankaCupArm(CupArm):
-    """An arm of Franka: snapshots know actors by their class."""
-
-
-class SawyerCupArm(CupArm):
-    """An arm of Sawyer."""
-
-
-KINDS = {"franka": FrankaCupArm, "sawyer": SawyerCupArm}
 
 
 def _grip_quaternion(tool: mjcf.Element) -> np.ndarray:

@@ -54,6 +54,8 @@ class CupMover(Actor):
     step. The cup follows exactly: water cannot push it.
     """
 
+    name = "cup"
+
     def __init__(self, cup: Cup, max_step: Sequence[float], rule: Rule):
         """Binds the mover.
 

@@ -13,9 +13,8 @@ from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.models import ARMS
 
 PICKERS: dict[str, type[picker.Picker]] = {
-    "picker": picker.Picker,
-    "pick_and_place": pick_and_place.PickAndPlace,
-    "pixel_pick_and_place": pick_and_place.PixelPickAndPlace,
+    kind.name: kind
+    for kind in (picker.Picker, pick_and_place.PickAndPlace, pick_and_place.PixelPickAndPlace)
 }
 GRIPPERS = (*PICKERS, *ARMS)
 CUP_ACTORS = ("cup", *ARMS)
@@ -77,12 +76,15 @@ def make_gripper(
     check_name("kind", kind, _GEOMETRY)
     if actor in ARMS:
         _refuse({"num_pickers": num_pickers}, "None: arms are counted by `arms`")
-        from softgym_mj.robots.arms import GRASPS  # mink takes a quarter of a second to import.
+        from softgym_mj.robots.arms import Arms  # mink takes a quarter of a second to import.
 
-        number, grasp = 2 if arms is None else arms, "attach" if grasp is None else grasp
-        check_name("grasp", grasp, GRASPS)
-        visual = "primitive" if visual is None else visual
-        return GRASPS[grasp][actor](ARMS[actor], number, base_height, visual=visual)
+        return Arms(
+            ARMS[actor],
+            2 if arms is None else arms,
+            base_height,
+            grasp="attach" if grasp is None else grasp,
+            visual="primitive" if visual is None else visual,
+        )
     _refuse({"arms": arms, "grasp": grasp, "visual": visual}, f"None with actor={actor!r}")
     if num_pickers is None:
         num_pickers = 1 if actor == "pixel_pick_and_place" else 2
@@ -142,10 +144,10 @@ def make_cup_actor(
     """
     check_name("actor", actor, CUP_ACTORS)
     if actor in ARMS:
-        from softgym_mj.robots.cup_arm import KINDS
+        from softgym_mj.robots.cup_arm import CupArm
 
         look = "primitive" if visual is None else visual
-        return KINDS[actor](ARMS[actor], cup, max_step, rule, base_x, look)
+        return CupArm(ARMS[actor], cup, max_step, rule, base_x, look)
     _refuse({"visual": visual}, f"None with actor={actor!r}")
     return CupMover(cup, max_step, rule)
 

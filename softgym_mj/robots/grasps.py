@@ -1,69 +1,21 @@
 """How the fingers of arms hold vertices of a flex: attached to the hand, or by friction alone."""
 
 import abc
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
-import mujoco
 import numpy as np
 
 from softgym_mj.cloth import solver
-from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.native.arithmetic import product, squares
 from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.fingers import Fingers
 from softgym_mj.robots.holding import Held, Holding
-from softgym_mj.robots.models import Arm
 
 # [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
 PICK_DISTANCE = 0.03
 DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
-OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
 CLOSING_SPEED = 0.1  # [m/s] Of each finger's command in a grip by friction: cloth slips if faster.
 PRESSING = 0.7  # Least cosine between a pad's push and its closing direction in a grip.
-
-
-@dataclasses.dataclass(frozen=True)
-class Fingers:
-    """The fingers of n arms in a compiled scene.
-
-    Attributes:
-        arm: the kind of arm.
-        model, data: the scene.
-        positions_at, speeds_at: addresses (n, 2) of their joints in qpos and qvel.
-        motors: their actuators (n, 2).
-        pads: geoms (n, 2) of their pads.
-    """
-
-    arm: Arm
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    positions_at: np.ndarray
-    speeds_at: np.ndarray
-    motors: np.ndarray
-    pads: np.ndarray
-
-    def open(self) -> None:
-        """Puts all of them where they are open, at rest."""
-        self.data.qpos[self.positions_at] = self.arm.finger_range[1]
-        self.data.qvel[self.speeds_at] = 0.0
-        self.data.ctrl[self.motors] = self.arm.finger_commands[1]
-
-    def put(self, i: int, position: float, command: float) -> None:
-        """Puts those of arm `i` at `position` [m], commanded to be at `command` [m]."""
-        self.data.qpos[self.positions_at[i]] = position
-        self.data.ctrl[self.motors[i]] = command
-
-    def clear(self, i: int, offsets: np.ndarray) -> bool:
-        """Whether those of arm `i` are open, with vertices at `offsets` (n, 3) [m] out of the way.
-
-        Offsets are from the tool point.
-        """
-        opened = self.data.qpos[self.positions_at[i]].min() > sum(self.arm.finger_range) / 2
-        return bool(opened and squares(offsets).min() > OUT_OF_THE_WAY**2)
-
-    def set_solid(self, i: int, solid: bool) -> None:
-        """Makes the pads of arm `i` push the object, or pass through it."""
-        self.model.geom_contype[self.pads[i]] = GRIPPER_CONTACT if solid else 0
 
 
 class Grasp(Held, abc.ABC):
@@ -244,3 +196,6 @@ class FrictionGrasp(Grasp):
             pressed = contact["vertex"][(contact["geom"] == pad) & towards]
             pinched = np.intersect1d(pinched, pressed)
         return np.flatnonzero(np.isin(self._target.vertex_ids, pinched))
+
+
+GRASPS: dict[str, type[Grasp]] = {"attach": AttachGrasp, "friction": FrictionGrasp}

@@ -9,6 +9,7 @@ from softgym_mj.native.arithmetic import product
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cartesian import ORIENTATION_COST, PERIOD, CartesianController
+from softgym_mj.robots.fingers import Fingers
 from softgym_mj.robots.models import Arm
 from softgym_mj.robots.mounts import Mount
 
@@ -20,8 +21,9 @@ class JointServos:
 
     Attributes:
         controller: what leads them.
-        motors: their actuators in the scene (7 n,).
-        positions_at, speeds_at: addresses (7 n,) of the joints in qpos and qvel.
+        motors: their actuators in the scene (n joints,).
+        positions_at, speeds_at: addresses (n joints,) of the joints in qpos and qvel.
+        fingers: of the arms in the scene.
     """
 
     def __init__(
@@ -37,12 +39,12 @@ class JointServos:
         Args:
             arm: the kind of the arms.
             mounts: where they stand.
-            home: joint angles (7,) [rad] that are kept where nothing else matters.
+            home: joint angles (joints,) [rad] that are kept where nothing else matters.
             tips: as in `arm_bodies.kinematic_model`.
             orientation_cost: as in `CartesianController`.
         """
         self._arm, number = arm, len(mounts)
-        names = arm_bodies.names(arm, number)
+        self._names = names = arm_bodies.names(arm, number)
         tools = [f"{name}/{arm.tcp_site}" for name in names]
         limits = zip(arm.joints, arm.velocity_limits, strict=True)
         self._kinematics = model = arm_bodies.kinematic_model(arm, mounts, tips)
@@ -59,14 +61,16 @@ class JointServos:
         self._sites = [model.site(tool).id for tool in tools]
         self._phase = 0  # Sim steps since the controller's last solution.
 
-    def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefixes: Sequence[str]) -> None:
+    def bind(self, model: mujoco.MjModel, data: mujoco.MjData, actor: str) -> None:
         """Finds the joints of the arms in a scene and tunes their servos.
 
         Args:
             model, data: the scene.
-            prefixes: of the names of each arm's elements.
+            actor: name of the model that the arms are attached to.
         """
         self._data = data
+        prefixes = [f"{actor}/{name}" for name in self._names]
+        self.fingers = Fingers.find(self._arm, model, data, prefixes)
 
         def ids(find):
             return [find(f"{p}/{joint}").id for p in prefixes for joint in self._arm.joints]
@@ -78,7 +82,7 @@ class JointServos:
         self._lag = arm_bodies.tune(model, self.motors, self._inertias(model), torques)
 
     def _inertias(self, model: mujoco.MjModel) -> np.ndarray:
-        """Inertia (7 n,) [kg m^2] that each joint feels at home, with its armature and its load."""
+        """Inertia (n joints,) [kg m^2] of each joint at home, with its armature and its load."""
         data = mujoco.MjData(model)
         data.qpos[self.positions_at] = self.controller.home
         mujoco.mj_kinematics(model, data)
@@ -137,32 +141,34 @@ class JointServos:
             velocities[i] = product(jacobian, speeds)
         return velocities
 
-    def sensed(self, openings: np.ndarray) -> np.ndarray:
-        """What n arms sense of themselves (22 n,).
+    def sensed(self) -> np.ndarray:
+        """What n arms sense of themselves (n (8 + 2 joints),).
 
         The tool points (x, y, z each) [m]; then for each arm the quaternion (w, x, y, z) of its
-        tool, its opening [m], the seven joint positions [rad] and velocities [rad/s].
-
-        Args:
-            openings: of the hands (n,) [m].
+        tool, its opening [m], the joint positions [rad] and velocities [rad/s].
         """
-        parts, quaternion = [self.points().ravel()], np.empty(4)
-        for i, rotation in enumerate(self.rotations()):
+        points = self.points()
+        number, quaternions = len(points), np.empty((len(points), 4))
+        for quaternion, rotation in zip(quaternions, self.rotations(), strict=True):
             mujoco.mju_mat2Quat(quaternion, rotation.ravel())
-            seven = slice(7 * i, 7 * (i + 1))
-            parts += [
-                quaternion.copy(),
-                openings[i : i + 1],
-                self._data.qpos[self.positions_at[seven]],
-                self._data.qvel[self.speeds_at[seven]],
-            ]
-        return np.concatenate(parts)
+        own = [
+            quaternions,
+            self.fingers.openings[:, None],
+            self._data.qpos[self.positions_at].reshape(number, -1),
+            self._data.qvel[self.speeds_at].reshape(number, -1),
+        ]
+        return np.concatenate([points.ravel(), np.hstack(own).ravel()])
 
     def get_state(self) -> dict[str, np.ndarray]:
-        """For snapshots."""
-        return {"phase": np.array(self._phase), "servo": np.array([self._start, self._goal])}
+        """For snapshots; the controller's included."""
+        return {
+            **self.controller.get_state(),
+            "phase": np.array(self._phase),
+            "servo": np.array([self._start, self._goal]),
+        }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Restores what `get_state` returned."""
+        self.controller.set_state(state)
         self._phase = int(state["phase"])
         self._start, self._goal = state["servo"].copy()

@@ -76,6 +76,8 @@ class PickAndPlace(RoutePicker):
     the longer way moves at 1 m/s.
     """
 
+    name = "pick_and_place"
+
     def command(self, action: np.ndarray) -> None:
         action = action.reshape(-1, 4)
         grips = (action[:, 3] > 0.0).tolist()
@@ -92,6 +94,8 @@ class PixelPickAndPlace(RoutePicker):
     (1). The pixel is taken to show the plane at which the object rests on the floor. Used by Wu et
     al. 2020.
     """
+
+    name = "pixel_pick_and_place"
 
     def _build(self, *args, **kwargs):
         super()._build(*args, **kwargs)

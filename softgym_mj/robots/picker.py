@@ -50,6 +50,8 @@ class Picker(HoldingGripper):
     the object stretches, lose the one that was taken later, see `Holding`.
     """
 
+    name = "picker"
+
     def _build(
         self,
         geometry: Geometry = CLOTH_GEOMETRY,

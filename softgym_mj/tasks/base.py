@@ -355,7 +355,7 @@ class DeformableTask(composer.Task, abc.ABC):
     def state_layout(self) -> dict[str, object]:
         """What must agree for a state of one instance to fit into another."""
         return {
-            "actor": type(self._actor).__name__,
+            "actor": self._actor.name,
             "action size": self._actor.action_size,
             "most points (fidelity)": self._max_points,
             "action repeat": self._action_repeat,

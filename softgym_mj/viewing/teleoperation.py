@@ -188,10 +188,9 @@ def teleoperate(env: Environment) -> Teleoperation:
         return CupTeleoperation(env, actor)
     if isinstance(actor, HoldingGripper) and not isinstance(actor, RoutePicker):
         return GripperTeleoperation(env, actor)
-    names = {kind: name for name, kind in PICKERS.items()}
     displaced = [
         name
         for name in dict.fromkeys((*GRIPPERS, *CUP_ACTORS))
         if not issubclass(PICKERS.get(name, object), RoutePicker)
     ]
-    raise UnknownNameError("actor", names[type(actor)], displaced)
+    raise UnknownNameError("actor", actor.name, displaced)

@@ -1,0 +1,76 @@
+"""`Fingers`: those of the hands of arms in a compiled scene."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from softgym_mj.entities.flex import GRIPPER_CONTACT
+from softgym_mj.native.arithmetic import squares
+from softgym_mj.robots.models import Arm
+
+OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
+
+
+@dataclasses.dataclass(frozen=True)
+class Fingers:
+    """The fingers of n arms in a compiled scene.
+
+    Attributes:
+        arm: the kind of arm.
+        model, data: the scene.
+        positions_at, speeds_at: addresses (n, 2) of their joints in qpos and qvel.
+        motors: their actuators (n, 2).
+        pads: geoms (n, 2) of their pads.
+    """
+
+    arm: Arm
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    positions_at: np.ndarray
+    speeds_at: np.ndarray
+    motors: np.ndarray
+    pads: np.ndarray
+
+    @classmethod
+    def find(
+        cls, arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, prefixes: Sequence[str]
+    ) -> "Fingers":
+        """The fingers in a scene, by the prefixes (n,) of the names of each arm's elements."""
+
+        def ids(find, elements):
+            return np.array([[find(f"{p}/{element}").id for element in elements] for p in prefixes])
+
+        joints = ids(model.joint, arm.finger_joints)
+        positions_at, speeds_at = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        motors, pads = ids(model.actuator, arm.finger_joints), ids(model.geom, arm.pad_geoms)
+        return cls(arm, model, data, positions_at, speeds_at, motors, pads)
+
+    @property
+    def openings(self) -> np.ndarray:
+        """Distances (n,) [m] of the pads of each hand."""
+        return self.data.qpos[self.positions_at].sum(axis=1)
+
+    def open(self) -> None:
+        """Puts all of them where they are open, at rest."""
+        self.data.qpos[self.positions_at] = self.arm.finger_range[1]
+        self.data.qvel[self.speeds_at] = 0.0
+        self.data.ctrl[self.motors] = self.arm.finger_commands[1]
+
+    def put(self, i: int, position: float, command: float) -> None:
+        """Puts those of arm `i` at `position` [m], commanded to be at `command` [m]."""
+        self.data.qpos[self.positions_at[i]] = position
+        self.data.ctrl[self.motors[i]] = command
+
+    def clear(self, i: int, offsets: np.ndarray) -> bool:
+        """Whether those of arm `i` are open, with vertices at `offsets` (n, 3) [m] out of the way.
+
+        Offsets are from the tool point.
+        """
+        opened = self.data.qpos[self.positions_at[i]].min() > sum(self.arm.finger_range) / 2
+        return bool(opened and squares(offsets).min() > OUT_OF_THE_WAY**2)
+
+    def set_solid(self, i: int, solid: bool) -> None:
+        """Makes the pads of arm `i` push the object, or pass through it."""
+        self.model.geom_contype[self.pads[i]] = GRIPPER_CONTACT if solid else 0
