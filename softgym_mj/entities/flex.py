@@ -180,8 +180,8 @@ class Flex(composer.Entity):
         return self._origin + self._qpos
 
     def offsets(self, point: np.ndarray) -> np.ndarray:
-        """Vertex positions (num_vertices, 3) [m] relative to a point (3,)."""
-        return self._qpos + (self._origin - point)
+        """Vertex positions (..., num_vertices, 3) [m] relative to points (..., 3)."""
+        return self._qpos + (self._origin - point[..., None, :])
 
     def vertex(self, index: int) -> np.ndarray:
         """Current position (3,) [m] of one vertex."""

@@ -62,8 +62,8 @@ class FlexGroup:
         return np.concatenate([flex.vertices() for flex in self._flexes])
 
     def offsets(self, point: np.ndarray) -> np.ndarray:
-        """Vertex positions (num_vertices, 3) [m] relative to a point (3,)."""
-        return np.concatenate([flex.offsets(point) for flex in self._flexes])
+        """Vertex positions (..., num_vertices, 3) [m] relative to points (..., 3)."""
+        return np.concatenate([flex.offsets(point) for flex in self._flexes], axis=-2)
 
     def vertex(self, index: int) -> np.ndarray:
         """Current position (3,) [m] of one vertex."""

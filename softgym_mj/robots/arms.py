@@ -155,11 +155,11 @@ class Arms(HoldingGripper[Grasp]):
 
     def plan(self) -> None:
         """Moves the commanded points by the action, as far as they may go, and the arms after."""
-        wanted = np.clip(self._filter.commanded + self._displacement, self._low, self._high)
+        wanted = np.clip(self._filter.commanded + self._command.displacement, self._low, self._high)
         for i, mount in enumerate(self._mounts):
             wanted[i] = mount.clip(wanted[i])
         self._filter.advance(wanted, self.controller.within_lead)
-        self._holding.plan(self._grips, self.positions())
+        self._holding.plan(self._command.closed, self.positions())
         self._servos.plan(self._follow)
 
     def _follow(self, steps: int) -> None:
@@ -171,7 +171,7 @@ class Arms(HoldingGripper[Grasp]):
         self._holding.move(self._ahead, timestep)
 
     def after_substep(self, physics, random_state):
-        self._holding.sense(self._grips, self.positions)
+        self._holding.sense(self._command.closed, self.positions)
 
     def _ahead(self, timestep: float) -> np.ndarray:
         """Where the tool points (num_grippers, 3) [m] will be after `timestep` [s].
@@ -214,14 +214,12 @@ class Arms(HoldingGripper[Grasp]):
 
     def get_state(self) -> dict[str, np.ndarray]:
         return {
-            **self._holding.get_state(),
+            **super().get_state(),
             **self._filter.get_state(),
             **self._servos.get_state(),
-            "workspace": np.array([self._workspace.low, self._workspace.high]),
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
-        for part in (self._holding, self._filter, self._servos):
+        super().set_state(state)
+        for part in (self._filter, self._servos):
             part.set_state(state)
-        low, high = state["workspace"]
-        self._set_workspace(Workspace(tuple(low), tuple(high)))

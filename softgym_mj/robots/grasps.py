@@ -1,7 +1,7 @@
 """How the fingers of arms hold vertices of a flex: attached to the hand, or by friction alone."""
 
 import abc
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -9,16 +9,18 @@ from softgym_mj.cloth import solver
 from softgym_mj.native.arithmetic import product, squares
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.fingers import Fingers
-from softgym_mj.robots.holding import Held, Holding
+from softgym_mj.robots.grip import NONE, GripCommand, GripLimits
+from softgym_mj.robots.holding import Attachment, Holding
 
 # [m] From the tool point to a vertex that closing fingers catch: they open to 2 x 4 cm (Franka).
 PICK_DISTANCE = 0.03
+ANYWHERE = GripLimits(np.array(-np.inf), np.array(np.inf), PICK_DISTANCE)
 DRAW_SPEED = 0.3  # [m/s] At which closing fingers draw in what they have caught.
 CLOSING_SPEED = 0.1  # [m/s] Of each finger's command in a grip by friction: cloth slips if faster.
 PRESSING = 0.7  # Least cosine between a pad's push and its closing direction in a grip.
 
 
-class Grasp(Held, abc.ABC):
+class Grasp(Holding, abc.ABC):
     """What the hands of arms hold, and what their fingers do for it.
 
     In a sim step: `plan`, then `move` in every physics step, then `sense`.
@@ -32,7 +34,7 @@ class Grasp(Held, abc.ABC):
     def use(self, fingers: Fingers) -> None:
         """Chooses the fingers, once the scene is compiled."""
         self._fingers = fingers
-        self._solid = np.ones(len(self.vertices), bool)  # Whether the fingers push the object.
+        self._solid = np.ones(len(self.grips.held), bool)  # Whether the fingers push the object.
 
     def reset(self) -> None:
         super().reset()
@@ -51,8 +53,8 @@ class Grasp(Held, abc.ABC):
         """Closes hand `i`, whose tool point is at `tool` (3,) [m], on a vertex."""
 
     @abc.abstractmethod
-    def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
-        """Starts a sim step with grips on or off and tool points at `tools` (n, 3) [m]."""
+    def plan(self, closed: np.ndarray, tools: np.ndarray) -> None:
+        """Starts a sim step with hands told to be `closed` (n,); tool points `tools` (n, 3) [m]."""
 
     @abc.abstractmethod
     def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
@@ -62,11 +64,11 @@ class Grasp(Held, abc.ABC):
         """
 
     @abc.abstractmethod
-    def sense(self, grips: Sequence[bool], positions: Callable[[], np.ndarray]) -> None:
+    def sense(self, closed: np.ndarray, positions: Callable[[], np.ndarray]) -> None:
         """Ends a sim step; `positions()` are the tool points (n, 3) [m]."""
 
 
-class AttachGrasp(Grasp, Holding):
+class AttachGrasp(Grasp, Attachment):
     """Holds as pickers do: what is taken is attached to the tool point.
 
     A hand that grips and holds nothing takes the vertex nearest to its tool point within the pick
@@ -83,23 +85,21 @@ class AttachGrasp(Grasp, Holding):
         arm = self._fingers.arm
         self._fingers.put(i, arm.finger_range[0], arm.finger_commands[0])
 
-    def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
-        self.open(grips)
-        for i, grip in enumerate(grips):
-            if grip and self.can_take(i):
-                self.pick(i, tools[i], PICK_DISTANCE)
-        self._grip(grips, tools)
+    def plan(self, closed: np.ndarray, tools: np.ndarray) -> None:
+        self.grips = self.grips._replace(centre=tools)
+        self.step(GripCommand(np.zeros_like(tools), closed), ANYWHERE)
+        self._grip(closed, tools)
 
-    def _grip(self, grips: Sequence[bool], tools: np.ndarray) -> None:
+    def _grip(self, closed: np.ndarray, tools: np.ndarray) -> None:
         """Commands the fingers.
 
         Closing fingers are not solid, as they would squeeze the object out; they are so again when
         they have opened and what they have let go of is out of their way.
         """
         fingers = self._fingers
-        closed, opened = fingers.arm.finger_commands
-        for i, grip in enumerate(grips):
-            fingers.data.ctrl[fingers.motors[i]] = closed if grip else opened
+        shut, opened = fingers.arm.finger_commands
+        for i, grip in enumerate(closed):
+            fingers.data.ctrl[fingers.motors[i]] = shut if grip else opened
             if grip:
                 self._solid[i] = False
             elif not self._solid[i]:
@@ -108,12 +108,12 @@ class AttachGrasp(Grasp, Holding):
 
     def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
         if any(vertex >= 0 for vertex in self.vertices):
-            offsets = self.offsets
+            offsets = self.grips.offset
             distance = np.maximum(np.sqrt(squares(offsets)), 1e-9)[:, None]
             offsets *= np.maximum(1.0 - DRAW_SPEED * timestep / distance, 0.0)
             self.drive(ahead(timestep), timestep)
 
-    def sense(self, grips: Sequence[bool], positions: Callable[[], np.ndarray]) -> None:
+    def sense(self, closed: np.ndarray, positions: Callable[[], np.ndarray]) -> None:
         pass  # It knows what it holds.
 
 
@@ -147,17 +147,17 @@ class FrictionGrasp(Grasp):
     least_pad = (0.0075, 0.02)
 
     def take_at(self, i: int, vertex: int, tool: np.ndarray) -> None:
-        self.vertices[i] = vertex
+        self.grips.held[i] = vertex
         radius = self._target.radius  # The pads touch the object and begin to close.
         self._fingers.put(i, radius, radius)
 
-    def plan(self, grips: Sequence[bool], tools: np.ndarray) -> None:
+    def plan(self, closed: np.ndarray, tools: np.ndarray) -> None:
         fingers = self._fingers
         # Where the pads meet, not beyond: some newtons hold, and more hold no better.
-        closed, opened = fingers.arm.finger_range
-        for i, grip in enumerate(grips):
+        shut, opened = fingers.arm.finger_range
+        for i, grip in enumerate(closed):
             command = fingers.data.ctrl[fingers.motors[i]]
-            closer = np.maximum(command - CLOSING_SPEED * SIM_STEP, closed)
+            closer = np.maximum(command - CLOSING_SPEED * SIM_STEP, shut)
             fingers.data.ctrl[fingers.motors[i]] = closer if grip else opened
             if grip:
                 self._solid[i] = True
@@ -168,18 +168,18 @@ class FrictionGrasp(Grasp):
     def move(self, ahead: Callable[[float], np.ndarray], timestep: float) -> None:
         pass  # Contact does it.
 
-    def sense(self, grips: Sequence[bool], positions: Callable[[], np.ndarray]) -> None:
-        tools = positions() if any(grips) else np.zeros((0, 3))
-        for i, grip in enumerate(grips):
-            before = self.vertices[i]
-            self.vertices[i] = self._nearest(self._pinched(i), tools[i], before) if grip else -1
-            if before >= 0 > self.vertices[i]:
-                self.dropped += 1
+    def sense(self, closed: np.ndarray, positions: Callable[[], np.ndarray]) -> None:
+        tools = positions() if closed.any() else np.zeros((0, 3))
+        for i, (grip, before) in enumerate(zip(closed, self.vertices, strict=True)):
+            vertex = self._nearest(self._pinched(i), tools[i], before) if grip else NONE
+            if before >= 0 > vertex:
+                self._drop(i)
+            self.grips.held[i] = vertex
 
     def _nearest(self, vertices: np.ndarray, tool: np.ndarray, before: int) -> int:
         """The one of `vertices` that is held: the same as `before`, or the nearest to a tool."""
         if not len(vertices):
-            return -1
+            return NONE
         if before in vertices:
             return before
         offsets = self._target.offsets(tool)[vertices]

@@ -1,7 +1,6 @@
-"""`Holding`: the vertices of a flex that grippers hold, shared by pickers and arms."""
+"""`Attachment`: the vertices of a flex that grippers hold, shared by pickers and arms."""
 
 import math
-from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -9,25 +8,34 @@ from dm_control import composer, mjcf
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.native.arithmetic import squares
-from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.grip import NONE, SLIPPED, GripCommand, GripLimits, GripState, step_grips
+from softgym_mj.robots.gripper import Gripper, Workspace
 
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 
 
-class Held:
-    """Which vertex each gripper holds, and what became of holds in this episode.
+class Holding:
+    """What grippers hold of an object, and what became of holds in this episode.
 
     Attributes:
-        vertices: that each gripper holds, -1 for none.
-        dropped: how often one was let go.
-        yielded: how often that was because grippers pulled too hard.
+        grips: which vertices they hold, and how.
+        yielded: how many holds have ended because grippers pulled too hard.
     """
 
     def __init__(self, num_grippers: int):
         """All of `num_grippers` grippers hold nothing."""
-        self.vertices = [-1] * num_grippers  # A list: it is read several times in every sim step.
-        self.dropped = self.yielded = 0
+        self._start = GripState(
+            centre=np.zeros((num_grippers, 3)),
+            held=np.full(num_grippers, NONE),
+            offset=np.zeros((num_grippers, 3)),
+            dropped=np.array(0),
+        )
+        self.grips, self.yielded = _copied(self._start), 0
+
+    @property
+    def vertices(self) -> list[int]:
+        """That each gripper holds; negative for none."""
+        return self.grips.held.tolist()
 
     def manipulate(self, target: Flex | FlexGroup) -> None:
         """Chooses the object whose vertices are held."""
@@ -35,24 +43,28 @@ class Held:
 
     def reset(self) -> None:
         """Starts an episode: nothing is held."""
-        self.vertices[:] = [-1] * len(self.vertices)
-        self.dropped = self.yielded = 0
+        self.grips, self.yielded = _copied(self._start), 0
+
+    def _drop(self, i: int, held: int = NONE) -> None:
+        """Notes that gripper `i` no longer holds what it held, but `held`."""
+        self.grips.held[i] = held
+        self.grips = self.grips._replace(dropped=self.grips.dropped + 1)
 
     def get_state(self) -> dict[str, np.ndarray]:
         """What is held, for snapshots."""
-        return {
-            "held": np.array(self.vertices),
-            "dropped": np.array(self.dropped),
-            "yielded": np.array(self.yielded),
-        }
+        return {**_copied(self.grips)._asdict(), "yielded": np.array(self.yielded)}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Restores what `get_state` returned."""
-        self.vertices[:] = [int(vertex) for vertex in state["held"]]
-        self.dropped, self.yielded = int(state["dropped"]), int(state["yielded"])
+        self.grips = _copied(GripState(*(state[name] for name in GripState._fields)))
+        self.yielded = int(state["yielded"])
 
 
-class Holding(Held):
+def _copied(grips: GripState) -> GripState:
+    return GripState(*(np.array(array) for array in grips))
+
+
+class Attachment(Holding):
     """Vertices attached to grippers, each where it is relative to the gripper's centre.
 
     A held vertex keeps its offset to the centre, except that it is never pushed below its resting
@@ -66,57 +78,40 @@ class Holding(Held):
     def __init__(self, num_grippers: int):
         """All of `num_grippers` grippers hold nothing."""
         super().__init__(num_grippers)
-        self.offsets = np.zeros((num_grippers, 3))
         self._order = np.zeros(num_grippers, int)  # Later holds have higher numbers.
-        self._slipped = np.zeros(num_grippers, bool)  # And have not been open since.
 
     def reset(self) -> None:
         self._target.release_all()
         super().reset()
         self._order[:] = 0
-        self._slipped[:] = False
-
-    def release(self, i: int) -> None:
-        """Lets go of what gripper `i` holds."""
-        self._target.release(self.vertices[i])
-        self.vertices[i] = -1
-        self.dropped += 1
 
     def take(self, i: int, vertex: int, offset: np.ndarray) -> None:
         """Gripper `i` holds a vertex at `offset` (3,) [m] from its centre."""
-        self.vertices[i] = vertex
-        self.offsets[i] = offset
+        self.grips.held[i], self.grips.offset[i] = vertex, offset
+        self._hold(i, vertex)
+
+    def _hold(self, i: int, vertex: int) -> None:
         self._order[i] = self._order.max() + 1
         self._target.hold(vertex)
 
-    def open(self, grips: Sequence[bool]) -> None:
-        """Lets go of what grippers hold whose grip is off; they can take something again."""
-        for i, grip in enumerate(grips):
-            if not grip:
-                self._slipped[i] = False
-                if self.vertices[i] >= 0:
-                    self.release(i)
-
-    def can_take(self, i: int) -> bool:
-        """Whether gripper `i` takes something if it grips."""
-        return self.vertices[i] < 0 and not self._slipped[i]
-
-    def pick(self, i: int, centre: np.ndarray, reach: float) -> None:
-        """Gripper `i` takes the nearest free vertex within `reach` [m] of `centre`, if any.
-
-        The first index wins a tie.
-        """
-        offsets = self._target.offsets(centre)
-        distances = squares(offsets)
-        for vertex in self.vertices:
-            if vertex >= 0:
-                distances[vertex] = np.inf
-        nearest = int(distances.argmin())
-        if distances[nearest] <= reach**2:
-            self.take(i, nearest, offsets[nearest])
+    def step(self, command: GripCommand, limits: GripLimits) -> None:
+        """A sim step of `step_grips`."""
+        before = self.vertices
+        self.grips = step_grips(self.grips, command, self._target.offsets, None, limits)
+        after = self.vertices
+        if after == before:
+            return
+        for old, new in zip(before, after, strict=True):
+            if old >= 0 > new:
+                self._target.release(old)
+        for i, (old, new) in enumerate(zip(before, after, strict=True)):
+            if old < 0 <= new:
+                self._hold(i, new)
 
     def drive(self, centres: np.ndarray, timestep: float) -> None:
         """Moves what is held so that it belongs to `centres` (n, 3) [m] after `timestep` [s]."""
+        if max(self.vertices) < 0:
+            return
         goals = self.places(centres)
         self._give_way(goals)
         for goal, vertex in zip(goals, self.vertices, strict=True):
@@ -132,11 +127,11 @@ class Holding(Held):
             if vertex >= 0 and self._target.is_overpowered(vertex):
                 self.slip(i)
         kept: list[int] = []
-        holders = [i for i, vertex in enumerate(self.vertices) if vertex >= 0]
+        vertices = self.vertices
+        holders = [i for i, vertex in enumerate(vertices) if vertex >= 0]
         for i in sorted(holders, key=self._order.__getitem__):
-            vertex = self.vertices[i]
             if all(
-                math.dist(goals[i], goals[j]) <= self._target.largest_gap(vertex, self.vertices[j])
+                math.dist(goals[i], goals[j]) <= self._target.largest_gap(vertices[i], vertices[j])
                 for j in kept
             ):
                 kept.append(i)
@@ -145,13 +140,13 @@ class Holding(Held):
 
     def slip(self, i: int) -> None:
         """What gripper `i` holds is pulled out of it."""
-        self.release(i)
+        self._target.release(self.vertices[i])
+        self._drop(i, SLIPPED)
         self.yielded += 1
-        self._slipped[i] = True
 
     def places(self, centres: np.ndarray) -> np.ndarray:
         """Where held vertices belong (n, 3) [m] with grippers at `centres`; NaN if none is held."""
-        goals = centres + self.offsets
+        goals = centres + self.grips.offset
         for goal, vertex in zip(goals, self.vertices, strict=True):
             if vertex >= 0:
                 goal[2] = max(goal[2], self._target.resting_height(vertex))
@@ -160,37 +155,35 @@ class Holding(Held):
         return goals
 
     def get_state(self) -> dict[str, np.ndarray]:
-        return {
-            **super().get_state(),
-            "offset": self.offsets.copy(),
-            "order": self._order.copy(),
-            "slipped": self._slipped.copy(),
-        }
+        return {**super().get_state(), "order": self._order.copy()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         self._target.release_all()
         super().set_state(state)
-        self.offsets[:] = state["offset"]
         self._order[:] = state["order"]
-        self._slipped[:] = state["slipped"]
         for vertex in self.vertices:
             if vertex >= 0:
                 self._target.hold(vertex)
 
 
-H = TypeVar("H", bound=Held)
+H = TypeVar("H", bound=Holding)
 
 
 class HoldingGripper(composer.Entity, Gripper, Generic[H]):
     """Grippers in a model of their own that move by displacement within `limits` and hold vertices.
 
-    A subclass's `_build` sets `_mjcf_root` and `_holding`; its `place` sets `_low` and `_high`.
+    A subclass's `_build` sets `_mjcf_root` and `_holding`.
     """
 
     _mjcf_root: mjcf.RootElement
     _holding: H
+    _workspace: Workspace
     _low: np.ndarray
     _high: np.ndarray
+
+    def _set_workspace(self, workspace: Workspace) -> None:
+        """Notes a workspace, and in `_low` and `_high` the `limits` that follow."""
+        raise NotImplementedError
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
@@ -203,7 +196,7 @@ class HoldingGripper(composer.Entity, Gripper, Generic[H]):
 
     @property
     def num_grippers(self) -> int:
-        return len(self._holding.vertices)
+        return len(self._holding.grips.held)
 
     @property
     def action_size(self) -> int:
@@ -211,7 +204,7 @@ class HoldingGripper(composer.Entity, Gripper, Generic[H]):
 
     @property
     def held(self) -> np.ndarray:
-        return np.array(self._holding.vertices)
+        return np.maximum(self._holding.grips.held, NONE)
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
@@ -230,13 +223,21 @@ class HoldingGripper(composer.Entity, Gripper, Generic[H]):
 
     def command(self, action: np.ndarray) -> None:
         action = action.reshape(-1, 4)
-        self._displacement = MAX_DISPLACEMENT * action[:, :3]
-        self._grips = (action[:, 3] > 0.0).tolist()
+        self._command = GripCommand(MAX_DISPLACEMENT * action[:, :3], action[:, 3] > 0.0)
 
     def diagnostics(self) -> dict[str, float | int]:
         holding = self._holding
         return {
             **super().diagnostics(),
-            "dropped": holding.dropped,
+            "dropped": int(holding.grips.dropped),
             "yielded": holding.yielded,
         }
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        workspace = np.array([self._workspace.low, self._workspace.high])
+        return {**self._holding.get_state(), "workspace": workspace}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self._holding.set_state(state)
+        low, high = state["workspace"]
+        self._set_workspace(Workspace(tuple(low), tuple(high)))

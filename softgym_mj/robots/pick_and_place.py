@@ -8,6 +8,7 @@ from dm_control import composer
 
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.native.arithmetic import product
+from softgym_mj.robots.grip import GripCommand
 from softgym_mj.robots.picker import Picker
 
 STEP = 0.01  # [m] Way of a picker in a sim step.
@@ -26,7 +27,7 @@ class RoutePicker(Picker):
 
     def _build(self, *args, **kwargs):
         super()._build(*args, **kwargs)
-        self._route: list[tuple[np.ndarray, list[bool]]] = []
+        self._route: list[GripCommand] = []
         self._next = self._sim_steps = 0
 
     @property
@@ -44,15 +45,15 @@ class RoutePicker(Picker):
         if steps > MAX_STEPS:
             way, steps = way * (MAX_STEPS / steps), MAX_STEPS
         self._end = self._end + way
-        self._route += [(way / max(steps, 1), list(grips))] * steps
+        self._route += [GripCommand(way / max(steps, 1), np.array(grips))] * steps
 
     def _stay(self, grips: Sequence[bool], steps: int = 1) -> None:
         """Adds sim steps of rest."""
-        self._route += [(np.zeros_like(self._end), list(grips))] * steps
+        self._route += [GripCommand(np.zeros_like(self._end), np.array(grips))] * steps
         self._sim_steps = len(self._route)
 
     def plan(self) -> None:
-        self._displacement, self._grips = self._route[self._next]
+        self._command = self._route[self._next]
         self._next += 1
         super().plan()
 

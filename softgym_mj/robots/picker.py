@@ -9,8 +9,9 @@ from dm_control import mjcf
 
 from softgym_mj.entities.flex import GRIPPER_CONTACT, slide_views
 from softgym_mj.exceptions import check_count
+from softgym_mj.robots.grip import GripLimits
 from softgym_mj.robots.gripper import Workspace
-from softgym_mj.robots.holding import Holding, HoldingGripper
+from softgym_mj.robots.holding import Attachment, HoldingGripper
 
 # [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
 # standing still: it runs through a rope instead of pushing it). Their mass is so large that nothing
@@ -39,15 +40,12 @@ CLOTH_GEOMETRY = Geometry(0.05, 0.06125, friction=0.75)
 ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0)
 
 
-class Picker(HoldingGripper):
-    """Any number of pickers with the semantics of SoftGym (facts 2.4).
+class Picker(HoldingGripper[Attachment]):
+    """Any number of pickers with the semantics of SoftGym (facts 2.4), see `grip.step_grips`.
 
-    In a sim step, every picker whose grip is off first releases what it holds. Then, in order,
-    each picker moves by its clipped displacement; one that grips and holds nothing takes the
-    vertex nearest to its old centre within the pick distance that no picker holds (the first
-    index wins a tie). A held vertex keeps its offset to the picker, except that it is never
-    pushed below its resting height on the floor. Pickers that pull two vertices apart, further than
-    the object stretches, lose the one that was taken later, see `Holding`.
+    A held vertex keeps its offset to the picker, except that it is never pushed below its resting
+    height on the floor. Pickers that pull two vertices apart, further than the object stretches,
+    lose the one that was taken later, see `Attachment`.
     """
 
     name = "picker"
@@ -85,9 +83,7 @@ class Picker(HoldingGripper):
                 priority=1,
                 rgba=COLOR,
             )
-        self._holding = Holding(num_pickers)
-        self._centre = np.zeros((num_pickers, 3))
-        self._old_centre = np.zeros((num_pickers, 3))
+        self._holding = Attachment(num_pickers)
         self._step = np.zeros((num_pickers, 3))  # Displacement in the current sim step [m].
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
@@ -120,7 +116,6 @@ class Picker(HoldingGripper):
         self._holding.reset()
         self._set_workspace(workspace)
         self._centre[:] = positions
-        self._old_centre[:] = positions
         self._qpos[:] = positions
         self._qvel[:] = 0.0
 
@@ -128,19 +123,17 @@ class Picker(HoldingGripper):
         self._workspace = workspace
         self._low = np.asarray(workspace.low) + self._radius
         self._high = np.asarray(workspace.high) - self._radius
+        low, high = (np.tile(end, (self.num_grippers, 1)) for end in (self._low, self._high))
+        self._limits = GripLimits(low, high, self._pick_distance)
+
+    @property
+    def _centre(self) -> np.ndarray:
+        return self._holding.grips.centre
 
     def plan(self) -> None:
-        holding = self._holding
-        holding.open(self._grips)
-        centre, old_centre = self._centre, self._old_centre
-        old_centre[:] = centre
-        centre += self._displacement
-        np.minimum(centre, self._high, out=centre)
-        np.maximum(centre, self._low, out=centre)
-        np.subtract(centre, old_centre, out=self._step)
-        for i, grip in enumerate(self._grips):
-            if grip and holding.can_take(i):
-                holding.pick(i, old_centre[i], self._pick_distance)
+        before = self._centre
+        self._holding.step(self._command, self._limits)
+        self._step = self._centre - before
 
     def take(self, vertices: Sequence[int]) -> None:
         for i, vertex in enumerate(vertices):
@@ -160,17 +153,3 @@ class Picker(HoldingGripper):
 
     def positions(self) -> np.ndarray:
         return self._centre.copy()
-
-    def get_state(self) -> dict[str, np.ndarray]:
-        return {
-            **self._holding.get_state(),
-            "centre": self._centre.copy(),
-            "workspace": np.array([self._workspace.low, self._workspace.high]),
-        }
-
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        self._holding.set_state(state)
-        self._centre[:] = state["centre"]
-        self._old_centre[:] = state["centre"]
-        low, high = state["workspace"]
-        self._set_workspace(Workspace(tuple(low), tuple(high)))

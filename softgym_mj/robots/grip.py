@@ -1,0 +1,132 @@
+"""`step_grips`: SoftGym's rules of what grippers hold, as a function of arrays (facts 2.4).
+
+Arrays of NumPy or torch. `...` are leading dimensions: none for one simulation, or one for a batch.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from array_api_compat import array_namespace, device
+
+Array = Any  # Of NumPy or torch.
+
+# What a gripper holds instead of a vertex: nothing; nothing, until it has been open.
+NONE, SLIPPED = -1, -2
+
+
+class GripState(NamedTuple):
+    """What n grippers hold.
+
+    Attributes:
+        centre: where they are (..., n, 3) [m].
+        held: the vertex that each holds, or `NONE` or `SLIPPED` (..., n).
+        offset: of what each holds from its centre (..., n, 3) [m].
+        dropped: how many holds have ended in this episode (...).
+    """
+
+    centre: Array
+    held: Array
+    offset: Array
+    dropped: Array
+
+
+class GripCommand(NamedTuple):
+    """What n grippers do in a sim step.
+
+    Attributes:
+        displacement: (..., n, 3) [m].
+        closed: whether the grip is on (..., n) bool.
+    """
+
+    displacement: Array
+    closed: Array
+
+
+class GripLimits(NamedTuple):
+    """Where grippers get to.
+
+    Attributes:
+        low, high: of their centres (..., n, 3) [m].
+        reach: largest distance of a vertex that they take [m].
+    """
+
+    low: Array
+    high: Array
+    reach: float
+
+
+def step_grips(
+    state: GripState,
+    command: GripCommand,
+    points: Callable[[Array], Array],
+    present: Array | None,
+    limits: GripLimits,
+) -> GripState:
+    """A sim step of grippers, which changes none of its arguments.
+
+    First, those whose grip is off release what they hold. All move by their displacement, as far as
+    the limits let them. Then, in order, each that is closed and holds nothing takes the vertex
+    nearest to where its centre was, within its reach, that no other holds; the first index wins a
+    tie. One that has slipped takes nothing until it has been open.
+
+    Args:
+        state: before the step.
+        command: what they do.
+        points: gives for centres (..., n, 3) the positions of all vertices relative to each
+            (..., n, vertices, 3) [m]; called only if something may be taken.
+        present: whether there is such a vertex (..., vertices) bool; None for all.
+        limits: where they get to.
+
+    Returns:
+        The state after the step.
+    """
+    # NumPy is asked for by its type, as `array_namespace` takes a tenth of what all the rest does.
+    xp = np if isinstance(state.centre, np.ndarray) else array_namespace(state.centre)
+    centre = xp.maximum(xp.minimum(state.centre + command.displacement, limits.high), limits.low)
+    held, dropped, free = state.held, state.dropped, state.held == NONE
+    if _may_be(xp, ~(command.closed | free)):
+        held = xp.where(command.closed, held, NONE)
+        dropped = dropped + (held < state.held).sum(-1)
+    result = GripState(centre, held, state.offset, dropped)
+    seeking = command.closed & free
+    if not _may_be(xp, seeking):
+        return result
+    offsets = points(state.centre)
+    squares = offsets * offsets  # Summed one by one: libraries sum in various orders.
+    distances = squares[..., 0] + squares[..., 1] + squares[..., 2]
+    within = seeking[..., None] & (distances <= limits.reach**2)
+    if present is not None:
+        within = within & present[..., None, :]
+    if not _may_be(xp, within):
+        return result
+    return _taken(xp, result, offsets, xp.where(within, distances, xp.inf))
+
+
+def _may_be(xp: Any, mask: Array) -> bool:
+    """False if a mask is known to be False everywhere; on a GPU, asking would cost too much."""
+    return xp is not np or bool(np.count_nonzero(mask))
+
+
+def _taken(xp: Any, state: GripState, offsets: Array, distances: Array) -> GripState:
+    """The state after each gripper, in order, has taken the nearest vertex that none holds, if any.
+
+    Args:
+        xp: the arrays' namespace.
+        state: before.
+        offsets: of the vertices from the grippers (..., n, vertices, 3) [m].
+        distances: from the grippers (..., n, vertices), infinite for what they do not take.
+    """
+    held, offset = xp.asarray(state.held, copy=True), xp.asarray(state.offset, copy=True)
+    vertices = xp.arange(distances.shape[-1], device=device(held))
+    for i in range(held.shape[-1]):
+        if not _may_be(xp, xp.isfinite(distances[..., i, :])):
+            continue
+        taken = (held[..., None] == vertices).any(-2)
+        own = xp.where(taken, xp.inf, distances[..., i, :])
+        nearest = own.argmin(-1)[..., None]
+        takes = xp.isfinite(xp.take_along_axis(own, nearest, axis=-1))
+        place = xp.take_along_axis(offsets[..., i, :, :], nearest[..., None], axis=-2)[..., 0, :]
+        held[..., i] = xp.where(takes, nearest, held[..., i, None])[..., 0]
+        offset[..., i, :] = xp.where(takes, place, offset[..., i, :])
+    return state._replace(held=held, offset=offset)
