@@ -26,7 +26,7 @@ from dm_control import mjcf
 from softgym_mj.entities import Cloth
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.envs.environment import Environment
-from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.factory import make_actor
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks import Measures, SceneTask
 from softgym_mj.tasks.initializers import FlatCloth
@@ -62,7 +62,7 @@ class Edge(SceneTask):
         start = FlatCloth("default")
         self.cloth = make_cloth(fabric, stiffness, dims=start.dims(variation))
         self.angle = start.angle(variation)
-        actor = make_gripper(arm, "cloth", arms=1, grasp="friction")
+        actor = make_actor(arm, "cloth", arms=1, grasp="friction")
         super().__init__([self.cloth], actor)
 
     def arrange(self, random):

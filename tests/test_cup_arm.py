@@ -6,8 +6,8 @@ import pytest
 
 from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots import cup_arm
-from softgym_mj.robots.factory import ARM_DENSITY
 from softgym_mj.robots.models import ARMS
+from softgym_mj.tasks.water_task import ARM_DENSITY
 from tests.test_contract import actions, make
 from tests.test_scripted import play
 

@@ -7,7 +7,7 @@ import softgym_mj
 from softgym_mj.entities import Cloth
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, SnapshotError, UnknownNameError
-from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.factory import make_actor
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks import Measures, SceneTask
 from tests.test_contract import actions
@@ -202,7 +202,7 @@ class Lift(SceneTask):
 
     def __init__(self, arm, shape):
         self.cloth = Cloth((20, 20), fidelity="fast")
-        super().__init__([self.cloth], make_gripper(arm, "cloth", arms=1, grasp="friction"))
+        super().__init__([self.cloth], make_actor(arm, "cloth", arms=1, grasp="friction"))
         body = self.root_entity.mjcf_model.worldbody.add("body", name="toy", pos=[0.1, -0.2, 0.02])
         body.add("freejoint")
         size = [0.018] * 3 if shape == "box" else [0.018]

@@ -24,14 +24,14 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj.entities import Rope
-from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.factory import make_actor
 from softgym_mj.tasks import Measures, SceneTask, TaskSettings
 
 
 class Pull(SceneTask):
     def __init__(self, actor="picker", grasp=None, **settings: Unpack[TaskSettings]):
         self.rope = Rope("fast")
-        super().__init__([self.rope], make_gripper(actor, "rope", grasp=grasp), **settings)
+        super().__init__([self.rope], make_actor(actor, "rope", grasp=grasp), **settings)
 
     def arrange(self, random):
         self.rope.set_vertices(self.rope.straight() + [0.0, random.uniform(-0.1, 0.1), 0.0])

@@ -19,7 +19,7 @@ from softgym_mj.exceptions import OutOfRangeError, UnexpectedArgumentError, Unkn
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.policies.episodes import play
 from softgym_mj.policies.planners import OTHER_HORIZON, make_planner
-from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.factory import make_actor
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks import Measures, SceneTask, TaskSettings
 
@@ -34,7 +34,7 @@ class Straight(SceneTask):
     def __init__(self, actor: str = "picker", **settings: Unpack[TaskSettings]):
         self.cloth = Cloth((33, 33), fidelity="fast")
         self.rope = Rope("fast")
-        super().__init__([self.cloth, self.rope], make_gripper(actor, "rope"), **settings)
+        super().__init__([self.cloth, self.rope], make_actor(actor, "rope"), **settings)
 
     def arrange(self, random):
         self.cloth.set_vertices(self.cloth.flat(angle=random.uniform(-1.0, 1.0)))

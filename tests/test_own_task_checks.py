@@ -14,7 +14,7 @@ from softgym_mj.exceptions import OutOfRangeError, SnapshotError, SoftGymError, 
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import Rollouts
-from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.factory import make_actor
 from softgym_mj.tasks import Measures, SceneTask, TaskSettings
 
 DIMS = (12, 12)
@@ -27,7 +27,7 @@ class Counting(SceneTask):
         self, height: float = 0.1, actor: str = "picker", **settings: Unpack[TaskSettings]
     ):
         self.cloth, self.height, self.count = Cloth(DIMS), height, 0
-        super().__init__([self.cloth], make_gripper(actor, "cloth"), **settings)
+        super().__init__([self.cloth], make_actor(actor, "cloth"), **settings)
 
     def arrange(self, random):
         self.count = 0
@@ -121,7 +121,7 @@ class Plain(Counting):
     def __init__(self, objects=None, actor=None, **settings):
         self.cloth, self.height, self.count = Cloth(DIMS), 0.1, 0
         objects = [self.cloth] if objects is None else objects
-        actor = make_gripper("picker", "cloth") if actor is None else actor
+        actor = make_actor("picker", "cloth") if actor is None else actor
         SceneTask.__init__(self, objects, actor, **settings)
 
 
@@ -130,7 +130,7 @@ class Plain(Counting):
     [
         ({"objects": 3}, "objects=3.*a list of ropes"),
         ({"objects": ["cloth"]}, r"objects=\['cloth'\]"),
-        ({"actor": "picker"}, "actor='picker'.*make_gripper"),
+        ({"actor": "picker"}, "actor='picker'.*make_actor"),
         ({"camera": ((0, 0, 1), (1, 0, 0, 0))}, "camera=.*a CameraPose, or one of 'transport_"),
         ({"workspace": ((-1, -1, 0), (1, 1, 1))}, r"workspace=.*a Workspace\("),
     ],
@@ -152,7 +152,7 @@ def test_the_scene_is_there_after_the_constructor():
 
 def test_grippers_are_for_cloth_or_rope():
     with pytest.raises(UnknownNameError, match=r"kind='towel'.*'cloth', 'rope'"):
-        make_gripper("picker", "towel")
+        make_actor("picker", "towel")
 
 
 def test_only_bodies_of_the_scene_confine_water():
@@ -207,7 +207,7 @@ def rewarding(value, dims=DIMS):
     class Mine(Counting):
         def __init__(self, actor: str = "picker", **settings: Unpack[TaskSettings]):
             self.cloth, self.height, self.count = Cloth(dims), 0.1, 0
-            SceneTask.__init__(self, [self.cloth], make_gripper(actor, "cloth"), **settings)
+            SceneTask.__init__(self, [self.cloth], make_actor(actor, "cloth"), **settings)
 
         def measure(self, state, episode):
             return Measures(value, {"value": value})

@@ -6,7 +6,7 @@ import pytest
 from softgym_mj.entities import Arena, Cloth, Fabric, Rope
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
-from softgym_mj.robots.factory import make_gripper
+from softgym_mj.robots.factory import make_actor
 from softgym_mj.tasks import Measures, SceneTask
 
 HEIGHT = 0.5  # [m] Of the middle of a rod or board.
@@ -81,7 +81,7 @@ class Shelf(SceneTask):
 
     def __init__(self, actor: str, **settings):
         self.rope = Rope("fast")
-        super().__init__([self.rope], make_gripper(actor, "rope"), **settings)
+        super().__init__([self.rope], make_actor(actor, "rope"), **settings)
         self.root_entity.add_solid("box", pos=(0, 0, 0.05), size=(0.3, 0.5, 0.05))
 
     def arrange(self, random):

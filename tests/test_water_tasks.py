@@ -6,7 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import InvalidActionError, OutOfRangeError, UnknownNameError
-from softgym_mj.robots.cup_mover import CupMover, Track
+from softgym_mj.robots.cup_mover import CupMover, CupTool, Track
 from softgym_mj.tasks.settled_water import SettledWater, lattice
 from softgym_mj.tasks.transport_water import LIQUID
 from softgym_mj.tasks.water_scenes import Sample, TransportScenes, transport_scene
@@ -121,7 +121,7 @@ def test_the_cup_is_on_its_way_in_the_middle_of_a_sim_step():
         pose = np.zeros(3)
 
     cup = Recorded(CupSize(0.2, 0.2, 0.2, 0.045))
-    mover = CupMover(cup, (0.01, 0.0, 0.02), Track(-1.0, 1.0))
+    mover = CupMover(CupTool(cup, (0.01, 0.0, 0.02), Track(-1.0, 1.0)))
     assert mover.action_size == 2
     mover.command(np.array([1.0, -0.5]))
     mover.plan()

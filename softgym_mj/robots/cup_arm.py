@@ -1,18 +1,17 @@
 """`CupArm`: a robot arm that holds a cup by its handle and moves it as a `CupMover` does."""
 
 import math
-from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.entities.cup import GRIP, Cup
+from softgym_mj.entities.cup import GRIP
 from softgym_mj.native.arithmetic import product
 from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.cartesian import LEAD, CartesianController
 from softgym_mj.robots.command_filter import CommandFilter
-from softgym_mj.robots.cup_mover import CupMover, Rule
+from softgym_mj.robots.cup_mover import CupMover, CupTool
 from softgym_mj.robots.joint_servos import JointServos
 from softgym_mj.robots.models import Arm
 from softgym_mj.robots.mounts import Mount
@@ -46,31 +45,22 @@ class CupArm(composer.Entity, CupMover):
 
     The action is that of `CupMover`. The cup is fixed to the hand, which follows the commanded pose
     as fast as its joints can; where it falls behind, or cannot get to, the commanded pose waits.
-    Water pushes the cup, hence the joints: it feels lighter than it is, see `factory.ARM_DENSITY`.
+    Water pushes the cup, hence the joints.
     Nothing of the arm collides with anything.
     """
 
     camera_suffix = "_arms"
 
-    def __init__(
-        self,
-        arm: Arm,
-        cup: Cup,
-        max_step: Sequence[float],
-        rule: Rule,
-        base_x: float,
-        visual: str = "primitive",
-    ):
+    def __init__(self, arm: Arm, tool: CupTool, visual: str = "primitive"):
         """Builds the arm around a cup.
 
         Args:
             arm: the kind of arm.
-            cup, max_step, rule: as in `CupMover`.
-            base_x: X [m] of the arm's base.
+            tool: the cup, and how it may move.
             visual: as in `arm_bodies.add_arms`.
         """
-        CupMover.__init__(self, cup, max_step, rule)
-        composer.Entity.__init__(self, arm, base_x, visual)
+        CupMover.__init__(self, tool)
+        composer.Entity.__init__(self, arm, tool.base_x, visual)
 
     def _build(self, arm: Arm, base_x: float, visual: str):
         self._arm, self.name = arm, f"{arm.name}/cup"

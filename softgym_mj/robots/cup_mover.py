@@ -47,6 +47,23 @@ class KeepClear:
         return pose
 
 
+@dataclasses.dataclass(frozen=True)
+class CupTool:
+    """A cup as what an actor handles, and how it may move.
+
+    Attributes:
+        cup: the cup, not yet attached.
+        max_step: largest change of x [m], z [m] and theta [rad] in a sim step; 0 where fixed.
+        rule: what becomes of a wanted pose.
+        base_x: X [m] of the base of an arm that holds the cup.
+    """
+
+    cup: Cup
+    max_step: Sequence[float]
+    rule: Rule
+    base_x: float = 0.0
+
+
 class CupMover(Actor):
     """Moves a cup by up to `max_step` in every sim step, as far as a rule lets it.
 
@@ -56,16 +73,10 @@ class CupMover(Actor):
 
     name = "cup"
 
-    def __init__(self, cup: Cup, max_step: Sequence[float], rule: Rule):
-        """Binds the mover.
-
-        Args:
-            cup: what it moves, not yet attached.
-            max_step: largest change of x [m], z [m] and theta [rad] in a sim step; 0 where fixed.
-            rule: what becomes of a wanted pose.
-        """
-        self._cup, self._rule = cup, rule
-        self._max_step = np.array(max_step, float)
+    def __init__(self, tool: CupTool):
+        """Binds the mover to what it moves."""
+        self._cup, self._rule = tool.cup, tool.rule
+        self._max_step = np.array(tool.max_step, float)
         self._moving = np.flatnonzero(self._max_step)
         self._start = self._goal = self._step = np.zeros(3)
         self._rejected = 0

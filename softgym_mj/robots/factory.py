@@ -1,14 +1,11 @@
 """Actors by name: grippers for flexes, movers for cups."""
 
-import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import TypedDict
+from collections.abc import Mapping
+from typing import TypedDict, Unpack, overload
 
-from softgym_mj.entities.cup import Cup
 from softgym_mj.exceptions import OutOfRangeError, check_name
-from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.robots import pick_and_place, picker
-from softgym_mj.robots.cup_mover import CupMover, Rule
+from softgym_mj.robots.cup_mover import CupMover, CupTool
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.models import ARMS
 
@@ -18,9 +15,6 @@ PICKERS: dict[str, type[picker.Picker]] = {
 }
 GRIPPERS = (*PICKERS, *ARMS)
 CUP_ACTORS = ("cup", *ARMS)
-# [kg/m^3] Cups hold up to 26 kg of water, more than the 3 and 4 kg that the arms can carry: theirs
-# is as viscous, but a tenth as heavy.
-ARM_DENSITY = 100.0
 _GEOMETRY = {"cloth": picker.CLOTH_GEOMETRY, "rope": picker.ROPE_GEOMETRY}
 
 
@@ -49,42 +43,56 @@ class CupActorSettings(TypedDict, total=False):
     visual: str | None
 
 
-def make_gripper(
+@overload
+def make_actor(
+    actor: str, kind: str, *, base_height: float = 0.0, **settings: Unpack[GripperSettings]
+) -> Gripper: ...
+
+
+@overload
+def make_actor(actor: str, kind: CupTool, **settings: Unpack[CupActorSettings]) -> CupMover: ...
+
+
+def make_actor(
     actor: str,
-    kind: str,
+    kind: str | CupTool,
     *,
     base_height: float = 0.0,
     num_pickers: int | None = None,
     arms: int | None = None,
     grasp: str | None = None,
     visual: str | None = None,
-) -> Gripper:
-    """Builds the actor that handles a flex.
+) -> Gripper | CupMover:
+    """Builds an actor.
 
     Args:
-        actor: one of `GRIPPERS`.
-        kind: what it handles: "cloth" or "rope".
+        actor: one of `GRIPPERS`, or of `CUP_ACTORS` for a cup.
+        kind: what it handles: "cloth", "rope", or a cup.
         base_height: of arms above the floor [m].
-        num_pickers, arms, grasp, visual: as in `GripperSettings`.
+        num_pickers, arms, grasp, visual: as in `GripperSettings`; of a cup's, visual alone.
 
     Raises:
         UnknownNameError: if there is no such actor, kind, grasp or look.
         ModelUnavailableError: if Menagerie's model cannot be had.
         OutOfRangeError: if there cannot be as many, or for a setting of other actors.
     """
+    look = "primitive" if visual is None else visual
+    if isinstance(kind, CupTool):
+        check_name("actor", actor, CUP_ACTORS)
+        if actor in ARMS:
+            from softgym_mj.robots.cup_arm import CupArm
+
+            return CupArm(ARMS[actor], kind, look)
+        _refuse({"visual": visual}, f"None with actor={actor!r}")
+        return CupMover(kind)
     check_name("actor", actor, GRIPPERS)
     check_name("kind", kind, _GEOMETRY)
     if actor in ARMS:
         _refuse({"num_pickers": num_pickers}, "None: arms are counted by `arms`")
         from softgym_mj.robots.arms import Arms  # mink takes a quarter of a second to import.
 
-        return Arms(
-            ARMS[actor],
-            2 if arms is None else arms,
-            base_height,
-            grasp="attach" if grasp is None else grasp,
-            visual="primitive" if visual is None else visual,
-        )
+        number, grasp = 2 if arms is None else arms, "attach" if grasp is None else grasp
+        return Arms(ARMS[actor], number, base_height, grasp=grasp, visual=look)
     _refuse({"arms": arms, "grasp": grasp, "visual": visual}, f"None with actor={actor!r}")
     if num_pickers is None:
         num_pickers = 1 if actor == "pixel_pick_and_place" else 2
@@ -117,49 +125,3 @@ def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:
     if once:
         return 1
     return usual if action_repeat is None else action_repeat
-
-
-def make_cup_actor(
-    actor: str,
-    cup: Cup,
-    max_step: Sequence[float],
-    rule: Rule,
-    *,
-    base_x: float,
-    visual: str | None = None,
-) -> CupMover:
-    """Builds the actor that moves a cup.
-
-    Args:
-        actor: one of `CUP_ACTORS`.
-        cup: the cup.
-        max_step: largest change of x [m], z [m] and theta [rad] in a sim step; 0 where fixed.
-        rule: what becomes of a wanted pose.
-        base_x: X [m] of an arm's base.
-        visual: as in `CupActorSettings`.
-
-    Raises:
-        UnknownNameError: if there is no such actor.
-        OutOfRangeError: for a setting of other actors.
-    """
-    check_name("actor", actor, CUP_ACTORS)
-    if actor in ARMS:
-        from softgym_mj.robots.cup_arm import CupArm
-
-        look = "primitive" if visual is None else visual
-        return CupArm(ARMS[actor], cup, max_step, rule, base_x, look)
-    _refuse({"visual": visual}, f"None with actor={actor!r}")
-    return CupMover(cup, max_step, rule)
-
-
-def make_water(actor: str, liquid: Liquid, resolution: Resolution, draw: str) -> Water:
-    """Builds the water for an actor's cup: arms feel it, and it is light enough for them.
-
-    Args:
-        actor: one of `CUP_ACTORS`.
-        liquid, resolution, draw: as in `Water`.
-    """
-    if actor in ARMS:
-        lighter = dataclasses.replace(liquid, density=ARM_DENSITY)
-        return Water(lighter, resolution, draw, two_way=True)
-    return Water(liquid, resolution, draw)

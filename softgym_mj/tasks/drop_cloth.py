@@ -26,7 +26,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.exceptions import OutOfRangeError, check_name
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
@@ -129,7 +129,7 @@ def drop_cloth(
     check_name("actor", actor, ACTORS)
     return DropCloth(
         Cloth(fidelity=fidelity),
-        make_gripper(actor, "cloth", base_height=BASE_HEIGHT, **actor_settings),
+        make_actor(actor, "cloth", base_height=BASE_HEIGHT, **actor_settings),
         HangingCloth(fidelity, sizes),
         SUCCESS,
         count_intersections=count_intersections,
@@ -155,7 +155,7 @@ def drop_fold_cloth(
     check_name("actor", actor, ACTORS)
     return DropFoldCloth(
         Cloth(fidelity=fidelity),
-        make_gripper(actor, "cloth", base_height=BASE_HEIGHT, **actor_settings),
+        make_actor(actor, "cloth", base_height=BASE_HEIGHT, **actor_settings),
         HangingCloth(fidelity, SIZE_RANGE),
         FOLD_SUCCESS,
         count_intersections=count_intersections,

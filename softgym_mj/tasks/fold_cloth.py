@@ -25,7 +25,7 @@ import numpy as np
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
 from softgym_mj.tasks.flex_task import Layout
@@ -103,7 +103,7 @@ def fold_cloth(
     """
     return FoldCloth(
         Cloth(fidelity=fidelity, marker=True),
-        make_gripper(actor, "cloth", **actor_settings),
+        make_actor(actor, "cloth", **actor_settings),
         FlatCloth(fidelity),
         FOLD_HEIGHT,
         count_intersections=count_intersections,
@@ -128,7 +128,7 @@ def fold_crumpled_cloth(
     """Builds the task; arguments as for `fold_cloth`."""
     return FoldCrumpledCloth(
         Cloth(fidelity=fidelity, marker=True),
-        make_gripper(actor, "cloth", **actor_settings),
+        make_actor(actor, "cloth", **actor_settings),
         CrumpledCloth(fidelity),
         CRUMPLED_HEIGHT,
         count_intersections=count_intersections,

@@ -31,13 +31,13 @@ from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.marks import LevelMark
 from softgym_mj.fluid import Liquid, Water
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.robots.cup_mover import CupMover, KeepClear
-from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
+from softgym_mj.robots.cup_mover import CupMover, CupTool, KeepClear
+from softgym_mj.robots.factory import CupActorSettings, make_actor
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.state import Episode, State
 from softgym_mj.tasks.water_scenes import PourScenes
-from softgym_mj.tasks.water_task import WaterTask, cup_state, inside
+from softgym_mj.tasks.water_task import WaterTask, cup_state, inside, make_water
 from softgym_mj.variations.indices import generator
 
 ACTION_REPEAT = 8  # Facts 1.2.
@@ -179,7 +179,7 @@ def _parts(actor: str, fidelity: str, draw: str, settings: CupActorSettings) -> 
         make_water(actor, LIQUID, scene.resolution(fidelity), draw),
         cup,
         target,
-        make_cup_actor(actor, cup, MAX_STEP, KeepClear(cup, target), base_x=BASE_X, **settings),
+        make_actor(actor, CupTool(cup, MAX_STEP, KeepClear(cup, target), BASE_X), **settings),
     )
 
 

@@ -27,7 +27,7 @@ from softgym_mj.exceptions import check_name
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.rendering.observables import Seen
 from softgym_mj.rendering.offscreen import CameraView, refresh_poses
-from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
@@ -169,7 +169,7 @@ def rope_configuration(
     """
     return RopeConfiguration(
         Rope(fidelity),
-        make_gripper(actor, "rope", **actor_settings),
+        make_actor(actor, "rope", **actor_settings),
         TwistedRope(fidelity),
         matching,
         observation=observation,

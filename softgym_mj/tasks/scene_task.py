@@ -214,7 +214,7 @@ def _check_types(objects: object, actor: object, camera: object, workspace: obje
         valid = "a list of ropes, cloths, garments and waters"
         raise OutOfRangeError("objects", objects, valid)
     if not isinstance(actor, Gripper):
-        valid = 'a Gripper, such as `robots.factory.make_gripper("picker", "cloth")`'
+        valid = 'a Gripper, such as `robots.factory.make_actor("picker", "cloth")`'
         raise OutOfRangeError("actor", actor, valid)
     if not isinstance(camera, str | CameraPose):
         names = ", ".join(repr(name) for name in CAMERAS)

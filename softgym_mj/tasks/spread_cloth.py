@@ -19,7 +19,7 @@ from typing import Unpack
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.cloth_task import ClothTask
 from softgym_mj.tasks.flex_task import Layout
@@ -78,7 +78,7 @@ def spread_cloth(
     cloth = Cloth(fidelity=fidelity)
     return SpreadCloth(
         cloth,
-        make_gripper(actor, "cloth", **actor_settings),
+        make_actor(actor, "cloth", **actor_settings),
         CrumpledCloth(fidelity),
         count_intersections=count_intersections,
         observation=observation,

@@ -17,7 +17,7 @@ from typing import Unpack
 from softgym_mj import metrics
 from softgym_mj.entities.rope import LENGTH, Rope
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_gripper
+from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.flex_task import FlexTask, Layout
 from softgym_mj.tasks.initializers import TwistedRope
@@ -97,7 +97,7 @@ def straighten_rope(
     """
     return StraightenRope(
         Rope(fidelity),
-        make_gripper(actor, "rope", **actor_settings),
+        make_actor(actor, "rope", **actor_settings),
         TwistedRope(fidelity),
         observation=observation,
         image_size=image_size,

@@ -20,13 +20,13 @@ from softgym_mj import metrics
 from softgym_mj.entities.cup import Cup
 from softgym_mj.fluid import Liquid, Water
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.robots.cup_mover import CupMover, Track
-from softgym_mj.robots.factory import CupActorSettings, make_cup_actor, make_water
+from softgym_mj.robots.cup_mover import CupMover, CupTool, Track
+from softgym_mj.robots.factory import CupActorSettings, make_actor
 from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.state import Episode, State
 from softgym_mj.tasks.water_scenes import TransportScenes
-from softgym_mj.tasks.water_task import WaterTask, inside
+from softgym_mj.tasks.water_task import WaterTask, inside, make_water
 
 ACTION_REPEAT = 8  # Facts 1.2.
 GOAL = 1.2  # [m]
@@ -105,7 +105,7 @@ def transport_water(
         SettledWater(scenes, LIQUID, fidelity),
         make_water(actor, LIQUID, scene.resolution(fidelity), draw),
         cup,
-        make_cup_actor(actor, cup, MAX_STEP, LIMITS, base_x=BASE_X, **actor_settings),
+        make_actor(actor, CupTool(cup, MAX_STEP, LIMITS, BASE_X), **actor_settings),
         observation=observation,
         image_size=image_size,
         action_repeat=action_repeat,

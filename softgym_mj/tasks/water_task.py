@@ -8,16 +8,33 @@ import numpy as np
 from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
-from softgym_mj.fluid import Water
+from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.metrics import Array
 from softgym_mj.robots.cup_mover import CupMover
+from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.settled_water import SettledWater
 from softgym_mj.tasks.state import Episode, State
 from softgym_mj.tasks.stored_task import StoredTask
 from softgym_mj.tasks.water_scenes import LARGEST_COUNT, Scene, num_particles
 from softgym_mj.variations.store import VariationStore
 
+# [kg/m^3] Cups hold up to 26 kg of water, more than the 3 and 4 kg that the arms can carry: theirs
+# is as viscous, but a tenth as heavy.
+ARM_DENSITY = 100.0
 MIDDLE = 0.6  # [m] Cups move and stand between x = -0.25 and 1.4.
+
+
+def make_water(actor: str, liquid: Liquid, resolution: Resolution, draw: str) -> Water:
+    """Builds the water for an actor's cup: arms feel it, and it is light enough for them.
+
+    Args:
+        actor: one of `factory.CUP_ACTORS`.
+        liquid, resolution, draw: as in `Water`.
+    """
+    if actor in ARMS:
+        lighter = dataclasses.replace(liquid, density=ARM_DENSITY)
+        return Water(lighter, resolution, draw, two_way=True)
+    return Water(liquid, resolution, draw)
 
 
 def cup_state(name: str, state: State, episode: Episode) -> dict[str, Array]:
