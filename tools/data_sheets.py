@@ -23,7 +23,6 @@ from softgym_mj.tasks.observations import GOAL_RGB, OBSERVATIONS
 from softgym_mj.variations.indices import SPLITS
 from tools.sheet_entries import (
     INFO,
-    action_entries,
     ending_entries,
     full_entries,
     reduced_entries,
@@ -94,7 +93,7 @@ def actions(
         )
     groups: dict[tuple, list[str]] = {}
     for name, task in tasks.items():
-        groups.setdefault(tuple(action_entries(task)), []).append(f"`{name}`")
+        groups.setdefault(task.actor.actions.entries, []).append(f"`{name}`")
     for entries, names in groups.items():
         yield f"### {', '.join(names)}\n"
         yield table(

@@ -1,12 +1,10 @@
-"""What the entries of actions and states and the keys of info mean, for the data sheets."""
+"""What the entries of states and the keys of info mean, for the data sheets."""
 
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.robots.cup_mover import NAMES, CupMover
+from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.robots.gripper import Gripper
-from softgym_mj.robots.holding import MAX_DISPLACEMENT
-from softgym_mj.robots.pick_and_place import LARGEST_OFFSET, PickAndPlace, PixelPickAndPlace
 from softgym_mj.tasks.base import DeformableTask
 
 # What the keys of info mean; "reward_*" and "domain_*" are explained apart.
@@ -36,39 +34,6 @@ INFO = {
     "ik_failures": "control steps for which the arm's controller found no joint speeds",
     "at_reach": "commanded points that lie at the end of their arm's reach",
 }
-
-
-def action_entries(task: DeformableTask) -> list[tuple[str, str, str]]:
-    """Name, unit and meaning of each entry of an action."""
-    actor = task.actor
-    if isinstance(actor, CupMover):
-        return [
-            (name, unit, f"±1 is {step:g} {unit} in a sim step")
-            for name, unit, step in zip(NAMES, ("m", "m", "rad"), actor.max_step, strict=True)
-            if step
-        ]
-    if isinstance(actor, PixelPickAndPlace):
-        reach = f"{LARGEST_OFFSET:g} m"
-        return [
-            ("pixel right", "", "-1 is the left edge of the image, 1 the right one"),
-            ("pixel down", "", "-1 is the upper edge of the image, 1 the lower one"),
-            ("dX of the place from the pick point", "m", f"±1 is {reach}"),
-            ("dY of the place from the pick point", "m", f"±1 is {reach}"),
-            ("dZ of the place from the pick point", "m", f"-1 is 0, 1 is {reach}"),
-        ]
-    if not isinstance(actor, Gripper):
-        raise TypeError(f"no description of the actions of {type(actor).__name__}")
-    entries = []
-    for i in range(actor.num_grippers):
-        for axis in "xyz":
-            if isinstance(actor, PickAndPlace):
-                ends = "-1 and 1 are the ends of the workspace"
-                entries.append((f"gripper {i}, target {axis}", "m", ends))
-            else:
-                step = f"±1 is {MAX_DISPLACEMENT:g} m in a sim step"
-                entries.append((f"gripper {i}, d{axis}", "m", step))
-        entries.append((f"gripper {i}, grip", "", "above 0 closes, else opens"))
-    return entries
 
 
 def sensed_entries(task: DeformableTask) -> dict[str, int]:

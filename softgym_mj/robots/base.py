@@ -9,6 +9,7 @@ from dm_env import specs
 
 from softgym_mj.exceptions import InvalidActionError
 from softgym_mj.rendering.observables import wrist_observables
+from softgym_mj.robots.actions import ActionSpace
 
 SIM_STEP = 0.01  # [s] SoftGym's sim step: actions are applied once in each.
 BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.
@@ -36,13 +37,13 @@ class Actor(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def action_size(self) -> int:
-        """Number of entries of an action."""
+    def actions(self) -> ActionSpace:
+        """What the entries of an action are."""
 
     @property
-    @abc.abstractmethod
-    def action_layout(self) -> str:
-        """What the entries are, in words, for messages."""
+    def action_size(self) -> int:
+        """Number of entries of an action."""
+        return len(self.actions.entries)
 
     @abc.abstractmethod
     def join(self, arena: composer.Arena) -> None:
@@ -109,7 +110,7 @@ class Actor(abc.ABC):
         if array.shape != (self.action_size,):
             raise InvalidActionError(
                 f"action has shape {array.shape}; expected ({self.action_size},): "
-                f"{self.action_layout}."
+                f"{self.actions.layout}."
             )
         limit = 1.0 + BOUND_TOLERANCE
         if not np.abs(array).max() <= limit:  # True for NaN as well.

@@ -1,19 +1,21 @@
 """`CupMover`: moves a cup by its pose, as SoftGym does (facts 3.1 and 3.2)."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from dm_control import composer
 
 from softgym_mj.entities.cup import Cup, overlap
+from softgym_mj.robots.actions import ActionSpace
 from softgym_mj.robots.base import Actor
 
 # [m] The bottom of an upright cup lies exactly on the limit of the ground test; rounding must not
 # reject its moves.
 GROUND_TOLERANCE = 1e-6
 
-NAMES = ("dx", "dz", "dtheta")
+NAMES, UNITS = ("dx", "dz", "dtheta"), ("m", "m", "rad")
 
 # The pose (x, z, theta) that a wanted pose becomes; None if the move is rejected as a whole.
 Rule = Callable[[np.ndarray], np.ndarray | None]
@@ -101,13 +103,13 @@ class CupMover(Actor):
         """Names of the models that segmented images show as the actor: none but the cup."""
         return ()
 
-    @property
-    def action_size(self) -> int:
-        return len(self._moving)
-
-    @property
-    def action_layout(self) -> str:
-        return ", ".join(NAMES[i] for i in self._moving)
+    @functools.cached_property
+    def actions(self) -> ActionSpace:
+        entries = tuple(
+            (NAMES[i], UNITS[i], f"±1 is {self._max_step[i]:g} {UNITS[i]} in a sim step")
+            for i in self._moving
+        )
+        return ActionSpace(entries, ", ".join(name for name, _, _ in entries))
 
     def join(self, arena: composer.Arena) -> None:
         self._cup.join(arena)

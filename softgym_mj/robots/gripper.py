@@ -48,10 +48,6 @@ class Gripper(Actor):
         """Number of grippers."""
 
     @property
-    def action_layout(self) -> str:
-        return f"{self.num_grippers} gripper(s) x {self.action_size // self.num_grippers}"
-
-    @property
     @abc.abstractmethod
     def model_names(self) -> tuple[str, ...]:
         """Names of the models that segmented images show as the actor."""

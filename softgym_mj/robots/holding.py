@@ -1,5 +1,6 @@
 """`Attachment`: the vertices of a flex that grippers hold, shared by pickers and arms."""
 
+import functools
 import math
 from typing import Generic, TypeVar
 
@@ -8,6 +9,7 @@ from dm_control import composer, mjcf
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
+from softgym_mj.robots.actions import ActionSpace, gripper_actions
 from softgym_mj.robots.grip import NONE, SLIPPED, GripCommand, GripLimits, GripState, step_grips
 from softgym_mj.robots.gripper import Gripper, Workspace
 
@@ -198,9 +200,10 @@ class HoldingGripper(composer.Entity, Gripper, Generic[H]):
     def num_grippers(self) -> int:
         return len(self._holding.grips.held)
 
-    @property
-    def action_size(self) -> int:
-        return 4 * self.num_grippers
+    @functools.cached_property
+    def actions(self) -> ActionSpace:
+        ends = f"±1 is {MAX_DISPLACEMENT:g} m in a sim step"
+        return gripper_actions(self.num_grippers, "d", ends)
 
     @property
     def held(self) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Pickers that go all the way in one action: `PickAndPlace` and `PixelPickAndPlace` (facts 2.5)."""
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -8,6 +9,7 @@ from dm_control import composer
 
 from softgym_mj.exceptions import OutOfRangeError
 from softgym_mj.native.arithmetic import product
+from softgym_mj.robots.actions import ActionSpace, gripper_actions
 from softgym_mj.robots.grip import GripCommand
 from softgym_mj.robots.picker import Picker
 
@@ -79,6 +81,11 @@ class PickAndPlace(RoutePicker):
 
     name = "pick_and_place"
 
+    @functools.cached_property
+    def actions(self) -> ActionSpace:
+        ends = "-1 and 1 are the ends of the workspace"
+        return gripper_actions(self.num_grippers, "target ", ends)
+
     def command(self, action: np.ndarray) -> None:
         action = action.reshape(-1, 4)
         grips = (action[:, 3] > 0.0).tolist()
@@ -97,19 +104,21 @@ class PixelPickAndPlace(RoutePicker):
     """
 
     name = "pixel_pick_and_place"
+    actions = ActionSpace(
+        (
+            ("pixel right", "", "-1 is the left edge of the image, 1 the right one"),
+            ("pixel down", "", "-1 is the upper edge of the image, 1 the lower one"),
+            ("dX of the place from the pick point", "m", f"±1 is {LARGEST_OFFSET:g} m"),
+            ("dY of the place from the pick point", "m", f"±1 is {LARGEST_OFFSET:g} m"),
+            ("dZ of the place from the pick point", "m", f"-1 is 0, 1 is {LARGEST_OFFSET:g} m"),
+        ),
+        "pixel right, pixel down, dX, dY, dZ",
+    )
 
     def _build(self, *args, **kwargs):
         super()._build(*args, **kwargs)
         if self.num_grippers != 1:
             raise OutOfRangeError("num_pickers", self.num_grippers, "1: one pixel, one picker")
-
-    @property
-    def action_size(self) -> int:
-        return 5
-
-    @property
-    def action_layout(self) -> str:
-        return "pixel right, pixel down, dX, dY, dZ"
 
     def join(self, arena: composer.Arena) -> None:
         super().join(arena)
