@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from xml.etree import ElementTree
 
 import mink
 import mujoco
@@ -170,6 +171,32 @@ def test_the_start_is_where_it_is_wanted_and_at_rest(arm):
         # The tools point down, to a degree.
         down = scene.arms.servos.rotations()[:, 2, 2]
         assert np.all(down < -math.cos(math.radians(2.0)))
+
+
+def test_another_arm_is_an_xml_and_a_record(monkeypatch, tmp_path):
+    """A Franka without its third joint: nothing counts on seven."""
+    franka, path = ARMS["franka"], tmp_path / "six.xml"
+    tree = ElementTree.parse(franka.xml_path)
+    for parent in list(tree.iter()):
+        for child in parent.findall(f"*[@name='{franka.joints[2]}']"):
+            parent.remove(child)
+    tree.write(path)
+    fields = ("joints", "home", "home_cup", "velocity_limits", "torque_limits")
+    rest = {name: (*getattr(franka, name)[:2], *getattr(franka, name)[3:]) for name in fields}
+    six = dataclasses.replace(franka, name="six", xml_path=str(path), **rest)
+    monkeypatch.setitem(ARMS, "six", six)
+    scene = Scene.make("rope", "six", 2)
+    points = np.array([[0.0, -0.2, 0.2], [0.0, 0.2, 0.2]])
+    scene.start(points)
+    goals = points + [0.1, 0.0, 0.1]
+    for _ in range(100):
+        scene.towards(goals)
+    np.testing.assert_allclose(scene.arms.positions(), goals, atol=2e-3)
+    sensed = scene.arms.proprioception()
+    assert sensed.shape == (2 * (3 + 4 + 1 + 2 * 6),)
+    joints = scene.data.qpos[scene.arms.servos.positions_at]
+    np.testing.assert_array_equal(sensed[6:].reshape(2, -1)[:, 5:11], joints.reshape(2, 6))
+    assert scene.arms.name == "six/attach"
 
 
 def test_without_a_solution_the_reference_stands_still(monkeypatch):
