@@ -19,7 +19,7 @@ import numpy as np
 from softgym_mj import registry
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
-from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
@@ -80,7 +80,7 @@ def make(
         **ignored: `IGNORED` arguments of SoftGym.
 
     Raises:
-        UnknownNameError, OutOfRangeError: for a bad name or value.
+        InvalidArgumentError: for a bad name or value.
     """
     check_name("name", name, ENVIRONMENTS)
     check_name("observation_mode", observation_mode, OBSERVATION_MODES)
@@ -89,7 +89,7 @@ def make(
     for argument in ignored:
         if argument not in IGNORED:
             own = [name for name in inspect.signature(make).parameters if name != "ignored"]
-            raise UnknownNameError("argument", argument, (*own, *IGNORED))
+            raise InvalidArgumentError("argument", argument, (*own, *IGNORED))
     record = registry.TASKS[ENVIRONMENTS[name]]
     settings: dict[str, Any] = {
         "observation": OBSERVATION_MODES[observation_mode],
@@ -168,7 +168,7 @@ class OldEnv:
         if config_id is None:
             config_id = self._draw()
         elif not 0 <= check_count("config_id", config_id, 0) < self._num_variations:
-            raise OutOfRangeError("config_id", config_id, f"0..{self._num_variations - 1}")
+            raise InvalidArgumentError("config_id", config_id, f"0..{self._num_variations - 1}")
         return self._convert(self._env.reset(config_id).observation)
 
     def _draw(self) -> int:
@@ -184,7 +184,7 @@ class OldEnv:
         What is outside [-1, 1] is clipped, as SoftGym's `NormalizedEnv` does by default.
 
         Raises:
-            InvalidActionError: for a wrong shape or NaN.
+            InvalidArgumentError: for a wrong shape or NaN.
         """
         action = np.clip(np.asarray(action, float), -1.0, 1.0)
         if not self._water and action.shape == self.action_space.shape:

@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING
 import gymnasium
 
 from softgym_mj.exceptions import (
-    OutOfRangeError,
-    TaskModuleError,
+    InvalidArgumentError,
     UnexpectedArgumentError,
-    UnknownNameError,
     check_count,
     check_name,
 )
@@ -99,14 +97,14 @@ def _unpacked(parameter: inspect.Parameter) -> type:
     """The TypedDict that names what a parameter such as `**settings` takes.
 
     Raises:
-        OutOfRangeError: if the parameter is not annotated with one.
+        InvalidArgumentError: if the parameter is not annotated with one.
     """
     if typing.get_origin(parameter.annotation) is not typing.Unpack:
         valid = (
             "keyword arguments with names: annotate it with a TypedDict, for example "
             f"**{parameter.name}: Unpack[softgym_mj.tasks.base.TaskSettings]"
         )
-        raise OutOfRangeError("constructor", f"...(**{parameter.name})", valid)
+        raise InvalidArgumentError("constructor", f"...(**{parameter.name})", valid)
     return typing.get_args(parameter.annotation)[0]
 
 
@@ -228,15 +226,19 @@ def register(
         Its record.
 
     Raises:
-        OutOfRangeError: for a bad name, constructor, horizon or action_repeat.
+        InvalidArgumentError: for a bad name, constructor, horizon or action_repeat.
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         valid = "lower-case words joined by underscores, such as 'soak_cloth'"
-        raise OutOfRangeError("name", name, valid)
+        raise InvalidArgumentError("name", name, valid)
     if name in _SHIPPED:
-        raise OutOfRangeError("name", name, f"none of the package's: {', '.join(sorted(_SHIPPED))}")
+        raise InvalidArgumentError(
+            "name", name, f"none of the package's: {', '.join(sorted(_SHIPPED))}"
+        )
     if not callable(constructor):
-        raise OutOfRangeError("constructor", constructor, "a class or function that builds a task")
+        raise InvalidArgumentError(
+            "constructor", constructor, "a class or function that builds a task"
+        )
     check_count("horizon", horizon, 1)
     check_count("action_repeat", action_repeat, 1)
     record = TaskRecord(name, constructor, tuple(tags), horizon, action_repeat, summary)
@@ -269,8 +271,8 @@ def find(task: str | TaskRecord) -> TaskRecord:
             imported first so that it calls `register`; or a record, which is returned.
 
     Raises:
-        UnknownNameError: if there is no such task.
-        TaskModuleError: if the module cannot be imported or registers no task.
+        InvalidArgumentError: if there is no such task; if the module cannot be imported or
+            registers no task.
     """
     if isinstance(task, TaskRecord):
         return task
@@ -281,15 +283,15 @@ def find(task: str | TaskRecord) -> TaskRecord:
     try:
         imported = importlib.import_module(module)
     except Exception as error:  # Whatever the code of the module raises.
-        raise TaskModuleError(
+        raise InvalidArgumentError(
             f"task={task!r}: {module!r} cannot be imported: {type(error).__name__}: {error}; "
             f"`python -c 'import {module}'` has to work"
         ) from error
     if name not in TASKS:
         own = [f"{module}:{other}" for other in TASKS if other not in _SHIPPED]
         if own:
-            raise UnknownNameError("task", task, own)
-        raise TaskModuleError(
+            raise InvalidArgumentError("task", task, own)
+        raise InvalidArgumentError(
             f"task={task!r}: {imported!r} registers no task when it is imported; call "
             "softgym_mj.register in it, not below `if __name__ == '__main__'`"
         )

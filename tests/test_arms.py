@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from softgym_mj.exceptions import OutOfRangeError, SnapshotError
+from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from softgym_mj.robots.models import ARMS
 from tests.test_contract import make
 
@@ -152,7 +152,7 @@ def test_one_arm_acts_alone(arm):
         step = env.step(np.array([0.0, 0.0, 0.0, -1.0]))
     moved = step.observation["reduced"][30:33] - start
     np.testing.assert_allclose(moved, [0.2, 0.0, 0.2], atol=0.002)
-    with pytest.raises(OutOfRangeError, match="arms"):
+    with pytest.raises(InvalidArgumentError, match="arms"):
         make(f"straighten_rope/{arm}", arms=3)
 
 

@@ -46,7 +46,7 @@ def test_an_unknown_actor_is_one_line(command, capsys, monkeypatch):
         commands.main()
     assert exit_info.value.code == 1
     error = capsys.readouterr().err
-    assert error.startswith("UnknownNameError: actor='hand'") and error.count("\n") == 1
+    assert error.startswith("InvalidArgumentError: actor='hand'") and error.count("\n") == 1
     assert "'picker'" in error and "'franka'" in error
 
 
@@ -59,7 +59,7 @@ def test_an_unknown_grasp_is_one_line(command, capsys, monkeypatch):
         commands.main()
     assert exit_info.value.code == 1
     error = capsys.readouterr().err
-    assert error.startswith("UnknownNameError: grasp='glue'") and error.count("\n") == 1
+    assert error.startswith("InvalidArgumentError: grasp='glue'") and error.count("\n") == 1
     assert "'attach'" in error and "'friction'" in error
 
 

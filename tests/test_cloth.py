@@ -9,7 +9,7 @@ from benchmarks.manipulation_scene import ManipulationScene, fold, lift_and_rele
 from softgym_mj.entities import Fabric
 from softgym_mj.entities.cloth import Cloth, grid_shape
 from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace
@@ -58,7 +58,7 @@ def test_order_size_and_mass_follow_softgym():
 
 
 def test_index_outside_the_grid_is_an_error():
-    with pytest.raises(OutOfRangeError, match="grid of"):
+    with pytest.raises(InvalidArgumentError, match="grid of"):
         Cloth(dims=(60, 60)).index(13, 0)
 
 

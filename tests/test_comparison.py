@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, comparison, evaluate, plots
 from softgym_mj.evaluation.indices import as_text, parsed
-from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.files import write_json
 
 
@@ -43,7 +43,7 @@ def test_labels_tell_results_of_a_task_apart(tmp_path, three):
     ]
     assert comparison.read_results([three[0], three[0] / "result.json"]) == [read[0]]
     changed = {**read[0], "episodes": episodes[::-1]}
-    with pytest.raises(ResultError, match="'zero' on straighten_rope have the same settings"):
+    with pytest.raises(StoreError, match="'zero' on straighten_rope have the same settings"):
         comparison.labels([read[0], changed])
 
 
@@ -65,14 +65,14 @@ def test_a_table_has_what_the_results_have(tmp_path, three):
 
 def test_results_of_other_protocols_are_not_mixed(tmp_path):
     results = [written(tmp_path / "new"), written(tmp_path / "old", protocol=0)]
-    with pytest.raises(ResultError, match=r"protocol versions \[0, 1\]"):
+    with pytest.raises(StoreError, match=r"protocol versions \[0, 1\]"):
         comparison.read_results(results)
     (tmp_path / "x.json").write_text("{}")
-    with pytest.raises(ResultError, match="not the result of an evaluation"):
+    with pytest.raises(StoreError, match="not the result of an evaluation"):
         comparison.read_results([tmp_path / "x.json"])
-    with pytest.raises(ResultError, match="cannot be read"):
+    with pytest.raises(StoreError, match="cannot be read"):
         comparison.read_results([tmp_path / "nothing.json"])
-    with pytest.raises(ResultError, match="no results"):
+    with pytest.raises(StoreError, match="no results"):
         comparison.read_results([])
 
 
@@ -85,11 +85,11 @@ def test_figures_are_drawn_from_results(tmp_path, three):
     for name in ("bars.png", "curves.png"):
         picture = imageio.imread(tmp_path / name)
         assert picture.shape[0] > 300 and len(np.unique(picture[..., 0])) > 20
-    with pytest.raises(ResultError, match="does not plan"):
+    with pytest.raises(StoreError, match="does not plan"):
         plots.curves(read, "horizon", tmp_path / "x.png")
-    with pytest.raises(UnknownNameError, match="x='colour'"):
+    with pytest.raises(InvalidArgumentError, match="x='colour'"):
         plots.curves(read, "colour", tmp_path / "x.png")
-    with pytest.raises(UnknownNameError, match=r"'\.xyz'.*'\.png'"):
+    with pytest.raises(InvalidArgumentError, match=r"'\.xyz'.*'\.png'"):
         plots.bars(read, tmp_path / "bars.xyz")
 
 
@@ -115,5 +115,5 @@ def test_indices_as_text(text, indices):
 
 @pytest.mark.parametrize("text", ["", "3-x", "3,,4", "-3", "1-2-3"])
 def test_what_are_no_indices(text):
-    with pytest.raises(OutOfRangeError, match=r"variations=.*810-819"):
+    with pytest.raises(InvalidArgumentError, match=r"variations=.*810-819"):
         parsed("variations", text)

@@ -7,7 +7,7 @@ from dm_control.viewer.runtime import Runtime
 
 import softgym_mj
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import UndrivenError
+from softgym_mj.exceptions import LifecycleError
 from softgym_mj.policies.factory import make_policy
 
 
@@ -49,7 +49,9 @@ def test_actions_that_take_as_long_as_they_need_are_refused_there():
     task = softgym_mj.TASKS["straighten_rope"].build(actor="pick_and_place")
     env = composer.Environment(task, random_state=0)
     env.reset()
-    with pytest.raises(UndrivenError, match=r"run the task in softgym_mj.envs.environment.Environ"):
+    with pytest.raises(
+        LifecycleError, match=r"run the task in softgym_mj.envs.environment.Environ"
+    ):
         env.step(np.zeros(8))
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import (
-    EnvironmentClosedError,
-    OutOfRangeError,
+    InvalidArgumentError,
+    LifecycleError,
     SnapshotError,
     UnexpectedArgumentError,
 )
@@ -73,7 +73,7 @@ def test_before_the_first_reset(copied):
 def test_closed(copied):
     env = SoftGymEnv("straighten_rope")
     env.close()
-    with pytest.raises(EnvironmentClosedError):
+    with pytest.raises(LifecycleError):
         copied(env)
 
 
@@ -88,7 +88,9 @@ def test_a_state_is_a_reset_to_wrappers():
     assert np.array_equal(twin.step(-np.ones(8))[0], env.step(-np.ones(8))[0])
     assert env.reset()[1] == twin.reset()[1]
     for beside in ({"seed": 3}, {"options": {"state": state, "variation": 3}}):
-        with pytest.raises(OutOfRangeError, match="=3 is out of range; valid: None, as the state"):
+        with pytest.raises(
+            InvalidArgumentError, match="=3 is out of range; valid: None, as the state"
+        ):
             twin.reset(**{"options": {"state": state}, **beside})
     with pytest.raises(SnapshotError, match="get_state"):
         twin.reset(options={"state": None})

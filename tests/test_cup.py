@@ -10,7 +10,7 @@ import shapely
 from dm_control import composer, mjcf
 
 from softgym_mj.entities.cup import Cup, CupSize, overlap
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 
 SIZE = CupSize(length=0.24, width=0.18, height=0.3, wall=0.045)
 QUARTERS = (0.0, 45.0, 90.0, 180.0, -30.0, 359.0)  # [deg]
@@ -153,5 +153,5 @@ def test_resize_tells_whether_the_model_changed():
 @pytest.mark.parametrize("bad", [(0.0, 1, 1, 0.1), (1, 1, -1, 0.1), (1, 1, 0.04, 0.1),
                                  (1, math.nan, 1, 0.1)])  # fmt: skip
 def test_impossible_sizes_are_refused(bad):
-    with pytest.raises(OutOfRangeError, match="cup size"):
+    with pytest.raises(InvalidArgumentError, match="cup size"):
         CupSize(*bad)

@@ -105,7 +105,7 @@ def test_commands_run(command, monkeypatch, folder):
             CliRunner().invoke(commands.app, shlex.split(maker)[1:])
     result = CliRunner().invoke(commands.app, shlex.split(command)[1:])
     if command.startswith("softgym-mj view"):
-        assert type(result.exception).__name__ == "RenderingUnavailableError"
+        assert type(result.exception).__name__ == "UnavailableError"
         assert "softgym-mj rollout" in str(result.exception)
         return
     assert result.exit_code == 0, result.output
@@ -146,7 +146,7 @@ def test_errors_end_the_command_line_with_one_line(capsys, monkeypatch):
         commands.main()
     assert exit_info.value.code == 1
     error = capsys.readouterr().err
-    assert error.startswith("UnknownNameError: task='nonsense'") and error.count("\n") == 1
+    assert error.startswith("InvalidArgumentError: task='nonsense'") and error.count("\n") == 1
     assert "spread_cloth" in error
 
 

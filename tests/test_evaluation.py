@@ -16,7 +16,7 @@ from softgym_mj import evaluation
 from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, Planning, evaluate
 from softgym_mj.evaluation.machine import machine
-from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.factory import make_policy
 
@@ -159,17 +159,29 @@ def test_the_machine_says_which_processor_it_has():
 @pytest.mark.parametrize(
     ("settings", "error", "message"),
     [
-        ({"policy": "best"}, UnknownNameError, r"policy='best'.*'scripted'.*'icem'"),
-        ({"task": "fly"}, UnknownNameError, "task='fly'"),
-        ({"variations": ()}, OutOfRangeError, "number of variations=0"),
-        ({"variations": (1000,)}, OutOfRangeError, "variation=1000"),
-        ({"variations": (800, 801, 800)}, OutOfRangeError, "each of them once"),
-        ({"seeds": (0, 1)}, OutOfRangeError, "seeds=2.*1, as 'zero' is the same policy for every"),
-        ({"policy": "run.pt2", "seeds": (0, 1)}, OutOfRangeError, r"seeds=2.*FILE\{seed\}\.pt2"),
-        ({"settings": {"split": "train"}}, OutOfRangeError, "settings=.*not 'split'"),
-        ({"policy": "cem", "planning": Planning(budget=100)}, OutOfRangeError, "budget=100"),
-        ({"policy": "cem", "planning": Planning(replan_every=16)}, OutOfRangeError, "replan_every"),
-        ({"policy": "zero", "planning": Planning()}, ResultError, "not for 'zero'"),
+        ({"policy": "best"}, InvalidArgumentError, r"policy='best'.*'scripted'.*'icem'"),
+        ({"task": "fly"}, InvalidArgumentError, "task='fly'"),
+        ({"variations": ()}, InvalidArgumentError, "number of variations=0"),
+        ({"variations": (1000,)}, InvalidArgumentError, "variation=1000"),
+        ({"variations": (800, 801, 800)}, InvalidArgumentError, "each of them once"),
+        (
+            {"seeds": (0, 1)},
+            InvalidArgumentError,
+            "seeds=2.*1, as 'zero' is the same policy for every",
+        ),
+        (
+            {"policy": "run.pt2", "seeds": (0, 1)},
+            InvalidArgumentError,
+            r"seeds=2.*FILE\{seed\}\.pt2",
+        ),
+        ({"settings": {"split": "train"}}, InvalidArgumentError, "settings=.*not 'split'"),
+        ({"policy": "cem", "planning": Planning(budget=100)}, InvalidArgumentError, "budget=100"),
+        (
+            {"policy": "cem", "planning": Planning(replan_every=16)},
+            InvalidArgumentError,
+            "replan_every",
+        ),
+        ({"policy": "zero", "planning": Planning()}, StoreError, "not for 'zero'"),
     ],
 )
 def test_bad_configurations(settings, error, message):
@@ -194,7 +206,7 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
     stopped = CliRunner().invoke(commands.app, arguments)
     assert stopped.exit_code == 130 and "the same command goes on" in stopped.output
     failed = CliRunner().invoke(commands.app, ["evaluate", "straighten_rope", "--settings", "[1]"])
-    assert isinstance(failed.exception, OutOfRangeError)
+    assert isinstance(failed.exception, InvalidArgumentError)
     assert "settings='[1]'" in str(failed.exception)
 
 
@@ -215,7 +227,7 @@ def test_the_command_line_chooses_variations_and_actors(tmp_path):
         assert result["variations"] == variations
         assert result["settings"] == {"horizon": 1, "actor": "pick_and_place"}
     failed = CliRunner().invoke(commands.app, [*base, "--variations", "3", "--episodes", "2"])
-    assert isinstance(failed.exception, OutOfRangeError)
+    assert isinstance(failed.exception, InvalidArgumentError)
 
 
 def test_workers_find_policies_of_the_current_folder(tmp_path):

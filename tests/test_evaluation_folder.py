@@ -6,7 +6,7 @@ import hashlib
 import pytest
 
 from softgym_mj.evaluation import Configuration, Progress, evaluate
-from softgym_mj.exceptions import ResultError, UnexpectedArgumentError
+from softgym_mj.exceptions import StoreError, UnexpectedArgumentError
 from tests.test_saved_policies import exported
 
 SHORT = {"horizon": 6}
@@ -16,10 +16,10 @@ SIMPLE = Configuration("straighten_rope", "random", (800, 801, 802), (0, 1), SHO
 def test_a_folder_belongs_to_one_configuration(tmp_path):
     evaluate(SIMPLE, tmp_path)
     other = dataclasses.replace(SIMPLE, settings={"horizon": 7})
-    with pytest.raises(ResultError, match="another settings"):
+    with pytest.raises(StoreError, match="another settings"):
         evaluate(other, tmp_path)
     other = dataclasses.replace(SIMPLE, policy="zero", seeds=(0,))
-    with pytest.raises(ResultError, match="another policy"):
+    with pytest.raises(StoreError, match="another policy"):
         evaluate(other, tmp_path)
 
 
@@ -28,10 +28,10 @@ def test_damage_is_an_error_and_not_played_again(tmp_path):
     first, second = sorted((tmp_path / "episodes").glob("080*"))[:2]
     first.write_bytes(second.read_bytes())
     played = Progress(on_episode=pytest.fail)
-    with pytest.raises(ResultError, match=rf"{first.name} cannot be read"):
+    with pytest.raises(StoreError, match=rf"{first.name} cannot be read"):
         evaluate(SIMPLE, tmp_path, None, played)
     (tmp_path / "provenance.json").write_text("{")
-    with pytest.raises(ResultError, match=r"provenance\.json cannot be read"):
+    with pytest.raises(StoreError, match=r"provenance\.json cannot be read"):
         evaluate(SIMPLE, tmp_path, None, played)
 
 
@@ -59,7 +59,7 @@ def test_a_changed_policy_needs_another_folder(tmp_path, monkeypatch):
     assert result["policy_sha256"] == {"changing:constant": sha}
     evaluate(configuration, folder)
     module.write_text("from tests.test_saved_policies import broken as constant\n")
-    with pytest.raises(ResultError, match="another content of changing:constant"):
+    with pytest.raises(StoreError, match="another content of changing:constant"):
         evaluate(configuration, folder)
 
 
@@ -75,5 +75,5 @@ def test_a_file_for_each_seed(tmp_path):
     assert list(result["policy_sha256"]) == [name.replace("{seed}", str(i)) for i in range(3)]
     exported(tmp_path / "run_2.pt2", seed=7)
     assert evaluate(dataclasses.replace(one, seeds=(0, 1)), folder)["seeds"] == [0, 1]
-    with pytest.raises(ResultError, match=r"another content of .*run_2\.pt2;"):
+    with pytest.raises(StoreError, match=r"another content of .*run_2\.pt2;"):
         evaluate(dataclasses.replace(one, seeds=(0, 1, 2)), folder)

@@ -7,7 +7,7 @@ import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.sheet import THICKNESS
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.initializers import FlatCloth, HangingCloth
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
@@ -279,5 +279,5 @@ def test_hanging_cloths_are_drawn_from_the_facts(sizes, largest):
 
 
 def test_a_dropped_cloth_needs_two_pickers():
-    with pytest.raises(UnknownNameError, match="'picker', 'pick_and_place'"):
+    with pytest.raises(InvalidArgumentError, match="'picker', 'pick_and_place'"):
         make("drop_cloth", actor="pixel_pick_and_place")

@@ -7,7 +7,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
-from softgym_mj.exceptions import RenderingUnavailableError
+from softgym_mj.exceptions import UnavailableError
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView
 
 SMALL, LARGE = (24, 32), (120, 90)
@@ -73,7 +73,7 @@ def test_another_thread_is_told_why():
     env.reset(seed=0)
     with concurrent.futures.ThreadPoolExecutor(1) as thread:
         future = thread.submit(env.step, np.zeros(8))
-        with pytest.raises(RenderingUnavailableError, match="in another thread") as error:
+        with pytest.raises(UnavailableError, match="in another thread") as error:
             future.result()
         assert "apt-get" not in str(error.value)
         own = SoftGymEnv("straighten_rope", observation="rgb", image_size=SMALL)

@@ -13,7 +13,7 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.garment import Garment, read_mesh
 from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS, Fabric
-from softgym_mj.exceptions import MeshError, OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import Picker
@@ -216,21 +216,21 @@ def test_mujoco_reads_the_mesh(tmp_path):
 def test_bad_meshes_are_errors(tmp_path, text, message):
     file = tmp_path / "mesh.obj"
     file.write_text(text)
-    with pytest.raises(MeshError, match=message):
+    with pytest.raises(InvalidArgumentError, match=message):
         Garment(file)
 
 
 def test_bad_arguments_are_errors(tmp_path):
-    with pytest.raises(MeshError, match="does not exist"):
+    with pytest.raises(InvalidArgumentError, match="does not exist"):
         Garment(tmp_path / "none.obj")
     (tmp_path / "picture.png").write_bytes(b"\x89PNG")
-    with pytest.raises(MeshError, match="cannot read"):
+    with pytest.raises(InvalidArgumentError, match="cannot read"):
         Garment(tmp_path / "picture.png")
-    with pytest.raises(OutOfRangeError, match="scale=0"):
+    with pytest.raises(InvalidArgumentError, match="scale=0"):
         Garment(T_SHIRT, scale=0.0)
-    with pytest.raises(OutOfRangeError, match="thickness=nan"):
+    with pytest.raises(InvalidArgumentError, match="thickness=nan"):
         Fabric(thickness=float("nan"))
-    with pytest.raises(OutOfRangeError, match="density=-1"):
+    with pytest.raises(InvalidArgumentError, match="density=-1"):
         Fabric(density=-1.0)
 
 

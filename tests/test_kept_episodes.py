@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.cli import commands
-from softgym_mj.exceptions import ResultError
+from softgym_mj.exceptions import StoreError
 from softgym_mj.recording import record, running
 
 TASK, SHORT = "straighten_rope", {"horizon": 3}
@@ -135,7 +135,7 @@ def test_a_killed_command_goes_on(played, monkeypatch):
 def test_recordings_are_not_mixed(policy, settings, named, played):
     with pytest.raises(KeyboardInterrupt):
         record(TASK, range(2), "random", dataset="rope-v0", on_episode=interrupt_after(1), **SHORT)
-    with pytest.raises(ResultError, match=rf"\.rope-v0\.unfinished holds .* another {named};"):
+    with pytest.raises(StoreError, match=rf"\.rope-v0\.unfinished holds .* another {named};"):
         record(TASK, range(2), policy, dataset="rope-v0", **settings)
     assert played == [0]
 

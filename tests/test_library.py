@@ -12,7 +12,7 @@ import zipfile
 import mujoco
 import pytest
 
-from softgym_mj.exceptions import PluginUnavailableError
+from softgym_mj.exceptions import UnavailableError
 from softgym_mj.native import library
 
 ROOT = pathlib.Path(__file__).parent.parent
@@ -33,13 +33,13 @@ def test_loading_twice_is_loading_once():
 
 def test_another_mujoco_is_named(unloaded, monkeypatch):
     monkeypatch.setattr(mujoco, "__version__", "9.9.9")
-    with pytest.raises(PluginUnavailableError, match=r"built for MuJoCo 3\.17\.0, but 9\.9\.9"):
+    with pytest.raises(UnavailableError, match=r"built for MuJoCo 3\.17\.0, but 9\.9\.9"):
         library.load_plugin()
 
 
 def test_a_missing_library_says_what_to_do(unloaded, monkeypatch, tmp_path):
     monkeypatch.setattr(library, "_FOLDER", tmp_path)
-    with pytest.raises(PluginUnavailableError, match=r"not built.*wheel.*apt-get install -y g\+\+"):
+    with pytest.raises(UnavailableError, match=r"not built.*wheel.*apt-get install -y g\+\+"):
         library.load_plugin()
 
 
@@ -47,7 +47,7 @@ def test_a_broken_library_is_named(unloaded, monkeypatch, tmp_path):
     file = tmp_path / f"softgym_mj_plugins-mujoco-{mujoco.__version__}.so"
     file.write_bytes(b"not a library")
     monkeypatch.setattr(library, "_FOLDER", tmp_path)
-    with pytest.raises(PluginUnavailableError, match=file.name):
+    with pytest.raises(UnavailableError, match=file.name):
         library.load_plugin()
 
 

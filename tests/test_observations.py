@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.observables import LABELS, NUM_CLOUD_POINTS
 from softgym_mj.tasks.observations import OBSERVATIONS
 
@@ -152,5 +152,5 @@ def test_grippers_know_what_they_hold(actor):
     action[7] = -1.0  # The second one opens.
     np.testing.assert_array_equal(env.step(action).observation["held"], [1, 0])
     assert env.info()["picks_held"] == 1
-    with pytest.raises(UnknownNameError, match="observation='held'"):
+    with pytest.raises(InvalidArgumentError, match="observation='held'"):
         softgym_mj.load("pour_water", observation="held")

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import softgym_mj
 from softgym_mj import registry
 from softgym_mj.cli import commands
-from softgym_mj.exceptions import ExpertError, TaskModuleError, UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.recording import record
 
 HORIZON = 3
@@ -114,12 +114,22 @@ def test_workers_find_the_module(folder, monkeypatch):
 @pytest.mark.parametrize(
     ("content", "task", "error", "message"),
     [
-        ("", "own_missing:pull", TaskModuleError, "ModuleNotFoundError: .*'own_missing'"),
-        ("1 / 0", "own_broken:pull", TaskModuleError, "ZeroDivisionError.*import own_broken"),
-        ("", "own_broken:pull", TaskModuleError, "own_broken.py'> registers no task.*__main__"),
-        ("import own_tasks", "own_broken:pul", UnknownNameError, "'own_broken:own_pull', 'own_br"),
-        ("", "own_pull", UnknownNameError, "'rope_configuration', 'MODULE:NAME'"),
-        ("", ":own_pull", TaskModuleError, "'' cannot be imported"),
+        ("", "own_missing:pull", InvalidArgumentError, "ModuleNotFoundError: .*'own_missing'"),
+        ("1 / 0", "own_broken:pull", InvalidArgumentError, "ZeroDivisionError.*import own_broken"),
+        (
+            "",
+            "own_broken:pull",
+            InvalidArgumentError,
+            "own_broken.py'> registers no task.*__main__",
+        ),
+        (
+            "import own_tasks",
+            "own_broken:pul",
+            InvalidArgumentError,
+            "'own_broken:own_pull', 'own_br",
+        ),
+        ("", "own_pull", InvalidArgumentError, "'rope_configuration', 'MODULE:NAME'"),
+        ("", ":own_pull", InvalidArgumentError, "'' cannot be imported"),
     ],
 )
 def test_what_is_no_module_with_the_task_is_an_error(
@@ -195,7 +205,11 @@ def test_an_expert_of_its_own_is_the_scripted_policy(folder, monkeypatch):
 
 def test_no_expert_or_too_short_a_one_is_an_error(folder, monkeypatch):
     monkeypatch.syspath_prepend(str(folder))
-    with pytest.raises(ExpertError, match=r"no scripted expert for own_pull.*MODULE:FUNCTION"):
+    with pytest.raises(
+        InvalidArgumentError, match=r"no scripted expert for own_pull.*MODULE:FUNCTION"
+    ):
         record("own_tasks:own_pull", (800,))
-    with pytest.raises(ExpertError, match=r"Rise yields too few actions.*lasts 4 env steps"):
+    with pytest.raises(
+        InvalidArgumentError, match=r"Rise yields too few actions.*lasts 4 env steps"
+    ):
         record("own_tasks:own_rise_longer", (800,))

@@ -10,7 +10,7 @@ import softgym_mj
 from softgym_mj.entities import Cloth
 from softgym_mj.envs.environment import Environment
 from softgym_mj.evaluation import Configuration, Planning, evaluate
-from softgym_mj.exceptions import OutOfRangeError, SnapshotError, SoftGymError, UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError, SnapshotError, SoftGymError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import Rollouts
@@ -92,7 +92,7 @@ BAD_METHODS = [
 
 @pytest.mark.parametrize(("methods", "message"), BAD_METHODS)
 def test_wrong_return_values_are_errors(methods, message):
-    with pytest.raises(OutOfRangeError, match=message):
+    with pytest.raises(InvalidArgumentError, match=message):
         started(type("Bad", (Counting,), methods)())
 
 
@@ -104,7 +104,7 @@ def test_numbers_of_all_kinds_are_right():
 
 
 def test_the_start_is_above_the_floor():
-    with pytest.raises(OutOfRangeError, match=r"lowest point of 'cloth'=-0.095.*`arrange`"):
+    with pytest.raises(InvalidArgumentError, match=r"lowest point of 'cloth'=-0.095.*`arrange`"):
         started(Counting(height=-0.1))
     started(Counting(height=-0.005))  # Its middle, which is 5 mm above what it lies on.
     pit = Counting(height=-0.1)
@@ -136,7 +136,7 @@ class Plain(Counting):
     ],
 )
 def test_wrong_types_are_errors(arguments, message):
-    with pytest.raises(OutOfRangeError, match=message):
+    with pytest.raises(InvalidArgumentError, match=message):
         Plain(**arguments)
 
 
@@ -151,7 +151,7 @@ def test_the_scene_is_there_after_the_constructor():
 
 
 def test_grippers_are_for_cloth_or_rope():
-    with pytest.raises(UnknownNameError, match=r"kind='towel'.*'cloth', 'rope'"):
+    with pytest.raises(InvalidArgumentError, match=r"kind='towel'.*'cloth', 'rope'"):
         make_actor("picker", "towel")
 
 
@@ -161,9 +161,9 @@ def test_only_bodies_of_the_scene_confine_water():
     world = task.root_entity.mjcf_model.worldbody
     geom = world.add("geom", type="box", size=[0.1, 0.1, 0.1])
     for wrong in ("glass", geom, world, None):
-        with pytest.raises(OutOfRangeError, match=r"bodies=.*MJCF elements `body`"):
+        with pytest.raises(InvalidArgumentError, match=r"bodies=.*MJCF elements `body`"):
             water.confine(wrong)
-    with pytest.raises(OutOfRangeError, match=r"bodies='cup'.*scene that the water"):
+    with pytest.raises(InvalidArgumentError, match=r"bodies='cup'.*scene that the water"):
         water.confine(mjcf.RootElement().worldbody.add("body", name="cup"))
     water.confine(world.add("body"))
 

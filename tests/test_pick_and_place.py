@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 
 
 def make(task="spread_cloth", actor="pick_and_place", **kwargs):
@@ -62,7 +62,9 @@ def test_what_is_taken_is_carried_to_the_target():
 def test_an_episode_has_twenty_actions_of_one_repeat():
     env = make()
     assert env.horizon == 20
-    with pytest.raises(OutOfRangeError, match=r"action_repeat=8.*1 with actor='pick_and_place'"):
+    with pytest.raises(
+        InvalidArgumentError, match=r"action_repeat=8.*1 with actor='pick_and_place'"
+    ):
         make(action_repeat=8)
     assert make(horizon=7).horizon == 7
 

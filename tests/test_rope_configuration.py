@@ -8,7 +8,7 @@ import pytest
 import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.rope import RADIUS
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.letters import LETTERS
 from softgym_mj.tasks.letters import letter as line
 from softgym_mj.tasks.rope_configuration import goal_name
@@ -155,7 +155,7 @@ def test_the_goal_image_shows_the_rope_on_the_letter():
 
 
 def test_an_unknown_matching_names_the_choices():
-    with pytest.raises(UnknownNameError, match=r"matching='bigraph'.*'key_points', 'vertices'"):
+    with pytest.raises(InvalidArgumentError, match=r"matching='bigraph'.*'key_points', 'vertices'"):
         make(matching="bigraph")
 
 
@@ -167,5 +167,5 @@ def test_the_goal_image_is_an_observation_of_this_task_alone():
         later = env.step(np.ones(8)).observation["goal_rgb"]
         np.testing.assert_array_equal(seen, later)
     assert env.observation_spec()["goal_rgb"].shape == (40, 56, 3)
-    with pytest.raises(UnknownNameError, match=r"goal_rgb.*'point_cloud'"):
+    with pytest.raises(InvalidArgumentError, match=r"goal_rgb.*'point_cloud'"):
         softgym_mj.load("straighten_rope", observation="goal_rgb")

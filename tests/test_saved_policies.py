@@ -7,7 +7,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.evaluation import Configuration, evaluate
-from softgym_mj.exceptions import OutOfRangeError, PolicyFileError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.factory import depends_on_seed, make_policy
 from softgym_mj.policies.saved import sha256
 
@@ -28,7 +28,7 @@ def broken(env):
 
 def picky(env):
     """No policy: an error of the package."""
-    raise OutOfRangeError("env", env, "another one")
+    raise InvalidArgumentError("env", env, "another one")
 
 
 def exported(file, size=ROPE, actions=8, seed=0):
@@ -56,14 +56,14 @@ def test_an_exported_policy_acts_on_the_observation(tmp_path):
     np.testing.assert_allclose(make_policy(str(file), env)(timestep), expected, atol=1e-5)
     evaluate(Configuration("straighten_rope", str(file), (800,), (0,), SHORT), tmp_path / "run")
     exported(file, actions=3)
-    with pytest.raises(PolicyFileError, match="gives 3 numbers; an action has 8"):
+    with pytest.raises(InvalidArgumentError, match="gives 3 numbers; an action has 8"):
         make_policy(str(file), env)(timestep)
     exported(file, size=20)
     message = r"does not take .* shape \(1, 36\).*example.*torch\.zeros\(\(1, 36\), dtype=torch.fl"
-    with pytest.raises(PolicyFileError, match=message):
+    with pytest.raises(InvalidArgumentError, match=message):
         make_policy(str(file), env)(timestep)
     file.write_bytes(file.read_bytes()[:-500])
-    with pytest.raises(PolicyFileError):
+    with pytest.raises(InvalidArgumentError):
         make_policy(str(file), env)
 
 
@@ -85,7 +85,7 @@ def test_an_exported_policy_acts_on_images(tmp_path):
     action = make_policy(str(file), env)(timestep)
     np.testing.assert_allclose(action, timestep.observation["rgb"].mean() / 255, rtol=1e-12)
     both = softgym_mj.load("straighten_rope", observation=["reduced", "rgb"], image_size=(24, 32))
-    with pytest.raises(PolicyFileError, match=r"takes one observation; .* reduced, rgb"):
+    with pytest.raises(InvalidArgumentError, match=r"takes one observation; .* reduced, rgb"):
         make_policy(str(file), both)(both.reset(800))
 
 
@@ -98,7 +98,7 @@ def test_seeds_choose_files(tmp_path):
         action = make_policy(name, env, seed)(timestep)
         expected = acted(own, timestep.observation["reduced"])
         np.testing.assert_allclose(action, expected, atol=1e-5)
-    with pytest.raises(PolicyFileError, match=r"run_2\.pt2.*no such file"):
+    with pytest.raises(InvalidArgumentError, match=r"run_2\.pt2.*no such file"):
         make_policy(name, env, 2)
 
 
@@ -154,10 +154,10 @@ def test_what_is_no_policy(name, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pathlib.Path("text.pt2").write_text("hello")
     env = softgym_mj.load("straighten_rope")
-    with pytest.raises(PolicyFileError, match=message):
+    with pytest.raises(InvalidArgumentError, match=message):
         make_policy(name, env)
 
 
 def test_errors_of_the_package_stay_what_they_are():
-    with pytest.raises(OutOfRangeError, match="another one"):
+    with pytest.raises(InvalidArgumentError, match="another one"):
         make_policy(f"{__name__}:picky", softgym_mj.load("straighten_rope"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.experts import EXPERTS, make_policy
 
 
@@ -78,5 +78,5 @@ def test_water_is_poured():
 
 
 def test_an_expert_needs_two_pickers():
-    with pytest.raises(OutOfRangeError, match="num_grippers=1"):
+    with pytest.raises(InvalidArgumentError, match="num_grippers=1"):
         make_policy(softgym_mj.load("straighten_rope", num_pickers=1))

@@ -7,7 +7,7 @@ import pytest
 from softgym_mj import assets, metrics
 from softgym_mj.entities import Arena, Cloth, Fabric, Garment, Rope
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import ROPE_GEOMETRY, Picker
@@ -188,9 +188,9 @@ def test_vertices_of_a_group_are_those_of_its_flexes():
     assert heights == [cloth.radius, rope.radius]
     assert group.radius == rope.radius
     assert group.owner(0) == (cloth, 0)
-    with pytest.raises(OutOfRangeError, match=f"index={group.num_vertices}"):
+    with pytest.raises(InvalidArgumentError, match=f"index={group.num_vertices}"):
         group.owner(group.num_vertices)
-    with pytest.raises(OutOfRangeError, match="at least one"):
+    with pytest.raises(InvalidArgumentError, match="at least one"):
         FlexGroup([])
 
 

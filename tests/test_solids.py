@@ -5,7 +5,7 @@ import pytest
 
 from softgym_mj.entities import Arena, Cloth, Fabric, Rope
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.factory import make_actor
 from softgym_mj.tasks import Measures, SceneTask
 
@@ -108,10 +108,10 @@ def test_a_task_may_have_a_smaller_physics_step():
     assert env.physics.model.opt.timestep == 0.0025
     assert env.physics.time() == pytest.approx(env.control_timestep())
     for timestep in (0.02, 0.004, 0.0, -0.005, float("nan")):  # A sim step is 0.01 s.
-        with pytest.raises(OutOfRangeError, match=f"timestep={timestep}"):
+        with pytest.raises(InvalidArgumentError, match=f"timestep={timestep}"):
             Shelf("picker", timestep=timestep)
 
 
 def test_shapes_without_an_extent_are_refused():
-    with pytest.raises(UnknownNameError, match="type='plane'"):
+    with pytest.raises(InvalidArgumentError, match="type='plane'"):
         Arena(camera="cloth").add_solid("plane", size=(1, 1, 1))

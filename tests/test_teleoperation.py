@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.viewing.session import FRAME_STEPS, LINGER, Pace, Session
 from softgym_mj.viewing.teleoperation import teleoperate
 
@@ -146,7 +146,7 @@ def test_a_blocked_cup_slides_on():
 
 
 def test_actors_that_go_all_the_way_at_once_cannot_be_driven():
-    with pytest.raises(UnknownNameError, match=r"'pick_and_place'.*'picker', 'franka'.*'cup'"):
+    with pytest.raises(InvalidArgumentError, match=r"'pick_and_place'.*'picker', 'franka'.*'cup'"):
         Session("straighten_rope", actor="pick_and_place")
 
 

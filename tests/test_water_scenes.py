@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from softgym_mj.exceptions import OutOfRangeError, UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.water_scenes import (
     LARGEST_COUNT,
     PourScenes,
@@ -74,7 +74,7 @@ def test_resolution_by_hand():
 
 
 def test_unknown_fidelity():
-    with pytest.raises(UnknownNameError, match="fast"):
+    with pytest.raises(InvalidArgumentError, match="fast"):
         transport_scene(MEDIUM).resolution("ultra")
 
 
@@ -117,7 +117,7 @@ def test_the_cups_of_pour_water_stand_apart():
 def test_a_variation_is_the_same_on_every_call(family):
     assert family.scene(812) == pickle.loads(pickle.dumps(family)).scene(812)
     assert family.scene(812) != family.scene(813)
-    with pytest.raises(OutOfRangeError):
+    with pytest.raises(InvalidArgumentError):
         family.scene(1000)
 
 

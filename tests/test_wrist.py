@@ -7,7 +7,7 @@ import pytest
 from dm_control import mjcf
 
 import softgym_mj
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.observables import WRIST_RGB
 from softgym_mj.rendering.offscreen import CameraView, camera_ids
 from softgym_mj.robots.models import ARMS
@@ -107,22 +107,22 @@ def test_gymnasium_renders_and_observes_wrists():
     ids=str,
 )
 def test_actors_without_hands_have_no_wrists(task, settings):
-    with pytest.raises(UnknownNameError, match=r"observation='wrist_rgb'.*'proprioception'"):
+    with pytest.raises(InvalidArgumentError, match=r"observation='wrist_rgb'.*'proprioception'"):
         make(task, observation=WRIST_RGB, **settings)
     identifier = softgym_mj.TASKS[task].gymnasium_id
-    with pytest.raises(UnknownNameError, match=r"camera='wrist_0'.*'task', 'overview'"):
+    with pytest.raises(InvalidArgumentError, match=r"camera='wrist_0'.*'task', 'overview'"):
         gymnasium.make(identifier, camera="wrist_0", **settings)
 
 
 def test_one_arm_has_one_wrist():
-    with pytest.raises(UnknownNameError, match=r"camera='wrist_1'.*'wrist_0'"):
+    with pytest.raises(InvalidArgumentError, match=r"camera='wrist_1'.*'wrist_0'"):
         gymnasium.make("softgym_mj/StraightenRope-v0", actor="franka", arms=1, camera="wrist_1")
 
 
 def test_a_view_names_the_cameras_that_exist():
     env = make("straighten_rope")
     env.reset(800)
-    with pytest.raises(UnknownNameError, match=r"camera='wrist_0'.*'task', 'overview'"):
+    with pytest.raises(InvalidArgumentError, match=r"camera='wrist_0'.*'task', 'overview'"):
         CameraView("wrist_0", SIZE, SIZE).rgb(env.physics)
 
 

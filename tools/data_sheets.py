@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.observables import WRIST_RGB
 from softgym_mj.rendering.offscreen import camera_ids
@@ -60,7 +60,7 @@ def actors_of(record: TaskRecord) -> dict[str, DeformableTask]:
     for actor in (usual, *(name for name in ACTORS if name != usual)):
         try:
             tasks[actor] = record.build(actor=actor)
-        except UnknownNameError:
+        except InvalidArgumentError:
             continue
     return tasks
 

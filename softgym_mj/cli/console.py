@@ -8,7 +8,7 @@ import rich.console
 import rich.progress
 import typer
 
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.registry import TASKS
 from softgym_mj.variations.indices import split_indices
 
@@ -50,14 +50,14 @@ def parsed_settings(settings: str) -> dict[str, Any]:
     """What `Settings` says.
 
     Raises:
-        OutOfRangeError: if it is not a JSON object.
+        InvalidArgumentError: if it is not a JSON object.
     """
     try:
         parsed = json.loads(settings)
     except ValueError:
         parsed = None
     if not isinstance(parsed, dict):
-        raise OutOfRangeError("settings", settings, "a JSON object")
+        raise InvalidArgumentError("settings", settings, "a JSON object")
     return parsed
 
 
@@ -70,18 +70,18 @@ def first_variations(split: str, episodes: int, start: int | None = None) -> Seq
         start: the first of them; None for the split's.
 
     Raises:
-        UnknownNameError: if there is no such split.
-        OutOfRangeError: if the split has no such variation, or not so many.
+        InvalidArgumentError: if there is no such split; if the split has no such variation, or not
+            so many.
     """
     indices = split_indices(split)
     if start is not None:
         if start not in indices:
             valid = f"{indices[0]}..{indices[-1]}, the variations of {split!r}"
-            raise OutOfRangeError("start", start, valid)
+            raise InvalidArgumentError("start", start, valid)
         indices = indices[indices.index(start) :]
     if not 1 <= episodes <= len(indices):
         valid = f"1..{len(indices)}, as {split!r} has no more from variation {indices[0]} on"
-        raise OutOfRangeError("episodes", episodes, valid)
+        raise InvalidArgumentError("episodes", episodes, valid)
     return indices[:episodes]
 
 

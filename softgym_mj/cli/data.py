@@ -18,7 +18,7 @@ from softgym_mj.cli.console import (
     parsed_settings,
     progress_bar,
 )
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.registry import find
 
@@ -41,7 +41,7 @@ def generate(
 
     built = record.build(**settings)
     if not isinstance(built, StoredTask):
-        raise OutOfRangeError("task", record.name, "a task that keeps its initial states")
+        raise InvalidArgumentError("task", record.name, "a task that keeps its initial states")
     store = built.store
     with make_executor(jobs, ray) as executor, progress_bar() as progress:
         bar = progress.add_task(f"{record.name} variations", total=num)
@@ -94,7 +94,7 @@ def record(
     chosen.setdefault("observation", "reduced")
     for name in inspect.signature(recording.record).parameters:
         if name in chosen:
-            raise OutOfRangeError("settings", settings, f"arguments of the task; not {name!r}")
+            raise InvalidArgumentError("settings", settings, f"arguments of the task; not {name!r}")
     finished = []
     try:
         with progress_bar() as progress:

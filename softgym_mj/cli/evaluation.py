@@ -19,7 +19,7 @@ from softgym_mj.cli.console import (
     parsed_settings,
     progress_bar,
 )
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.planners import BUDGET, ITERATIONS, PLANNERS, Plan
 from softgym_mj.registry import TASKS, find
 
@@ -148,7 +148,7 @@ def _variations(named: str | None, split: str | None, episodes: int | None) -> t
         number = _EPISODES if episodes is None else episodes
         return evaluation.evaluation_variations(number, split or "evaluate")
     if split is not None or episodes is not None:
-        raise OutOfRangeError("variations", named, "alone, without --split and --episodes")
+        raise InvalidArgumentError("variations", named, "alone, without --split and --episodes")
     return indices.parsed("variations", named)
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from softgym_mj.cli.console import Actor, Grasp, Task, acting, console
-from softgym_mj.exceptions import RenderingUnavailableError
+from softgym_mj.exceptions import UnavailableError
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import find
 from softgym_mj.rendering.offscreen import has_display
@@ -40,7 +40,7 @@ def view(
             Browser(session, server).run()
         return
     if not has_display():
-        raise RenderingUnavailableError(
+        raise UnavailableError(
             "the viewer needs a display and neither DISPLAY nor WAYLAND_DISPLAY is set; "
             f"look on in a browser: softgym-mj view {task} --browser, "
             f"or make a video: softgym-mj rollout {task} --video videos"

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from softgym_mj import assets
 from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
-from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.variations.randomization import Parameter, shifted
 
 
@@ -25,12 +25,14 @@ class CameraPose:
         """The upright camera at `position` (3,) [m] with `at` (3,) [m] in the middle of its image.
 
         Raises:
-            OutOfRangeError: if `at` lies straight above or below `position`, or at it.
+            InvalidArgumentError: if `at` lies straight above or below `position`, or at it.
         """
         back = np.subtract(position, at)
         right = np.cross([0.0, 0.0, 1.0], back)
         if not np.linalg.norm(right) > 0.0:
-            raise OutOfRangeError("at", tuple(at), f"not on the vertical through {tuple(position)}")
+            raise InvalidArgumentError(
+                "at", tuple(at), f"not on the vertical through {tuple(position)}"
+            )
         axes = np.column_stack([right, np.cross(back, right), back])
         turn = Rotation.from_matrix(axes / np.linalg.norm(axes, axis=0))
         x, y, z = map(float, position)
@@ -147,7 +149,7 @@ class Arena(composer.Arena):
             The geom.
 
         Raises:
-            UnknownNameError: for another type.
+            InvalidArgumentError: for another type.
         """
         check_name("type", type, SOLIDS)
         # Its own friction and softness count, whatever lies on it.

@@ -7,7 +7,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
-from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.native.arithmetic import product
 
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
@@ -58,7 +58,7 @@ class Cloth(Sheet):
             name: model name.
 
         Raises:
-            UnknownNameError, OutOfRangeError: for a bad fidelity or size.
+            InvalidArgumentError: for a bad fidelity or size.
         """
         check_name("fidelity", fidelity, FIDELITIES)
         self._fidelity, self._marker = fidelity, marker
@@ -96,7 +96,7 @@ class Cloth(Sheet):
         """Vertex index of a grid node; negative rows and columns count from the end."""
         rows, columns = self._shape
         if not (-rows <= row < rows and -columns <= column < columns):
-            raise OutOfRangeError("(row, column)", (row, column), f"a grid of {self._shape}")
+            raise InvalidArgumentError("(row, column)", (row, column), f"a grid of {self._shape}")
         return (row % rows) * columns + column % columns
 
     def grid(self) -> np.ndarray:
@@ -136,7 +136,7 @@ class Cloth(Sheet):
     def resize(self, dims: tuple[int, int]) -> bool:
         """Gives the cloth another size; True when the model changed and must be recompiled."""
         if len(dims) != 2 or not all(MIN_DIM <= dim <= MAX_DIM for dim in dims):
-            raise OutOfRangeError("dims", dims, f"two sizes in {MIN_DIM}..{MAX_DIM} particles")
+            raise InvalidArgumentError("dims", dims, f"two sizes in {MIN_DIM}..{MAX_DIM} particles")
         dims = (int(dims[0]), int(dims[1]))
         if dims == self._dims:
             return False

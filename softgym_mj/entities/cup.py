@@ -8,7 +8,7 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj import metrics
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.arithmetic import product
 
 # SoftGym's light grey; so translucent that the water level shows through the walls.
@@ -42,7 +42,7 @@ class CupSize:
     def __post_init__(self):
         values = dataclasses.astuple(self)
         if not (np.all(np.isfinite(values)) and min(values) > 0.0 and self.height > self.wall / 2):
-            raise OutOfRangeError("cup size", values, "positive lengths, height > wall / 2")
+            raise InvalidArgumentError("cup size", values, "positive lengths, height > wall / 2")
 
     @property
     def depth(self) -> float:

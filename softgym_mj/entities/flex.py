@@ -9,7 +9,7 @@ import scipy.sparse.csgraph
 from dm_control import composer, mjcf
 
 from softgym_mj.cloth import solver
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.variations.randomization import Parameter
 
 # Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
@@ -195,7 +195,7 @@ class Flex(composer.Entity):
         """Places the vertices: `positions` (num_vertices, 3) [m], `velocities` alike [m/s]."""
         positions = np.asarray(positions, float).reshape(-1, 3)
         if positions.shape != (self.num_vertices, 3) or not np.isfinite(positions).all():
-            raise OutOfRangeError(
+            raise InvalidArgumentError(
                 "positions", positions.shape, f"finite array of shape ({self.num_vertices}, 3)"
             )
         self._qpos[:] = positions - self._origin

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softgym_mj.entities.flex import Flex
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 
 
 class FlexGroup:
@@ -19,10 +19,10 @@ class FlexGroup:
             flexes: one or more.
 
         Raises:
-            OutOfRangeError: if there is none.
+            InvalidArgumentError: if there is none.
         """
         if not flexes:
-            raise OutOfRangeError("flexes", list(flexes), "at least one")
+            raise InvalidArgumentError("flexes", list(flexes), "at least one")
         self._flexes = tuple(flexes)
 
     @property
@@ -46,7 +46,9 @@ class FlexGroup:
             if index < flex.num_vertices:
                 return flex, index
             index -= flex.num_vertices
-        raise OutOfRangeError("index", index + self.num_vertices, f"0..{self.num_vertices - 1}")
+        raise InvalidArgumentError(
+            "index", index + self.num_vertices, f"0..{self.num_vertices - 1}"
+        )
 
     def resting_height(self, index: int) -> float:
         """Height [m] of a vertex that rests on the floor: the radius of its flex."""

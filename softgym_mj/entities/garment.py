@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
-from softgym_mj.exceptions import MeshError, OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.arithmetic import product
 
 # Accepted lengths of edges in thicknesses. Below, layers would be thinner than they are drawn;
@@ -36,37 +36,38 @@ def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, 
         scale: metres in a unit of the file.
 
     Raises:
-        MeshError: if there is no such file or it has no triangles.
-        OutOfRangeError: for a bad scale.
+        InvalidArgumentError: if there is no such file or it has no triangles; for a bad scale.
     """
     if not 0.0 < scale < np.inf:
-        raise OutOfRangeError("scale", scale, "finite and above 0")
+        raise InvalidArgumentError("scale", scale, "finite and above 0")
     path = pathlib.Path(file).resolve()
     if not path.is_file():
-        raise MeshError(f"file={str(file)!r} does not exist; expected an OBJ, STL or MSH file.")
+        raise InvalidArgumentError(
+            f"file={str(file)!r} does not exist; expected an OBJ, STL or MSH file."
+        )
     try:
         xml = _READER.format(file=quoteattr(str(path)), scale=scale)
         model = mujoco.MjModel.from_xml_string(xml)
     except ValueError as error:
-        raise MeshError(f"MuJoCo cannot read file={str(file)!r}: {error}") from error
+        raise InvalidArgumentError(f"MuJoCo cannot read file={str(file)!r}: {error}") from error
     return model.body_pos[model.flex_vertbodyid], model.flex_elem.reshape(-1, 3).copy()
 
 
 def check_mesh(points: np.ndarray, triangles: np.ndarray, thickness: float) -> None:
-    """Raises `MeshError` unless a mesh can be a sheet so thick [m]."""
+    """Raises `InvalidArgumentError` unless a mesh can be a sheet so thick [m]."""
     sides = points[np.roll(triangles, -1, axis=1)] - points[triangles]
     lengths = np.linalg.norm(sides, axis=2)
     heights = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / lengths.max(axis=1)
     slim = np.flatnonzero(heights < LEAST_HEIGHT * lengths.max(axis=1))
     if len(slim):
-        raise MeshError(
+        raise InvalidArgumentError(
             f"triangle {slim[0]}, of vertices {triangles[slim[0]].tolist()}, is degenerate: it is "
             f"{heights[slim[0]]:.2g} m high on a side of {lengths[slim[0]].max():.2g} m; expected "
             f"{LEAST_HEIGHT:.0%} of it at least. {len(slim)} of {len(triangles)} are."
         )
     low, high = SHORTEST_EDGE * thickness, LONGEST_EDGE * thickness
     if lengths.min() < low or lengths.max() > high:
-        raise MeshError(
+        raise InvalidArgumentError(
             f"edges are {lengths.min():.3g} to {lengths.max():.3g} m long; with "
             f"thickness={thickness} m expected {low:.3g} to {high:.3g} m: change the scale, the "
             "fabric or the mesh."
@@ -74,7 +75,7 @@ def check_mesh(points: np.ndarray, triangles: np.ndarray, thickness: float) -> N
     pairs = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2))
     edges, counts = np.unique(pairs, axis=0, return_counts=True)
     if counts.max() > 2:
-        raise MeshError(
+        raise InvalidArgumentError(
             f"the edge of vertices {edges[counts.argmax()].tolist()} belongs to {counts.max()} "
             "triangles; expected 1 or 2."
         )
@@ -109,8 +110,8 @@ class Garment(Sheet):
             name: model name.
 
         Raises:
-            MeshError: if the file is missing, no mesh, or none that can be a sheet.
-            OutOfRangeError: for a bad scale.
+            InvalidArgumentError: if the file is missing, no mesh, or none that can be a sheet; for
+                a bad scale.
         """
         fabric = Fabric() if fabric is None else fabric
         points, triangles = read_mesh(file, scale)

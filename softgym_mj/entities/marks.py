@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 
 LINE_COLOR = (0.95, 0.35, 0.1, 0.6)
 LINE_HALF = (0.003, 0.001)  # [m] Half of its width and of its height; half of that shows.
@@ -53,7 +53,7 @@ class GoalLine(composer.Entity):
         """Puts the line through points (num_points, 2) [m] on the floor."""
         points = np.asarray(points, float)
         if points.shape != (len(self._geoms) + 1, 2):
-            raise OutOfRangeError("points", points.shape, f"shape ({len(self._geoms) + 1}, 2)")
+            raise InvalidArgumentError("points", points.shape, f"shape ({len(self._geoms) + 1}, 2)")
         along = np.diff(points, axis=0)
         lengths = np.linalg.norm(along, axis=1)
         angles = [math.atan2(y, x) / 2 for x, y in along]

@@ -59,7 +59,7 @@ class Rope(Flex):
             name: model name.
 
         Raises:
-            UnknownNameError: if there is no such fidelity.
+            InvalidArgumentError: if there is no such fidelity.
         """
         check_name("fidelity", fidelity, FIDELITIES)
         count = FIDELITIES[fidelity]

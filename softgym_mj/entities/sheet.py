@@ -8,7 +8,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.flex import Flex
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
 # [m] Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
@@ -56,7 +56,7 @@ class Fabric:
             width w in the open pi/4 w 1.2 kg/m^3. It needs time: folds are slow in it.
 
     Raises:
-        OutOfRangeError: unless all are finite and above 0.
+        InvalidArgumentError: unless all are finite and above 0.
     """
 
     stretch_stiffness: float = STRETCH_STIFFNESS
@@ -74,7 +74,7 @@ class Fabric:
     def __post_init__(self):
         for name, value in dataclasses.asdict(self).items():
             if not (0.0 < value < np.inf or (name in ("drag", "added_mass") and value == 0.0)):
-                raise OutOfRangeError(name, value, "finite and above 0")
+                raise InvalidArgumentError(name, value, "finite and above 0")
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

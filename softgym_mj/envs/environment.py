@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from dm_control import composer
 
-from softgym_mj.exceptions import EpisodeEndedError, OutOfRangeError, SnapshotError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError, check_count
 from softgym_mj.rendering.framebuffer import SizedPhysics
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.base import DeformableTask
@@ -69,17 +69,17 @@ class Environment(composer.Environment):
             random_state: seed or generator that draws the variations.
 
         Raises:
-            UnknownNameError, OutOfRangeError: for a bad task, split, horizon or random state.
+            InvalidArgumentError: for a bad task, split, horizon or random state.
         """
         if not isinstance(task, DeformableTask):
-            raise OutOfRangeError("task", task, "a DeformableTask, such as a SceneTask")
+            raise InvalidArgumentError("task", task, "a DeformableTask, such as a SceneTask")
         check_count("horizon", horizon, 1)
         if not isinstance(random_state, np.random.RandomState):
             try:
                 random_state = np.random.RandomState(random_state)
             except (TypeError, ValueError):
                 valid = "None, a seed in 0..4294967295 or a numpy RandomState"
-                raise OutOfRangeError("random_state", random_state, valid) from None
+                raise InvalidArgumentError("random_state", random_state, valid) from None
         self._variations = split_indices(split)
         self._name, self._horizon = name, horizon
         self._step_count = 0
@@ -153,7 +153,7 @@ class Environment(composer.Environment):
             variation: index 0..999; drawn from the split when None.
 
         Raises:
-            OutOfRangeError: if there is no such variation.
+            InvalidArgumentError: if there is no such variation.
         """
         if variation is None:
             variation = self._variations[self._random_state.randint(len(self._variations))]
@@ -177,7 +177,7 @@ class Environment(composer.Environment):
         """Applies an action for one env step; after the last one of an episode it resets.
 
         Raises:
-            InvalidActionError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
+            InvalidArgumentError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
             PhysicsError: if the simulation diverges.
         """
         if self._reset_next_step:
@@ -195,10 +195,10 @@ class Environment(composer.Environment):
         """A snapshot of the running episode, independent of this environment; picklable.
 
         Raises:
-            EpisodeEndedError: before the first reset.
+            LifecycleError: before the first reset.
         """
         if not self.started:
-            raise EpisodeEndedError("no episode has started: call reset() before get_state()")
+            raise LifecycleError("no episode has started: call reset() before get_state()")
         physics = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._model, self._data, physics, _STATE)
         return Snapshot(

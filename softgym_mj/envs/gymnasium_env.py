@@ -14,9 +14,8 @@ from softgym_mj import registry
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
 from softgym_mj.exceptions import (
-    EnvironmentClosedError,
-    EpisodeEndedError,
-    OutOfRangeError,
+    InvalidArgumentError,
+    LifecycleError,
     SnapshotError,
     UnexpectedArgumentError,
     check_image_size,
@@ -34,15 +33,14 @@ def check_options(seed: object, options: Mapping[str, Any]) -> None:
     """Raises unless a reset can have these options.
 
     Raises:
-        UnknownNameError: for an unknown option.
-        OutOfRangeError: for a seed or a variation beside a state.
+        InvalidArgumentError: for an unknown option; for a seed or a variation beside a state.
     """
     for key in options:
         check_name("options key", key, _OPTIONS)
     if "state" in options:
         for name, value in (("seed", seed), ("variation", options.get("variation"))):
             if value is not None:
-                raise OutOfRangeError(name, value, "None, as the state has its own")
+                raise InvalidArgumentError(name, value, "None, as the state has its own")
 
 
 def draw_variation(generator: np.random.Generator, variations: Sequence[int]) -> int:
@@ -142,10 +140,10 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             Observation and info.
 
         Raises:
-            UnknownNameError: for an unknown option.
-            OutOfRangeError: for a variation that does not exist, or one or a seed beside a state.
+            InvalidArgumentError: for an unknown option; for a variation that does not exist, or one
+                or a seed beside a state.
             SnapshotError: for a bad state.
-            EnvironmentClosedError: after `close()`, as of all methods but `close()`.
+            LifecycleError: after `close()`, as of all methods but `close()`.
         """
         self._check_open()
         options = options or {}
@@ -167,12 +165,12 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             Observation, reward, terminated (always False), truncated, info.
 
         Raises:
-            EpisodeEndedError: if no episode is running.
-            InvalidActionError: for a bad action.
+            LifecycleError: if no episode is running.
+            InvalidArgumentError: for a bad action.
         """
         self._check_open()
         if not self._running:
-            raise EpisodeEndedError("no episode is running: call reset() before step()")
+            raise LifecycleError("no episode is running: call reset() before step()")
         timestep = self._env.step(action)
         ended = timestep.last()
         self._running = not ended
@@ -201,7 +199,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         """A snapshot for `set_state`, with the generator that draws variations; picklable.
 
         Raises:
-            EpisodeEndedError: before the first reset.
+            LifecycleError: before the first reset.
         """
         self._check_open()
         return self._env.get_state(), self.np_random.bit_generator.state
@@ -236,7 +234,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def _check_open(self):
         if self._closed:
-            raise EnvironmentClosedError("this environment was closed: make a new one")
+            raise LifecycleError("this environment was closed: make a new one")
 
     def _convert(self, observation: dict[str, np.ndarray]):
         converted = {

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.registry import TaskRecord, find
 
 if TYPE_CHECKING:
@@ -37,8 +37,8 @@ def load(
         The environment; actions are (n,) in [-1, 1], observations arrays by name.
 
     Raises:
-        UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
-        TaskModuleError: as in `find`.
+        InvalidArgumentError, UnexpectedArgumentError: for a bad name or value.
+        InvalidArgumentError: as in `find`.
     """
     record = find(task)
     from softgym_mj.envs.environment import Environment
@@ -48,7 +48,9 @@ def load(
     record.check_arguments(task_kwargs, _OF_LOAD)
     built = record.build(**task_kwargs)
     if not isinstance(built, DeformableTask):
-        raise OutOfRangeError("constructor", record.constructor, "what builds a DeformableTask")
+        raise InvalidArgumentError(
+            "constructor", record.constructor, "what builds a DeformableTask"
+        )
     if record.is_custom:
         built.remember_arguments(arguments_of_states(record.resolve(), task_kwargs))
     if horizon is None:

@@ -9,7 +9,7 @@ from typing import Any
 from softgym_mj.evaluation.configuration import PROTOCOL
 from softgym_mj.evaluation.indices import as_text
 from softgym_mj.evaluation.statistics import quartiles_over, summary
-from softgym_mj.exceptions import ResultError
+from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.files import read_json, write_whole
 
 _NEEDED = ("protocol", "task", "policy", "variations", "seeds", "settings", "planning", "episodes")
@@ -21,20 +21,20 @@ def read_results(files: Sequence[pathlib.Path]) -> list[dict]:
     Their summaries are those of `statistics`, whatever version wrote them.
 
     Raises:
-        ResultError: for what is no result, is of another protocol version, or for none at all.
+        StoreError: for what is no result, is of another protocol version, or for none at all.
     """
     if not files:
-        raise ResultError("there are no results to plot; name the result.json of evaluations")
+        raise StoreError("there are no results to plot; name the result.json of evaluations")
     found, versions = [], {}
     for file in files:
         result = read_json(file / "result.json" if file.is_dir() else file)
         missing = [key for key in _NEEDED if key not in result]
         if missing:
-            raise ResultError(f"{file} is not the result of an evaluation: no {missing[0]!r}")
+            raise StoreError(f"{file} is not the result of an evaluation: no {missing[0]!r}")
         versions[str(file)] = result["protocol"]
         found.append(result)
     if set(versions.values()) != {PROTOCOL}:
-        raise ResultError(
+        raise StoreError(
             f"results of protocol versions {sorted(set(versions.values()))} cannot be compared "
             f"with this one, {PROTOCOL}: {versions}; evaluate again"
         )
@@ -46,7 +46,7 @@ def labels(results: Sequence[Mapping]) -> list[str]:
     """A name for each result: its policy, and what tells it from others of the same policy.
 
     Raises:
-        ResultError: if nothing does.
+        StoreError: if nothing does.
     """
     details = [_details(result) for result in results]
     names = []
@@ -66,7 +66,7 @@ def labels(results: Sequence[Mapping]) -> list[str]:
     kinds = [(result["task"], name) for result, name in zip(results, names, strict=True)]
     for task, name in kinds:
         if kinds.count((task, name)) > 1:
-            raise ResultError(
+            raise StoreError(
                 f"several results of {name!r} on {task} have the same settings, planning, "
                 "variations and seeds but other content; leave all but one of them out"
             )

@@ -11,7 +11,7 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj import registry
-from softgym_mj.exceptions import OutOfRangeError, ResultError, UnknownNameError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import (
     BUDGET,
@@ -72,17 +72,17 @@ class Configuration:
         registry.find(self.task)
         if not is_saved(self.policy) and self.policy not in POLICIES:
             choices = (*POLICIES, "FILE.pt2", "MODULE:FUNCTION")
-            raise UnknownNameError("policy", self.policy, choices)
+            raise InvalidArgumentError("policy", self.policy, choices)
         for variation in self.variations:
             check_variation(variation)
         for name, values in (("variations", self.variations), ("seeds", self.seeds)):
             check_count(f"number of {name}", len(values), 1)
             if len(set(values)) != len(values):
-                raise OutOfRangeError(name, values, "each of them once")
+                raise InvalidArgumentError(name, values, "each of them once")
         if len(self.seeds) > 1 and not depends_on_seed(self.policy):
             valid = f"1, as {self.policy!r} is the same policy for every seed; saved ones depend "
             valid += f"on it by FILE{SEED}.pt2 or by an argument `seed` of the FUNCTION"
-            raise OutOfRangeError("number of seeds", len(self.seeds), valid)
+            raise InvalidArgumentError("number of seeds", len(self.seeds), valid)
         check_settings(self.settings)
         if self.policy in PLANNERS:
             planning = self.planning or Planning()
@@ -93,7 +93,7 @@ class Configuration:
             self.planner()
             check_count("replan_every", planning.replan_every, 1, horizon)
         elif self.planning is not None:
-            raise ResultError(f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}")
+            raise StoreError(f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}")
 
     @property
     def episodes(self) -> list[tuple[int, int]]:
@@ -116,7 +116,7 @@ class Configuration:
         """Everything that the scores depend on; what is in the files of the policy by SHA-256.
 
         Raises:
-            PolicyFileError: if the policy has no such file.
+            InvalidArgumentError: if the policy has no such file.
         """
         hashes: dict[str, str] = {}
         if is_saved(self.policy):
@@ -141,11 +141,11 @@ class Configuration:
 
 
 def check_settings(settings: Mapping[str, Any]) -> None:
-    """Raises `OutOfRangeError` for settings that say what is played, as the variations do."""
+    """Raises `InvalidArgumentError` for settings that say what is played, as the variations do."""
     for name in _OF_VARIATIONS:
         if name in settings:
             valid = f"arguments of the task; not {name!r}, the variations say what is played"
-            raise OutOfRangeError("settings", dict(settings), valid)
+            raise InvalidArgumentError("settings", dict(settings), valid)
 
 
 def evaluation_variations(number: int, split: str = "evaluate") -> tuple[int, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from softgym_mj.evaluation.machine import machine
-from softgym_mj.exceptions import ResultError
+from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.jobs.store import JSON, Store
 
@@ -27,7 +27,7 @@ def open_folder(
         this one.
 
     Raises:
-        ResultError: if it holds episodes of another configuration, or a damaged file.
+        StoreError: if it holds episodes of another configuration, or a damaged file.
     """
     fixed = {name: value for name, value in configuration.items() if name not in _GROWS}
     store = Store(path / "episodes", fixed, JSON)
@@ -39,7 +39,7 @@ def open_folder(
     if changed:
         differ.append(f"content of {', '.join(changed)}")
     if differ:
-        raise ResultError(
+        raise StoreError(
             f"{path} holds an evaluation with another {', '.join(differ)}; choose "
             "another folder or delete it"
         )

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 
 _PART = re.compile(r"(\d+)(?:-(\d+))?")
 
@@ -12,13 +12,13 @@ def parsed(argument: str, text: str) -> tuple[int, ...]:
     """The indices that a text names, in its order; a range includes its end.
 
     Raises:
-        OutOfRangeError: naming `argument`, for another text.
+        InvalidArgumentError: naming `argument`, for another text.
     """
     found: list[int] = []
     for part in text.split(","):
         match = _PART.fullmatch(part.strip())
         if match is None:
-            raise OutOfRangeError(argument, text, "indices and ranges such as 800,803,810-819")
+            raise InvalidArgumentError(argument, text, "indices and ranges such as 800,803,810-819")
         first, last = match.groups()
         found += range(int(first), int(last or first) + 1)
     return tuple(found)

@@ -8,7 +8,7 @@ import numpy as np
 
 from softgym_mj.evaluation.comparison import labels
 from softgym_mj.evaluation.statistics import quartiles_over
-from softgym_mj.exceptions import OutOfRangeError, ResultError, check_name, import_extra
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name, import_extra
 
 AXES = ("horizon", "budget", "replan_every")
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
@@ -33,11 +33,11 @@ def show(
         height: of a picture [inches].
 
     Raises:
-        OutOfRangeError: unless there are as many titles as pictures, and at least one.
-        MissingExtraError: without Matplotlib.
+        InvalidArgumentError: unless there are as many titles as pictures, and at least one.
+        UnavailableError: without Matplotlib.
     """
     if not len(pictures) or len(titles) != len(pictures):
-        raise OutOfRangeError("titles", titles, f"one for each of {len(pictures)} pictures")
+        raise InvalidArgumentError("titles", titles, f"one for each of {len(pictures)} pictures")
     plt = import_extra("matplotlib.pyplot", "Matplotlib", "notebooks")
     columns = min(columns or len(pictures), len(pictures))
     rows = -(-len(pictures) // columns)
@@ -57,8 +57,8 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
     """Draws a group of bars for each task: medians, with the quartiles as whiskers.
 
     Raises:
-        ResultError: for results that have the same label.
-        UnknownNameError: for a kind of file that Matplotlib does not write.
+        StoreError: for results that have the same label.
+        InvalidArgumentError: for a kind of file that Matplotlib does not write.
     """
     names = labels(results)
     groups = sorted(set(names), key=names.index)
@@ -89,15 +89,15 @@ def curves(results: Sequence[Mapping], axis: str, file: pathlib.Path) -> None:
     """Draws a curve for each task and planner over a setting of the planner, one of `AXES`.
 
     Raises:
-        UnknownNameError: if there is no such setting, or for a kind of file that Matplotlib does
-            not write.
-        ResultError: for results of policies that do not plan.
+        InvalidArgumentError: if there is no such setting, or for a kind of file that Matplotlib
+            does not write.
+        StoreError: for results of policies that do not plan.
     """
     check_name("x", axis, AXES)
     lines: dict[tuple[str, str], list[tuple[float, ...]]] = {}
     for result in results:
         if result["planning"] is None:
-            raise ResultError(f"{result['policy']!r} does not plan: it has no {axis}")
+            raise StoreError(f"{result['policy']!r} does not plan: it has no {axis}")
         key = result["task"], result["policy"]
         lines.setdefault(key, []).append((result["planning"][axis], *_quartiles(result)))
     figure = new_figure(5.0, 3.4)
@@ -128,7 +128,7 @@ def new_figure(width: float, height: float) -> Any:
     """A figure of Matplotlib [inches] to be saved: it needs no display and leaves pyplot alone.
 
     Raises:
-        MissingExtraError: without Matplotlib.
+        UnavailableError: without Matplotlib.
     """
     module = import_extra("matplotlib.figure", "Matplotlib", "notebooks")
     return module.Figure(figsize=(width, height))

@@ -60,8 +60,8 @@ def evaluate(
         `methods` of its `statistics`, episodes.
 
     Raises:
-        ResultError: if the folder belongs to another configuration or holds a damaged file.
-        PolicyFileError: for a saved policy that is none.
+        StoreError: if the folder belongs to another configuration or holds a damaged file.
+        InvalidArgumentError: for a saved policy that is none.
     """
     executor, progress = executor or SerialExecutor(), progress or Progress()
     written = configuration.as_json()

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.exceptions import OutOfRangeError, check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.native.library import FLUID, load_plugin
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
@@ -55,17 +55,17 @@ class Resolution:
         for number in self.columns:
             check_count("columns", number, 1)
         if not 0.0 < self.spacing < np.inf:
-            raise OutOfRangeError("spacing", self.spacing, "a length above 0 [m]")
+            raise InvalidArgumentError("spacing", self.spacing, "a length above 0 [m]")
 
 
 def _check_particles(name: str, values: np.ndarray, shapes: tuple[tuple[int, ...], ...]):
     shape = shapes[-1]
     if values.shape not in shapes:
-        raise OutOfRangeError(name, f"an array of shape {values.shape}", f"shape {shape}")
+        raise InvalidArgumentError(name, f"an array of shape {values.shape}", f"shape {shape}")
     good = np.abs(values) <= LARGEST  # False for NaN.
     if not good.all():
         bad = float(values[~good][0])
-        raise OutOfRangeError(name, bad, f"finite numbers in -{LARGEST:g}..{LARGEST:g}")
+        raise InvalidArgumentError(name, bad, f"finite numbers in -{LARGEST:g}..{LARGEST:g}")
 
 
 class Water(composer.Entity):
@@ -95,7 +95,7 @@ class Water(composer.Entity):
             name: model name.
 
         Raises:
-            UnknownNameError: if there is no such way to draw it.
+            InvalidArgumentError: if there is no such way to draw it.
         """
         check_name("draw", draw, DRAW_MODES)
         load_plugin()
@@ -190,15 +190,15 @@ class Water(composer.Entity):
             *bodies: elements `body` of that scene's MJCF, with joints, a mocap body or neither.
 
         Raises:
-            OutOfRangeError: for anything else.
+            InvalidArgumentError: for anything else.
         """
         for body in bodies:
             if not isinstance(body, mjcf.Element) or body.tag != "body":
                 valid = "MJCF elements `body`, such as `cup.body` or `worldbody.add('body')`"
-                raise OutOfRangeError("bodies", body, valid)
+                raise InvalidArgumentError("bodies", body, valid)
             if body.root.root_model is not self._mjcf_root.root_model:
                 valid = "bodies of the scene that the water has been attached to"
-                raise OutOfRangeError("bodies", body.full_identifier, valid)
+                raise InvalidArgumentError("bodies", body.full_identifier, valid)
             body.add("plugin", plugin=FLUID, instance=self._instance)
 
     # ------------------------------------------------------------------ simulation
@@ -229,7 +229,7 @@ class Water(composer.Entity):
         the next `mj_forward` or the start of the next step notes where they are.
 
         Raises:
-            OutOfRangeError: for a wrong shape, what is not finite or beyond +-10 km (/s).
+            InvalidArgumentError: for a wrong shape, what is not finite or beyond +-10 km (/s).
         """
         positions, velocities = np.asarray(positions, float), np.asarray(velocities, float)
         shape = (self.num_particles, 3)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from softgym_mj.exceptions import WorkersLostError, check_count, import_extra
+from softgym_mj.exceptions import SimulationError, check_count, import_extra
 
 MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
 
@@ -42,7 +42,7 @@ class Executor(abc.ABC):
             calls: positional arguments of each call, picklable.
 
         Raises:
-            WorkersLostError: if workers are lost again and again.
+            SimulationError: if workers are lost again and again.
         """
 
     def all(self, function: Callable, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
@@ -111,7 +111,7 @@ class ProcessExecutor(Executor):
                 self._pool = None
                 losses += 1
                 if losses == MAX_LOSSES:
-                    raise WorkersLostError(
+                    raise SimulationError(
                         f"{losses} times in a row a worker process ended before its first result "
                         "(killed, or out of memory?); what was finished is kept"
                     ) from error
@@ -157,7 +157,7 @@ class RayExecutor(Executor):
             number: cores of that new cluster; None for all.
 
         Raises:
-            MissingExtraError: if Ray is missing.
+            UnavailableError: if Ray is missing.
         """
         self._ray = ray = import_extra("ray", "Ray", "cluster")
         self._mine = not ray.is_initialized()

@@ -7,7 +7,7 @@ import secrets
 from collections.abc import Mapping
 from typing import Any
 
-from softgym_mj.exceptions import ResultError
+from softgym_mj.exceptions import StoreError
 
 PARTIAL = ".{}.{}.partial"  # Name of a file while it is written.
 
@@ -35,12 +35,12 @@ def read_json(file: pathlib.Path) -> dict[str, Any]:
     """Reads what `write_json` wrote.
 
     Raises:
-        ResultError: if it is no JSON object.
+        StoreError: if it is no JSON object.
     """
     try:
         content = json.loads(file.read_text())
     except (OSError, ValueError) as error:
-        raise ResultError(f"{file} cannot be read: {error}") from error
+        raise StoreError(f"{file} cannot be read: {error}") from error
     if not isinstance(content, dict):
-        raise ResultError(f"{file} is not a result")
+        raise StoreError(f"{file} is not a result")
     return content

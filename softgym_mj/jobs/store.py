@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from softgym_mj.exceptions import ResultError, SoftGymError
+from softgym_mj.exceptions import SoftGymError, StoreError
 from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.jobs.files import PARTIAL, read_json, write_json, write_whole
 
@@ -48,7 +48,7 @@ JSON = Codec(lambda value: json.dumps(value, indent=2).encode() + b"\n", json.lo
 
 
 def _damaged(file: pathlib.Path, reason: str) -> SoftGymError:
-    return ResultError(f"{file} cannot be read: {reason}; delete it")
+    return StoreError(f"{file} cannot be read: {reason}; delete it")
 
 
 class Store:
@@ -87,7 +87,7 @@ class Store:
         """The parts of the specification that are others for what the folder holds.
 
         Raises:
-            ResultError: if the folder's specification is damaged.
+            StoreError: if the folder's specification is damaged.
         """
         if self.is_empty() or not self._claim.exists():
             return []

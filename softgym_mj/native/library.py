@@ -6,7 +6,7 @@ import threading
 
 import mujoco
 
-from softgym_mj.exceptions import PluginUnavailableError
+from softgym_mj.exceptions import UnavailableError
 
 FLUID = "softgym_mj.fluid"
 CLOTH = "softgym_mj.cloth"
@@ -37,11 +37,11 @@ def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
         return file
     others = [f.name.removeprefix(_STEM).removesuffix(_SUFFIX) for f in folder.glob(f"{_STEM}*")]
     if others:
-        raise PluginUnavailableError(
+        raise UnavailableError(
             f"the engine plugins were built for MuJoCo {', '.join(sorted(others))}, but {version} "
             f"is installed. Run `pip install mujoco=={others[0]}`, or install softgym_mj again."
         )
-    raise PluginUnavailableError(
+    raise UnavailableError(
         f"the engine plugins are not built: {file} does not exist. Install softgym_mj from a "
         "wheel, or install a compiler (`apt-get install -y g++ cmake make`) and run "
         "`pip install .` again."
@@ -55,7 +55,7 @@ def load_plugin() -> pathlib.Path:
     kept: a second one is an error inside `dlopen`, whose lock would stay held.
 
     Raises:
-        PluginUnavailableError: if the library is missing, of another MuJoCo version or broken.
+        UnavailableError: if the library is missing, of another MuJoCo version or broken.
     """
     with _lock:
         file = _find(_FOLDER, mujoco.__version__)
@@ -63,7 +63,7 @@ def load_plugin() -> pathlib.Path:
             try:
                 mujoco.mj_loadPluginLibrary(str(file))
             except mujoco.FatalError as error:
-                raise PluginUnavailableError(
+                raise UnavailableError(
                     f"MuJoCo could not load the engine plugins from {file}: {error}"
                 ) from error
         return file

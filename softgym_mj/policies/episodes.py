@@ -33,7 +33,7 @@ class Episode:
         """The pictures at the speed at which they were taken.
 
         Raises:
-            OutOfRangeError: if there are none.
+            InvalidArgumentError: if there are none.
         """
         return Video(self.frames, self.fps)
 
@@ -65,9 +65,9 @@ def play(
         on_step: called after each env step.
 
     Raises:
-        UnknownNameError, PolicyFileError: for a bad policy or camera.
-        OutOfRangeError: for a variation or a size that does not exist.
-        RenderingUnavailableError: if pictures are wanted and there is no OpenGL.
+        InvalidArgumentError: for a bad policy or camera; for a variation or a size that does not
+            exist.
+        UnavailableError: if pictures are wanted and there is no OpenGL.
     """
     act = make_policy(policy, env, seed) if isinstance(policy, str) else policy
     check_count("size", size, 1, LARGEST_IMAGE)

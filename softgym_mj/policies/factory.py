@@ -15,7 +15,7 @@ def depends_on_seed(name: str) -> bool:
     """Whether two seeds can give two policies.
 
     Raises:
-        PolicyFileError: for a function that cannot be imported.
+        InvalidArgumentError: for a function that cannot be imported.
     """
     return takes_seed(name) if is_saved(name) else name not in ("scripted", "zero")
 
@@ -33,9 +33,8 @@ def make_policy(name: str, env: Environment, seed: int = 0) -> Policy:
         seed: of the random policy and of functions; replaces "{seed}" in the name of a file.
 
     Raises:
-        UnknownNameError: if there is no such policy.
-        PolicyFileError: for a file or function that is none.
-        ExpertError: if the task has no scripted expert.
+        InvalidArgumentError: if there is no such policy; for a file or function that is none; if
+            the task has no scripted expert.
     """
     if is_saved(name):
         return make_saved(name, env, seed)

@@ -9,7 +9,7 @@ import dm_env
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import ResultError, check_count
+from softgym_mj.exceptions import StoreError, check_count
 from softgym_mj.policies.planners import Plan, Planner
 from softgym_mj.policies.rollouts import Rollouts
 
@@ -46,7 +46,7 @@ class ModelPredictivePolicy:
             on_decision: called with every plan.
 
         Raises:
-            OutOfRangeError: if plans are executed for longer than they look ahead.
+            InvalidArgumentError: if plans are executed for longer than they look ahead.
         """
         check_count("replan_every", replan_every, 1, planner.horizon)
         self._env, self._planner, self._rollouts = env, planner, rollouts
@@ -92,9 +92,9 @@ class ModelPredictivePolicy:
             try:
                 actions = np.array(json.loads(line), float)
             except ValueError as error:
-                raise ResultError(f"{self._journal} is damaged: {error}; delete it") from error
+                raise StoreError(f"{self._journal} is damaged: {error}; delete it") from error
             if actions.shape != shape:
-                raise ResultError(
+                raise StoreError(
                     f"{self._journal} has plans of shape {actions.shape}, expected {shape}: it is "
                     "of other settings; delete it"
                 )

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from softgym_mj.exceptions import OutOfRangeError, check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 
 # Env steps that a plan looks ahead: the paper's table, and the authors' code for the hard tasks.
 # FoldCloth: the paper's 30; the code has 15.
@@ -77,18 +77,18 @@ class Planner(abc.ABC):
             variance: of every action entry at the start of a decision.
 
         Raises:
-            OutOfRangeError: if the budget has no room for 10 sequences in every iteration.
+            InvalidArgumentError: if the budget has no room for 10 sequences in every iteration.
         """
         check_count("horizon", horizon, 1)
         check_count("iterations", iterations, 1)
         check_count("budget", budget, 1)
         if not 0.0 < variance <= 1.0:
-            raise OutOfRangeError("variance", variance, "above 0, at most 1")
+            raise InvalidArgumentError("variance", variance, "above 0, at most 1")
         self.horizon, self.iterations, self.variance = horizon, iterations, variance
         self.population = budget // iterations // horizon
         if self.population < MIN_POPULATION:
             least = MIN_POPULATION * iterations * horizon
-            raise OutOfRangeError(
+            raise InvalidArgumentError(
                 "budget",
                 budget,
                 f"{least} env steps or more for a planning horizon of {horizon} and {iterations} "
@@ -199,8 +199,7 @@ def make_planner(name: str, task: str, horizon: int | None = None, **settings) -
         **settings: budget, iterations and variance as in `Planner`.
 
     Raises:
-        UnknownNameError: if there is no such planner.
-        OutOfRangeError: for what cannot be.
+        InvalidArgumentError: if there is no such planner; for what cannot be.
     """
     check_name("planner", name, PLANNERS)
     return PLANNERS[name](usual_horizon(task) if horizon is None else horizon, **settings)

@@ -13,7 +13,7 @@ import dm_env
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import PolicyFileError, SoftGymError, import_extra
+from softgym_mj.exceptions import InvalidArgumentError, SoftGymError, import_extra
 
 Policy = Callable[[dm_env.TimeStep], np.ndarray]
 
@@ -30,7 +30,7 @@ def takes_seed(name: str) -> bool:
     """Whether seeds tell policies of this name apart: by its file's name or an argument `seed`.
 
     Raises:
-        PolicyFileError: for a function that cannot be imported.
+        InvalidArgumentError: for a function that cannot be imported.
     """
     if name.endswith(SUFFIX):
         return SEED in name
@@ -43,7 +43,7 @@ def sha256(name: str, seed: int) -> dict[str, str]:
     Empty for a function that no file has, such as one of a notebook.
 
     Raises:
-        PolicyFileError: for a file that is missing or a function that cannot be imported.
+        InvalidArgumentError: for a file that is missing or a function that cannot be imported.
     """
     if name.endswith(SUFFIX):
         file = _existing(name, seed)
@@ -63,14 +63,14 @@ def make_saved(name: str, env: Environment, seed: int) -> Policy:
 def _existing(name: str, seed: int) -> pathlib.Path:
     file = pathlib.Path(name.replace(SEED, str(seed)))
     if not file.is_file():
-        raise PolicyFileError(f"policy={str(file)!r}: there is no such file")
+        raise InvalidArgumentError(f"policy={str(file)!r}: there is no such file")
     return file
 
 
 def _exported(name: str, env: Environment, seed: int) -> Policy:
     file = _existing(name, seed)
     if not zipfile.is_zipfile(file):
-        raise PolicyFileError(
+        raise InvalidArgumentError(
             f"policy={str(file)!r} is not what torch.export.save(torch.export.export(module, "
             "(observation,)), file) writes"
         )
@@ -78,7 +78,7 @@ def _exported(name: str, env: Environment, seed: int) -> Policy:
     try:
         module = torch.export.load(file).module()
     except Exception as error:  # torch raises whatever its reader happens to meet.
-        raise PolicyFileError(f"policy={str(file)!r} cannot be loaded: {error}") from error
+        raise InvalidArgumentError(f"policy={str(file)!r} cannot be loaded: {error}") from error
     size = env.task.actor.action_size
 
     def act(timestep: dm_env.TimeStep) -> np.ndarray:
@@ -88,14 +88,14 @@ def _exported(name: str, env: Environment, seed: int) -> Policy:
                 action = module(batch)
             except (RuntimeError, AssertionError, ValueError, TypeError) as error:
                 shape = tuple(batch.shape)
-                raise PolicyFileError(
+                raise InvalidArgumentError(
                     f"policy={str(file)!r} does not take an observation of shape {shape}, "
                     f"{batch.dtype}: {error}; export it with an example like this: "
                     f"torch.export.export(module, (torch.zeros({shape}, dtype={batch.dtype}),))"
                 ) from error
         action = np.asarray(action, float).reshape(-1)
         if action.shape != (size,):
-            raise PolicyFileError(
+            raise InvalidArgumentError(
                 f"policy={str(file)!r} gives {action.size} numbers; an action has {size}"
             )
         return np.clip(action, -1.0, 1.0)
@@ -106,7 +106,7 @@ def _exported(name: str, env: Environment, seed: int) -> Policy:
 def _single(file: pathlib.Path, timestep: dm_env.TimeStep) -> np.ndarray:
     """The only observation, as Gymnasium's environment gives it: images uint8, others float32."""
     if len(timestep.observation) != 1:
-        raise PolicyFileError(
+        raise InvalidArgumentError(
             f"policy={str(file)!r} takes one observation; the settings ask for "
             f"{', '.join(timestep.observation)}"
         )
@@ -123,12 +123,14 @@ def _imported(name: str, env: Environment, seed: int) -> Policy:
         raise
     except Exception as error:  # Whatever the function raises.
         where = traceback.extract_tb(error.__traceback__)[-1]
-        raise PolicyFileError(
+        raise InvalidArgumentError(
             f"policy={name!r} made no policy of an environment: {type(error).__name__}: {error} "
             f"({where.filename}:{where.lineno})"
         ) from error
     if not callable(policy):
-        raise PolicyFileError(f"policy={name!r} gives {policy!r}, not a function of time steps")
+        raise InvalidArgumentError(
+            f"policy={name!r} gives {policy!r}, not a function of time steps"
+        )
     return policy
 
 
@@ -137,7 +139,7 @@ def _function(name: str) -> Any:
     try:
         return getattr(importlib.import_module(module), function)
     except Exception as error:  # Whatever the code of the module raises.
-        raise PolicyFileError(
+        raise InvalidArgumentError(
             f"policy={name!r} cannot be imported: {type(error).__name__}: {error}"
         ) from error
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from softgym_mj.exceptions import DatasetExistsError, OutOfRangeError, import_extra
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, import_extra
 
 if TYPE_CHECKING:
     import minari
@@ -32,9 +32,9 @@ def check_new(name: str) -> None:
     """Raises unless `name` can be the id of a new dataset.
 
     Raises:
-        MissingExtraError: if Minari is missing.
-        OutOfRangeError: if it is not an id of Minari's.
-        DatasetExistsError: if the dataset exists.
+        UnavailableError: if Minari is missing.
+        InvalidArgumentError: if it is not an id of Minari's.
+        StoreError: if the dataset exists.
     """
     minari = import_extra("minari", "Minari", "datasets")
     try:
@@ -44,9 +44,9 @@ def check_new(name: str) -> None:
             "NAMESPACE/NAME-v0 of letters, digits, - and _, such as 'rope/expert-v0'; a namespace "
             "has two or more of them, can have parts (a/b/c) and can be left out"
         )
-        raise OutOfRangeError("dataset", name, valid) from None
+        raise InvalidArgumentError("dataset", name, valid) from None
     if _folder(name).exists():
-        raise DatasetExistsError(
+        raise StoreError(
             f"dataset={name!r} exists; choose another id, or remove it: `minari delete {name}`"
         )
 

@@ -15,7 +15,7 @@ import mujoco
 import softgym_mj
 from softgym_mj import registry
 from softgym_mj.evaluation.configuration import check_settings
-from softgym_mj.exceptions import OutOfRangeError, ResultError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import is_saved, sha256
@@ -61,18 +61,17 @@ def record(
         **settings: keyword arguments of the Gymnasium environment, such as `observation`.
 
     Raises:
-        MissingExtraError: if Minari is missing.
-        DatasetExistsError: if the dataset exists.
-        OutOfRangeError: for a variation that does not exist, or none; an id that is none; settings
-            that JSON cannot hold; or if no episode is left.
-        ResultError: for episodes of an unfinished recording with other settings or damaged files.
-        UnknownNameError, TaskModuleError, PolicyFileError: for a bad task or policy.
-        ExpertError: if the policy is "scripted" and the task has no expert.
+        UnavailableError: if Minari is missing.
+        StoreError: if the dataset exists; for episodes of an unfinished recording with other
+            settings or damaged files.
+        InvalidArgumentError: for a variation that does not exist, or none; an id that is none;
+            settings that JSON cannot hold; or if no episode is left; for a bad task or policy; if
+            the policy is "scripted" and the task has no expert.
     """
     found = registry.find(task)
     variations = [check_variation(variation) for variation in variations]
     if not variations:
-        raise OutOfRangeError("variations", variations, "at least one")
+        raise InvalidArgumentError("variations", variations, "at least one")
     check_settings(settings)
     if dataset is None:
         acts = settings.get("actor"), settings.get("grasp")
@@ -99,7 +98,7 @@ def record(
         }
         store = Store(datasets.unfinished_folder(dataset), configuration, ARRAYS)
         if differ := store.differences():
-            raise ResultError(
+            raise StoreError(
                 f"{store.folder} holds episodes of an unfinished recording with another "
                 f"{', '.join(differ)}; finish that, choose another dataset or delete the folder"
             )
@@ -116,7 +115,7 @@ def record(
             on_episode(last)
         if successful_only and not successful:
             valid = f"False, as none of the {len(variations)} episodes is successful"
-            raise OutOfRangeError("successful_only", True, valid)
+            raise InvalidArgumentError("successful_only", True, valid)
         if successful_only:
             counts = f"{len(successful)} of {len(variations)} episodes, those with success."
             metadata["description"] = f"{found.summary} {counts}".lstrip()
@@ -146,7 +145,7 @@ def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:
     """The environment with evaluation variations, as JSON.
 
     Raises:
-        OutOfRangeError: if JSON cannot hold the settings.
+        InvalidArgumentError: if JSON cannot hold the settings.
     """
     assert env.spec is not None
     spec = copy.deepcopy(env.spec)
@@ -154,7 +153,7 @@ def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:
     try:
         return spec.to_json()
     except TypeError as error:
-        raise OutOfRangeError("settings", settings, f"what JSON can hold ({error})") from None
+        raise InvalidArgumentError("settings", settings, f"what JSON can hold ({error})") from None
 
 
 def _with_module(record: registry.TaskRecord) -> str:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.exceptions import (
-    OutOfRangeError,
-    RenderingUnavailableError,
+    InvalidArgumentError,
+    UnavailableError,
     check_image_size,
     check_name,
 )
@@ -57,9 +57,9 @@ def choose_backend() -> None:
         os.environ["MUJOCO_GL"] = "disable"
 
 
-def unavailable(reason: object) -> RenderingUnavailableError:
+def unavailable(reason: object) -> UnavailableError:
     """The error for a rendering that failed, with the command that helps."""
-    return RenderingUnavailableError(
+    return UnavailableError(
         f"off-screen rendering failed with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r}: "
         f"{reason}. Install software OpenGL with `{INSTALL_COMMAND}`, unset MUJOCO_GL (or set it "
         "to egl, osmesa or glfw) and start Python again."
@@ -75,11 +75,11 @@ def _claim() -> None:
     """Notes that this process renders.
 
     Raises:
-        RenderingUnavailableError: if it was forked from one that has: OpenGL would wait forever.
+        UnavailableError: if it was forked from one that has: OpenGL would wait forever.
     """
     global _rendered_in  # noqa: PLW0603 - a fact about the process.
     if _rendered_in not in (None, os.getpid()):
-        raise RenderingUnavailableError(
+        raise UnavailableError(
             "this process was forked from one that has rendered, and OpenGL does not survive a "
             'fork: start processes with the method "forkserver" or "spawn", for example '
             'gymnasium.make_vec(..., vectorization_mode="async", '
@@ -121,12 +121,12 @@ class CameraView:
         """Chooses the camera.
 
         Args:
-            camera: a name as in `camera_ids`; one that does not exist is an `UnknownNameError` when
-                something is rendered.
+            camera: a name as in `camera_ids`; one that does not exist is an `InvalidArgumentError`
+                when something is rendered.
             height, width: of images, each in 1..`LARGEST_IMAGE` [pixels].
 
         Raises:
-            OutOfRangeError: for another size.
+            InvalidArgumentError: for another size.
         """
         self._camera = camera
         self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
@@ -168,7 +168,7 @@ class CameraView:
             return self._view.render(scene_option=self._option, **options)
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
             if _OTHER_THREAD in str(error):
-                raise RenderingUnavailableError(
+                raise UnavailableError(
                     "this environment has rendered in another thread, and OpenGL stays there: "
                     "render, reset and step it in that thread only, or make one in each thread"
                 ) from error
@@ -184,7 +184,7 @@ class Video:
         fps: pictures in a second.
 
     Raises:
-        OutOfRangeError: for frames of another shape or kind, or none at all.
+        InvalidArgumentError: for frames of another shape or kind, or none at all.
     """
 
     frames: np.ndarray = dataclasses.field(repr=False)
@@ -193,7 +193,7 @@ class Video:
     def __post_init__(self):
         frames = np.asarray(self.frames)
         if frames.ndim != 4 or frames.shape[-1] != 3 or frames.dtype != np.uint8 or not len(frames):
-            raise OutOfRangeError(
+            raise InvalidArgumentError(
                 "frames", f"{frames.dtype}{frames.shape}", "uint8(n, height, width, 3), n >= 1"
             )
         object.__setattr__(self, "frames", frames)

@@ -63,8 +63,8 @@ def add_arms(
         visual: what they look like: "primitive", our own shapes, or "menagerie".
 
     Raises:
-        UnknownNameError: if there is no such look.
-        ModelUnavailableError: as in `menagerie.replace_visuals`.
+        InvalidArgumentError: if there is no such look.
+        UnavailableError: as in `menagerie.replace_visuals`.
     """
     check_name("visual", visual, menagerie.VISUALS)
     number = len(mounts)

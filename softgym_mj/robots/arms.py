@@ -56,9 +56,8 @@ class Arms(HoldingGripper[Grasp]):
             visual: "primitive" or "menagerie", as in `arm_bodies.add_arms`.
 
         Raises:
-            OutOfRangeError: for another number of arms.
-            UnknownNameError: if there is no such grasp or look.
-            ModelUnavailableError: as in `arm_bodies.add_arms`.
+            InvalidArgumentError: for another number of arms; if there is no such grasp or look.
+            UnavailableError: as in `arm_bodies.add_arms`.
         """
         check_count("arms", num_arms, 1, 2)
         check_name("grasp", grasp, GRASPS)

@@ -7,7 +7,7 @@ from dm_control import composer
 from dm_control.composer.observation import observable
 from dm_env import specs
 
-from softgym_mj.exceptions import InvalidActionError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.observables import wrist_observables
 from softgym_mj.robots.actions import ActionSpace
 
@@ -98,24 +98,24 @@ class Actor(abc.ABC):
         """The action as floats (action_size,).
 
         Raises:
-            InvalidActionError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
+            InvalidArgumentError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
         """
         try:
             array = np.asarray(action)
         except ValueError:  # Ragged.
             array = np.empty(0, object)
         if array.dtype.kind not in "fiub":
-            raise InvalidActionError(f"action={action!r} is not an array of real numbers.")
+            raise InvalidArgumentError(f"action={action!r} is not an array of real numbers.")
         array = array.astype(float)
         if array.shape != (self.action_size,):
-            raise InvalidActionError(
+            raise InvalidArgumentError(
                 f"action has shape {array.shape}; expected ({self.action_size},): "
                 f"{self.actions.layout}."
             )
         limit = 1.0 + BOUND_TOLERANCE
         if not np.abs(array).max() <= limit:  # True for NaN as well.
             bad = np.flatnonzero(~(np.abs(array) <= limit))
-            raise InvalidActionError(
+            raise InvalidArgumentError(
                 f"action{bad.tolist()} = {array[bad].tolist()} must be finite and within [-1, 1]; "
                 "clip the action first, for example with numpy.clip(action, -1, 1)."
             )

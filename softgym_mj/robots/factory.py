@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TypedDict, Unpack, overload
 
-from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.robots import pick_and_place, picker
 from softgym_mj.robots.cup_mover import CupMover, CupTool
 from softgym_mj.robots.gripper import Gripper
@@ -72,9 +72,9 @@ def make_actor(
         num_pickers, arms, grasp, visual: as in `GripperSettings`; of a cup's, visual alone.
 
     Raises:
-        UnknownNameError: if there is no such actor, kind, grasp or look.
-        ModelUnavailableError: if Menagerie's model cannot be had.
-        OutOfRangeError: if there cannot be as many, or for a setting of other actors.
+        InvalidArgumentError: if there is no such actor, kind, grasp or look; if there cannot be as
+            many, or for a setting of other actors.
+        UnavailableError: if Menagerie's model cannot be had.
     """
     look = "primitive" if visual is None else visual
     if isinstance(kind, CupTool):
@@ -100,10 +100,10 @@ def make_actor(
 
 
 def _refuse(settings: Mapping[str, object], valid: str) -> None:
-    """Raises `OutOfRangeError` for the first of `settings` that is not None."""
+    """Raises `InvalidArgumentError` for the first of `settings` that is not None."""
     for name, value in settings.items():
         if value is not None:
-            raise OutOfRangeError(name, value, valid)
+            raise InvalidArgumentError(name, value, valid)
 
 
 def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:
@@ -115,13 +115,13 @@ def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:
         usual: what the task has with actors that move by displacement.
 
     Raises:
-        UnknownNameError: if there is no such actor.
-        OutOfRangeError: if an action that takes as long as it needs is to be repeated.
+        InvalidArgumentError: if there is no such actor; if an action that takes as long as it needs
+            is to be repeated.
     """
     check_name("actor", actor, GRIPPERS)
     once = issubclass(PICKERS.get(actor, picker.Picker), pick_and_place.RoutePicker)
     if once and action_repeat not in (None, 1):
-        raise OutOfRangeError("action_repeat", action_repeat, f"1 with actor={actor!r}")
+        raise InvalidArgumentError("action_repeat", action_repeat, f"1 with actor={actor!r}")
     if once:
         return 1
     return usual if action_repeat is None else action_repeat

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from dm_control import mjcf
 
-from softgym_mj.exceptions import ModelUnavailableError
+from softgym_mj.exceptions import UnavailableError
 from softgym_mj.robots.models import Arm
 
 VISUALS = ("primitive", "menagerie")
@@ -34,7 +34,7 @@ def replace_visuals(model: mjcf.RootElement, arm: Arm) -> None:
         arm: the kind of arm.
 
     Raises:
-        ModelUnavailableError: if the package `mujoco-menagerie` is not installed, or the model can
+        UnavailableError: if the package `mujoco-menagerie` is not installed, or the model can
             neither be found nor downloaded, or is of an arm with other joints or frames.
     """
     try:
@@ -50,7 +50,7 @@ def _spec(arm: Arm) -> mujoco.MjSpec:
     try:
         import mujoco_menagerie
     except ImportError as error:
-        raise ModelUnavailableError(
+        raise UnavailableError(
             "visual='menagerie' needs the package mujoco-menagerie: "
             "`pip install softgym_mj[menagerie]`"
         ) from error
@@ -62,7 +62,7 @@ def _spec(arm: Arm) -> mujoco.MjSpec:
 
 
 def _fail(arm: Arm, reason: object) -> NoReturn:
-    raise ModelUnavailableError(
+    raise UnavailableError(
         f"visual='menagerie' cannot show {arm.name!r} as {arm.menagerie!r}: {reason}. This model "
         "is downloaded from github.com when first used; or set MENAGERIE_ROOT to a checkout of "
         "https://github.com/google-deepmind/mujoco_menagerie, or leave visual='primitive'."
@@ -70,7 +70,7 @@ def _fail(arm: Arm, reason: object) -> NoReturn:
 
 
 def _common_bodies(source: mujoco.MjModel, arm: Arm) -> list[str]:
-    """Bodies of an arm that Menagerie's has, too; `ModelUnavailableError` unless frames agree."""
+    """Bodies of an arm that Menagerie's has, too; `UnavailableError` unless frames agree."""
     model = mujoco.MjModel.from_xml_path(arm.xml_path)
     for joint in arm.joints:
         if _owner(source, joint) != _owner(model, joint):

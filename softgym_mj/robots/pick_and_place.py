@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from dm_control import composer
 
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.arithmetic import product
 from softgym_mj.robots.actions import ActionSpace, gripper_actions
 from softgym_mj.robots.grip import GripCommand
@@ -118,7 +118,7 @@ class PixelPickAndPlace(RoutePicker):
     def _build(self, *args, **kwargs):
         super()._build(*args, **kwargs)
         if self.num_grippers != 1:
-            raise OutOfRangeError("num_pickers", self.num_grippers, "1: one pixel, one picker")
+            raise InvalidArgumentError("num_pickers", self.num_grippers, "1: one pixel, one picker")
 
     def join(self, arena: composer.Arena) -> None:
         super().join(arena)

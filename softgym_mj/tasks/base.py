@@ -14,10 +14,9 @@ from dm_env import specs
 from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.exceptions import (
-    EpisodeEndedError,
-    OutOfRangeError,
+    InvalidArgumentError,
+    LifecycleError,
     SoftGymError,
-    UndrivenError,
     check_count,
     check_image_size,
 )
@@ -224,7 +223,7 @@ class DeformableTask(composer.Task, abc.ABC):
         self._variation, self._chosen = check_variation(variation), True
         resized = self.resize(self._variation)
         if not isinstance(resized, (bool, np.bool_)):
-            raise OutOfRangeError("resize()", resized, "True if the model changed, else False")
+            raise InvalidArgumentError("resize()", resized, "True if the model changed, else False")
         return self._domain.apply(self._variation) or resized
 
     def after_compile(self, physics, random_state):
@@ -275,7 +274,7 @@ class DeformableTask(composer.Task, abc.ABC):
         actor = self._actor
         action = actor.checked_action(action)
         if actor.varies and not self.driven:
-            raise UndrivenError(
+            raise LifecycleError(
                 "actions of this actor take as long as they need: run the task in "
                 "softgym_mj.envs.environment.Environment, or by softgym_mj.load"
             )
@@ -309,7 +308,7 @@ class DeformableTask(composer.Task, abc.ABC):
     def last_evaluation(self) -> Measures:
         """Measures of the state after the last env step or reset."""
         if self._measures is None:
-            raise EpisodeEndedError("no episode has started: call reset() first")
+            raise LifecycleError("no episode has started: call reset() first")
         return self._measures
 
     def normalized(self, performance: Array) -> Array:

@@ -24,7 +24,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.exceptions import OutOfRangeError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
 from softgym_mj.robots.gripper import Gripper, Workspace
@@ -59,7 +59,7 @@ class DropTask(ClothTask):
         """Wires the task; `success` as in `Layout`, `settings` as in `ClothTask`."""
         if actor.num_grippers != 2:
             number = actor.num_grippers
-            raise OutOfRangeError("number of grippers", number, "2, for the two corners held")
+            raise InvalidArgumentError("number of grippers", number, "2, for the two corners held")
         layout = Layout("cloth_drop", WORKSPACE, actor.hold_height, success)
         super().__init__(layout, cloth, actor, initializer, **settings)
 

@@ -14,7 +14,7 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.rope import Rope
-from softgym_mj.exceptions import SettlingError
+from softgym_mj.exceptions import SimulationError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.variations.indices import generator
 
@@ -124,7 +124,7 @@ class TwistedRope:
         if scene.max_speed() >= SETTLED_SPEED:
             scene.settle(_ROPE_MAX_STEPS)
         if scene.max_speed() >= SETTLED_SPEED:
-            raise SettlingError(
+            raise SimulationError(
                 f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
                 f"after {_ROPE_MAX_STEPS} sim steps"
             )
@@ -189,7 +189,7 @@ class CrumpledCloth(_SizedCloth):
         steps = _FALL_STEPS + _SLUMP_STEPS
         while np.sqrt(np.mean(scene.speeds() ** 2)) >= _CLOTH_SETTLED_RMS:
             if steps >= _CLOTH_MAX_STEPS:
-                raise SettlingError(
+                raise SimulationError(
                     f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
                     f"after {steps} sim steps"
                 )

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Measures
 
 _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
@@ -20,19 +20,19 @@ def checked(measures: object) -> Measures:
     """The measures of one simulation as Python's numbers.
 
     Raises:
-        OutOfRangeError: for what is no number, not finite or has the name of something else in
+        InvalidArgumentError: for what is no number, not finite or has the name of something else in
             info: one of `INFO_NAMES`, or what begins with "reward_" or "domain_".
     """
     if not isinstance(measures, Measures):
-        raise OutOfRangeError("measure()", measures, "`Measures`")
+        raise InvalidArgumentError("measure()", measures, "`Measures`")
     groups = {"rewards": measures.rewards, "info": measures.info}
     for group, values in groups.items():
         if not isinstance(values, dict):
-            raise OutOfRangeError(group, values, "a dict from names to numbers")
+            raise InvalidArgumentError(group, values, "a dict from names to numbers")
     for name in measures.info:
         if not isinstance(name, str) or name in INFO_NAMES or name.startswith(_INFO_PREFIXES):
             taken = f"{', '.join(sorted(INFO_NAMES))}, or what begins with reward_ or domain_"
-            raise OutOfRangeError("info", name, f"a name that info does not have: {taken}")
+            raise InvalidArgumentError("info", name, f"a name that info does not have: {taken}")
     return Measures(
         _number("performance", measures.performance, finite=True),
         {k: _number(f"rewards[{k!r}]", v, finite=True) for k, v in measures.rewards.items()},
@@ -44,15 +44,17 @@ def _number(name: str, value: object, finite: bool) -> float | int | bool:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     if not isinstance(value, _NUMBERS) or (finite and not math.isfinite(value)):
-        raise OutOfRangeError(name, value, "a finite number" if finite else "a number")
+        raise InvalidArgumentError(name, value, "a finite number" if finite else "a number")
     return value.item() if isinstance(value, np.generic) else value
 
 
 def check_names(groups: Iterable[Iterable[str]]) -> None:
-    """Raises `OutOfRangeError` for a name that two groups of what info lists have in common."""
+    """Raises `InvalidArgumentError` for a name that two groups of what info lists have."""
     seen = set(INFO_NAMES)
     for group in groups:
         names = set(group)
         if twice := sorted(seen & names):
-            raise OutOfRangeError("measures or diagnostics", twice, "names that info has only once")
+            raise InvalidArgumentError(
+                "measures or diagnostics", twice, "names that info has only once"
+            )
         seen |= names

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 
 # name: what it is. Positions are in metres, in the world frame.
 OBSERVATIONS = {
@@ -32,13 +32,13 @@ def enabled_names(
         available: names of the task's observations.
 
     Raises:
-        UnknownNameError: for a name that does not exist, none or one given twice.
+        InvalidArgumentError: for a name that does not exist, none or one given twice.
     """
     available = tuple(available)
     names = (observation,) if isinstance(observation, str) else observation
     if not isinstance(names, Sequence):
-        raise UnknownNameError("observation", observation, available)
+        raise InvalidArgumentError("observation", observation, available)
     names = tuple(names)
     if not names or len(set(names)) != len(names) or not set(names) <= set(available):
-        raise UnknownNameError("observation", observation, available)
+        raise InvalidArgumentError("observation", observation, available)
     return names

@@ -9,7 +9,7 @@ import numpy as np
 from softgym_mj.entities.arena import CAMERAS, Arena, CameraPose
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.fluid import Water
 from softgym_mj.metrics import Array
 from softgym_mj.robots.base import SIM_STEP
@@ -81,20 +81,21 @@ class SceneTask(DeformableTask):
                 object have its model name before theirs: "rope_friction".
 
         Raises:
-            OutOfRangeError: for objects without a flex, two of the same name, or another argument
-                of a wrong type.
-            UnknownNameError: for a bad name.
+            InvalidArgumentError: for objects without a flex, two of the same name, or another
+                argument of a wrong type; for a bad name.
         """
         _check_types(objects, actor, camera, workspace)
         self._objects = tuple(objects)
         flexes = [thing for thing in self._objects if isinstance(thing, Flex)]
         if not flexes:
-            raise OutOfRangeError("objects", self._objects, "at least one rope, cloth or garment")
+            raise InvalidArgumentError(
+                "objects", self._objects, "at least one rope, cloth or garment"
+            )
         self._flexes = FlexGroup(flexes)
         parts: list[Any] = list(self._objects)
         names = [part.mjcf_model.model for part in parts]
         if len(set(names)) < len(names):
-            raise OutOfRangeError("objects", names, "a different `name` for each of them")
+            raise InvalidArgumentError("objects", names, "a different `name` for each of them")
         self._workspace, self._grippers_at = workspace, np.array(grippers_at, float)
         if isinstance(camera, str):
             camera += actor.camera_suffix
@@ -177,24 +178,24 @@ class SceneTask(DeformableTask):
         bounds = np.asarray(self.bounds(self.episode), float)
         if bounds.shape != (2,) or not np.isfinite(bounds).all() or bounds[0] >= bounds[1]:
             found = self.bounds(self.episode)
-            raise OutOfRangeError("bounds()", found, "(lower, upper) with lower < upper")
+            raise InvalidArgumentError("bounds()", found, "(lower, upper) with lower < upper")
         for name, found in self.reduced(self.state(), self.episode).items():
             values = np.asarray(found, float)
             if values.ndim > 2 or not np.isfinite(values).all():
-                raise OutOfRangeError(f"reduced()[{name!r}]", values, "finite numbers (n,)")
+                raise InvalidArgumentError(f"reduced()[{name!r}]", values, "finite numbers (n,)")
 
     def _check_points(self):
-        """Raises `OutOfRangeError` unless everything starts above the floor, if there is one."""
+        """Raises `InvalidArgumentError` unless all starts above the floor, if there is one."""
         floor = self.root_entity.mjcf_model.find("geom", "floor")
         lowest = -np.inf if floor is None else (0.0 if floor.pos is None else floor.pos[2]) - SUNK
         for thing in self._objects:
             points, name = _points(thing), thing.mjcf_model.model
             if not np.isfinite(points).all():
-                raise OutOfRangeError(f"points of {name!r}", points.shape, "finite array")
+                raise InvalidArgumentError(f"points of {name!r}", points.shape, "finite array")
             if points[:, 2].min() < lowest:
                 height = float(points[:, 2].min())
                 valid = "on the floor or above it [m]: `arrange` puts it there"
-                raise OutOfRangeError(f"lowest point of {name!r}", height, valid)
+                raise InvalidArgumentError(f"lowest point of {name!r}", height, valid)
 
     def object_points(self) -> dict[str, np.ndarray]:
         return {thing.mjcf_model.model: _points(thing) for thing in self._objects}
@@ -209,18 +210,18 @@ class SceneTask(DeformableTask):
 
 
 def _check_types(objects: object, actor: object, camera: object, workspace: object) -> None:
-    """Raises `OutOfRangeError` for arguments of `SceneTask` of a wrong type."""
+    """Raises `InvalidArgumentError` for arguments of `SceneTask` of a wrong type."""
     if not isinstance(objects, Sequence) or not all(isinstance(o, Flex | Water) for o in objects):
         valid = "a list of ropes, cloths, garments and waters"
-        raise OutOfRangeError("objects", objects, valid)
+        raise InvalidArgumentError("objects", objects, valid)
     if not isinstance(actor, Gripper):
         valid = 'a Gripper, such as `robots.factory.make_actor("picker", "cloth")`'
-        raise OutOfRangeError("actor", actor, valid)
+        raise InvalidArgumentError("actor", actor, valid)
     if not isinstance(camera, str | CameraPose):
         names = ", ".join(repr(name) for name in CAMERAS)
-        raise OutOfRangeError("camera", camera, f"a CameraPose, or one of {names}")
+        raise InvalidArgumentError("camera", camera, f"a CameraPose, or one of {names}")
     if not isinstance(workspace, Workspace):
-        raise OutOfRangeError("workspace", workspace, "a Workspace((x, y, z), (x, y, z))")
+        raise InvalidArgumentError("workspace", workspace, "a Workspace((x, y, z), (x, y, z))")
 
 
 def _checked_timestep(timestep: float | None, objects: Sequence[Flex | Water]) -> float:
@@ -230,7 +231,7 @@ def _checked_timestep(timestep: float | None, objects: Sequence[Flex | Water]) -
         return largest
     whole = 0.0 < timestep <= largest and np.isclose(SIM_STEP / timestep % 1.0, [0.0, 1.0]).any()
     if not whole:
-        raise OutOfRangeError("timestep", timestep, f"{SIM_STEP} s / n, at most {largest} s")
+        raise InvalidArgumentError("timestep", timestep, f"{SIM_STEP} s / n, at most {largest} s")
     return timestep
 
 

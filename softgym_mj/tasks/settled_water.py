@@ -7,7 +7,7 @@ import numpy as np
 
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup, CupSize
-from softgym_mj.exceptions import SettlingError
+from softgym_mj.exceptions import SimulationError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.fluid.water import TIMESTEP
 from softgym_mj.tasks.water_scenes import Scenes
@@ -78,14 +78,14 @@ class SettledWater:
             if rest == _REST_STEPS:
                 break
         else:
-            raise SettlingError(
+            raise SimulationError(
                 f"variation {index} of {self.name} still moves at {speed:.3f} m/s after "
                 f"{_MAX_STEPS} sim steps"
             )
         positions = water.positions()
         outside = np.count_nonzero(~cup.inside(positions))
         if outside:
-            raise SettlingError(
+            raise SimulationError(
                 f"variation {index} of {self.name} has {outside} of {len(positions)} particles "
                 "outside the cup"
             )

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count
 
 NUM_VARIATIONS = 1000
 SPLITS = {
@@ -42,7 +42,7 @@ def check_variation(index: object) -> int:
     """The index as int.
 
     Raises:
-        OutOfRangeError: if it is not a whole number in 0..999.
+        InvalidArgumentError: if it is not a whole number in 0..999.
     """
     return check_count("variation", index, 0, NUM_VARIATIONS - 1)
 
@@ -55,10 +55,10 @@ def split_indices(split: str | Sequence[int]) -> Sequence[int]:
     """
     if isinstance(split, Sequence) and not isinstance(split, str):
         if not len(split):
-            raise OutOfRangeError("split", split, "a split name or at least one variation")
+            raise InvalidArgumentError("split", split, "a split name or at least one variation")
         return [check_variation(index) for index in split]
     if not isinstance(split, str) or split not in SPLITS:
-        raise UnknownNameError("split", split, [*SPLITS, "a sequence of variation indices"])
+        raise InvalidArgumentError("split", split, [*SPLITS, "a sequence of variation indices"])
     return SPLITS[split]
 
 

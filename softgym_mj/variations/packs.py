@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softgym_mj import assets
-from softgym_mj.exceptions import CorruptStoreError
+from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.files import write_whole
 
 # What numpy and zipfile raise on a file that is not a whole npz of ours.
@@ -38,9 +38,9 @@ def _stored_specification(file: pathlib.Path) -> str | None:
         raise corrupt(file, repr(error)) from error
 
 
-def corrupt(file: pathlib.Path, reason: str) -> CorruptStoreError:
+def corrupt(file: pathlib.Path, reason: str) -> StoreError:
     """The error for a file of start states."""
-    return CorruptStoreError(
+    return StoreError(
         f"{file} is not a valid store of initial states ({reason}). Generate it again with "
         "`softgym-mj generate TASK`, which replaces invalid files and keeps valid ones."
     )
@@ -72,7 +72,7 @@ def read_pack(file: pathlib.Path, specification: str) -> list[np.ndarray]:
     """Reads what `write_pack` wrote: a list of (n, 3) float64 arrays [m].
 
     Raises:
-        CorruptStoreError: if it is truncated, altered or of another specification.
+        StoreError: if it is truncated, altered or of another specification.
     """
     try:
         with np.load(file, allow_pickle=False) as content:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from softgym_mj.exceptions import OutOfRangeError, UnknownNameError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.variations.indices import generator
 
 Range = tuple[float, float]
@@ -55,7 +55,7 @@ class Parameter:
             setting: a number, a pair (low, high) or one of `PRESETS`.
 
         Raises:
-            UnknownNameError, OutOfRangeError: if it is none of these or not within `valid`.
+            InvalidArgumentError: if it is none of these or not within `valid`.
         """
         if isinstance(setting, str):
             check_name(self.name, setting, PRESETS)
@@ -73,7 +73,7 @@ class Parameter:
         if not self.valid[0] <= low <= high <= self.valid[1]:
             unit = f" {self.unit}" if self.unit else ""
             valid = f"a number or (low, high) within {self.valid}{unit}, or a preset"
-            raise OutOfRangeError(self.name, setting, f"{valid}: {', '.join(PRESETS)}")
+            raise InvalidArgumentError(self.name, setting, f"{valid}: {', '.join(PRESETS)}")
         return ((low, high),)
 
     def at(self, fraction: float, ranges: Sequence[Range]) -> float:
@@ -152,7 +152,7 @@ class Domain:
             parts: what has parameters.
 
         Raises:
-            UnknownNameError, OutOfRangeError: for a bad name or value.
+            InvalidArgumentError: for a bad name or value.
         """
         self._parts = tuple(parts)
         self._parameters = {p.name: p for part in parts for p in part.parameters}
@@ -164,7 +164,7 @@ class Domain:
             settings = dict.fromkeys(self._parameters, setting)
         else:
             choices = [*PRESETS, "a dict of " + ", ".join(self._parameters)]
-            raise UnknownNameError("domain", setting, choices)
+            raise InvalidArgumentError("domain", setting, choices)
         self._ranges = {
             name: parameter.ranges(settings[name]) for name, parameter in self._parameters.items()
         }

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 import mujoco
 import numpy as np
 
-from softgym_mj.exceptions import CacheUnavailableError
+from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
@@ -52,9 +52,8 @@ class VariationStore(Store):
         """Vertex positions (n, 3) [m] of a variation; generated and stored if missing.
 
         Raises:
-            CorruptStoreError: if the file is truncated, altered, of another specification or of
-                another variation.
-            CacheUnavailableError: if it has to be generated and cannot be written.
+            StoreError: if the file is truncated, altered, of another specification or of another
+                variation; if it has to be generated and cannot be written.
         """
         index = check_variation(index)
         states = packs.shipped(self._initializer.name, self._text)
@@ -73,12 +72,12 @@ class VariationStore(Store):
         """Keeps vertex positions (n, 3) [m], in single precision.
 
         Raises:
-            CacheUnavailableError: if the file cannot be written.
+            StoreError: if the file cannot be written.
         """
         try:
             super().put(key, {"points": value.astype(np.float32)})
         except OSError as error:
-            raise CacheUnavailableError(
+            raise StoreError(
                 f"{self.file(key)} cannot be written: {error}. Let {CACHE_VARIABLE} name a "
                 "folder with space that can be written."
             ) from error

@@ -12,13 +12,7 @@ from gymnasium.vector.utils import batch_space, iterate
 
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import check_options, draw_variation
-from softgym_mj.exceptions import (
-    EpisodeEndedError,
-    InvalidActionError,
-    NotCopyableError,
-    OutOfRangeError,
-    SnapshotError,
-)
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
 from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
@@ -69,7 +63,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             Observations and infos of all, arrays by name.
 
         Raises:
-            OutOfRangeError, UnknownNameError, SnapshotError: for bad seeds or options.
+            InvalidArgumentError, SnapshotError: for bad seeds or options.
         """
         options = dict(options or {})
         mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
@@ -109,8 +103,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             Observations, rewards (num_envs,), terminated, truncated (num_envs,) bool, infos.
 
         Raises:
-            EpisodeEndedError: if an episode has ended and nothing resets by itself.
-            InvalidActionError: for a bad action; no environment is stepped then.
+            LifecycleError: if an episode has ended and nothing resets by itself.
+            InvalidArgumentError: for a bad action; no environment is stepped then.
         """
         actions = _checked_actions(actions, self.num_envs, self.single_action_space)
         return self.backend.run(self._step, actions)
@@ -118,7 +112,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def _step(self, actions: np.ndarray):
         ended, everyone = self.backend.ended(), np.ones(self.num_envs, bool)
         if self._mode == AutoresetMode.DISABLED and ended.any():
-            raise EpisodeEndedError(
+            raise LifecycleError(
                 f"episodes of environments {np.flatnonzero(ended).tolist()} have ended: call "
                 'reset(options={"reset_mask": terminated | truncated}) before step()'
             )
@@ -171,7 +165,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not isinstance(values, (list, tuple)):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:
-            raise OutOfRangeError("values", values, f"{self.num_envs} of them")
+            raise InvalidArgumentError("values", values, f"{self.num_envs} of them")
         nothing: dict[str, Any] = {}
         arguments = [((name, value), nothing) for value in values]
         self.backend.run(self.backend.call, "set_wrapper_attr", arguments)
@@ -181,7 +175,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.backend.close()
 
     def __reduce__(self) -> NoReturn:
-        raise NotCopyableError(
+        raise LifecycleError(
             "a VectorEnv can be neither copied nor pickled, as what simulates cannot: "
             "make another one and use other.set_state(envs.get_state())"
         )
@@ -191,8 +185,8 @@ def _checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.nd
     """Actions of `number` environments, as an array (number, n).
 
     Raises:
-        OutOfRangeError: unless there is one for each.
-        InvalidActionError: for one of the wrong shape, or outside the action space of each, a Box.
+        InvalidArgumentError: unless there is one for each; for one of the wrong shape, or outside
+            the action space of each, a Box.
     """
     try:
         actions = np.array(actions)  # A copy: an interrupted step may come to it later.
@@ -200,11 +194,11 @@ def _checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.nd
         actions = np.empty(0, object)
     if actions.shape[:1] != (number,):
         valid = f"an action for each of the {number} environments"
-        raise OutOfRangeError("actions", f"an array of shape {actions.shape}", valid)
+        raise InvalidArgumentError("actions", f"an array of shape {actions.shape}", valid)
     if not isinstance(space, gymnasium.spaces.Box):
         return actions
     if actions.dtype.kind not in "fiub" or actions.shape[1:] != space.shape:
-        raise InvalidActionError(
+        raise InvalidArgumentError(
             f"actions are {actions.dtype}{actions.shape}; expected real numbers "
             f"{(number, *space.shape)}."
         )
@@ -212,7 +206,7 @@ def _checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.nd
     bad = np.argwhere(~fits)  # NaN does not fit, either.
     if len(bad):
         first = tuple(bad[0].tolist())
-        raise InvalidActionError(
+        raise InvalidArgumentError(
             f"actions{list(first)} = {actions[first]}, of environment {first[0]}, must be finite "
             "and within [-1, 1]; clip the actions first, for example with "
             "numpy.clip(actions, -1, 1). No environment has been stepped."
@@ -228,9 +222,9 @@ def _seed_of_each(seed: Any, number: int) -> list[int | None]:
             return [None if seed is None else int(seed) + i for i in range(number)]
         seeds = [None if one is None else operator.index(one) for one in seed]
     except TypeError:
-        raise OutOfRangeError("seed", seed, valid) from None
+        raise InvalidArgumentError("seed", seed, valid) from None
     if len(seeds) != number:
-        raise OutOfRangeError("seed", seed, valid)
+        raise InvalidArgumentError("seed", seed, valid)
     return seeds
 
 
@@ -239,7 +233,7 @@ def _checked_mask(mask: Any, number: int) -> np.ndarray:
     mask = np.ones(number, bool) if mask is None else np.asarray(mask)
     if mask.shape != (number,) or mask.dtype != bool or not mask.any():
         valid = f"({number},) bool, at least one of them true"
-        raise OutOfRangeError("reset_mask", mask, valid)
+        raise InvalidArgumentError("reset_mask", mask, valid)
     return mask
 
 
@@ -247,7 +241,7 @@ def _variations_of_each(variation: Any, number: int) -> list[int | None]:
     """Variations from one for all, from a sequence, or from None.
 
     Raises:
-        OutOfRangeError: for another number of them, or for bad ones.
+        InvalidArgumentError: for another number of them, or for bad ones.
     """
     if isinstance(variation, np.ndarray) and variation.ndim:
         variation = variation.tolist()
@@ -255,7 +249,7 @@ def _variations_of_each(variation: Any, number: int) -> list[int | None]:
         return [None if variation is None else check_variation(variation)] * number
     if len(variation) != number:
         valid = f"an index, or one for each of the {number} environments"
-        raise OutOfRangeError("variation", variation, valid)
+        raise InvalidArgumentError("variation", variation, valid)
     return [check_variation(index) for index in variation]
 
 

@@ -46,8 +46,8 @@ def make_vec(
         **task_kwargs: of `SoftGymEnv` (render_mode, horizon, observation, actor, ...).
 
     Raises:
-        UnknownNameError, OutOfRangeError, UnexpectedArgumentError: for a bad name or value.
-        TaskModuleError: as in `registry.find`.
+        InvalidArgumentError, UnexpectedArgumentError: for a bad name or value.
+        InvalidArgumentError: as in `registry.find`.
     """
     check_name("device", device, _DEVICES)
     if not isinstance(autoreset_mode, AutoresetMode):

@@ -10,7 +10,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
-from softgym_mj.exceptions import EnvironmentClosedError, WorkersLostError
+from softgym_mj.exceptions import LifecycleError, SimulationError
 from softgym_mj.vector.worker import END, serve
 
 # [s] That workers have to finish a call whose answer nobody waits for; one may be stuck.
@@ -64,12 +64,12 @@ class WorkerPool:
         """What a function returns, which is carried out to its end even if this is interrupted.
 
         Raises:
-            EnvironmentClosedError: after `close()`, and in a fork of the process that made it.
+            LifecycleError: after `close()`, and in a fork of the process that made it.
         """
         if not self._end.alive:
-            raise EnvironmentClosedError("this vector environment was closed: make a new one")
+            raise LifecycleError("this vector environment was closed: make a new one")
         if os.getpid() != self._owner:
-            raise EnvironmentClosedError(
+            raise LifecycleError(
                 "this vector environment belongs to the process that this one was forked from: "
                 "make a new one"
             )
@@ -93,7 +93,7 @@ class WorkerPool:
             Their answers.
 
         Raises:
-            WorkersLostError: if one has ended. Or the first of their errors.
+            SimulationError: if one has ended. Or the first of their errors.
         """
         # Before the first is sent: what cannot be pickled is sent to nobody.
         pickled = {i: ForkingPickler.dumps(message) for i, message in messages.items()}
@@ -107,7 +107,7 @@ class WorkerPool:
             except (EOFError, ConnectionError):
                 lost.append(i)
         if lost:
-            raise WorkersLostError(
+            raise SimulationError(
                 f"worker {lost[0]} of a vector environment has ended (killed, or out of memory?): "
                 "make a new one"
             )

@@ -39,7 +39,7 @@ class ProcessBackend(Backend):
             context: as of `make_vec`.
 
         Raises:
-            OutOfRangeError, UnknownNameError: for a bad argument.
+            InvalidArgumentError: for a bad argument.
         """
         self.num_envs = check_count("num_envs", num_envs, 1)
         if num_workers is None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.entities.arena import FIELD_OF_VIEW
-from softgym_mj.exceptions import AddressUnavailableError, check_count, import_extra
+from softgym_mj.exceptions import UnavailableError, check_count, import_extra
 from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.viewing.camera import orbit, pose
 from softgym_mj.viewing.scene import EXTRA, Scene
@@ -31,9 +31,8 @@ def open_server(host: str = "127.0.0.1", port: int = 8080) -> Iterator[Any]:
         port: 1..65535, or 0 for any free one.
 
     Raises:
-        AddressUnavailableError: if it cannot listen there.
-        OutOfRangeError: for a port that does not exist.
-        MissingExtraError: if viser is missing.
+        UnavailableError: if it cannot listen there; if viser is missing.
+        InvalidArgumentError: for a port that does not exist.
     """
     viser = import_extra("viser", "viser", EXTRA)
     check_count("port", port, 0, 65535)
@@ -43,7 +42,7 @@ def open_server(host: str = "127.0.0.1", port: int = 8080) -> Iterator[Any]:
         try:
             probe.bind((host, port))
         except OSError as error:
-            raise AddressUnavailableError(
+            raise UnavailableError(
                 f"cannot listen at {host}:{port}: {error.strerror}; "
                 "choose another --port, 0 for any free one, or --host"
             ) from error
@@ -70,7 +69,7 @@ class Browser:
             server: a `viser.ViserServer`.
 
         Raises:
-            MissingExtraError: if mjviser is missing.
+            UnavailableError: if mjviser is missing.
         """
         self._session, self._server = session, server
         self._picture_due = self._text_due = 0.0

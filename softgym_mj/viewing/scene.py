@@ -90,7 +90,7 @@ class Scene:
             physics: what is shown.
 
         Raises:
-            MissingExtraError: if mjviser is missing.
+            UnavailableError: if mjviser is missing.
         """
         mjviser = import_extra("mjviser", "mjviser", EXTRA)
         self._server, self._model = server, physics.model.ptr

@@ -125,7 +125,7 @@ class Session:
             **settings: of the task, as in `load`.
 
         Raises:
-            UnknownNameError, PolicyFileError, OutOfRangeError: for a bad argument.
+            InvalidArgumentError: for a bad argument.
         """
         self._task, self._settings = task, settings
         self._pace = Pace() if pace is None else pace

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import UnknownNameError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS, PICKERS
@@ -181,7 +181,7 @@ def teleoperate(env: Environment) -> Teleoperation:
     """What drives the actor of an environment.
 
     Raises:
-        UnknownNameError: if the actor does not move by displacement.
+        InvalidArgumentError: if the actor does not move by displacement.
     """
     actor = env.task.actor
     if isinstance(actor, CupMover):
@@ -193,4 +193,4 @@ def teleoperate(env: Environment) -> Teleoperation:
         for name in dict.fromkeys((*GRIPPERS, *CUP_ACTORS))
         if not issubclass(PICKERS.get(name, object), RoutePicker)
     ]
-    raise UnknownNameError("actor", actor.name, displaced)
+    raise InvalidArgumentError("actor", actor.name, displaced)

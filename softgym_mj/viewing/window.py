@@ -10,7 +10,7 @@ import mujoco.viewer
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import RenderingUnavailableError
+from softgym_mj.exceptions import UnavailableError
 from softgym_mj.rendering.offscreen import refresh
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.water_task import WaterTask
@@ -42,12 +42,12 @@ def check_display() -> None:
     """Opens the display.
 
     Raises:
-        RenderingUnavailableError: if that fails.
+        UnavailableError: if that fails.
     """
     import glfw
 
     if not glfw.init():
-        raise RenderingUnavailableError(
+        raise UnavailableError(
             "the display cannot be opened: is it there, and may this user draw on it? "
             "Otherwise look on in a browser, with --browser"
         )
@@ -78,7 +78,7 @@ class Window:
         """Plays until the window is closed; a model of another size opens another window.
 
         Raises:
-            RenderingUnavailableError: on macOS, unless Python was started as mjpython.
+            UnavailableError: on macOS, unless Python was started as mjpython.
         """
         while self._show():
             pass
@@ -100,7 +100,7 @@ class Window:
                 show_right_ui=False,
             )
         except RuntimeError as error:
-            raise RenderingUnavailableError(f"{error}; or look on with --browser") from error
+            raise UnavailableError(f"{error}; or look on with --browser") from error
         with window:
             self._window, self._texts = window, None
             # Of pour_water's own camera, the cups move to and fro.

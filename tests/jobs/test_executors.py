@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from softgym_mj.exceptions import OutOfRangeError, WorkersLostError
+from softgym_mj.exceptions import InvalidArgumentError, SimulationError
 from softgym_mj.jobs.executors import (
     Executor,
     ProcessExecutor,
@@ -85,7 +85,7 @@ def test_a_killed_worker_is_replaced_and_nothing_counts_twice(kind, tmp_path):
 
 
 def test_workers_that_always_die_are_an_error():
-    with ProcessExecutor(1) as executor, pytest.raises(WorkersLostError, match="3 times in a row"):
+    with ProcessExecutor(1) as executor, pytest.raises(SimulationError, match="3 times in a row"):
         executor.all(die, [(0,)])
 
 
@@ -93,5 +93,5 @@ def test_numbers():
     assert make_executor().number == 1 and isinstance(make_executor(), SerialExecutor)
     assert make_executor(3).number == 3
     for jobs in (0, -2, 1.5):
-        with pytest.raises(OutOfRangeError, match=f"jobs={jobs}"):
+        with pytest.raises(InvalidArgumentError, match=f"jobs={jobs}"):
             make_executor(jobs)

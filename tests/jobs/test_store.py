@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 
-from softgym_mj.exceptions import ResultError
+from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.files import PARTIAL
 from softgym_mj.jobs.store import ARRAYS, JSON, Store
@@ -99,7 +99,7 @@ def test_truncated_at_any_length(file):
     content = path.read_bytes()
     for length in range(len(content)):
         path.write_bytes(content[:length])
-        with pytest.raises(ResultError):
+        with pytest.raises(StoreError):
             store.get(1)
 
 
@@ -111,7 +111,7 @@ def test_any_altered_byte(file, mask):
         damaged = bytearray(content)
         damaged[position] ^= mask
         path.write_bytes(bytes(damaged))
-        with pytest.raises(ResultError):
+        with pytest.raises(StoreError):
             store.get(1)
 
 
@@ -119,11 +119,11 @@ def test_any_altered_byte(file, mask):
 def test_no_value_at_all(store, content):
     store.put(1, JSON_VALUE)
     store.file(1).write_bytes(content)
-    with pytest.raises(ResultError, match=r"0001\.value cannot be read: it begins.*; delete it"):
+    with pytest.raises(StoreError, match=r"0001\.value cannot be read: it begins.*; delete it"):
         store.get(1)
     store.file(1).unlink()
     store.file(1).mkdir()
-    with pytest.raises(ResultError, match=r"0001\.value cannot be read: IsADirectoryError"):
+    with pytest.raises(StoreError, match=r"0001\.value cannot be read: IsADirectoryError"):
         store.get(1)
 
 
@@ -133,11 +133,11 @@ def test_a_file_in_the_place_of_another_key(store):
     for key, other in itertools.permutations((1, (1, 0), (1, 2)), 2):
         before = store.file(key).read_bytes()
         store.file(key).write_bytes(store.file(other).read_bytes())
-        with pytest.raises(ResultError, match=r"\.value cannot be read"):
+        with pytest.raises(StoreError, match=r"\.value cannot be read"):
             store.get(key)
         store.file(key).write_bytes(before)
     store.put(("a", "b"), 1)
-    with pytest.raises(ResultError):  # The name of its file is the same.
+    with pytest.raises(StoreError):  # The name of its file is the same.
         store.get("a_b")
 
 
@@ -150,7 +150,7 @@ def test_a_file_of_another_specification(store, change, tmp_path):
     for one in (store, other):
         one.put(1, JSON_VALUE)
     store.file(1).write_bytes(other.file(1).read_bytes())
-    with pytest.raises(ResultError):
+    with pytest.raises(StoreError):
         store.get(1)
 
 
@@ -183,7 +183,7 @@ def test_a_folder_has_one_specification(store):
     assert Store(folder, SPECIFICATION, JSON).differences() == []
     assert other.differences() == ["task", "a"]
     (folder / "specification.json").write_text("{")
-    with pytest.raises(ResultError, match=r"specification\.json cannot be read"):
+    with pytest.raises(StoreError, match=r"specification\.json cannot be read"):
         other.differences()
 
 
@@ -248,7 +248,7 @@ def test_damage_is_an_error_or_replaced(store, log):
     store.run(range(4), function(log))
     before = contents(store)
     store.file(2).write_bytes(before["0002.value"][:-1])
-    with pytest.raises(ResultError, match=r"0002\.value"):
+    with pytest.raises(StoreError, match=r"0002\.value"):
         store.run(range(5), function(log))
     assert calls(log) == [0, 1, 2, 3]
     seen = []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from softgym_mj import assets
-from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.variations import indices, packs
 from softgym_mj.variations import store as store_module
 from softgym_mj.variations.store import VariationStore
@@ -43,7 +43,7 @@ def test_same_input_gives_the_same_bytes(tmp_path, monkeypatch):
 
 
 def assert_corrupt(file: pathlib.Path, specification: str = SPECIFICATION) -> None:
-    with pytest.raises(CorruptStoreError) as error:
+    with pytest.raises(StoreError) as error:
         packs.read_pack(file, specification)
     assert str(file) in str(error.value)
     assert "softgym-mj generate" in str(error.value)
@@ -110,7 +110,7 @@ def test_any_altered_byte_of_the_file_is_seen_or_harmless(file, mask):
         file.write_bytes(bytes(damaged))
         try:
             found = packs.read_pack(file, SPECIFICATION)
-        except CorruptStoreError:
+        except StoreError:
             continue
         except Exception as error:  # Any other type is the failure.
             escaped[position] = repr(error)
@@ -163,7 +163,7 @@ def test_shipped_states_are_used_first(packed, store, initializer):
         expected = initializer.points(index).astype(np.float32)
         np.testing.assert_array_equal(store.load(index), expected)
     assert initializer.calls() == []
-    with pytest.raises(OutOfRangeError):
+    with pytest.raises(InvalidArgumentError):
         store.load(6)
 
 
@@ -182,5 +182,5 @@ def test_shipped_states_of_other_parameters_are_ignored(packed, initializer):
 
 def test_corrupt_shipped_file(packed, store):
     packed.write_bytes(packed.read_bytes()[:-40])
-    with pytest.raises(CorruptStoreError, match="softgym-mj generate"):
+    with pytest.raises(StoreError, match="softgym-mj generate"):
         store.load(0)

@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
-from softgym_mj.exceptions import CorruptStoreError, OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.variations.store import VariationStore, cache_folder
 
@@ -49,9 +49,9 @@ def test_folder_depends_on_the_parameters(initializer):
 
 @pytest.mark.parametrize("index", [-1, 1000, 1.5, "a"])
 def test_store_checks_indices(store, initializer, index):
-    with pytest.raises(OutOfRangeError):
+    with pytest.raises(InvalidArgumentError):
         store.load(index)
-    with pytest.raises(OutOfRangeError):
+    with pytest.raises(InvalidArgumentError):
         store.generate_missing([0, index])
     assert initializer.calls() == []
 
@@ -60,7 +60,7 @@ def test_corrupt_file_is_an_error_until_it_is_generated_again(store, initializer
     assert store.generate_missing(range(6)) == 6
     before = store.file(4).read_bytes()
     store.file(4).write_bytes(before[:-1])
-    with pytest.raises(CorruptStoreError, match=r"0004.*`softgym-mj generate TASK`"):
+    with pytest.raises(StoreError, match=r"0004.*`softgym-mj generate TASK`"):
         store.load(4)
     assert store.generate_missing(range(6)) == 1
     assert initializer.calls() == [0, 1, 2, 3, 4, 5, 4]
@@ -73,7 +73,7 @@ def test_files_of_other_variations_and_parameters_are_corrupt(store, initializer
         store.generate_missing(range(6))
         other.generate_missing([4])
         store.file(4).write_bytes(source.read_bytes())
-        with pytest.raises(CorruptStoreError):
+        with pytest.raises(StoreError):
             store.load(4)
 
 

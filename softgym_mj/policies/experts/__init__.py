@@ -11,7 +11,7 @@ import dm_env
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import ExpertError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.experts.drop_cloth import DropCloth
 from softgym_mj.policies.experts.drop_fold_cloth import DropFoldCloth
 from softgym_mj.policies.experts.expert import Expert, OwnExpert, WithExpert
@@ -45,12 +45,12 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
             your own that is `WithExpert`.
 
     Raises:
-        ExpertError: if the task has no expert.
+        InvalidArgumentError: if the task has no expert.
     """
     if isinstance(env.task, WithExpert):
         return OwnExpert(env)
     if env.name not in EXPERTS:
-        raise ExpertError(
+        raise InvalidArgumentError(
             f"policy='scripted': there is no scripted expert for {env.name}; valid choices: "
             "'random', 'zero', a FILE.pt2 or MODULE:FUNCTION. The class of the task may bring one: "
             "a generator `expert(self)` of the actions of an episode"

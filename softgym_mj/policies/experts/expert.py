@@ -8,7 +8,7 @@ import dm_env
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import ExpertError
+from softgym_mj.exceptions import InvalidArgumentError
 
 
 class Expert(abc.ABC):
@@ -49,7 +49,7 @@ class OwnExpert(Expert):
         task = self._env.task
         for action in task.expert():
             yield np.asarray(action, float)
-        raise ExpertError(
+        raise InvalidArgumentError(
             f"`expert` of {type(task).__name__} yields too few actions: {self._env.name} lasts "
             f"{self._env.horizon} env steps"
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import OutOfRangeError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.expert import Expert
 from softgym_mj.robots.holding import MAX_DISPLACEMENT
@@ -44,11 +44,11 @@ class PickerExpert(Expert):
             env: environment of the expert's task, with two pickers.
 
         Raises:
-            OutOfRangeError: for another number of grippers.
+            InvalidArgumentError: for another number of grippers.
         """
         self._actor, self._target = env.task.actor, env.task.target
         if self._actor.num_grippers != 2:
-            raise OutOfRangeError("num_grippers", self._actor.num_grippers, "2")
+            raise InvalidArgumentError("num_grippers", self._actor.num_grippers, "2")
         self._stride = MAX_DISPLACEMENT * env.task.action_repeat
         self._reach = self._actor.pick_distance - self.margin
         super().__init__(env)

@@ -117,7 +117,7 @@ class PourWaterAmount(PourWater):
             out = 1.0 - task.info()["fraction_in_cup"]
             expected = out + IN_THE_AIR * (out - before)
             before = out
-            theta += TIP if expected < task.share - SHORT else -BACK
+            theta += TIP if expected < task.episode.goal["share"] - SHORT else -BACK
             theta = float(np.clip(theta, least, DRAINED))
             yield x, height(theta), theta
 
