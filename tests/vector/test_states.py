@@ -94,7 +94,7 @@ def test_bad_states():
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
 def test_no_copies(copied):
     envs = make()
-    with pytest.raises(TypeError, match=r"other.set_state\(envs.get_state\(\)\)"):
+    with pytest.raises(LifecycleError, match=r"other.set_state\(envs.get_state\(\)\)"):
         copied(envs)
     envs.close()
 
