@@ -86,4 +86,4 @@ def test_the_reduced_state_of_cups_is_what_the_sheet_says():
         [target.height, target.length, target.width]
     )
     assert seen["target x [m]"] == pytest.approx(task.target.pose[0])
-    assert seen["share t to be poured"] == pytest.approx([task.episode.goal["share"]])
+    assert seen["share t to be poured"] == pytest.approx(float(task.episode.goal["share"]))
