@@ -86,5 +86,5 @@ def test_what_does_not_exist_is_not_played(arguments, message, capsys, monkeypat
     monkeypatch.chdir(tmp_path)
     assert run(arguments, monkeypatch) == 1
     error = capsys.readouterr().err
-    assert re.match(rf"(OutOfRange|UnknownName)Error: .*{message}", error), error
+    assert re.match(rf"InvalidArgumentError: .*{message}", error), error
     assert error.count("\n") == 1
