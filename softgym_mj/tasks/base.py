@@ -230,8 +230,12 @@ class DeformableTask(composer.Task, abc.ABC):
         self._episode, self._present = None, {}  # Sizes are others.
         physics.legacy_step = False  # Steps are whole: what holds vertices sets velocities before.
 
+    def start_points(self) -> dict[str, np.ndarray]:
+        """Points (n, 3) [m] of each object as the episode starts."""
+        return self.object_points()
+
     def _new_episode(self) -> Episode:
-        points = self.object_points()
+        points = self.start_points()
         goal = self.goal(self._variation, points)
         return Episode(self._variation, points, self.shapes(), goal, 0.0)
 
