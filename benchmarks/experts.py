@@ -63,10 +63,11 @@ def play(
     store = Store(folder, versions, JSON)
     keys = [(task, actor, v) for v in variations for task in tasks for actor in ACTORS]
     with make_executor(jobs) as executor:
-        store.run(keys, score, executor)
+        found: dict[tuple[str, str, int], float] = {}
+        store.run(keys, score, executor, found.__setitem__)
     scores: Scores = {}
     for task, actor, variation in keys:
-        value = store.get((task, actor, variation))
+        value = found[task, actor, variation]
         scores.setdefault(task, {}).setdefault(actor, {})[str(variation)] = value
     return scores
 

@@ -3,26 +3,9 @@
 import ast
 import pathlib
 
+from tools.architecture import FLOORS
+
 PACKAGE = pathlib.Path(__file__).parent.parent / "softgym_mj"
-# Each folder or root module imports only from floors below its own.
-FLOORS = [
-    {"assets", "exceptions", "metrics"},
-    {"native"},
-    {"jobs"},
-    {"rendering", "variations", "cloth"},
-    {"fluid"},
-    {"entities"},
-    {"robots"},
-    {"tasks"},
-    {"registry"},
-    {"envs"},
-    {"vector"},
-    {"__init__"},
-    {"policies", "compat"},
-    {"evaluation", "viewing"},
-    {"recording"},
-    {"cli"},
-]
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
 

@@ -60,8 +60,9 @@ def actors_of(record: TaskRecord) -> dict[str, DeformableTask]:
     for actor in (usual, *(name for name in ACTORS if name != usual)):
         try:
             tasks[actor] = record.build(actor=actor)
-        except InvalidArgumentError:
-            continue
+        except InvalidArgumentError as error:
+            if error.args[0] != "actor":
+                raise
     return tasks
 
 

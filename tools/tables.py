@@ -44,17 +44,6 @@ def with_table(text: str, new: str) -> str:
     return replaced(text, rf"{head}\n\|---.*(\n\|.*)*", new.replace("\\", r"\\"))
 
 
-def main_results(results: list[dict]) -> str:
-    """Means and smallest scores by task and policy."""
-    scores = {(r["task"], r["policy"]): r["summary"] for r in results}
-    rows = []
-    for task in softgym_mj.TASKS:
-        own = [scores.get((task, policy)) for policy in POLICIES]
-        found = ["" if s is None else f"{s['mean']:.2f} ({s['min']:.2f})" for s in own]
-        rows.append(f"| `{task}` | {' | '.join(found)} |".replace("|  |", "| |"))
-    return table(f"| task | {' | '.join(POLICIES)} |", rows)
-
-
 def env_steps(result: dict) -> int:
     """That a planner makes in an episode."""
     planning, steps = result["planning"], softgym_mj.TASKS[result["task"]].horizon
@@ -83,9 +72,11 @@ def horizons(results: list[dict]) -> str:
 
 
 def read(ablations: bool) -> list[dict]:
-    """The results of docs/results: those of the horizons, or the others."""
+    """The results of docs/results, by task and policy: those of the horizons, or the others."""
     files = sorted((DOCS / "results").glob("*.json"))
-    return comparison.read_results([f for f in files if ("ablation" in f.name) == ablations])
+    found = comparison.read_results([f for f in files if ("ablation" in f.name) == ablations])
+    tasks = list(softgym_mj.TASKS)
+    return sorted(found, key=lambda r: (tasks.index(r["task"]), POLICIES.index(r["policy"])))
 
 
 def pages() -> dict[pathlib.Path, str]:
@@ -99,7 +90,8 @@ def pages() -> dict[pathlib.Path, str]:
         row = rf"(\| `{task}` \|[^|]*\|) .* \|\n"
         texts[ROBOTS] = replaced(texts[ROBOTS], row, rf"\1 {' | '.join(found)} |\n")
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
-    for new in (main_results(read(False)), budgets(read(False)), horizons(read(True))):
+    results = read(False)
+    for new in (comparison.markdown(results).rstrip(), budgets(results), horizons(read(True))):
         texts[RESULTS] = with_table(texts[RESULTS], new)
     return texts
 

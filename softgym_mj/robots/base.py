@@ -23,8 +23,6 @@ class Actor(abc.ABC):
 
     # What snapshots and messages call this kind of actor, such as "picker" or "franka/attach".
     name: str
-    # Whether actions take as many sim steps as they need.
-    varies = False
     # Env steps of an episode; None: as many as the task's record says.
     horizon: int | None = None
     # What the name of a task's camera ends with if the actor would stand in the way of the usual.

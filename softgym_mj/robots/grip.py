@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from array_api_compat import array_namespace, device
 
-Array = Any  # Of NumPy or torch.
+from softgym_mj.metrics import Array
 
 # What a gripper holds instead of a vertex: nothing; nothing, until it has been open.
 NONE, SLIPPED = -1, -2

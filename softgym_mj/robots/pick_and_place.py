@@ -24,7 +24,6 @@ SETTLE_STEPS = 20  # Sim steps after the pixel picker has let go.
 class RoutePicker(Picker):
     """A picker whose action is a route: it takes as many sim steps as that needs."""
 
-    varies = True
     horizon = 20
 
     def _build(self, *args, **kwargs):

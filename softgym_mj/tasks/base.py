@@ -277,7 +277,7 @@ class DeformableTask(composer.Task, abc.ABC):
     def before_step(self, physics, action, random_state):
         actor = self._actor
         action = actor.checked_action(action)
-        if actor.varies and not self.driven:
+        if actor.sim_steps is not None and not self.driven:
             raise LifecycleError(
                 "actions of this actor take as long as they need: run the task in "
                 "softgym_mj.envs.environment.Environment, or by softgym_mj.load"
