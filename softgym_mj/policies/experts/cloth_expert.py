@@ -47,20 +47,6 @@ class ClothExpert(PickerExpert):
         goal = min(goals, key=lambda g: self._steps(g, vertex))
         return goal if vertex >= 0 and self._steps(goal, vertex) <= NEAR_GOAL else None
 
-    def _registered(self) -> np.ndarray:
-        """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
-        vertices = self._target.vertices()
-        fits = []
-        for mirror in (1.0, -1.0):
-            flat = self._env.task.cloth.flat() * [1.0, mirror, 1.0]
-            residual = np.ones(len(flat))
-            for _ in range(20):  # Iteratively reweighted Procrustes: folds are outliers.
-                laid = _fitted(flat[:, :2], vertices[:, :2], 1.0 / (0.02 + residual))
-                placed = np.column_stack([laid, flat[:, 2]])
-                residual = np.linalg.norm(placed - vertices, axis=1)
-            fits.append((sum(map(math.log, 0.02 + residual)), placed))
-        return min(fits, key=lambda fit: fit[0])[1]
-
     def _clearance(self, i: int, vertex: int) -> float:
         """That with which gripper `i` can take a vertex [m], negative if it cannot."""
         return self._grasp(vertex)[2] if self._can_reach(i, vertex) else -1.0
@@ -209,18 +195,3 @@ class ClothExpert(PickerExpert):
         yield from self._move(arc, grips, SLOW, PASSED)
         yield from self._move(goals, grips, SLOW)
         yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
-
-
-def _fitted(points: np.ndarray, goals: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Points (n, 2) [m], turned and moved so that they are nearest to their goals (n, 2).
-
-    The least squares have a closed form in the plane: the angle of the sum of w p* g, with centred
-    points p and goals g as complex numbers. It needs no decomposition.
-    """
-    weights = (weights / weights.sum())[:, None]
-    centre = (weights * goals).sum(axis=0)
-    points = points - (weights * points).sum(axis=0)
-    (x, y), (u, v) = points.T, (weights * (goals - centre)).T
-    angle = math.atan2((x * v - y * u).sum(), (x * u + y * v).sum())
-    cosine, sine = math.cos(angle), math.sin(angle)
-    return centre + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])

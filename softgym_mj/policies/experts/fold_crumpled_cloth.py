@@ -10,42 +10,25 @@ import numpy as np
 from softgym_mj.policies.experts.cloth_expert import (
     LAYER,
     LIFT,
-    PUT_STEPS,
     TRAVEL_HEIGHT,
-    ClothExpert,
 )
+from softgym_mj.policies.experts.heap_expert import HeapExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
 PACE = 0.05  # [m] Way of the pickers in an env step while the cloth is laid down.
 HANGING = 10  # Env steps for the cloth to come to rest before it is laid down.
-ROUND_STEPS = 48  # Env steps that taking the column and laying the cloth down need at least.
-DONE = 0.93  # Normalised performance from which the cloth is left alone.
-REDO = 0.1  # Normalised performance below which the cloth is taken up again if time allows.
 
 
-class FoldCrumpledCloth(ClothExpert):
+class FoldCrumpledCloth(HeapExpert):
     """Takes both ends of the middle column, hangs the cloth up and lays it down towards +X."""
 
-    def _episode(self) -> Iterator[np.ndarray]:
-        lifts, tried = not self._has_arms, False  # Arms only mend, as in SpreadCloth.
-        while True:
-            score = self._env.task.info()["normalized_performance"]
-            left = self._env.horizon - self._env.step_count
-            if lifts and (not tried or (score < REDO and left > ROUND_STEPS)):
-                tried = True
-                grips = [False, False]
-                yield from self._take_pair([self._line()], grips)
-                if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
-                    yield from self._lay(grips)
-                continue
-            mends = score < DONE and left > PUT_STEPS
-            yield from self._mend(self._places()) if mends else self._wait()
+    done, redo, round_steps = 0.93, 0.1, 48
 
-    def _line(self) -> tuple[int, int, float]:
+    def _pairs(self) -> list[tuple[int, int, float]]:
         """The ends of the middle column and their distance [m]."""
         cloth = self._env.task.cloth
         middle = cloth.shape[1] // 2
-        return cloth.index(0, middle), cloth.index(-1, middle), cloth.size[1]
+        return [(cloth.index(0, middle), cloth.index(-1, middle), cloth.size[1])]
 
     def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
         """Stretches the held column along Y and lays the cloth down, from its edges on."""

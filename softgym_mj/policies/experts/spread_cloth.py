@@ -1,46 +1,45 @@
 """The expert of SpreadCloth: takes a side, drags the cloth out, then mends what lies wrong."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from softgym_mj.native.arithmetic import length, product
-from softgym_mj.policies.experts.cloth_expert import LIFT, PUT_STEPS, TRAVEL_HEIGHT, ClothExpert
+from softgym_mj.policies.experts.cloth_expert import LIFT, TRAVEL_HEIGHT
+from softgym_mj.policies.experts.heap_expert import HeapExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
 PACE = 0.06  # [m] Way of the pickers in an env step while the cloth is dragged.
 TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pulled out.
-DONE = 0.98  # Normalised performance from which the cloth is left alone.
-ROUND_STEPS = 45  # Env steps that taking a side and dragging the cloth out need at least.
-REDO = 0.35  # Normalised performance below which the cloth is taken up again if time allows.
 
 
-class SpreadCloth(ClothExpert):
+class SpreadCloth(HeapExpert):
     """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
 
-    def _episode(self):
-        # Hands of arms stay on their sides, away from what the other one lifts: they only mend.
-        drags, dragged = not self._has_arms, False
-        while True:
-            score = self._env.task.info()["normalized_performance"]
-            left = self._env.horizon - self._env.step_count
-            if drags and (not dragged or (score < REDO and left > ROUND_STEPS)):
-                dragged = True
-                grips = [False, False]
-                yield from self._take_pair(self._sides(), grips)
-                if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
-                    yield from self._drag(grips)
-                continue
-            mends = score < DONE and left > PUT_STEPS
-            yield from self._mend(self._registered()) if mends else self._wait()
+    done, redo, round_steps = 0.98, 0.35, 45
 
-    def _sides(self) -> list[tuple[int, int, float]]:
+    def _pairs(self) -> list[tuple[int, int, float]]:
         """The sides as (corner, corner, length [m])."""
         p1, p2, p3, p4 = self._env.task.cloth.corners.tolist()
         width, depth = self._env.task.cloth.size
         return [(p1, p2, depth), (p3, p4, depth), (p1, p3, width), (p2, p4, width)]
 
-    def _drag(self, grips: list[bool]) -> Iterator[np.ndarray]:
+    def _places(self) -> np.ndarray:
+        """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
+        vertices = self._target.vertices()
+        fits = []
+        for mirror in (1.0, -1.0):
+            flat = self._env.task.cloth.flat() * [1.0, mirror, 1.0]
+            residual = np.ones(len(flat))
+            for _ in range(20):  # Iteratively reweighted Procrustes: folds are outliers.
+                laid = _fitted(flat[:, :2], vertices[:, :2], 1.0 / (0.02 + residual))
+                placed = np.column_stack([laid, flat[:, 2]])
+                residual = np.linalg.norm(placed - vertices, axis=1)
+            fits.append((sum(map(math.log, 0.02 + residual)), placed))
+        return min(fits, key=lambda fit: fit[0])[1]
+
+    def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
         """Stretches the held side along Y and pulls the cloth out along X, down to the floor."""
         low, high = self._actor.limits
         centre = (low + high) / 2
@@ -81,3 +80,18 @@ class SpreadCloth(ClothExpert):
             taut += way * (now_x() - tail_x()) > TAUT * depth
         yield from self._move(pose(x, low[2]), grips, SLOW)
         yield self._step(self._raised(TRAVEL_HEIGHT), OPEN)
+
+
+def _fitted(points: np.ndarray, goals: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Points (n, 2) [m], turned and moved so that they are nearest to their goals (n, 2).
+
+    The least squares have a closed form in the plane: the angle of the sum of w p* g, with centred
+    points p and goals g as complex numbers. It needs no decomposition.
+    """
+    weights = (weights / weights.sum())[:, None]
+    centre = (weights * goals).sum(axis=0)
+    points = points - (weights * points).sum(axis=0)
+    (x, y), (u, v) = points.T, (weights * (goals - centre)).T
+    angle = math.atan2((x * v - y * u).sum(), (x * u + y * v).sum())
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return centre + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
