@@ -29,7 +29,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.factory import make_actor
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks import Measures, SceneTask
-from softgym_mj.tasks.initializers import FlatCloth
+from softgym_mj.tasks.shared.starts.flexes import FlatCloth
 
 FABRICS = {
     "tablecloth": Fabric(),

@@ -1,7 +1,7 @@
 """What is measured: arrays in, arrays out, of one simulation or of many at once.
 
 Leading dimensions `...` are () for one simulation and (num_envs,) for a batch. Arrays are NumPy's
-or PyTorch's; a batch pads what differs in size with zeros (`tasks.state.Episode.stack`).
+or PyTorch's; a batch pads what differs in size with zeros (`Episode.stack`).
 """
 
 import dataclasses

@@ -18,7 +18,7 @@ from softgym_mj.exceptions import (
 )
 
 if TYPE_CHECKING:
-    from softgym_mj.tasks.base import DeformableTask
+    from softgym_mj.tasks.shared.base import DeformableTask
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def _unpacked(parameter: inspect.Parameter) -> type:
     if typing.get_origin(parameter.annotation) is not typing.Unpack:
         valid = (
             "keyword arguments with names: annotate it with a TypedDict, for example "
-            f"**{parameter.name}: Unpack[softgym_mj.tasks.base.TaskSettings]"
+            f"**{parameter.name}: Unpack[softgym_mj.tasks.shared.base.TaskSettings]"
         )
         raise InvalidArgumentError("constructor", f"...(**{parameter.name})", valid)
     return typing.get_args(parameter.annotation)[0]
@@ -216,7 +216,7 @@ def register(
         name: snake_case name: "soak_cloth" becomes "softgym_mj/SoakCloth-v0".
         constructor: class or function that builds the task from keyword arguments. Those that it
             passes on as `**settings` have to be named: `**settings: Unpack[TaskSettings]`, with
-            the `TaskSettings` of `softgym_mj.tasks.base` or another TypedDict.
+            the `TaskSettings` of `softgym_mj.tasks.shared.base` or another TypedDict.
         horizon: env steps in an episode, 1 or more.
         tags: words to find it by in dm_control's suite.
         action_repeat: sim steps of 0.01 s per env step that it has by default.

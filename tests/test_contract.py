@@ -10,7 +10,7 @@ from dm_control import suite
 from gymnasium.utils.env_checker import check_env
 
 import softgym_mj
-from softgym_mj.tasks.observations import OBSERVATIONS
+from softgym_mj.tasks.shared.observations import OBSERVATIONS
 
 STATE_OBSERVATIONS = ("full", "reduced")
 # Fast objects keep the contract tests short; the contract does not depend on the resolution.

@@ -6,7 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.tasks.initializers import CrumpledCloth
+from softgym_mj.tasks.shared.starts.flexes import CrumpledCloth
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
 

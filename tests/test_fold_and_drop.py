@@ -8,7 +8,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.sheet import THICKNESS
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.tasks.initializers import FlatCloth, HangingCloth
+from softgym_mj.tasks.shared.starts.flexes import FlatCloth, HangingCloth
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
 RADIUS = THICKNESS / 2.0  # [m]

@@ -6,7 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.observables import LABELS, NUM_CLOUD_POINTS
-from softgym_mj.tasks.observations import OBSERVATIONS
+from softgym_mj.tasks.shared.observations import OBSERVATIONS
 
 SIZE = (160, 200)
 

@@ -8,7 +8,7 @@ import scipy.optimize
 import softgym_mj
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.rope import FIDELITIES, Rope
-from softgym_mj.tasks.initializers import SETTLED_SPEED, TwistedRope
+from softgym_mj.tasks.shared.starts.flexes import SETTLED_SPEED, TwistedRope
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
 

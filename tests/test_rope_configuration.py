@@ -9,9 +9,9 @@ import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.rope import RADIUS
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.tasks.letters import LETTERS
-from softgym_mj.tasks.letters import letter as line
 from softgym_mj.tasks.rope_configuration import goal_name
+from softgym_mj.tasks.shared.letters import LETTERS
+from softgym_mj.tasks.shared.letters import letter as line
 
 KEYS = [0, 4, 9, 13, 18, 22, 27, 31, 36, 40]
 

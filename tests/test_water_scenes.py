@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.tasks.water_scenes import (
+from softgym_mj.tasks.shared.starts.cups import (
     LARGEST_COUNT,
     PourScenes,
     Sample,

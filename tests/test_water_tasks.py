@@ -7,9 +7,9 @@ import softgym_mj
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.cup_mover import CupMover, CupTool, Track
-from softgym_mj.tasks.settled_water import SettledWater, lattice
+from softgym_mj.tasks.shared.starts.cups import Sample, TransportScenes, transport_scene
+from softgym_mj.tasks.shared.starts.settled_water import SettledWater, lattice
 from softgym_mj.tasks.transport_water import LIQUID
-from softgym_mj.tasks.water_scenes import Sample, TransportScenes, transport_scene
 
 VARIATION = 805  # Few particles in both tasks.
 

@@ -18,8 +18,8 @@ from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks.base import DeformableTask
-from softgym_mj.tasks.observations import GOAL_RGB, OBSERVATIONS
+from softgym_mj.tasks.shared.base import DeformableTask
+from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
 from softgym_mj.variations.indices import SPLITS
 from tools.sheet_entries import (
     INFO,

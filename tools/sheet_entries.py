@@ -5,7 +5,7 @@ import numpy as np
 from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.robots.gripper import Gripper
-from softgym_mj.tasks.base import DeformableTask
+from softgym_mj.tasks.shared.base import DeformableTask
 
 # What the keys of info mean; "reward_*" and "domain_*" are explained apart.
 INFO = {

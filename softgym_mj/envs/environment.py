@@ -12,7 +12,7 @@ from dm_control import composer
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError, check_count
 from softgym_mj.rendering.framebuffer import SizedPhysics
 from softgym_mj.rendering.observables import blank_images
-from softgym_mj.tasks.base import DeformableTask
+from softgym_mj.tasks.shared.base import DeformableTask
 from softgym_mj.variations.indices import check_variation, split_indices
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION

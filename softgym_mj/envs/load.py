@@ -42,8 +42,8 @@ def load(
     """
     record = find(task)
     from softgym_mj.envs.environment import Environment
-    from softgym_mj.tasks.arguments import arguments_of_states
-    from softgym_mj.tasks.base import DeformableTask
+    from softgym_mj.tasks.shared.arguments import arguments_of_states
+    from softgym_mj.tasks.shared.base import DeformableTask
 
     record.check_arguments(task_kwargs, _OF_LOAD)
     built = record.build(**task_kwargs)

@@ -9,7 +9,7 @@ from softgym_mj.entities.cloth import Cloth, grid_shape
 from softgym_mj.metrics import Array
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.tasks.flex_task import FlexTask, Layout
-from softgym_mj.tasks.state import Episode, State
+from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import Initializer
 from softgym_mj.variations.store import VariationStore
 

@@ -31,9 +31,9 @@ from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
 from softgym_mj.tasks.flex_task import Layout
-from softgym_mj.tasks.initializers import SIZE_RANGE, HangingCloth
-from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.tasks.state import Episode, State
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.shared.starts.flexes import SIZE_RANGE, HangingCloth
+from softgym_mj.tasks.shared.state import Episode, State
 
 ACTION_REPEAT, FOLD_ACTION_REPEAT = 16, 8  # Facts 1.2; 5, row 1.
 WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # Facts 2.2.

@@ -29,9 +29,9 @@ from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_ac
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.cloth_task import ClothInitializer, ClothTask
 from softgym_mj.tasks.flex_task import Layout
-from softgym_mj.tasks.initializers import CrumpledCloth, FlatCloth
-from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.tasks.state import Episode, State
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.shared.starts.flexes import CrumpledCloth, FlatCloth
+from softgym_mj.tasks.shared.state import Episode, State
 
 ACTION_REPEAT = 8  # Facts 1.2.
 WORKSPACE = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))

@@ -33,10 +33,10 @@ from softgym_mj.fluid import Liquid, Water
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.cup_mover import CupMover, CupTool, KeepClear
 from softgym_mj.robots.factory import CupActorSettings, make_actor
-from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.tasks.settled_water import SettledWater
-from softgym_mj.tasks.state import Episode, State
-from softgym_mj.tasks.water_scenes import PourScenes
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.shared.starts.cups import PourScenes
+from softgym_mj.tasks.shared.starts.settled_water import SettledWater
+from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.water_task import WaterTask, cup_state, inside, make_water
 from softgym_mj.variations.indices import generator
 

@@ -30,10 +30,10 @@ from softgym_mj.rendering.offscreen import CameraView, refresh_poses
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.flex_task import FlexTask, Layout
-from softgym_mj.tasks.initializers import TwistedRope
-from softgym_mj.tasks.letters import LETTERS, letter
-from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
-from softgym_mj.tasks.state import Episode, State
+from softgym_mj.tasks.shared.letters import LETTERS, letter
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
+from softgym_mj.tasks.shared.starts.flexes import TwistedRope
+from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import generator
 from softgym_mj.variations.store import VariationStore
 

@@ -14,9 +14,9 @@ from softgym_mj.fluid import Water
 from softgym_mj.metrics import Array
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.base import DeformableTask
-from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.tasks.state import Episode, State
+from softgym_mj.tasks.shared.base import DeformableTask
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import generator
 from softgym_mj.variations.randomization import Adjustable, Prefixed
 

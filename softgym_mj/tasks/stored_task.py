@@ -6,7 +6,7 @@ import numpy as np
 
 from softgym_mj.entities.arena import Arena
 from softgym_mj.robots.base import Actor
-from softgym_mj.tasks.base import DeformableTask
+from softgym_mj.tasks.shared.base import DeformableTask
 from softgym_mj.variations.store import VariationStore
 
 

@@ -20,9 +20,9 @@ from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
 from softgym_mj.robots.gripper import Gripper, Workspace
 from softgym_mj.tasks.flex_task import FlexTask, Layout
-from softgym_mj.tasks.initializers import TwistedRope
-from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.tasks.state import Episode, State
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.shared.starts.flexes import TwistedRope
+from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.store import VariationStore
 
 ACTION_REPEAT = 8  # Facts 1.2.

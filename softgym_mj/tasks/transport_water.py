@@ -22,10 +22,10 @@ from softgym_mj.fluid import Liquid, Water
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.cup_mover import CupMover, CupTool, Track
 from softgym_mj.robots.factory import CupActorSettings, make_actor
-from softgym_mj.tasks.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.tasks.settled_water import SettledWater
-from softgym_mj.tasks.state import Episode, State
-from softgym_mj.tasks.water_scenes import TransportScenes
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE
+from softgym_mj.tasks.shared.starts.cups import TransportScenes
+from softgym_mj.tasks.shared.starts.settled_water import SettledWater
+from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.water_task import WaterTask, inside, make_water
 
 ACTION_REPEAT = 8  # Facts 1.2.

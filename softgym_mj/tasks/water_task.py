@@ -12,10 +12,10 @@ from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.metrics import Array
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks.settled_water import SettledWater
-from softgym_mj.tasks.state import Episode, State
+from softgym_mj.tasks.shared.starts.cups import LARGEST_COUNT, Scene, num_particles
+from softgym_mj.tasks.shared.starts.settled_water import SettledWater
+from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.stored_task import StoredTask
-from softgym_mj.tasks.water_scenes import LARGEST_COUNT, Scene, num_particles
 from softgym_mj.variations.store import VariationStore
 
 # [kg/m^3] Cups hold up to 26 kg of water, more than the 3 and 4 kg that the arms can carry: theirs

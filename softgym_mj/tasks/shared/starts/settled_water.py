@@ -10,7 +10,7 @@ from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.fluid.water import TIMESTEP
-from softgym_mj.tasks.water_scenes import Scenes
+from softgym_mj.tasks.shared.starts.cups import Scenes
 from softgym_mj.variations.indices import generator
 
 LOOSENESS = 1.05  # The lattice is this much higher than water at rest, and settles by sinking.

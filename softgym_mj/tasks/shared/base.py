@@ -24,9 +24,9 @@ from softgym_mj.metrics import Array, Measures
 from softgym_mj.rendering.observables import TaskCamera
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
-from softgym_mj.tasks.measures import check_names, checked
-from softgym_mj.tasks.observations import enabled_names
-from softgym_mj.tasks.state import Episode, State
+from softgym_mj.tasks.shared.checks import check_names, checked
+from softgym_mj.tasks.shared.observations import enabled_names
+from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import SPLITS, check_variation
 from softgym_mj.variations.randomization import Adjustable, Domain
 

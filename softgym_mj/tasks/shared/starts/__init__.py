@@ -1,0 +1,1 @@
+"""Start states: how the episodes of a task begin."""
