@@ -24,8 +24,8 @@ from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.rope import Rope
 from softgym_mj.robots.arms import Arms
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.workspace import Workspace
 
 WORKSPACE = Workspace((-1.5, -1.5, 0.0), (1.5, 1.5, 1.5))
 START = np.array([0.0, -0.25, 0.3])  # [m] Over the mounting plane, well within reach.
@@ -53,7 +53,7 @@ class World:
         self.arms.manipulate(target)
         physics = arena.compile(target.timestep, target, self.arms)
         self.model, self.data = physics.model.ptr, physics.data.ptr
-        target.set_vertices(target.vertices() + [3.0, 0.0, target.radius])
+        target.set_points(target.points() + [3.0, 0.0, target.radius])
         self.arms.place(START[None] + [0.0, 0.0, base_height], WORKSPACE)
         mujoco.mj_forward(self.model, self.data)
 

@@ -106,10 +106,10 @@ def measure_heap(size: int) -> Figures:
     from softgym_mj.entities.arena import Arena
     from softgym_mj.entities.cloth import Cloth
 
-    arena, cloth, clock = Arena(camera="cloth"), Cloth((DIMS[size],) * 2), Clock()
+    arena, cloth, clock = Arena("cloth"), Cloth((DIMS[size],) * 2), Clock()
     arena.attach(cloth)
     physics = arena.compile(SIM_STEP, cloth)
-    cloth.set_vertices(cloth.flat())
+    cloth.set_points(cloth.flat())
     vertex = cloth.index(*(round(share * (size - 1)) for share in PICK))
     goal, hits, strain = cloth.vertex(vertex), 0, 0.0
     cloth.hold(vertex)
@@ -126,7 +126,7 @@ def measure_heap(size: int) -> Figures:
             hits = max(hits, cloth.intersections())
             strain = max(strain, float(np.percentile(cloth.edge_strain(), 99)))
         if step == ends[2] - 1 - round(1.0 / SIM_STEP):
-            before = cloth.vertices()
+            before = cloth.points()
     times = np.array(clock.times)
     return {
         "lift_ms": float(times[: ends[0]].mean()),
@@ -134,8 +134,8 @@ def measure_heap(size: int) -> Figures:
         "fall_ms": float(times[ends[1] : ends[1] + 50].mean()),
         "heap_ms": float(times[-HEAP_STEPS:].mean()),
         "strain_99": strain,
-        "lowest_mm": 1e3 * float(cloth.vertices()[:, 2].min()),
-        "drift_mm/s": 1e3 * float(np.linalg.norm(cloth.vertices() - before, axis=1).mean()),
+        "lowest_mm": 1e3 * float(cloth.points()[:, 2].min()),
+        "drift_mm/s": 1e3 * float(np.linalg.norm(cloth.points() - before, axis=1).mean()),
         "hits": hits,
     }
 

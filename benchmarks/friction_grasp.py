@@ -26,10 +26,9 @@ from dm_control import mjcf
 from softgym_mj.entities import Cloth
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.envs.environment import Environment
-from softgym_mj.robots.factory import make_actor
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks import Measures, SceneTask
-from softgym_mj.tasks.shared.starts.flexes import FlatCloth
+from softgym_mj.tasks import Measures, Task
+from softgym_mj.tasks.shared.starts.cloths import FlatCloth
 
 FABRICS = {
     "tablecloth": Fabric(),
@@ -54,7 +53,7 @@ def make_cloth(fabric: str, stiffness: float, **attributes) -> Cloth:
     return cloth
 
 
-class Edge(SceneTask):
+class Edge(Task):
     """A flat cloth, as in the variations of `fold_cloth`."""
 
     def __init__(self, arm: str, variation: int, fabric: str, stiffness: float):
@@ -62,11 +61,10 @@ class Edge(SceneTask):
         start = FlatCloth("default")
         self.cloth = make_cloth(fabric, stiffness, dims=start.dims(variation))
         self.angle = start.angle(variation)
-        actor = make_actor(arm, "cloth", arms=1, grasp="friction")
-        super().__init__([self.cloth], actor)
+        super().__init__([self.cloth], actor=arm, arms=1, grasp="friction")
 
     def arrange(self, random):
-        self.cloth.set_vertices(self.cloth.flat(angle=self.angle))
+        self.cloth.set_points(self.cloth.flat(angle=self.angle))
 
     def measure(self, state, episode):
         return Measures(0.0, {"nothing": 0.0})
@@ -180,9 +178,9 @@ def pinch(force: float, fabric: str) -> dict[str, object]:
     model, data = physics.model.ptr, physics.data.ptr
     # It hangs in the plane between the pads, its upper edge 1 cm above their middle.
     rest = cloth.flat()
-    cloth.set_vertices(np.column_stack([0 * rest[:, 0], rest[:, 0], rest[:, 1] - rest[:, 1].max()]))
-    vertices = cloth.vertices() + [0.0, 0.0, 0.61]
-    cloth.set_vertices(vertices)
+    cloth.set_points(np.column_stack([0 * rest[:, 0], rest[:, 0], rest[:, 1] - rest[:, 1].max()]))
+    vertices = cloth.points() + [0.0, 0.0, 0.61]
+    cloth.set_points(vertices)
     top = cloth.index(0, cloth.shape[1] // 2)
     fingers = [model.joint(n).qposadr[0] for n in ("left", "right")]
     data.qpos[fingers] = SPAN / 2

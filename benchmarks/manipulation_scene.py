@@ -9,9 +9,9 @@ import numpy as np
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.holding import MAX_DISPLACEMENT
 from softgym_mj.robots.picker import Picker
+from softgym_mj.robots.workspace import Workspace
 
 _WORKSPACE = Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5))
 _GRIP_HEIGHT = 0.055  # Picker centre above the vertex it takes [m]: the sphere just touches it.
@@ -59,12 +59,12 @@ class ManipulationScene:
     def __init__(self, cloth: Cloth, on_step: Callable[["ManipulationScene"], None] | None = None):
         """Builds the scene; `on_step` is called after every sim step."""
         self.cloth, self.picker, self.record = cloth, Picker(), Record()
-        arena = Arena(camera="cloth")
+        arena = Arena("cloth")
         arena.attach(cloth)
         self.picker.join(arena)
         self.picker.manipulate(cloth)
         self.physics = arena.compile(cloth.timestep, cloth, self.picker)
-        cloth.set_vertices(cloth.flat())
+        cloth.set_points(cloth.flat())
         self.picker.place(self.picker.default_positions(np.array([0.0, 0.0, _PARKED])), _WORKSPACE)
         self._on_step = on_step
         self._released = False
@@ -106,7 +106,7 @@ class ManipulationScene:
             self._on_step(self)
 
     def _measure(self):
-        record, vertices = self.record, self.cloth.vertices()
+        record, vertices = self.record, self.cloth.points()
         for goal, vertex in zip(self.picker.held_positions(), self.picker.held, strict=True):
             if vertex >= 0:
                 error = float(np.linalg.norm(vertices[vertex] - goal))

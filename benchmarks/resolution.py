@@ -83,7 +83,7 @@ def share_states(usual: Environment, other: Environment, kind: str, fidelity: st
     for index in VARIATIONS:
         points = usual.task.store.load(index)
         if kind == "rope":
-            points = resampled_line(points, other.task.rope.num_vertices)
+            points = resampled_line(points, other.task.rope.num_points)
         else:
             usual.task.choose_variation(index)
             shapes = [grid_shape(usual.task.cloth.dims, name) for name in ("default", fidelity)]
@@ -129,7 +129,7 @@ class LiftAndDrag(ClothExpert):
 
     def _far_apart(self) -> list[int]:
         """The two well exposed vertices that are the furthest from each other."""
-        vertices = self._target.vertices()
+        vertices = self._target.points()
         free = [v for v in range(len(vertices)) if self._grasp(v)[2] >= CLEAR]
         distance = np.linalg.norm(vertices[free][:, None] - vertices[free], axis=2)
         return [free[i] for i in np.unravel_index(np.argmax(distance), distance.shape)]

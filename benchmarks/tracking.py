@@ -25,8 +25,8 @@ from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.rope import Rope
 from softgym_mj.robots.arms import Arms
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.workspace import Workspace
 
 SPEED = 0.6  # [m/s] Largest of the smooth motions.
 WORKSPACE = Workspace((-0.7, -0.7, 0.0), (0.7, 0.7, 0.5))
@@ -71,9 +71,9 @@ def scene(kind: str, arm: str, number: int = 1) -> tuple[mujoco.MjModel, mujoco.
     arms.join(arena)
     arms.manipulate(target)
     physics = arena.compile(target.timestep, target, arms)
-    vertices = target.vertices() + [2.0, 0.0, 0.0]
+    vertices = target.points() + [2.0, 0.0, 0.0]
     vertices[:, 2] = target.radius
-    target.set_vertices(vertices)
+    target.set_points(vertices)
     return physics.model.ptr, physics.data.ptr, arms
 
 

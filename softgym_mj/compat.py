@@ -226,6 +226,6 @@ class OldEnv:
         if not self._water:  # All of it is positions.
             value = to_flex(value.reshape(-1, 3)).ravel()
         elif self._observed == "full":
-            count = 3 * len(self._env.task.full_mask())
+            count = 3 * self._env.task.max_points
             value = np.concatenate([to_flex(value[:count].reshape(-1, 3)).ravel(), value[count:]])
         return value.astype(np.float32)

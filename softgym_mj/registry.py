@@ -1,12 +1,13 @@
-"""The tasks: one frozen record each, by name."""
+"""The tasks by name: files of `tasks`, and what users register."""
 
-import dataclasses
 import importlib
 import inspect
+import pathlib
+import pkgutil
 import re
 import typing
-from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
@@ -18,59 +19,89 @@ from softgym_mj.exceptions import (
 )
 
 if TYPE_CHECKING:
-    from softgym_mj.tasks.shared.base import DeformableTask
+    from softgym_mj.tasks import Task
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
 class TaskRecord:
     """A task; one that is registered again is another one.
 
+    What it says comes from the task's class, which is imported when first asked for.
+
     Attributes:
         name: snake_case name.
-        constructor: what builds the task from keyword arguments, or "module:function".
-        tags: difficulty and kind of object.
-        horizon: env steps in an episode.
-        action_repeat: sim steps of 0.01 s per env step.
-        summary: what is to be done.
+        is_custom: whether it is registered by somebody else than this package.
     """
 
-    name: str
-    constructor: "str | Callable[..., DeformableTask]"
-    tags: tuple[str, ...]
-    horizon: int
-    action_repeat: int
-    summary: str
+    def __init__(self, name: str, task_class: "type[Task] | None" = None, **overrides):
+        """A record.
+
+        Args:
+            name: snake_case name.
+            task_class: what builds the task from keyword arguments; None for the class of this name
+                in `softgym_mj.tasks`.
+            **overrides: instead of attributes of the class, where not None.
+        """
+        self.name, self.is_custom = name, task_class is not None
+        self._class = task_class
+        self._overrides = {key: value for key, value in overrides.items() if value is not None}
+
+    def __repr__(self) -> str:
+        return f"TaskRecord({self.name!r})"
+
+    @property
+    def class_name(self) -> str:
+        """ "SpreadCloth" for "spread_cloth"."""
+        return "".join(word.title() for word in self.name.split("_"))
 
     @property
     def gymnasium_id(self) -> str:
         """Gymnasium id, "softgym_mj/SpreadCloth-v0" for "spread_cloth"."""
-        return f"softgym_mj/{''.join(word.title() for word in self.name.split('_'))}-v0"
+        return f"softgym_mj/{self.class_name}-v0"
+
+    def resolve(self) -> "type[Task]":
+        """The class; imports its module."""
+        if self._class is None:
+            module = importlib.import_module(f"softgym_mj.tasks.{self.name}")
+            self._class = getattr(module, self.class_name)
+        return self._class
+
+    def _of_class(self, name: str) -> Any:
+        return self._overrides.get(name, getattr(self.resolve(), name))
 
     @property
-    def is_custom(self) -> bool:
-        """Whether it is registered by somebody else than this package."""
-        return self.name not in _SHIPPED
+    def horizon(self) -> int:
+        """Env steps in an episode."""
+        return self._of_class("horizon")
 
-    def resolve(self) -> Callable[..., "DeformableTask"]:
-        """The constructor; imports its module."""
-        if not isinstance(self.constructor, str):
-            return self.constructor
-        module, function = self.constructor.split(":")
-        return getattr(importlib.import_module(module), function)
+    @property
+    def action_repeat(self) -> int:
+        """Sim steps of 0.01 s per env step."""
+        return self._of_class("action_repeat")
+
+    @property
+    def summary(self) -> str:
+        """What is to be done."""
+        return self._of_class("summary")
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """Difficulty and kind of object."""
+        task_class = self.resolve()
+        return self._overrides.get("tags", (task_class.difficulty, task_class.material))
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """Names of the constructor's keyword arguments, those of the actor included."""
-        names: list[str] = []
+        """Names of the class' keyword arguments, those of its `**settings` included."""
+        names: dict[str, None] = {}
         for parameter in inspect.signature(self.resolve(), eval_str=True).parameters.values():
             if parameter.kind is inspect.Parameter.VAR_KEYWORD:
-                names += typing.get_type_hints(_unpacked(parameter))
+                names |= dict.fromkeys(typing.get_type_hints(_unpacked(parameter)))
             else:
-                names.append(parameter.name)
+                names[parameter.name] = None
         return tuple(names)
 
     def check_arguments(self, names: Iterable[str], others: Sequence[str] = ()) -> None:
-        """Raises unless all names are the constructor's.
+        """Raises unless all names are the class'.
 
         Args:
             names: of keyword arguments.
@@ -87,9 +118,11 @@ class TaskRecord:
                     f"valid choices: {choices}."
                 )
 
-    def build(self, **task_kwargs) -> "DeformableTask":
+    def build(self, **task_kwargs) -> "Task":
         """Builds the task; an unknown keyword argument is an `UnexpectedArgumentError`."""
         self.check_arguments(task_kwargs)
+        if task_kwargs.get("action_repeat") is None and "action_repeat" in self._overrides:
+            task_kwargs["action_repeat"] = self._overrides["action_repeat"]
         return self.resolve()(**task_kwargs)
 
 
@@ -102,146 +135,74 @@ def _unpacked(parameter: inspect.Parameter) -> type:
     if typing.get_origin(parameter.annotation) is not typing.Unpack:
         valid = (
             "keyword arguments with names: annotate it with a TypedDict, for example "
-            f"**{parameter.name}: Unpack[softgym_mj.tasks.shared.base.TaskSettings]"
+            f"**{parameter.name}: Unpack[softgym_mj.tasks.TaskSettings]"
         )
-        raise InvalidArgumentError("constructor", f"...(**{parameter.name})", valid)
+        raise InvalidArgumentError("task_class", f"...(**{parameter.name})", valid)
     return typing.get_args(parameter.annotation)[0]
 
 
-TASKS = {
-    record.name: record
-    for record in (
-        TaskRecord(
-            "transport_water",
-            "softgym_mj.tasks.transport_water:transport_water",
-            ("medium", "water"),
-            horizon=75,
-            action_repeat=8,
-            summary="Move a cup of water to a place without spilling.",
-        ),
-        TaskRecord(
-            "pour_water",
-            "softgym_mj.tasks.pour_water:pour_water",
-            ("medium", "water"),
-            horizon=100,
-            action_repeat=8,
-            summary="Pour the water of one cup into another.",
-        ),
-        TaskRecord(
-            "straighten_rope",
-            "softgym_mj.tasks.straighten_rope:straighten_rope",
-            ("medium", "rope"),
-            horizon=75,
-            action_repeat=8,
-            summary="Pull the ends of a twisted rope apart until it is straight.",
-        ),
-        TaskRecord(
-            "spread_cloth",
-            "softgym_mj.tasks.spread_cloth:spread_cloth",
-            ("medium", "cloth"),
-            horizon=100,
-            action_repeat=8,
-            summary="Spread a crumpled cloth on the floor.",
-        ),
-        TaskRecord(
-            "fold_cloth",
-            "softgym_mj.tasks.fold_cloth:fold_cloth",
-            ("medium", "cloth"),
-            horizon=100,
-            action_repeat=8,
-            summary="Fold a flat cloth in half.",
-        ),
-        TaskRecord(
-            "drop_cloth",
-            "softgym_mj.tasks.drop_cloth:drop_cloth",
-            ("medium", "cloth"),
-            horizon=30,
-            action_repeat=16,
-            summary="Drop a hanging cloth so that it lies flat in its place.",
-        ),
-        TaskRecord(
-            "pour_water_amount",
-            "softgym_mj.tasks.pour_water:pour_water_amount",
-            ("hard", "water"),
-            horizon=100,
-            action_repeat=8,
-            summary="Pour a given share of the water of one cup into another.",
-        ),
-        TaskRecord(
-            "fold_crumpled_cloth",
-            "softgym_mj.tasks.fold_cloth:fold_crumpled_cloth",
-            ("hard", "cloth"),
-            horizon=100,
-            action_repeat=8,
-            summary="Spread a crumpled cloth, then fold it in half.",
-        ),
-        TaskRecord(
-            "drop_fold_cloth",
-            "softgym_mj.tasks.drop_cloth:drop_fold_cloth",
-            ("hard", "cloth"),
-            horizon=100,
-            action_repeat=8,
-            summary="Drop a hanging cloth so that it lies folded in half.",
-        ),
-        TaskRecord(
-            "rope_configuration",
-            "softgym_mj.tasks.rope_configuration:rope_configuration",
-            ("hard", "rope"),
-            horizon=100,
-            action_repeat=8,
-            summary="Lay a rope in the shape of a letter.",
-        ),
-    )
-}
+def _shipped() -> list[str]:
+    """Names of the files in `tasks`, each with a class of this name."""
+    folder = pathlib.Path(__file__).parent / "tasks"
+    return [module.name for module in pkgutil.iter_modules([str(folder)]) if not module.ispkg]
 
 
-_SHIPPED = frozenset(TASKS)
+TASKS = {name: TaskRecord(name) for name in _shipped()}
+
+
 _NAME = re.compile("[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
 def register(
     name: str,
-    constructor: "Callable[..., DeformableTask]",
+    task_class: "type[Task]",
     *,
-    horizon: int,
-    tags: Sequence[str] = ("own",),
-    action_repeat: int = 8,
-    summary: str = "",
+    horizon: int | None = None,
+    tags: Sequence[str] | None = None,
+    action_repeat: int | None = None,
+    summary: str | None = None,
 ) -> TaskRecord:
-    """Adds a task of your own to `TASKS`, Gymnasium's registry and dm_control's suite.
+    """Adds a custom task to `TASKS`, Gymnasium's registry and dm_control's suite.
 
     In this process; what is registered by this name is replaced, but no task of the package.
 
     Args:
         name: snake_case name: "soak_cloth" becomes "softgym_mj/SoakCloth-v0".
-        constructor: class or function that builds the task from keyword arguments. Those that it
-            passes on as `**settings` have to be named: `**settings: Unpack[TaskSettings]`, with
-            the `TaskSettings` of `softgym_mj.tasks.shared.base` or another TypedDict.
-        horizon: env steps in an episode, 1 or more.
-        tags: words to find it by in dm_control's suite.
-        action_repeat: sim steps of 0.01 s per env step that it has by default.
+        task_class: a subclass of `softgym_mj.tasks.Task`. Keyword arguments that it passes on as
+            `**settings` have to be named: `**settings: Unpack[TaskSettings]`, with the
+            `TaskSettings` of `softgym_mj.tasks` or another TypedDict.
+        horizon: env steps in an episode, 1 or more; like what follows, None for the class' own.
+        tags: words to find it by in dm_control's suite; its difficulty and material.
+        action_repeat: sim steps of 0.01 s per env step.
         summary: what is to be done.
 
     Returns:
         Its record.
 
     Raises:
-        InvalidArgumentError: for a bad name, constructor, horizon or action_repeat.
+        InvalidArgumentError: for a bad name, class, horizon or action_repeat.
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         valid = "lower-case words joined by underscores, such as 'soak_cloth'"
         raise InvalidArgumentError("name", name, valid)
-    if name in _SHIPPED:
-        raise InvalidArgumentError(
-            "name", name, f"none of the package's: {', '.join(sorted(_SHIPPED))}"
-        )
-    if not callable(constructor):
-        raise InvalidArgumentError(
-            "constructor", constructor, "a class or function that builds a task"
-        )
-    check_count("horizon", horizon, 1)
-    check_count("action_repeat", action_repeat, 1)
-    record = TaskRecord(name, constructor, tuple(tags), horizon, action_repeat, summary)
+    if name in TASKS and not TASKS[name].is_custom:
+        shipped = sorted(key for key, record in TASKS.items() if not record.is_custom)
+        raise InvalidArgumentError("name", name, f"none of the package's: {', '.join(shipped)}")
+    from softgym_mj.tasks import Task
+
+    if not (isinstance(task_class, type) and issubclass(task_class, Task)):
+        raise InvalidArgumentError("task_class", task_class, "a subclass of softgym_mj.tasks.Task")
+    for argument, value in (("horizon", horizon), ("action_repeat", action_repeat)):
+        if value is not None:
+            check_count(argument, value, 1)
+    record = TaskRecord(
+        name,
+        task_class,
+        horizon=horizon,
+        tags=None if tags is None else tuple(tags),
+        action_repeat=action_repeat,
+        summary=summary,
+    )
     _ = record.arguments  # Fails if they have no names.
     TASKS[name] = record
     add_gymnasium_ids()
@@ -267,7 +228,7 @@ def find(task: str | TaskRecord) -> TaskRecord:
     """The record of a task.
 
     Args:
-        task: task name, one of `TASKS`; "module:name" for a task of your own, whose module is
+        task: task name, one of `TASKS`; "module:name" for a custom task, whose module is
             imported first so that it calls `register`; or a record, which is returned.
 
     Raises:
@@ -288,7 +249,7 @@ def find(task: str | TaskRecord) -> TaskRecord:
             f"`python -c 'import {module}'` has to work"
         ) from error
     if name not in TASKS:
-        own = [f"{module}:{other}" for other in TASKS if other not in _SHIPPED]
+        own = [f"{module}:{key}" for key, record in TASKS.items() if record.is_custom]
         if own:
             raise InvalidArgumentError("task", task, own)
         raise InvalidArgumentError(

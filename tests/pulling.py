@@ -8,8 +8,8 @@ import numpy as np
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.flex import Flex
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import Picker
+from softgym_mj.robots.workspace import Workspace
 
 _WORKSPACE = Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5))
 _GRIP_HEIGHT = 0.055  # [m] Of a picker's centre above the vertex that it takes.
@@ -35,12 +35,12 @@ class Pulled:
 
 def pull_apart(target: Flex, start: np.ndarray, first: int, second: int) -> Pulled:
     """Pulls `first` along +X and `second` along -X, at 1 m/s each for 0.32 s, from rest."""
-    arena, picker = Arena(camera="cloth"), Picker()
+    arena, picker = Arena("cloth"), Picker()
     arena.attach(target)
     picker.join(arena)
     picker.manipulate(target)
     physics = arena.compile(target.timestep, target, picker)
-    target.set_vertices(start)
+    target.set_points(start)
     above = np.array([target.vertex(first), target.vertex(second)]) + [0.0, 0.0, _GRIP_HEIGHT]
     picker.place(above, _WORKSPACE)
     strains = []
@@ -60,7 +60,7 @@ def pull_apart(target: Flex, start: np.ndarray, first: int, second: int) -> Pull
     after, strain = int((picker.held >= 0).sum()), max(strains)
     for _ in range(100):
         step(0.0, -1.0)
-    last = target.vertices()
+    last = target.points()
     step(0.0, -1.0)
-    drift = np.linalg.norm(target.vertices() - last, axis=1).max() / SIM_STEP
-    return Pulled(before, after, strain, float(drift), float(target.vertices()[:, 2].min()))
+    drift = np.linalg.norm(target.points() - last, axis=1).max() / SIM_STEP
+    return Pulled(before, after, strain, float(drift), float(target.points()[:, 2].min()))

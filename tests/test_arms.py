@@ -30,7 +30,7 @@ def go(env, goals, grips, speed=0.6, steps=30):
 
 def distance_to_target(env):
     """Distance (2,) [m] of what is held from the tool points."""
-    held = env.task.target.vertices()[env.task.actor.held]
+    held = env.task.objects[0].points()[env.task.actor.held]
     return np.linalg.norm(held - env.task.actor.positions(), axis=1)
 
 
@@ -55,16 +55,16 @@ def test_a_snapshot_of_other_arms_is_refused():
 def test_what_is_taken_follows_and_is_released(case):
     env = make(case, observation="reduced", horizon=1000)
     env.reset(812)
-    actor, target = env.task.actor, env.task.target
+    actor, target = env.task.actor, env.task.objects[0]
     mass = env.physics.model.dof_M0.copy()
     # One vertex on the side of each arm.
-    vertices = target.vertices()
+    vertices = target.points()
     sides = np.array([[0.0, -0.25, 0.0], [0.0, 0.25, 0.0]])
     taken = np.linalg.norm(vertices - sides[:, None], axis=2).argmin(axis=1)
     above = vertices[taken] * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.15]
     for _ in go(env, above, (False, False)):
         pass
-    down = target.vertices()[taken]
+    down = target.points()[taken]
     down[:, 2] = actor.limits[0][2]
     for _ in go(env, down, (False, False)):
         pass
@@ -74,7 +74,7 @@ def test_what_is_taken_follows_and_is_released(case):
     for _ in range(3):
         env.step(np.tile([0.0, 0.0, 0.0, 1.0], 2))
     assert np.all(actor.held >= 0) and actor.held[0] != actor.held[1]
-    gap = np.linalg.norm(target.vertices()[actor.held] - vertices[taken], axis=1)
+    gap = np.linalg.norm(target.points()[actor.held] - vertices[taken], axis=1)
     assert np.all(gap < actor.pick_distance + 0.01)
     assert env.physics.data.qpos[actor.servos.fingers.positions_at].max() < 0.002  # Closed.
     assert distance_to_target(env).max() < 0.002
@@ -99,7 +99,7 @@ def test_what_is_taken_follows_and_is_released(case):
     assert np.all(actor.held == -1)
     assert env.info()["dropped"] == 2
     np.testing.assert_array_equal(env.physics.model.dof_M0, mass)
-    fallen = actor.positions()[:, 2] - target.vertices()[held][:, 2]
+    fallen = actor.positions()[:, 2] - target.points()[held][:, 2]
     assert fallen.min() > 0.05  # 0.10 to 0.16, as last bits of the goals have it.
     np.testing.assert_allclose(
         env.physics.data.qpos[actor.servos.fingers.positions_at],

@@ -17,9 +17,9 @@ from softgym_mj.robots import arm_bodies, cartesian
 from softgym_mj.robots.arms import Arms
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.command_filter import LEAD
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.models import ARMS
 from softgym_mj.robots.mounts import Mount, facing_each_other
+from softgym_mj.robots.workspace import Workspace
 
 SPEED = 0.6  # [m/s] Largest of the motions.
 WORKSPACE = Workspace((-0.7, -0.7, 0.0), (0.7, 0.7, 0.5))
@@ -46,9 +46,9 @@ class Scene:
         arms.join(arena)
         arms.manipulate(target)
         physics = arena.compile(target.timestep, target, arms)
-        vertices = target.vertices() + [2.0, 0.0, 0.0]
+        vertices = target.points() + [2.0, 0.0, 0.0]
         vertices[:, 2] = target.radius
-        target.set_vertices(vertices)
+        target.set_points(vertices)
         return cls(physics.model.ptr, physics.data.ptr, arms)
 
     def start(self, points: np.ndarray) -> None:

@@ -12,7 +12,7 @@ from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.gripper import Workspace
+from softgym_mj.robots.workspace import Workspace
 
 RADIUS = THICKNESS / 2.0  # [m]
 
@@ -40,18 +40,16 @@ def test_order_size_and_mass_follow_softgym():
     # Column 0 at the smallest X; row 0 at the largest Y (FleX: the smallest z).
     np.testing.assert_allclose(grid[0, 0], [-0.296875, 0.178125, RADIUS], atol=1e-12)
     np.testing.assert_allclose(grid[-1, -1], [0.296875, -0.178125, RADIUS], atol=1e-12)
-    p1, p2, p3, p4 = cloth.vertices()[cloth.corners]
+    p1, p2, p3, p4 = cloth.points()[cloth.corners]
     np.testing.assert_array_equal([p1, p2], [grid[0, 0], grid[-1, 0]])
     np.testing.assert_array_equal([p3, p4], [grid[0, -1], grid[-1, -1]])
     assert cloth.index(-1, 2) == (cloth.shape[0] - 1) * cloth.shape[1] + 2
     model = scene.physics.model.ptr
     assert model.body_subtreemass[0] - model.body_mass[:1].sum() > 0
-    total = sum(
-        model.body_mass[model.body(f"cloth/flex_{i}").id] for i in range(cloth.num_vertices)
-    )
+    total = sum(model.body_mass[model.body(f"cloth/flex_{i}").id] for i in range(cloth.num_points))
     assert total == pytest.approx(AREA_DENSITY * 0.59375 * 0.35625)
     # Triangles are counter-clockwise from above and tile the rectangle.
-    a, b, c = (cloth.vertices()[cloth.triangles[:, i], :2] for i in range(3))
+    a, b, c = (cloth.points()[cloth.triangles[:, i], :2] for i in range(3))
     u, v = b - a, c - a
     areas = 0.5 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
     assert (areas > 0).all() and areas.sum() == pytest.approx(0.59375 * 0.35625)
@@ -65,12 +63,12 @@ def test_index_outside_the_grid_is_an_error():
 def test_without_air_a_cloth_falls_as_a_stone():
     scene = ManipulationScene(Cloth(dims=(60, 60), fidelity="fast", fabric=Fabric(drag=0.0)))
     cloth = scene.cloth
-    cloth.set_vertices(cloth.flat() + [0.0, 0.0, 2.0])
+    cloth.set_points(cloth.flat() + [0.0, 0.0, 2.0])
     for _ in range(30):
         mujoco.mj_step(scene.physics.model.ptr, scene.physics.data.ptr)
     # Semi-implicit Euler: n substeps of h fall g h^2 n (n + 1) / 2.
     fallen = 9.8 * (SIM_STEP / 25) ** 2 * 750 * 751 / 2
-    np.testing.assert_allclose(cloth.vertices()[:, 2], RADIUS + 2.0 - fallen, atol=2e-5)
+    np.testing.assert_allclose(cloth.points()[:, 2], RADIUS + 2.0 - fallen, atol=2e-5)
     np.testing.assert_allclose(cloth.edge_strain(), 0.0, atol=1e-4)
 
 
@@ -78,7 +76,7 @@ def test_a_flat_cloth_rests_at_its_radius():
     scene = ManipulationScene(Cloth(dims=(60, 60)))
     for _ in range(50):
         mujoco.mj_step(scene.physics.model.ptr, scene.physics.data.ptr)
-    np.testing.assert_allclose(scene.cloth.vertices()[:, 2], RADIUS, atol=5e-4)
+    np.testing.assert_allclose(scene.cloth.points()[:, 2], RADIUS, atol=5e-4)
     assert np.abs(scene.cloth.velocities()).max() < 1e-4
 
 
@@ -139,7 +137,7 @@ def test_a_marker_shows_the_other_side_on_an_eighth(fidelity):
     env = softgym_mj.load("fold_cloth", split="evaluate", fidelity=fidelity)
     env.reset(800)
     cloth = env.task.cloth
-    cloth.set_vertices(cloth.flat())
+    cloth.set_points(cloth.flat())
     env.task.actor.place(
         np.array([[0.8, 0.3, 0.4], [0.8, -0.3, 0.4]]), Workspace((-1,) * 3, (1,) * 3)
     )

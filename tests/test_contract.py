@@ -82,7 +82,7 @@ def test_observations_share_no_memory(case):
 def test_reduced_and_full_states_list_what_they_say(task):
     env = make(task, observation=["full", "reduced"])
     observation = env.reset(VARIATION).observation
-    vertices = env.task.target.vertices()
+    vertices = env.task.objects[0].points()
     pickers = env.task.actor.positions()
     full = observation["full"]
     np.testing.assert_array_equal(full[: vertices.size], vertices.ravel())

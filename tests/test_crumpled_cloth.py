@@ -6,7 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.tasks.shared.starts.flexes import CrumpledCloth
+from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
 
@@ -32,7 +32,7 @@ def test_shipped_states_are_free_of_intersections(indices):
     for index in indices:
         vertices = store.load(index)
         cloth, edges = mesh(CrumpledCloth().dims(index))
-        assert vertices.shape == (cloth.num_vertices, 3)
+        assert vertices.shape == (cloth.num_points, 3)
         assert metrics.count_intersections(vertices, edges, cloth.triangles) == 0
         assert vertices[:, 2].min() > 0.004 and vertices[:, 2].max() < 0.5
         lengths = [
@@ -71,13 +71,13 @@ def test_crumpled_cloth_is_crumpled_and_at_rest(actor):
     for variation in (800, 801, 804, 807):
         env.reset(variation)
         cloth = env.task.cloth
-        vertices = cloth.vertices()
+        vertices = cloth.points()
         flat_area = np.prod(cloth.size)
         assert env.task.episode.initial_performance < 0.75 * flat_area
         assert np.abs(cloth.edge_strain()).mean() < 0.03
         for _ in range(3):
             env.step(np.zeros(8))
-        moved = np.linalg.norm(cloth.vertices() - vertices, axis=1)
+        moved = np.linalg.norm(cloth.points() - vertices, axis=1)
         assert np.median(moved) < 1e-3 and moved.max() < 0.02
         # Doing nothing scores 0 (facts 1.8); test_slow.py does so for whole episodes.
         assert abs(env.info()["normalized_performance"]) < 0.02
@@ -88,7 +88,7 @@ def test_a_flat_cloth_scores_one_in_every_orientation():
     env.reset(800)
     cloth = env.task.cloth
     for angle in np.deg2rad([0.0, 15.0, 45.0, 100.0]):
-        cloth.set_vertices(cloth.flat(angle=angle))
+        cloth.set_points(cloth.flat(angle=angle))
         env.task.after_step(env.physics, None)
         info = env.info()
         assert info["normalized_performance"] == pytest.approx(1.0, abs=0.003)

@@ -3,11 +3,11 @@
 import mujoco
 import numpy as np
 import pytest
+from softgym_mj.tasks.water_task import ARM_DENSITY
 
 from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots import cup_arm
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks.water_task import ARM_DENSITY
 from tests.test_contract import actions, make
 from tests.test_scripted import play
 
@@ -51,7 +51,7 @@ def test_the_arm_carries_the_weight_of_the_water(arm):
     cup = model.body(env.task.cup.body.full_identifier).id
     middle = env.task.points().mean(axis=0)
     mujoco.mj_jac(model, data, jacobian, None, middle, cup)
-    weight = ARM_DENSITY * env.task.scene.volume * GRAVITY
+    weight = ARM_DENSITY * env.task.start.variation(env.task.variation).volume * GRAVITY
     assert 5.0 < weight < 30.0  # [N]
     # The arm and the cup are compensated for: static torques are those of the water alone.
     expected = weight * jacobian[2, motors(env)[2]]

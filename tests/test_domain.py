@@ -1,4 +1,4 @@
-"""Domain parameters: what is drawn, and that the compiled scene has it."""
+"""DomainRandomization parameters: what is drawn, and that the compiled scene has it."""
 
 import math
 
@@ -11,7 +11,7 @@ from softgym_mj.entities import Fabric
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import DEFAULT_DIMS, Cloth
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
-from softgym_mj.variations.randomization import Domain, scaled, shifted, turned
+from softgym_mj.variations.randomization import DomainRandomization, scaled, shifted, turned
 
 # Attributes of the cloth plugin, and the domain parameters of a cloth that they are.
 MATERIAL = {
@@ -48,7 +48,7 @@ def load(task, **settings):
 
 
 def drawn(setting):
-    domain = Domain(setting, [Part()])
+    domain = DomainRandomization(setting, [Part()])
     return {
         name: np.array([domain.draw(i)[name] for i in range(1000)]) for name in ("weight", "offset")
     }
@@ -80,8 +80,8 @@ def test_out_of_distribution_draws_from_both_sides_of_the_usual_ranges():
 
 
 def test_a_draw_depends_on_the_parameter_and_the_variation_alone():
-    both = Domain("in_distribution", [Part()])
-    one = Domain({"offset": "in_distribution"}, [Part()])
+    both = DomainRandomization("in_distribution", [Part()])
+    one = DomainRandomization({"offset": "in_distribution"}, [Part()])
     assert [both.draw(i)["offset"] for i in (0, 7)] == [one.draw(i)["offset"] for i in (0, 7)]
     assert one.draw(0)["offset"] != one.draw(7)["offset"]
     assert one.draw(7)["weight"] == 2.0
@@ -89,7 +89,7 @@ def test_a_draw_depends_on_the_parameter_and_the_variation_alone():
 
 
 def test_numbers_and_pairs():
-    domain = Domain({"weight": 5, "offset": (0.2, 0.3)}, [part := Part()])
+    domain = DomainRandomization({"weight": 5, "offset": (0.2, 0.3)}, [part := Part()])
     assert domain.apply(3) and part.values["weight"] == 5.0
     assert 0.2 <= part.values["offset"] <= 0.3
     assert not domain.apply(3)
@@ -112,7 +112,7 @@ def test_numbers_and_pairs():
 )
 def test_bad_settings_say_what_is_valid(setting, error, words):
     with pytest.raises(error) as raised:
-        Domain(setting, [Part()])
+        DomainRandomization(setting, [Part()])
     for word in words:
         assert word in str(raised.value)
 
@@ -156,7 +156,7 @@ def test_the_cloth_has_what_was_drawn():
 
 
 def compiled(cloth):
-    arena = Arena(camera="cloth")
+    arena = Arena("cloth")
     arena.attach(cloth)
     return arena.compile(cloth.timestep, cloth)
 
@@ -174,7 +174,7 @@ def test_stiffness_is_force_per_width_and_strain(factor):
         model, data = physics.model.ptr, physics.data.ptr
         model.opt.gravity[:] = 0.0
         start = cloth.flat() * [1.0, 1.001, 1.0] + [0.0, 0.0, 1.0]
-        cloth.set_vertices(start)
+        cloth.set_points(start)
         ends = np.flatnonzero(np.abs(start[:, 1]) > np.abs(start[:, 1]).max() - 1e-6)
         for vertex in ends:
             cloth.hold(int(vertex))

@@ -125,7 +125,7 @@ class FlexScene:
 
     def nearest(self, positions):
         """Distances (n,) to the flexes' mid lines and surfaces, and on which side (n,) of these."""
-        x = self.vertices()
+        x = self.points()
         corners = self.flexes(x, x).at(0)
         points = np.repeat(positions, len(corners), axis=0)
         every = np.tile(corners, (len(positions), 1, 1))
@@ -173,7 +173,7 @@ def test_lone_particles_are_stopped_where_they_touch(speed):
         still = 'gravity="0 0 0"'
         scene = FlexScene(world, (1, 1), 1, 0.2, option=still, viscosity=0, substeps=1, friction=0)
         hold = scene.model.flex_radius[0] + CONTACT
-        x = scene.vertices()
+        x = scene.points()
         corners = scene.flexes(x, x).at(0)
         assert len(corners) == elements
         for point in np.random.default_rng(1).uniform(-0.1, 0.1, (100, 3)):
@@ -209,12 +209,12 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
     touched = 0
     for step in range(25):
         scene.data.qvel[:] += random.normal(0, 0.3, scene.model.nv)
-        start, x, v = scene.vertices(), scene.positions.copy(), scene.velocities.copy()
+        start, x, v = scene.points(), scene.positions.copy(), scene.velocities.copy()
         (plane,) = wall_poses(scene)
         scene.step()
         if step % 6:
             continue
-        flexes = scene.flexes(start, scene.vertices())
+        flexes = scene.flexes(start, scene.points())
         walls = [fluid.Wall("plane", np.ones(3), plane, plane)]
         gravity = scene.model.opt.gravity
         expected_x, expected_v, _ = fluid.step(liquid, 0.01, gravity, walls, x, v, flexes)
@@ -244,7 +244,7 @@ def test_a_jet_does_not_get_through_a_pinned_cloth(radius, mover):
     assert below == 0
     assert (side > 0).all() and inside.sum() > 50
     assert distance.min() > radius + CONTACT - NEAR
-    assert scene.vertices()[:, 2].min() < 0.399  # It moves under its weight.
+    assert scene.points()[:, 2].min() < 0.399  # It moves under its weight.
 
 
 @MOVERS
@@ -321,7 +321,7 @@ def test_water_caught_under_a_falling_cloth_stays_below_it(mover):
         distance, side = scene.nearest(scene.positions)
         assert not (near & (side > 0) & (distance < 0.03)).any()
     assert np.linalg.norm(scene.velocities, axis=1).max() < 3
-    assert scene.vertices()[:, 2].max() < 0.03
+    assert scene.points()[:, 2].max() < 0.03
 
 
 @pytest.mark.parametrize("cloth_first", [False, True])
@@ -335,7 +335,7 @@ def test_water_sees_cloth_where_a_step_ends(cloth_first):
     for _ in range(20):
         scene.step()
         seen = scene.data.plugin_state[end - size : end].reshape(-1, 3)
-        np.testing.assert_allclose(seen, scene.vertices(), atol=1e-12)
+        np.testing.assert_allclose(seen, scene.points(), atol=1e-12)
 
 
 # ---------------------------------------------------------------------- physics
@@ -516,7 +516,7 @@ def test_the_entity_passes_it_on(flexes):
     environment = composer.Environment(composer.NullTask(arena))
     environment.reset()
     physics = environment.physics
-    water.set_particles(water.positions() + [0, 0, 0.23])
+    water.set_points(water.points() + [0, 0, 0.23])
     while physics.time() < 0.25:
         physics.step()
-    assert (water.positions()[:, 2].mean() > 0.2) == flexes
+    assert (water.points()[:, 2].mean() > 0.2) == flexes

@@ -8,7 +8,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.sheet import THICKNESS
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.tasks.shared.starts.flexes import FlatCloth, HangingCloth
+from softgym_mj.tasks.shared.starts.cloths import FlatCloth, HangingCloth
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
 RADIUS = THICKNESS / 2.0  # [m]
@@ -25,7 +25,7 @@ def make(task, **kwargs):
 def compiled(dims, fidelity="default"):
     from softgym_mj.entities.arena import Arena
 
-    cloth, arena = Cloth(dims=dims, fidelity=fidelity), Arena(camera="cloth")
+    cloth, arena = Cloth(dims=dims, fidelity=fidelity), Arena("cloth")
     arena.attach(cloth)
     arena.compile(0.01, cloth)
     return cloth
@@ -75,7 +75,7 @@ def slow_fold(sheet, reference):
 def test_folds_are_measured_as_by_a_slow_loop(columns):
     random = np.random.default_rng(columns)
     cloth = compiled((60 + columns, 65), "fast")
-    points, goal = random.normal(size=(2, cloth.num_vertices, 3))
+    points, goal = random.normal(size=(2, cloth.num_points, 3))
     sheet, reference = cloth.particles(points), cloth.particles(goal)
     measures = metrics.fold(cloth.arrays, points, reference)
     pair, moved = slow_fold(sheet, reference)
@@ -93,8 +93,8 @@ def test_folds_are_measured_as_by_a_slow_loop(columns):
 def test_a_flat_cloth_has_softgyms_initial_performance(dimx, expected, fidelity):
     """Facts A."""
     cloth = compiled((dimx, 70), fidelity)
-    cloth.set_vertices(cloth.flat(angle=0.3))
-    measures = metrics.fold(cloth.arrays, cloth.vertices(), cloth.particles())
+    cloth.set_points(cloth.flat(angle=0.3))
+    measures = metrics.fold(cloth.arrays, cloth.points(), cloth.particles())
     assert measures.performance == pytest.approx(expected, abs=1e-9)
     assert measures.rewards == {
         "pair_distance": pytest.approx(expected, abs=1e-9),
@@ -108,13 +108,13 @@ def test_a_perfect_fold_scores_one_less_its_layer(task):
     env.reset(805)
     cloth = env.task.cloth
     places = {
-        "fold_cloth": cloth.vertices(),
+        "fold_cloth": cloth.points(),
         "fold_crumpled_cloth": cloth.flat(),
         "drop_fold_cloth": cloth.flat(centre=(cloth.size[0] / 2, 0.0)),
     }
     # Without thickness it would be 1; in an even number of columns no vertex lies on the fold.
     for layer in (0.0, LAYER):
-        cloth.set_vertices(folded(cloth, places[task], layer))
+        cloth.set_points(folded(cloth, places[task], layer))
         info = measured(env)
         exact = 1.0 - layer / -env.task.episode.initial_performance
         assert info["normalized_performance"] == pytest.approx(exact, abs=0.02)
@@ -134,10 +134,10 @@ def test_a_fold_that_was_dragged_away_costs_what_it_moved():
     env = make("fold_cloth")
     env.reset(805)
     cloth = env.task.cloth
-    places = folded(cloth, cloth.vertices(), layer=0.0)
-    cloth.set_vertices(places)
+    places = folded(cloth, cloth.points(), layer=0.0)
+    cloth.set_points(places)
     before = measured(env)["performance"]
-    cloth.set_vertices(places + [0.03, -0.04, 0.0])
+    cloth.set_points(places + [0.03, -0.04, 0.0])
     info = measured(env)
     assert info["displacement"] == pytest.approx(0.05, abs=1e-6)
     assert info["reward_displacement"] == pytest.approx(-1.2 * 0.05, abs=1e-6)
@@ -152,7 +152,7 @@ def test_the_performance_of_a_shape_does_not_depend_on_the_resolution(fidelity):
     radius = cloth.size[0] / np.pi
     angle = x / radius
     bent = np.column_stack([radius * np.sin(angle), y, radius * (1.0 - np.cos(angle))])
-    cloth.set_vertices(bent)
+    cloth.set_points(bent)
     goal = cloth.particles(cloth.flat())
     performance = metrics.fold(cloth.arrays, bent, goal).performance
     # The mirror image of arc s is 2 R sin(s / R) away: its mean over a half is 4 R / pi.
@@ -169,14 +169,14 @@ def test_flat_cloths_are_turned_by_up_to_45_degrees():
     assert -45.0 <= angles.min() < -44.0 and 44.0 < angles.max() <= 45.0
     env = make("fold_cloth")
     env.reset(803)
-    p1, _, p3, _ = env.task.cloth.vertices()[env.task.cloth.corners]
+    p1, _, p3, _ = env.task.cloth.points()[env.task.cloth.corners]
     assert np.rad2deg(np.arctan2(*(p3 - p1)[[1, 0]])) == pytest.approx(angles[803], abs=0.01)
 
 
 def test_fold_cloth_starts_above_the_middle_of_the_first_column():
     env = make("fold_cloth")
     env.reset(803)
-    p1, p2 = env.task.cloth.vertices()[env.task.cloth.corners[:2]]
+    p1, p2 = env.task.cloth.points()[env.task.cloth.corners[:2]]
     pickers = env.task.actor.positions()
     np.testing.assert_allclose(pickers.mean(axis=0)[:2], ((p1 + p2) / 2)[:2], atol=1e-12)
     np.testing.assert_allclose(pickers[:, 2], 0.1)
@@ -207,7 +207,7 @@ def test_a_vertical_sheet_has_softgyms_initial_performance(dimx, x, bottom, expe
     width = task.cloth.size[0]
     top = max(bottom + width, 0.5)
     height = top - width / 2 - along  # Column 0 on top.
-    task.cloth.set_vertices(np.column_stack([np.full_like(along, x), across, height]))
+    task.cloth.set_points(np.column_stack([np.full_like(along, x), across, height]))
     assert task.measure(task.state(), task.episode).performance == pytest.approx(expected, abs=2e-4)
 
 
@@ -219,10 +219,10 @@ def test_a_cloth_laid_flat_in_its_place_scores_one():
     p1, p2, p3, _ = flat[cloth.corners]
     assert p1[0] == pytest.approx(0.0) and p1[1] == pytest.approx(-p2[1])
     assert p3[0] == pytest.approx(cloth.size[0])
-    cloth.set_vertices(flat)
+    cloth.set_points(flat)
     info = measured(env)
     assert info["normalized_performance"] == pytest.approx(1.0, abs=1e-9) and info["success"]
-    cloth.set_vertices(flat + [0.3, 0.4, 0.0])
+    cloth.set_points(flat + [0.3, 0.4, 0.0])
     assert measured(env)["performance"] == pytest.approx(-0.5)
 
 
@@ -232,20 +232,20 @@ def test_the_cloth_hangs_by_two_corners_that_the_pickers_hold(task):
     env.reset(801)
     cloth, actor = env.task.cloth, env.task.actor
     np.testing.assert_array_equal(actor.held, cloth.corners[:2])
-    corners = cloth.vertices()[cloth.corners[:2]]
+    corners = cloth.points()[cloth.corners[:2]]
     np.testing.assert_allclose(actor.positions(), corners + [0.0, 0.0, 0.05], atol=1e-9)
     assert corners[0, 1] > 0.0 > corners[1, 1]  # p1 at +Y.
-    lowest = cloth.vertices()[:, 2].min()
+    lowest = cloth.points()[:, 2].min()
     for _ in range(3):
         env.step(np.tile([0.0, 0.0, 0.0, 1.0], 2))
-    held = cloth.vertices()[cloth.corners[:2]]
+    held = cloth.points()[cloth.corners[:2]]
     np.testing.assert_allclose(held, corners, atol=1e-3)
-    assert cloth.vertices()[:, 2].min() == pytest.approx(lowest, abs=0.01)  # It was at rest.
+    assert cloth.points()[:, 2].min() == pytest.approx(lowest, abs=0.01)  # It was at rest.
     env.step(np.zeros(8))
     assert (actor.held == -1).all()
     for _ in range(10):
         env.step(np.zeros(8))
-    assert cloth.vertices()[:, 2].max() < 0.4  # It fell.
+    assert cloth.points()[:, 2].max() < 0.4  # It fell.
 
 
 @pytest.mark.parametrize("task", DROP_TASKS)
@@ -254,7 +254,7 @@ def test_held_corners_stay_above_half_a_metre(task):
     env.reset(801)
     for _ in range(10):
         env.step(np.tile([0.0, 0.0, -1.0, 1.0], 2))
-    heights = env.task.cloth.vertices()[env.task.cloth.corners[:2], 2]
+    heights = env.task.cloth.points()[env.task.cloth.corners[:2], 2]
     np.testing.assert_allclose(heights, 0.5, atol=1e-3)
     low, high = env.task.actor.limits
     np.testing.assert_allclose(low, [-0.25, -0.45, 0.55])
@@ -265,7 +265,7 @@ def test_held_corners_stay_above_half_a_metre(task):
 def test_hanging_cloths_are_drawn_from_the_facts(sizes, largest):
     initializer = HangingCloth("fast", sizes)
     dims = np.array([initializer.dims(i) for i in range(NUM_VARIATIONS)])
-    assert dims.min() == 60 and dims.max() == initializer.largest == largest
+    assert dims.min() == 60 and dims.max() == initializer.size_range[1] - 1 == largest
     sheets = [initializer.sheet(i) for i in range(40)]
     for dim, sheet in zip(dims, sheets, strict=False):
         x, _, z = sheet[1:].T  # Vertex 0 is jittered.

@@ -7,9 +7,8 @@ import softgym_mj
 from softgym_mj.entities import Cloth
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
-from softgym_mj.robots.factory import make_actor
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks import Measures, SceneTask
+from softgym_mj.tasks import Measures, Task
 from tests.test_contract import actions
 from tests.test_snapshots import trace
 
@@ -83,7 +82,7 @@ def pinch_edge(env):
     """Pinches an edge of the cloth; returns the vertex nearest to the tool."""
     vertex, way = edge_place(env)
     close_at(env, vertex + [way * BEYOND, 0.0])
-    offsets = env.task.target.offsets(env.task.actor.positions()[0])
+    offsets = env.task.objects[0].offsets(env.task.actor.positions()[0])
     return int(np.linalg.norm(offsets, axis=1).argmin())
 
 
@@ -99,14 +98,14 @@ def lift_and_carry(env):
 
 def offset(env, vertex):
     """Where a vertex is relative to the tool point (3,) [m]."""
-    return env.task.target.vertex(vertex) - env.task.actor.positions()[0]
+    return env.task.objects[0].vertex(vertex) - env.task.actor.positions()[0]
 
 
 def carries(arm, variation):
     """Whether an edge is pinched, lifted and carried, and let go when the fingers open."""
     env = load("fold_cloth", arm, arms=1)
     env.reset(variation)
-    actor, target, mass = env.task.actor, env.task.target, env.physics.model.dof_M0.copy()
+    actor, target, mass = env.task.actor, env.task.objects[0], env.physics.model.dof_M0.copy()
     vertex = pinch_edge(env)
     pinched = offset(env, vertex)
     lift_and_carry(env)
@@ -142,7 +141,7 @@ def test_without_friction_nothing_is_lifted(arm):
     env.physics.model.ptr.geom_friction[pads] = 1e-5
     vertex = pinch_edge(env)
     lift_and_carry(env)
-    assert env.task.target.vertex(vertex)[2] < 0.05
+    assert env.task.objects[0].vertex(vertex)[2] < 0.05
     assert env.task.actor.held[0] == -1
 
 
@@ -180,8 +179,8 @@ def test_a_snapshot_of_another_grasp_is_refused():
 def test_a_piece_of_a_rope_is_lifted(arm):
     env = load("straighten_rope", arm, arms=1)
     env.reset(800)
-    actor, target = env.task.actor, env.task.target
-    vertices = target.vertices()
+    actor, target = env.task.actor, env.task.objects[0]
+    vertices = target.points()
     along = np.gradient(vertices, axis=0)
     across = np.abs(along[:, 1]) / np.linalg.norm(along, axis=1)
     reach = np.linalg.norm((vertices - actor.mounts[0].base)[:, :2], axis=1)
@@ -197,12 +196,12 @@ def test_a_piece_of_a_rope_is_lifted(arm):
     assert offset(env, vertex)[2] < -0.1
 
 
-class Lift(SceneTask):
+class Lift(Task):
     """A rigid body of one's own within reach, a cloth 0.3 m away from it."""
 
     def __init__(self, arm, shape):
         self.cloth = Cloth((20, 20), fidelity="fast")
-        super().__init__([self.cloth], make_actor(arm, "cloth", arms=1, grasp="friction"))
+        super().__init__([self.cloth], actor=arm, arms=1, grasp="friction")
         body = self.root_entity.mjcf_model.worldbody.add("body", name="toy", pos=[0.1, -0.2, 0.02])
         body.add("freejoint")
         size = [0.018] * 3 if shape == "box" else [0.018]
@@ -211,7 +210,7 @@ class Lift(SceneTask):
         )  # Solid for hands, too.
 
     def arrange(self, random):
-        self.cloth.set_vertices(self.cloth.flat((-0.2, -0.2)))
+        self.cloth.set_points(self.cloth.flat((-0.2, -0.2)))
 
     def measure(self, state, episode):
         return Measures(0.0, {"nothing": 0.0})
@@ -241,17 +240,17 @@ def test_a_rigid_body_in_the_hand_is_no_vertex(arm, shape):
 def test_a_hanging_cloth_is_held_from_the_start(arm):
     env = load("drop_cloth", arm)
     env.reset(806)
-    actor, target = env.task.actor, env.task.target
+    actor, target = env.task.actor, env.task.objects[0]
     corners = actor.held
-    start = target.vertices()[corners] - actor.positions()
+    start = target.points()[corners] - actor.positions()
     for way in (0.6, -0.6):
         for _ in range(5):
             env.step(np.tile([way, 0.0, 0.1, 1.0], 2))
-    drift = target.vertices()[corners] - actor.positions() - start
+    drift = target.points()[corners] - actor.positions() - start
     assert np.linalg.norm(drift, axis=1).max() < 0.02
     assert np.all(actor.held >= 0)
     wait(env, False, 4)
-    fallen = actor.positions() - target.vertices()[corners]
+    fallen = actor.positions() - target.points()[corners]
     assert fallen[:, 2].min() > 0.1
 
 
@@ -271,7 +270,7 @@ def test_fingers_get_down_beside_a_sheet_and_not_into_the_floor(arm):
 @arms
 def test_random_actions_leave_the_simulation_sound(arm):
     env = load("fold_cloth", arm, fidelity="fast")
-    actor, target, held = env.task.actor, env.task.target, 0
+    actor, target, held = env.task.actor, env.task.objects[0], 0
     for trial in range(2):  # Contacts multiply what differs in a last bit: no single course counts.
         env.reset(805)
         random, noise = np.random.default_rng(5), np.random.default_rng(trial)

@@ -15,8 +15,8 @@ from softgym_mj.entities.garment import Garment, read_mesh
 from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS, Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import Picker
+from softgym_mj.robots.workspace import Workspace
 
 RADIUS = THICKNESS / 2.0  # [m]
 
@@ -38,14 +38,14 @@ class Scene:
 
     def __init__(self, sheet, start):
         self.sheet, self.picker = sheet, Picker(num_pickers=1)
-        arena = Arena(camera="cloth")
+        arena = Arena("cloth")
         arena.attach(sheet)
         self.picker.join(arena)
         self.picker.manipulate(sheet)
         self.physics = arena.compile(sheet.timestep, sheet, self.picker)
         self.picker.place(np.array([[0.9, 0.9, 0.9]]), Workspace((-1.0,) * 3, (1.0,) * 3))
         self.crossings = self._count = 0
-        sheet.set_vertices(start)
+        sheet.set_points(start)
 
     def step(self, count=1):
         for _ in range(count):
@@ -76,11 +76,11 @@ def test_a_grid_from_a_file_moves_bit_by_bit_as_a_cloth(tmp_path):
     for sheet in (cloth, garment):
         scene = Scene(sheet, flat)
         scene.lift(0, 0.2)
-        way = [sheet.vertices()]
+        way = [sheet.points()]
         sheet.release_all()
         for _ in range(5):
             scene.step(10)
-            way.append(sheet.vertices())
+            way.append(sheet.points())
         ways.append(way)
     np.testing.assert_array_equal(*ways)
     assert np.ptp(ways[0][0][:, 2]) > 0.15  # It was lifted.
@@ -93,7 +93,7 @@ def test_mass_and_size_follow_density_and_scale():
     np.testing.assert_allclose(np.ptp(large.laid(), axis=0), 1.5 * np.ptp(small.laid(), axis=0))
     for garment, density in ((small, AREA_DENSITY), (large, 0.1)):
         model = Scene(garment, garment.laid()).physics.model.ptr
-        bodies = [model.body(f"garment/flex_{i}").id for i in range(garment.num_vertices)]
+        bodies = [model.body(f"garment/flex_{i}").id for i in range(garment.num_points)]
         assert model.body_mass[bodies].sum() == pytest.approx(density * garment.area, rel=1e-6)
 
 
@@ -111,7 +111,7 @@ def test_the_t_shirt_rests_on_the_floor_in_two_layers():
     shirt = Garment(T_SHIRT)
     scene = Scene(shirt, shirt.laid())
     scene.step(100)
-    heights = shirt.vertices()[:, 2]
+    heights = shirt.points()[:, 2]
     back = shirt.laid()[:, 2] < RADIUS + 1e-3
     np.testing.assert_allclose(heights[back], RADIUS, atol=1e-3)
     assert np.median(heights[~back]) == pytest.approx(3 * RADIUS, abs=1e-3)
@@ -122,14 +122,14 @@ def test_the_t_shirt_rests_on_the_floor_in_two_layers():
 def test_a_dropped_t_shirt_crumples_without_crossing_itself():
     shirt = Garment(T_SHIRT)
     scene = Scene(shirt, shirt.laid())
-    scene.lift(int(np.argmax(shirt.vertices()[:, 0])), 0.45)  # The end of a sleeve.
+    scene.lift(int(np.argmax(shirt.points()[:, 0])), 0.45)  # The end of a sleeve.
     assert np.percentile(shirt.edge_strain(), 99) < 0.15
     shirt.release_all()
     scene.step(150)
     assert scene.crossings == 0
-    heights = shirt.vertices()[:, 2]
+    heights = shirt.points()[:, 2]
     assert heights.min() > -RADIUS
-    covered = [metrics.covered_area(v, shirt.triangles) for v in (shirt.laid(), shirt.vertices())]
+    covered = [metrics.covered_area(v, shirt.triangles) for v in (shirt.laid(), shirt.points())]
     assert covered[1] < 0.7 * covered[0]
     assert np.sqrt(np.mean(np.sum(shirt.velocities() ** 2, axis=1))) < 0.05  # Nearly at rest.
     assert np.percentile(np.abs(shirt.edge_strain()), 99) < 0.1
@@ -139,7 +139,7 @@ def test_a_dropped_t_shirt_crumples_without_crossing_itself():
 def test_a_picker_grasps_and_lifts_the_t_shirt():
     shirt = Garment(T_SHIRT)
     scene = Scene(shirt, shirt.laid())
-    hem = int(np.argmin(shirt.vertices()[:, 1] - shirt.vertices()[:, 2]))
+    hem = int(np.argmin(shirt.points()[:, 1] - shirt.points()[:, 2]))
     start = shirt.vertex(hem) + [0.0, 0.0, scene.picker.radius + shirt.radius]
     scene.picker.place(start[None], Workspace((-1.0,) * 3, (1.0,) * 3))
     scene.picker.command(np.array([0.0, 0.0, 0.6, 1.0]))
@@ -174,7 +174,7 @@ def test_twice_the_stiffness_halves_the_strain_of_a_hanging_sheet(tmp_path):
             for vertex in range(32, 36):
                 strip.drive(vertex, points[vertex] + [0.0, 0.0, 0.3], SIM_STEP)
             scene.step()
-        strains.append(strip.vertices()[:4, 2].mean() - 0.3)
+        strains.append(strip.points()[:4, 2].mean() - 0.3)
     sag = -np.array(strains)
     assert sag[0] / sag[1] == pytest.approx(2.0, rel=0.1)
     # A strip of stiffness k and weight per area w sags by w L^2 / 2 k.
@@ -188,7 +188,7 @@ def test_parts_that_are_not_connected_are_one_garment(tmp_path):
     pair = Garment(file)
     scene = Scene(pair, pair.laid() + np.array([[0, 0, 0.1]] * 4 + [[0, 0, 0.3]] * 3))
     scene.step(100)
-    np.testing.assert_allclose(pair.vertices()[:, 2], RADIUS, atol=1e-3)
+    np.testing.assert_allclose(pair.points()[:, 2], RADIUS, atol=1e-3)
     np.testing.assert_allclose(pair.edge_strain(), 0.0, atol=0.01)
 
 

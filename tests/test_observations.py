@@ -134,8 +134,8 @@ def test_images_with_what_is_sensed_do_not_tell_where_the_object_is(actor):
             image_size=(32, 32),
         )  # fmt: skip
         env.reset(803)
-        rope = env.task.target
-        rope.set_vertices(rope.vertices() + [0.0, shift, 0.0])
+        rope = env.task.objects[0]
+        rope.set_points(rope.points() + [0.0, shift, 0.0])
         seen.append(env.step(np.zeros(env.action_spec().shape)).observation)
     assert set(seen[0]) == {"rgb", "proprioception"}
     assert not np.array_equal(seen[0]["rgb"], seen[1]["rgb"])

@@ -24,17 +24,18 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj.entities import Rope
-from softgym_mj.robots.factory import make_actor
-from softgym_mj.tasks import Measures, SceneTask, TaskSettings
+from softgym_mj.tasks import Measures, Task, TaskSettings
 
 
-class Pull(SceneTask):
-    def __init__(self, actor="picker", grasp=None, **settings: Unpack[TaskSettings]):
+class Pull(Task):
+    material = "rope"
+
+    def __init__(self, **settings: Unpack[TaskSettings]):
         self.rope = Rope("fast")
-        super().__init__([self.rope], make_actor(actor, "rope", grasp=grasp), **settings)
+        super().__init__([self.rope], **settings)
 
     def arrange(self, random):
-        self.rope.set_vertices(self.rope.straight() + [0.0, random.uniform(-0.1, 0.1), 0.0])
+        self.rope.set_points(self.rope.straight() + [0.0, random.uniform(-0.1, 0.1), 0.0])
 
     def measure(self, state, episode):
         height = float(self.actor.positions()[0, 2])
@@ -128,7 +129,7 @@ def test_workers_find_the_module(folder, monkeypatch):
             InvalidArgumentError,
             "'own_broken:own_pull', 'own_br",
         ),
-        ("", "own_pull", InvalidArgumentError, "'rope_configuration', 'MODULE:NAME'"),
+        ("", "own_pull", InvalidArgumentError, "'transport_water', 'MODULE:NAME'"),
         ("", ":own_pull", InvalidArgumentError, "'' cannot be imported"),
     ],
 )

@@ -15,23 +15,22 @@ from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import Rollouts
 from softgym_mj.robots.factory import make_actor
-from softgym_mj.tasks import Measures, SceneTask, TaskSettings
+from softgym_mj.robots.picker import Picker
+from softgym_mj.tasks import Measures, Task, TaskSettings
 
 DIMS = (12, 12)
 
 
-class Counting(SceneTask):
+class Counting(Task):
     """A small cloth; the reward is the number of env steps, which the task counts itself."""
 
-    def __init__(
-        self, height: float = 0.1, actor: str = "picker", **settings: Unpack[TaskSettings]
-    ):
+    def __init__(self, height: float = 0.1, **settings: Unpack[TaskSettings]):
         self.cloth, self.height, self.count = Cloth(DIMS), height, 0
-        super().__init__([self.cloth], make_actor(actor, "cloth"), **settings)
+        super().__init__([self.cloth], **settings)
 
     def arrange(self, random):
         self.count = 0
-        self.cloth.set_vertices(self.cloth.flat() + [0.0, 0.0, self.height])
+        self.cloth.set_points(self.cloth.flat() + [0.0, 0.0, self.height])
 
     def measure(self, state, episode):
         return Measures(0.1 * self.count, {"count": float(self.count)})
@@ -116,13 +115,11 @@ def test_the_start_is_above_the_floor():
 
 
 class Plain(Counting):
-    """A task with the arguments of `SceneTask`."""
+    """A task with the arguments of `Task`."""
 
-    def __init__(self, objects=None, actor=None, **settings):
+    def __init__(self, objects=None, **settings):
         self.cloth, self.height, self.count = Cloth(DIMS), 0.1, 0
-        objects = [self.cloth] if objects is None else objects
-        actor = make_actor("picker", "cloth") if actor is None else actor
-        SceneTask.__init__(self, objects, actor, **settings)
+        Task.__init__(self, [self.cloth] if objects is None else objects, **settings)
 
 
 @pytest.mark.parametrize(
@@ -130,14 +127,32 @@ class Plain(Counting):
     [
         ({"objects": 3}, "objects=3.*a list of ropes"),
         ({"objects": ["cloth"]}, r"objects=\['cloth'\]"),
-        ({"actor": "picker"}, "actor='picker'.*make_actor"),
-        ({"camera": ((0, 0, 1), (1, 0, 0, 0))}, "camera=.*a CameraPose, or one of 'transport_"),
-        ({"workspace": ((-1, -1, 0), (1, 1, 1))}, r"workspace=.*a Workspace\("),
+        ({"actor": "hand"}, "actor='hand'.*'picker', 'pick_and_place'"),
+        ({"actor": "picker", "arms": 1}, "arms=1.*None with actor='picker'"),
     ],
 )
-def test_wrong_types_are_errors(arguments, message):
+def test_wrong_arguments_are_errors(arguments, message):
     with pytest.raises(InvalidArgumentError, match=message):
         Plain(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        ({"view": "kitchen"}, "view='kitchen'.*a View, or one of 'transport_"),
+        ({"view": ((0, 0, 1), (1, 0, 0, 0))}, "view=.*a View, or one of 'transport_"),
+        ({"workspace": ((-1, -1, 0), (1, 1, 1))}, r"workspace=.*a Workspace\("),
+        ({"material": "towel"}, "kind='towel'.*'cloth', 'rope'"),
+    ],
+)
+def test_wrong_class_data_are_errors(data, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        type("Bad", (Plain,), data)()
+
+
+def test_an_actor_may_be_given_as_such():
+    picker = Picker(num_pickers=1)
+    assert started(Plain(actor=picker)).task.actor is picker
 
 
 def test_the_scene_is_there_after_the_constructor():
@@ -195,7 +210,7 @@ def test_snapshots_fit_the_same_arguments_only(register):
     usual = softgym_mj.load("counting", actor="picker")
     usual.reset(800)
     softgym_mj.load("counting", height=0.1).set_state(usual.get_state())  # What it is by default.
-    assert "arguments" not in softgym_mj.load("straighten_rope", actor="picker").task.state_layout
+    assert "arguments" not in softgym_mj.load("straighten_rope", actor="picker").task.snapshot_key
 
 
 # ------------------------------------------------------------------ tasks registered again
@@ -205,9 +220,9 @@ def rewarding(value, dims=DIMS):
     """A class as a notebook defines it: other processes cannot import it."""
 
     class Mine(Counting):
-        def __init__(self, actor: str = "picker", **settings: Unpack[TaskSettings]):
+        def __init__(self, **settings: Unpack[TaskSettings]):
             self.cloth, self.height, self.count = Cloth(dims), 0.1, 0
-            SceneTask.__init__(self, [self.cloth], make_actor(actor, "cloth"), **settings)
+            Task.__init__(self, [self.cloth], **settings)
 
         def measure(self, state, episode):
             return Measures(value, {"value": value})

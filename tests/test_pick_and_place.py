@@ -47,13 +47,13 @@ def test_what_is_taken_is_carried_to_the_target():
     env.reset(803)
     cloth, actor = env.task.cloth, env.task.actor
     corners = cloth.corners[:2]
-    above = cloth.vertices()[corners] + [0.0, 0.0, 0.055]
+    above = cloth.points()[corners] + [0.0, 0.0, 0.055]
     env.step(to(env, above, (False, False)))
     env.step(to(env, above, (True, True)))  # No way: one sim step, in which the pickers close.
     assert env.info()["sim_steps"] == 1
     np.testing.assert_array_equal(actor.held, corners)
     env.step(to(env, above + [0.0, 0.0, 0.2], (True, True)))
-    lifted = cloth.vertices()[corners]
+    lifted = cloth.points()[corners]
     np.testing.assert_allclose(lifted, above + [0.0, 0.0, 0.145], atol=1e-3)
     env.step(to(env, above + [0.0, 0.0, 0.3], (False, False)))
     assert (actor.held == -1).all()
@@ -79,7 +79,7 @@ def test_a_pixel_is_a_point_of_the_floor(task):
     rotation = physics.data.cam_xmat[camera].reshape(3, 3)
     for pixel in ([0.0, 0.0], [0.5, -0.3], [-0.7, 0.9]):
         point = actor.point(np.array(pixel))
-        assert point[2] == pytest.approx(env.task.target.radius)
+        assert point[2] == pytest.approx(env.task.objects[0].radius)
         seen = rotation.T @ (point - physics.data.cam_xpos[camera])
         np.testing.assert_allclose(
             [seen[0] / -seen[2], -seen[1] / -seen[2]], np.tan(np.deg2rad(22.5)) * np.array(pixel),

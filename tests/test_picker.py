@@ -11,8 +11,8 @@ import pytest
 import softgym_mj
 from softgym_mj.entities.flex import Flex
 from softgym_mj.envs.environment import Environment
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.picker import Picker
+from softgym_mj.robots.workspace import Workspace
 
 SIM_STEP = 0.01  # [s]
 FULL = 0.01  # Displacement of an action of 1 in a sim step [m].
@@ -54,8 +54,8 @@ class Scene:
         if vertices is None:
             target = self.target
             vertices = target.straight() if self.facts is ROPE else target.flat()
-        self.target.set_vertices(vertices)
-        return self.target.vertices()
+        self.target.set_points(vertices)
+        return self.target.points()
 
     def place(self, *positions) -> None:
         """Puts the pickers down, open, in the workspace around the origin."""
@@ -88,7 +88,7 @@ def make_scene(facts: Facts, num_pickers: int = 2, action_repeat: int = 1) -> Sc
             action_repeat=action_repeat,
             **settings,
         )
-        _scenes[key] = Scene(env, env.task.target, env.task.actor, facts)
+        _scenes[key] = Scene(env, env.task.objects[0], env.task.actor, facts)
     _scenes[key].env.reset()
     return _scenes[key]
 
@@ -103,9 +103,9 @@ def box_centre(vertices: np.ndarray) -> np.ndarray:
 @BOTH
 def test_two_pickers_at_reset(facts):
     scene = make_scene(facts)
-    x, y = box_centre(scene.target.vertices())
+    x, y = box_centre(scene.target.points())
     half = facts.spread / 2
-    top = scene.target.vertices()[:, 2].max()  # Of this heap 0.18 m.
+    top = scene.target.points()[:, 2].max()  # Of this heap 0.18 m.
     height = top + 0.06 if facts is CLOTH else facts.reset_height
     expected = [[x, y - half, height], [x, y + half, height]]
     np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)
@@ -115,7 +115,7 @@ def test_two_pickers_at_reset(facts):
 
 def test_one_and_three_pickers_at_reset():
     scene = make_scene(ROPE, num_pickers=1)
-    x, y = box_centre(scene.target.vertices())
+    x, y = box_centre(scene.target.points())
     np.testing.assert_allclose(scene.actor.positions(), [[x, y, 0.1]], atol=1e-12)
     scene = make_scene(ROPE, num_pickers=3)
     # A ring of radius 2 r sqrt(2) from -Y, every 120 degrees.
@@ -153,7 +153,7 @@ def test_displacement(action_repeat):
 @BOTH
 def test_workspace_limits(facts):
     scene = make_scene(facts, action_repeat=8)
-    x, y = box_centre(scene.target.vertices())
+    x, y = box_centre(scene.target.points())
     lowest = [x - facts.half_x, y - facts.half_y, facts.low]
     highest = [x + facts.half_x, y + facts.half_y, facts.high]
     for corner, direction in ((lowest, -1.0), (highest, 1.0)):
@@ -201,7 +201,7 @@ def test_nearest_vertex_within_reach_by_brute_force(facts):
     found = set()
     for _ in range(40):
         scene.env.set_state(state)
-        vertices = scene.target.vertices()
+        vertices = scene.target.points()
         near = vertices[random.integers(len(vertices))]
         centre = near + random.normal(0.0, 0.9 * facts.pick_distance, 3)
         scene.place(centre)
@@ -350,7 +350,7 @@ def test_offset_is_kept_at_full_speed(facts, action_repeat):
         assert scene.held() == indices
         expected = scene.actor.positions() - offsets
         expected[:, 2] = np.maximum(expected[:, 2], scene.target.radius)
-        found = scene.target.vertices()[indices]
+        found = scene.target.points()[indices]
         away.append(np.linalg.norm(found - expected, axis=1).max())
     # Held cloth gives way to layers that hit it.
     assert np.quantile(away, 0.9) < 1e-3 and max(away) < (1e-3 if facts is ROPE else 5e-3)
@@ -367,7 +367,7 @@ def test_three_pickers_move_on_their_own():
         scene.step(*moves)
     assert scene.held() == indices
     expected = vertices[indices] + 0.1 * np.array(moves)[:, :3]
-    np.testing.assert_allclose(scene.target.vertices()[indices], expected, atol=1e-3)
+    np.testing.assert_allclose(scene.target.points()[indices], expected, atol=1e-3)
     scene.step([0, 0, 0, ON], [0, 0, 0, OFF], [0, 0, 0, ON])
     assert scene.held() == [0, -1, 40]
 
@@ -382,7 +382,7 @@ def test_one_picker_holds_exactly_one_vertex():
     for _ in range(10):
         scene.step([0, 0, 1, ON])
     # The neighbours hang on the held end by the rope alone: a segment is 12.5 mm long.
-    heights = scene.target.vertices()[:, 2]
+    heights = scene.target.points()[:, 2]
     assert scene.held() == [0]
     assert heights[0] == pytest.approx(0.10625, abs=1e-3)
     assert heights[1] < heights[0] - 0.006
@@ -448,13 +448,13 @@ def test_released_vertex_falls():
         own, ropes = (
             0.2 - GRAVITY * timestep**2 * n * (n + 1) / 2 for n in (released, released + substeps)
         )
-        heights = scene.target.vertices()[:, 2]
+        heights = scene.target.points()[:, 2]
         np.testing.assert_allclose(heights[[2, 38]], ropes, atol=1e-3)
         assert ropes - 1e-3 < heights[20] < own + 1e-3
     np.testing.assert_array_equal(scene.env.physics.model.dof_M0, masses)
     for _ in range(150):
         scene.step([0, 0, 0, OFF])
-    np.testing.assert_allclose(scene.target.vertices()[:, 2], scene.target.radius, atol=1e-3)
+    np.testing.assert_allclose(scene.target.points()[:, 2], scene.target.radius, atol=1e-3)
 
 
 def test_reset_and_place_open_the_grippers():
@@ -482,11 +482,11 @@ def test_solid_picker_pushes_the_rope(speed, moved):
     for _ in range(round(0.1 / (speed * FULL))):  # 6 cm to the rope, 4 cm beyond its place.
         scene.step([0, speed, 0, OFF])
         # A vertex, the middle of a rope of 6.25 mm radius, never gets inside the solid sphere.
-        distances = np.linalg.norm(scene.target.vertices() - scene.actor.positions(), axis=1)
+        distances = np.linalg.norm(scene.target.points() - scene.actor.positions(), axis=1)
         assert distances.min() > ROPE.radius
     for _ in range(20):
         scene.step([0, 0, 0, OFF])
-    distances = np.linalg.norm(scene.target.vertices() - scene.actor.positions(), axis=1)
+    distances = np.linalg.norm(scene.target.points() - scene.actor.positions(), axis=1)
     # Against bodies as small as a picker flexes are 2 mm thick.
     assert distances.min() > ROPE.radius + 0.0018
     assert scene.held() == [-1]
@@ -499,7 +499,7 @@ def test_picker_at_rest_moves_nothing():
     scene.place([0.0, -0.2, 0.02], [0.0, 0.2, 0.1])
     for _ in range(20):
         scene.step([0, 0, 0, OFF], [0, 0, 0, OFF])
-    before = scene.target.vertices()
+    before = scene.target.points()
     for _ in range(50):
         scene.step([0, 0, 0, OFF], [0, 0, 0, OFF])
-    np.testing.assert_allclose(scene.target.vertices(), before, atol=1e-4)
+    np.testing.assert_allclose(scene.target.points(), before, atol=1e-4)

@@ -288,11 +288,11 @@ def test_particles_are_not_set_far_away(bad):
     env = softgym_mj.load("transport_water", fidelity="fast")
     env.reset(3)
     water = env.task.water
-    before = water.positions()
+    before = water.points()
     x = before.copy()
     x[5, 1] = bad
     with pytest.raises(InvalidArgumentError, match=r"positions=.*-10000\.\.10000"):
-        water.set_particles(x)
+        water.set_points(x)
     with pytest.raises(InvalidArgumentError, match=r"velocities=.*-10000\.\.10000"):
-        water.set_particles(before, bad)
-    np.testing.assert_array_equal(water.positions(), before)
+        water.set_points(before, bad)
+    np.testing.assert_array_equal(water.points(), before)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.tasks.pour_water import goal_share
+from softgym_mj.tasks.pour_water_amount import goal_share
 
 VARIATION = 805
 
@@ -21,9 +21,9 @@ def poured(env, number):
     """Info with this many particles in the target and the others in the cup."""
     task = env.task
     task.cup.pose = np.zeros(3)
-    points = np.tile([0.0, 0.0, task.cup.size.height / 2], (task.water.num_particles, 1))
+    points = np.tile([0.0, 0.0, task.cup.size.height / 2], (task.water.num_points, 1))
     points[:number] = [task.target.pose[0], 0.0, task.target.size.height / 2]
-    task.water.set_particles(points)
+    task.water.set_points(points)
     task.after_step(env.physics, None)
     return env.info()
 
@@ -38,7 +38,7 @@ def test_shares_are_uniform_and_each_variations_own():
 
 def test_the_start_scores_zero(env):
     env.reset(VARIATION)
-    number = env.task.water.num_particles
+    number = env.task.water.num_points
     wanted = int(number * goal_share(VARIATION))
     info = env.info()
     assert info["performance"] == pytest.approx(-wanted / number)
@@ -48,7 +48,7 @@ def test_the_start_scores_zero(env):
 
 def test_the_right_amount_scores_one_and_too_much_costs_as_too_little(env):
     env.reset(VARIATION)
-    number = env.task.water.num_particles
+    number = env.task.water.num_points
     wanted = int(number * goal_share(VARIATION))
     info = poured(env, wanted)
     assert info["performance"] == pytest.approx(0.0, abs=1e-12)
@@ -64,7 +64,7 @@ def test_the_right_amount_scores_one_and_too_much_costs_as_too_little(env):
 def test_the_bar_is_where_facts_say(env):
     env.reset(VARIATION)
     task, (cup, target) = env.task, (env.task.cup.size, env.task.target.size)
-    highest = task.water.positions()[:, 2].max()
+    highest = task.water.points()[:, 2].max()
     height = target.wall / 2 + task.episode.goal["share"] * (highest - cup.wall / 2) * (
         cup.length * cup.width / (target.length * target.width)
     )
@@ -87,7 +87,7 @@ def test_the_bar_tells_where_the_water_will_stand():
     while not timestep.last():
         timestep = env.step(act(timestep))
     assert env.info()["normalized_performance"] > 0.9
-    positions = env.task.water.positions()
+    positions = env.task.water.points()
     inside = positions[env.task.target.inside(positions)]
     surface = np.percentile(inside[:, 2], 98)
     assert surface == pytest.approx(env.task.episode.goal["level"], abs=0.02)

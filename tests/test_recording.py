@@ -121,7 +121,7 @@ def test_only_successful_episodes():
         scores[variation] = play(env, "scripted", variation, camera=None).info[
             "normalized_performance"
         ]
-    threshold = env.task.success_threshold
+    threshold = env.task.success
     expected = [variation for variation in variations if scores[variation][-1] >= threshold]
     assert 0 < len(expected) < len(variations)
     assert [variation for variation, success in flags.items() if success] == expected

@@ -8,7 +8,8 @@ import scipy.optimize
 import softgym_mj
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.rope import FIDELITIES, Rope
-from softgym_mj.tasks.shared.starts.flexes import SETTLED_SPEED, TwistedRope
+from softgym_mj.tasks.shared.starts.settling import SETTLED_SPEED
+from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
 
@@ -22,7 +23,7 @@ def _env():
 def test_natural_length_and_mass(env):
     rope, model = env.task.rope, env.physics.model.ptr
     points = rope.straight()
-    assert rope.num_vertices == 41
+    assert rope.num_points == 41
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).sum() == pytest.approx(0.5)
     masses = [model.body_mass[model.body(f"rope/flex_{i}").id] for i in range(41)]
     assert sum(masses) == pytest.approx(0.05)
@@ -37,7 +38,7 @@ def test_reward_table(env, distance, normalized):
     env.reset(800)
     points = env.task.rope.straight()
     points[-1, 0] = points[0, 0] + distance  # Only the ends count.
-    env.task.rope.set_vertices(points)
+    env.task.rope.set_points(points)
     env.task.after_step(env.physics, None)
     assert env.task.last_evaluation.performance == pytest.approx(-abs(distance - 0.5))
     assert env.info()["normalized_performance"] == pytest.approx(normalized)
@@ -47,7 +48,7 @@ def test_reward_table(env, distance, normalized):
 
 def test_a_straight_rope_stays_straight_and_scores_one(env):
     env.reset(800)
-    env.task.rope.set_vertices(env.task.rope.straight())
+    env.task.rope.set_points(env.task.rope.straight())
     for _ in range(5):
         env.step(np.zeros(8))
     info = env.info()
@@ -57,17 +58,17 @@ def test_a_straight_rope_stays_straight_and_scores_one(env):
 def test_pulled_at_both_ends_it_hardly_stretches(env):
     env.reset(800)
     rope = env.task.rope
-    rope.set_vertices(rope.straight())
+    rope.set_points(rope.straight())
     first, last = rope.ends
     rope.hold(first), rope.hold(last)
-    goals = rope.vertices()[[first, last]]
+    goals = rope.points()[[first, last]]
     model, data = env.physics.model.ptr, env.physics.data.ptr
     for _ in range(100):  # Lifted by both ends at 0.4 m/s without slack: it sags a little.
         goals[:, 2] += 0.002
         for vertex, goal in zip((first, last), goals, strict=True):
             rope.drive(vertex, goal, model.opt.timestep)
         mujoco.mj_step(model, data)
-    assert rope.vertices()[20, 2] > 0.1
+    assert rope.points()[20, 2] > 0.1
     assert np.abs(rope.edge_strain()).max() < 0.05
     rope.release_all()
 
@@ -94,7 +95,7 @@ def test_shipped_states_are_what_the_generator_makes():
 def test_an_episode_starts_at_every_fidelity_with_a_rope_of_full_length(fidelity):
     env = softgym_mj.load("straighten_rope", fidelity=fidelity)
     env.reset(3)
-    vertices = env.task.rope.vertices()
+    vertices = env.task.rope.points()
     assert len(vertices) == FIDELITIES[fidelity]
     lengths = np.linalg.norm(np.diff(vertices, axis=0), axis=1)
     assert lengths.sum() == pytest.approx(0.5, abs=0.01)
@@ -105,10 +106,10 @@ def test_shipped_states_stay_where_they_are(env):
     for index in (3, 500, 999):
         start = env.reset(index)
         del start
-        before = env.task.rope.vertices()
+        before = env.task.rope.points()
         for _ in range(10):
             env.step(np.zeros(8))
-        moved = np.linalg.norm(env.task.rope.vertices() - before, axis=1)
+        moved = np.linalg.norm(env.task.rope.points() - before, axis=1)
         assert moved.max() < SETTLED_SPEED * 0.8  # 0.8 s at less than the settled speed.
 
 
@@ -116,12 +117,12 @@ def test_shipped_states_stay_where_they_are(env):
 def test_it_hangs_as_a_catenary_at_every_fidelity(fidelity):
     """Length 2 a sinh(w / 2 a) = 0.5 m for width w = 0.3 m; sag a (cosh(w / 2 a) - 1)."""
     rope = Rope(fidelity)
-    arena = Arena(camera="rope")
+    arena = Arena("rope")
     arena.attach(rope)
     physics = arena.compile(rope.timestep, rope)
     first, last = rope.ends
     points = rope.straight() + [0.0, 0.0, 0.5]
-    rope.set_vertices(points)
+    rope.set_points(points)
     rope.hold(first), rope.hold(last)
     ends = {first: points[first].copy(), last: points[last].copy()}
     for step in range(800):
@@ -130,7 +131,7 @@ def test_it_hangs_as_a_catenary_at_every_fidelity(fidelity):
             rope.drive(vertex, ends[vertex] + [inwards, 0.0, 0.0], rope.timestep)
         mujoco.mj_step(physics.model.ptr, physics.data.ptr)
     a = scipy.optimize.brentq(lambda a: 2 * a * np.sinh(0.15 / a) - 0.5, 0.05, 1.0)
-    sag = rope.vertex(first)[2] - rope.vertices()[:, 2].min()
+    sag = rope.vertex(first)[2] - rope.points()[:, 2].min()
     # Bending stiffness rounds the lowest point: (EI / weight)^(1/3) = 2 cm.
     assert sag == pytest.approx(a * (np.cosh(0.15 / a) - 1), rel=0.04)
     np.testing.assert_allclose(rope.edge_strain(), 0.0, atol=0.02)

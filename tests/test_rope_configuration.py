@@ -34,7 +34,7 @@ def letter(name, count=41):
 
 
 def place(env, vertices):
-    env.task.rope.set_vertices(vertices)
+    env.task.rope.set_points(vertices)
     env.task.after_step(env.physics, None)
     return env.info()
 
@@ -99,7 +99,7 @@ def test_every_letter_is_drawn_alike():
 def test_observations_contain_the_goal():
     env = make(observation=["full", "reduced"])
     observation = env.reset(803).observation
-    goal, rope = letter(goal_name(803)), env.task.rope.vertices()
+    goal, rope = letter(goal_name(803)), env.task.rope.points()
     pickers = env.task.actor.positions()
     expected = [rope[KEYS], goal[KEYS], pickers]
     np.testing.assert_array_equal(observation["reduced"], np.concatenate(expected).ravel())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import sac
-from softgym_mj.tasks.straighten_rope import WORKSPACE
+from softgym_mj.tasks.straighten_rope import StraightenRope
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
 VARIATION = 803
@@ -34,15 +34,15 @@ def test_a_step_is_the_same_in_every_way_it_is_sampled(env):
     """Every sample is what the simulation does in a scene turned and numbered like that."""
     dm_env = env.unwrapped.dm_env
     env.reset(options={"variation": VARIATION})
-    start = dm_env.task.rope.vertices().copy()
+    start = dm_env.task.rope.points().copy()
     # One picker holds an end and pulls it; the other one pushes its way down.
     pickers = np.array([start[0] + [0.0, 0.01, 0.03], [0.05, -0.04, 0.1]])
     actions = np.array([[0.3, -0.2, 0.1, 1.0], [-0.5, 0.25, -0.9, -1.0]])
     steps = []
     for turn, reverse, exchange in ways():
         observation, _ = env.reset(options={"variation": VARIATION})
-        dm_env.task.rope.set_vertices((start @ turn.T)[::reverse])
-        dm_env.task.actor.place((pickers @ turn.T)[::exchange], WORKSPACE)
+        dm_env.task.rope.set_points((start @ turn.T)[::reverse])
+        dm_env.task.actor.place((pickers @ turn.T)[::exchange], StraightenRope.workspace)
         action = np.hstack([actions[:, :3] @ turn.T, actions[:, 3:]])[::exchange].ravel()
         before = dm_env.task.reduced_state().ravel()
         observation, *_ = env.step(action)

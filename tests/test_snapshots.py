@@ -14,9 +14,9 @@ from tests.test_contract import CASES, SETTINGS, actions, cases, make
 
 def grip_something(env):
     """Lowers picker 0 onto its nearest vertex and lifts it."""
-    actor, target = env.task.actor, env.task.target
+    actor, target = env.task.actor, env.task.objects[0]
     for _ in range(12):
-        gap = target.vertices() - actor.positions()[0]
+        gap = target.points() - actor.positions()[0]
         nearest = gap[np.argmin(np.linalg.norm(gap, axis=1))]
         action = np.zeros(8)
         action[:3] = np.clip((nearest + [0, 0, actor.radius]) / 0.08, -1, 1)

@@ -6,8 +6,7 @@ import pytest
 from softgym_mj.entities import Arena, Cloth, Fabric, Rope
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.robots.factory import make_actor
-from softgym_mj.tasks import Measures, SceneTask
+from softgym_mj.tasks import Measures, Task
 
 HEIGHT = 0.5  # [m] Of the middle of a rod or board.
 # [m] Of a rod from the middle row of a cloth's vertices, which are 3.1 cm apart.
@@ -25,15 +24,15 @@ def board(half: float) -> dict:
 
 def height_after_a_fall(thing, solid: dict, half: float, fall: float, timestep: float) -> float:
     """Height [m] of the highest vertex above a solid, a second after it was let go."""
-    arena = Arena(camera="cloth")
+    arena = Arena("cloth")
     arena.attach(thing)
     arena.add_solid(**solid)
     physics = arena.compile(timestep, thing)
     vertices = thing.flat() if isinstance(thing, Cloth) else thing.straight()
     with physics.reset_context():
-        thing.set_vertices(vertices + [0.0, 0.0, HEIGHT + half + fall])
+        thing.set_points(vertices + [0.0, 0.0, HEIGHT + half + fall])
     physics.step(round(1.0 / timestep))
-    return thing.vertices()[:, 2].max() - HEIGHT - half
+    return thing.points()[:, 2].max() - HEIGHT - half
 
 
 @pytest.mark.parametrize("fall", [0.02, 0.06, 0.15])
@@ -76,16 +75,18 @@ def test_a_cloth_stays_on_the_board_where_it_falls(timestep, half, fall):
     assert 0.5 * cloth.radius < left < 1.5 * cloth.radius
 
 
-class Shelf(SceneTask):
+class Shelf(Task):
     """A rope on a shelf."""
+
+    material = "rope"
 
     def __init__(self, actor: str, **settings):
         self.rope = Rope("fast")
-        super().__init__([self.rope], make_actor(actor, "rope"), **settings)
+        super().__init__([self.rope], actor=actor, **settings)
         self.root_entity.add_solid("box", pos=(0, 0, 0.05), size=(0.3, 0.5, 0.05))
 
     def arrange(self, random):
-        self.rope.set_vertices(self.rope.straight() + [0.0, 0.0, 0.1])
+        self.rope.set_points(self.rope.straight() + [0.0, 0.0, 0.1])
 
     def measure(self, state, episode):
         return Measures(0.0, {"none": 0.0})
@@ -98,7 +99,7 @@ def test_hands_stop_at_a_shelf(actor):
     for _ in range(30):
         env.step(np.array([0.0, 0.0, -1.0, -1.0] * 2))
     assert (np.abs(env.task.actor.positions()[:, 2] - 0.1) < 0.02).all()
-    assert env.task.rope.vertices()[:, 2].min() > 0.1
+    assert env.task.rope.points()[:, 2].min() > 0.1
 
 
 def test_a_task_may_have_a_smaller_physics_step():
@@ -114,4 +115,4 @@ def test_a_task_may_have_a_smaller_physics_step():
 
 def test_shapes_without_an_extent_are_refused():
     with pytest.raises(InvalidArgumentError, match="type='plane'"):
-        Arena(camera="cloth").add_solid("plane", size=(1, 1, 1))
+        Arena("cloth").add_solid("plane", size=(1, 1, 1))

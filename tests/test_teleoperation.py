@@ -64,7 +64,7 @@ def test_targets_stay_where_pickers_may_go():
 
 def test_each_grip_takes_and_lets_go_what_is_in_reach():
     env, hand = started("straighten_rope")
-    ends = env.task.target.vertices()[list(env.task.target.ends)]
+    ends = env.task.rope.points()[list(env.task.rope.ends)]
     for part, end in enumerate(ends):
         hand.aim(part, [*end[:2], 0.04, 0.0])
     drive(env, hand, 15)

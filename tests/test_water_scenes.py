@@ -6,24 +6,22 @@ import numpy as np
 import pytest
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.tasks.shared.starts.cups import (
+from softgym_mj.tasks.shared.starts.cup_variations import (
     LARGEST_COUNT,
-    PourScenes,
+    PourCups,
     Sample,
-    TransportScenes,
-    pour_scene,
-    transport_scene,
+    TransportCups,
+    pour_variation,
+    transport_variation,
 )
 
 MEDIUM, LARGE = Sample(8, 28, 8), Sample(8, 32, 8)
-FAMILIES = pytest.mark.parametrize(
-    "family", [TransportScenes(), PourScenes()], ids=lambda f: f.name
-)
+FAMILIES = pytest.mark.parametrize("family", [TransportCups(), PourCups()], ids=lambda f: f.name)
 
 
 def test_transport_cups_of_appendix_a():
     for sample, count, height in ((MEDIUM, 1792, 0.2109), (LARGE, 2048, 0.1834)):
-        scene = transport_scene(sample)
+        scene = transport_variation(sample)
         assert sample.count == count
         assert (scene.cup.length, scene.cup.width) == pytest.approx((0.18, 0.18))
         assert scene.cup.height == pytest.approx(height, abs=5e-5)
@@ -32,7 +30,7 @@ def test_transport_cups_of_appendix_a():
 
 def test_pour_cups_of_appendix_a():
     for sample, low, high in ((MEDIUM, 0.2453, 0.2463), (LARGE, 0.2060, 0.2070)):
-        shortest, tallest = pour_scene(sample, 0, 0, 0), pour_scene(sample, 1, 1, 1)
+        shortest, tallest = pour_variation(sample, 0, 0, 0), pour_variation(sample, 1, 1, 1)
         assert shortest.cup.length == shortest.cup.width == pytest.approx(0.2452, abs=5e-5)
         assert shortest.cup.height == pytest.approx(low, abs=5e-5)
         assert tallest.cup.height == pytest.approx(high, abs=5e-5)
@@ -46,10 +44,10 @@ def test_pour_cups_of_appendix_a():
 
 
 def test_length_follows_dx_and_width_dz():
-    scene = pour_scene(Sample(4, 14, 13), 0.5, 0.5, 0.5)
+    scene = pour_variation(Sample(4, 14, 13), 0.5, 0.5, 0.5)
     assert scene.cup.length == pytest.approx(4 * 0.01815 + 0.1)
     assert scene.cup.width == pytest.approx(13 * 0.01815 + 0.1)
-    assert transport_scene(Sample(4, 14, 13)).cup.length == pytest.approx(0.12)
+    assert transport_variation(Sample(4, 14, 13)).cup.length == pytest.approx(0.12)
     # By hand: D = 4 * 0.07 + 8 * 0.01815 / 2 = 0.3526;
     # half lengths with walls 0.0863 + 0.045 and 0.0713 + 0.03.
     assert scene.gap == pytest.approx(0.3526 - 0.1313 - 0.1013)
@@ -57,7 +55,7 @@ def test_length_follows_dx_and_width_dz():
 
 @pytest.mark.parametrize(("fidelity", "factor"), [("fast", 0.5), ("default", 1), ("accurate", 2)])
 def test_the_volume_does_not_depend_on_the_fidelity(fidelity, factor):
-    scene = transport_scene(MEDIUM)
+    scene = transport_variation(MEDIUM)
     assert scene.volume == pytest.approx(1792 * 0.015**3 / 2)
     resolution = scene.resolution(fidelity)
     assert resolution.count == 1792 * factor
@@ -67,20 +65,20 @@ def test_the_volume_does_not_depend_on_the_fidelity(fidelity, factor):
 def test_resolution_by_hand():
     # Half of SoftGym's particles at its own rest distance have the volume of its seed; the floor of
     # 0.18 m then takes 12 columns. Twice as many particles are closer by 2^(1/3).
-    resolution = transport_scene(MEDIUM).resolution("fast")
+    resolution = transport_variation(MEDIUM).resolution("fast")
     assert resolution.spacing == pytest.approx(0.015) and resolution.columns == (12, 12)
-    finer = transport_scene(MEDIUM).resolution("default")
+    finer = transport_variation(MEDIUM).resolution("default")
     assert finer.spacing == pytest.approx(0.015 / 2 ** (1 / 3)) and finer.columns == (15, 15)
 
 
 def test_unknown_fidelity():
     with pytest.raises(InvalidArgumentError, match="fast"):
-        transport_scene(MEDIUM).resolution("ultra")
+        transport_variation(MEDIUM).resolution("ultra")
 
 
 @FAMILIES
 def test_the_thousand_variations(family):
-    scenes = [family.scene(index) for index in range(1000)]
+    scenes = [family.variation(index) for index in range(1000)]
     samples = [scene.sample for scene in scenes]
     for value in ([s.dx for s in samples], [s.dz for s in samples]):
         assert set(value) == set(range(4, 14))
@@ -101,7 +99,7 @@ def test_the_thousand_variations(family):
 
 
 def test_the_cups_of_pour_water_stand_apart():
-    scenes = [PourScenes().scene(index) for index in range(1000)]
+    scenes = [PourCups().variation(index) for index in range(1000)]
     assert min(scene.gap for scene in scenes) >= 0.02
     distances = [scene.distance for scene in scenes]
     assert 0.27 < min(distances) < 0.32 and 1.2 < max(distances) < 1.33
@@ -109,21 +107,21 @@ def test_the_cups_of_pour_water_stand_apart():
     assert 0.0 <= min(extra) < 0.002 and 0.098 < max(extra) < 0.1
     # Draws that stand closer do occur (1.6 % in the facts) and are repeated.
     random = np.random.default_rng(0)
-    gaps = [pour_scene(Sample.draw(random), *random.random(3)).gap for _ in range(20000)]
+    gaps = [pour_variation(Sample.draw(random), *random.random(3)).gap for _ in range(20000)]
     assert np.mean(np.array(gaps) < 0.02) == pytest.approx(0.016, abs=0.004)
 
 
 @FAMILIES
 def test_a_variation_is_the_same_on_every_call(family):
-    assert family.scene(812) == pickle.loads(pickle.dumps(family)).scene(812)
-    assert family.scene(812) != family.scene(813)
+    assert family.variation(812) == pickle.loads(pickle.dumps(family)).variation(812)
+    assert family.variation(812) != family.variation(813)
     with pytest.raises(InvalidArgumentError):
-        family.scene(1000)
+        family.variation(1000)
 
 
 def test_the_draws_of_a_variation_are_pinned():
     """Stored states belong to these: a change of the sampling must not go unnoticed."""
-    samples = [TransportScenes().scene(i).sample for i in (0, 800)]
+    samples = [TransportCups().variation(i).sample for i in (0, 800)]
     assert samples == [Sample(13, 28, 7), Sample(11, 16, 4)]
-    distances = [PourScenes().scene(i).distance for i in (0, 800)]
+    distances = [PourCups().variation(i).distance for i in (0, 800)]
     assert distances == pytest.approx([0.51727, 0.781826], abs=1e-6)

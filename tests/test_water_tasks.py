@@ -7,7 +7,7 @@ import softgym_mj
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.cup_mover import CupMover, CupTool, Track
-from softgym_mj.tasks.shared.starts.cups import Sample, TransportScenes, transport_scene
+from softgym_mj.tasks.shared.starts.cup_variations import Sample, TransportCups, transport_variation
 from softgym_mj.tasks.shared.starts.settled_water import SettledWater, lattice
 from softgym_mj.tasks.transport_water import LIQUID
 
@@ -31,10 +31,10 @@ def _pour():
 def scatter(env, fractions):
     """Puts fractions of the particles at points; returns how many there are at each."""
     water = env.task.water
-    counts = np.round(np.array([f for f, _ in fractions]) * water.num_particles).astype(int)
-    counts[-1] = water.num_particles - counts[:-1].sum()
+    counts = np.round(np.array([f for f, _ in fractions]) * water.num_points).astype(int)
+    counts[-1] = water.num_points - counts[:-1].sum()
     points = np.repeat([point for _, point in fractions], counts, axis=0)
-    water.set_particles(np.asarray(points, float))
+    water.set_points(np.asarray(points, float))
     return counts
 
 
@@ -101,7 +101,7 @@ def test_a_tilt_is_rejected_just_where_the_lift_is_too_small(pour):
 
 def test_a_move_into_the_target_is_rejected(pour):
     pour.reset(VARIATION)
-    scene = pour.task.scene
+    scene = pour.task.start.variation(pour.task.variation)
     steps = int(scene.gap / 0.01)  # Sim steps that fit into the gap.
     moved = 0
     for _ in range(steps // 8 + 2):
@@ -169,7 +169,7 @@ def test_transport_reward_of_appendix_a(transport):
 
 def test_pour_counts_what_is_in_the_target_and_not_in_the_cup(pour):
     pour.reset(VARIATION)
-    task, scene = pour.task, pour.task.scene
+    task, scene = pour.task, pour.task.start.variation(pour.task.variation)
     assert pour.info()["performance"] == 0.0
     inside = [scene.distance, 0.0, 0.05]
     outside = [scene.distance, 0.0, scene.target.height + scene.target.wall]
@@ -193,7 +193,7 @@ def test_pour_counts_what_is_in_the_target_and_not_in_the_cup(pour):
 def test_transport_states(transport):
     observation = transport.reset(VARIATION).observation
     water, size = transport.task.water, transport.task.cup.size
-    positions = water.positions()
+    positions = water.points()
     full = observation["full"]
     assert full.size == 3 * 4394 + 6  # Half of 8788.
     np.testing.assert_array_equal(full[: positions.size], positions.ravel())
@@ -209,9 +209,9 @@ def test_transport_states(transport):
 def test_pour_states(pour):
     pour.reset(VARIATION)
     observation = pour.step(np.array([-0.5, 1.0, 0.25])).observation
-    water, scene = pour.task.water, pour.task.scene
+    water, scene = pour.task.water, pour.task.start.variation(pour.task.variation)
     cup, target = scene.cup, scene.target
-    positions = water.positions()
+    positions = water.points()
     full = observation["full"]
     assert full.size == 3 * 4394 + 12
     assert not full[positions.size : -12].any()
@@ -235,7 +235,7 @@ def test_sizes_of_the_full_state_per_fidelity():
 
 def test_the_lattice_is_inside_the_cup_and_as_loose_as_it_says():
     for sample in (Sample(4, 14, 4), Sample(4, 16, 13), Sample(13, 52, 13), Sample(9, 31, 10)):
-        scene = transport_scene(sample)
+        scene = transport_variation(sample)
         for fidelity in ("fast", "default", "accurate"):
             resolution = scene.resolution(fidelity)
             points = lattice(scene.cup, resolution, np.random.default_rng(0))
@@ -257,8 +257,8 @@ def test_the_lattice_is_inside_the_cup_and_as_loose_as_it_says():
 
 def test_settled_water_rests_in_the_cup_at_its_level():
     """The level of a liquid that fills the floor: volume / area above the floor's upper side."""
-    settled = SettledWater(TransportScenes(), LIQUID, "fast")
-    scene = TransportScenes().scene(VARIATION)
+    settled = SettledWater(TransportCups(), LIQUID, "fast")
+    scene = TransportCups().variation(VARIATION)
     spacing = scene.resolution("fast").spacing
     positions = settled.generate(VARIATION)
     level = scene.cup.wall / 2 + scene.volume / (scene.cup.length * scene.cup.width)
@@ -272,15 +272,15 @@ def test_settled_water_rests_in_the_cup_at_its_level():
 def test_particles_are_checked(transport):
     transport.reset(VARIATION)
     water = transport.task.water
-    before = water.positions()
+    before = water.points()
     for bad in (before[1:], np.full_like(before, np.nan), before.ravel()):
         with pytest.raises(InvalidArgumentError, match="positions"):
-            water.set_particles(bad)
+            water.set_points(bad)
     with pytest.raises(InvalidArgumentError, match="velocities"):
-        water.set_particles(before, before[1:])
-    np.testing.assert_array_equal(water.positions(), before)
-    assert not np.shares_memory(before, water.positions())
-    water.set_particles(before, 0.25)
+        water.set_points(before, before[1:])
+    np.testing.assert_array_equal(water.points(), before)
+    assert not np.shares_memory(before, water.points())
+    water.set_points(before, 0.25)
     np.testing.assert_array_equal(water.velocities(), np.full_like(before, 0.25))
 
 
@@ -291,7 +291,7 @@ def test_nothing_passes_the_walls_at_the_first_move():
     size = env.task.cup.size
     for _ in range(3):
         env.step(np.ones(1))
-        local = env.task.water.positions() - [env.task.cup.pose[0], 0.0, 0.0]
+        local = env.task.water.points() - [env.task.cup.pose[0], 0.0, 0.0]
         assert np.all(np.abs(local[:, 0]) < size.length / 2)
         assert np.all(np.abs(local[:, 1]) < size.width / 2)
 
@@ -299,9 +299,9 @@ def test_nothing_passes_the_walls_at_the_first_move():
 def test_water_stays_at_rest_when_nothing_moves(transport):
     """Also right after a reset, where the cup has no previous pose to be swept from."""
     transport.reset(VARIATION)
-    before = transport.task.water.positions()
+    before = transport.task.water.points()
     for _ in range(10):
         transport.step(np.zeros(1))
-    moved = np.linalg.norm(transport.task.water.positions() - before, axis=1)
+    moved = np.linalg.norm(transport.task.water.points() - before, axis=1)
     assert np.median(moved) < 0.002
     assert transport.info()["spilled"] == 0.0

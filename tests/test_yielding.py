@@ -8,7 +8,7 @@ import pytest
 import softgym_mj
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.robots.grip import SLIPPED
-from softgym_mj.robots.gripper import Workspace
+from softgym_mj.robots.workspace import Workspace
 from tests.test_snapshots import trace
 
 WIDE = Workspace((-2.0, -2.0, 0.0), (2.0, 2.0, 2.0))
@@ -24,16 +24,16 @@ def lay(task, **settings):
         settings["fidelity"] = "fast"
     env = softgym_mj.load(task, split=[0], action_repeat=1, horizon=10**6, **settings)
     env.reset()
-    target = env.task.target
-    target.set_vertices(target.straight() if task == ROPE else target.flat())
+    target = env.task.objects[0]
+    target.set_points(target.straight() if task == ROPE else target.flat())
     return env
 
 
 def hold(env, vertices):
     """Puts the pickers above vertices, which they take one after the other."""
-    actor, target = env.task.actor, env.task.target
+    actor, target = env.task.actor, env.task.objects[0]
     height = [0.0, 0.0, ABOVE[env.name]]
-    actor.place(target.vertices()[list(vertices)] + height, WIDE)
+    actor.place(target.points()[list(vertices)] + height, WIDE)
     actor.take(vertices)
 
 
@@ -65,7 +65,7 @@ def middle(env):
 def test_neighbours_that_are_pulled_apart_hardly_stretch(task, strain):
     env = lay(task)
     hold(env, middle(env))
-    target, largest = env.task.target, 0.0
+    target, largest = env.task.objects[0], 0.0
     env.step(apart(env))
     assert env.task.actor.held.tolist() == [middle(env)[0], -1]  # Before the first step.
     for _ in range(round(SECONDS / 0.01)):
@@ -95,7 +95,7 @@ def test_a_rope_that_two_pickers_draw_taut_stays_held():
 def test_the_later_hold_yields(first):
     env = lay(ROPE)
     actor = env.task.actor
-    actor.place(env.task.target.vertices()[[16, 24]] + [0.0, 0.0, 0.03], WIDE)
+    actor.place(env.task.objects[0].points()[[16, 24]] + [0.0, 0.0, 0.03], WIDE)
     grips = np.array([-1.0, -1.0])
     grips[first] = 1.0
     still = [0.0, 0.0, 0.0]
@@ -161,10 +161,10 @@ def left_alone(env, variation):
 def stretched(env, variation):
     """The score after two neighbours in the rope's middle were taken and pulled apart."""
     timestep = env.reset(variation)
-    actor, target = env.task.actor, env.task.target
+    actor, target = env.task.actor, env.task.objects[0]
     for grip, height in ((-1.0, 0.1), (-1.0, 0.03), (1.0, 0.03)):
         for _ in range(6):
-            goals = target.vertices()[[20, 21]] + [0.0, 0.0, height]
+            goals = target.points()[[20, 21]] + [0.0, 0.0, height]
             ways = (goals - actor.positions()) / 0.08
             timestep = env.step(moves(*np.clip(ways, -1.0, 1.0), grips=[grip, grip]))
     way = target.vertex(20) - target.vertex(21)
@@ -187,9 +187,9 @@ def test_stretching_a_piece_of_rope_does_not_straighten_it():
 
 def test_arms_lose_what_they_pull_apart():
     env = lay(ROPE, actor="franka")
-    actor, target = env.task.actor, env.task.target
+    actor, target = env.task.actor, env.task.objects[0]
     along = target.straight()[:, [1, 0, 2]]  # Along Y, as the arms face each other.
-    target.set_vertices(along)
+    target.set_points(along)
     vertices = [8, 32]
     actor.place(along[vertices] + [0.0, 0.0, 0.02], WIDE)
     actor.take(vertices)
@@ -212,9 +212,9 @@ def test_a_vertex_that_pulls_too_hard_slips(monkeypatch):
     vertices = middle(env)
     hold(env, vertices)
     still = [0.0, 0.0, 0.0]
-    limit = env.task.target.hold_force
+    limit = env.task.objects[0].hold_force
     forces = {vertices[0]: limit + 0.1, vertices[1]: limit - 0.1}
-    monkeypatch.setattr(env.task.target, "holding_force", forces.__getitem__)
+    monkeypatch.setattr(env.task.objects[0], "holding_force", forces.__getitem__)
     env.step(moves(still, still))
     assert env.task.actor.held.tolist() == [-1, vertices[1]]
     env.step(moves(still, still))
@@ -222,7 +222,7 @@ def test_a_vertex_that_pulls_too_hard_slips(monkeypatch):
 
 
 def test_ways_along_the_mesh():
-    rope = lay(ROPE).task.target
+    rope = lay(ROPE).task.objects[0]
     assert rope.largest_gap(0, 40) == rope.largest_gap(40, 0) == pytest.approx(1.05 * 0.5)
     assert rope.largest_gap(7, 8) == pytest.approx(1.05 * 0.0125)
     cloth = lay(CLOTH).task.cloth
@@ -234,10 +234,10 @@ def test_ways_along_the_mesh():
 def test_speeds_that_nothing_should_have_are_warned_of():
     env = softgym_mj.load("fold_cloth", fidelity="fast", split="evaluate")
     env.reset(800)
-    cloth = env.task.target
-    cloth.set_vertices(cloth.vertices(), [0.0, 0.0, 19.9])
+    cloth = env.task.objects[0]
+    cloth.set_points(cloth.points(), [0.0, 0.0, 19.9])
     assert env.info()["max_speed"] == pytest.approx(19.9)
-    cloth.set_vertices(cloth.vertices(), [0.0, 0.0, 20.1])
+    cloth.set_points(cloth.points(), [0.0, 0.0, 20.1])
     with pytest.warns(UserWarning, match="20 m/s"):
         env.info()
 

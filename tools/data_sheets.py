@@ -18,7 +18,7 @@ from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS
-from softgym_mj.tasks.shared.base import DeformableTask
+from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
 from softgym_mj.variations.indices import SPLITS
 from tools.sheet_entries import (
@@ -53,7 +53,7 @@ def numbers(*values: float, digits: int = 4) -> str:
     return ", ".join(f"{round(float(value), digits) + 0.0:g}" for value in values)
 
 
-def actors_of(record: TaskRecord) -> dict[str, DeformableTask]:
+def actors_of(record: TaskRecord) -> dict[str, Task]:
     """The task with each actor that it can have, the usual one first."""
     tasks = {}
     usual = inspect.signature(record.resolve()).parameters["actor"].default
@@ -69,9 +69,7 @@ def actors_of(record: TaskRecord) -> dict[str, DeformableTask]:
 # ---------------------------------------------------------------------- actions
 
 
-def actions(
-    env: Environment, tasks: dict[str, DeformableTask], record: TaskRecord
-) -> Iterator[str]:
+def actions(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> Iterator[str]:
     """The actors, then their actions; actors with the same entries share a table."""
     yield table(
         ("actor", "entries", "env steps", "sim steps in an env step"),
@@ -200,7 +198,7 @@ def cameras(env: Environment, arms: Environment) -> str:
     )
 
 
-def domain(task: DeformableTask) -> str:
+def domain(task: Task) -> str:
     """The domain parameters."""
     rows = [
         (
@@ -212,7 +210,7 @@ def domain(task: DeformableTask) -> str:
     return table(("parameter", "unit", "nominal", "usual", "valid", "what it is"), rows)
 
 
-def info(env: Environment, tasks: dict[str, DeformableTask], record: TaskRecord) -> str:
+def info(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> str:
     """The keys of info."""
     rows = []
     for key in env.info():
@@ -255,7 +253,7 @@ def sheet(name: str) -> str:
             ("physics step", f"{env.physics.timestep():g} s"),
             ("performance that counts as 0", lower),
             ("performance that counts as 1", upper),
-            ("success from", f"{task.success_threshold:g} (normalised)"),
+            ("success from", f"{task.success:g} (normalised)"),
         ),
     )
     splits = ", ".join(f"`{key}` {part[0]} to {part[-1]}" for key, part in SPLITS.items())

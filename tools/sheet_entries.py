@@ -5,7 +5,7 @@ import numpy as np
 from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.robots.gripper import Gripper
-from softgym_mj.tasks.shared.base import DeformableTask
+from softgym_mj.tasks import Task
 
 # What the keys of info mean; "reward_*" and "domain_*" are explained apart.
 INFO = {
@@ -36,7 +36,7 @@ INFO = {
 }
 
 
-def sensed_entries(task: DeformableTask) -> dict[str, int]:
+def sensed_entries(task: Task) -> dict[str, int]:
     """What the actor senses of itself; all but a cup's pose also ends the other states."""
     actor = task.actor
     if actor.wrists:  # Arms.
@@ -59,13 +59,13 @@ def sensed_entries(task: DeformableTask) -> dict[str, int]:
     raise TypeError(f"no description of what {type(actor).__name__} senses")
 
 
-def ending_entries(task: DeformableTask) -> dict[str, int]:
+def ending_entries(task: Task) -> dict[str, int]:
     """What the actor senses of itself at the end of the full and the reduced state."""
     listed_apart = isinstance(task.actor, CupMover) and not task.actor.wrists
     return {} if listed_apart else sensed_entries(task)
 
 
-def reduced_entries(task: DeformableTask) -> dict[str, int]:
+def reduced_entries(task: Task) -> dict[str, int]:
     """What the reduced state lists."""
     return sizes(task.reduced(task.state(), task.episode)) | ending_entries(task)
 

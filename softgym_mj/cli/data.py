@@ -37,12 +37,9 @@ def generate(
     """Generates settled initial states into the cache; may be killed and run again."""
     record = find(task)
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
-    from softgym_mj.tasks.stored_task import StoredTask  # dm_control takes a second to import.
-
-    built = record.build(**settings)
-    if not isinstance(built, StoredTask):
+    store = record.build(**settings).store
+    if store is None:
         raise InvalidArgumentError("task", record.name, "a task that keeps its initial states")
-    store = built.store
     with make_executor(jobs, ray) as executor, progress_bar() as progress:
         bar = progress.add_task(f"{record.name} variations", total=num)
         made = store.generate_missing(

@@ -1,6 +1,6 @@
 """What is in a scene: the arena, ropes, cloths, garments, cups and marks."""
 
-from softgym_mj.entities.arena import Arena, CameraPose
+from softgym_mj.entities.arena import Arena, CameraPose, View
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.entities.garment import Garment
@@ -16,4 +16,5 @@ __all__ = [
     "Fabric",
     "Garment",
     "Rope",
+    "View",
 ]

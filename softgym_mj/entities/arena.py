@@ -39,31 +39,64 @@ class CameraPose:
         return cls((x, y, z), tuple(turn.as_quat(scalar_first=True).tolist()))
 
 
-# SoftGym's cameras in z-up coordinates (facts 1.4); all have a field of view of 45 degrees.
-CAMERAS = {
-    "transport_water": CameraPose((0.64, -0.85, 1.8), (0.9763, 0.2164, 0.0, 0.0)),
-    "pour_water": CameraPose((1.4, -0.1, 1.5), (0.7345, 0.1968, 0.1681, 0.6273)),
-    "rope": CameraPose((0.0, 0.0, 0.85), (1.0, 0.0, 0.0, 0.0)),
-    "cloth": CameraPose((0.0, -0.82, 0.82), (0.9239, 0.3827, 0.0, 0.0)),
-    "cloth_drop": CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
-    # Ours, for robot arms: opposite the one that holds a cup,
-    "transport_water_arms": CameraPose((0.62, -1.75, 1.35), (0.8774, 0.4798, -0.0, -0.0)),
-    "pour_water_arms": CameraPose((0.5, -1.6, 1.0), (0.8141, 0.5807, -0.0, -0.0)),
-    # and from the front, between the two.
-    "rope_arms": CameraPose((0.75, 0.0, 0.75), (0.6485, 0.2818, 0.2818, 0.6485)),
-    "cloth_arms": CameraPose((1.15, 0.0, 1.2), (0.6515, 0.2749, 0.2749, 0.6515)),
-    "cloth_drop_arms": CameraPose((1.9, 0.0, 1.1), (0.5615, 0.4299, 0.4299, 0.5615)),
-}
 FIELD_OF_VIEW = 45.0  # Vertical [deg].
-# From the front right, looking at the middle.
+# From the front right, looking at the middle; the same from further away, where arms are in view.
 OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.7948, 0.4920, 0.1870, 0.3022))
-# The same from further away where arms have to be in view.
-FAR_OVERVIEWS = {
-    "transport_water_arms": CameraPose((1.5, -1.5, 1.3), (0.806, 0.4897, 0.1727, 0.2842)),
-    "pour_water_arms": CameraPose((1.3, -1.4, 1.2), (0.7809, 0.521, 0.1912, 0.2867)),
-    "rope_arms": CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879)),
-    "cloth_arms": CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879)),
-    "cloth_drop_arms": CameraPose((1.6, -1.9, 1.6), (0.783, 0.5191, 0.1894, 0.2858)),
+FAR_OVERVIEW = CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879))
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """From where a scene is looked at.
+
+    Attributes:
+        camera: the task's camera.
+        overview: the other fixed camera.
+        with_arms: the task's camera where arms would hide what `camera` sees; None for `camera`.
+        overview_with_arms: alike.
+        middle: X [m] of the middle of what happens; shadows reach 1.5 m around it.
+        best: the camera that shows a person most: "task" or "overview".
+    """
+
+    camera: CameraPose
+    overview: CameraPose = OVERVIEW
+    with_arms: CameraPose | None = None
+    overview_with_arms: CameraPose = FAR_OVERVIEW
+    middle: float = 0.0
+    best: str = "task"
+
+
+# SoftGym's cameras in z-up coordinates (facts 1.4); all have a field of view of 45 degrees. Those
+# for arms are ours: opposite the one that holds a cup, else from the front, between the two. Cups
+# move and stand between x = -0.25 and 1.4; before the camera of pour_water, to and fro.
+VIEWS = {
+    "transport_water": View(
+        CameraPose((0.64, -0.85, 1.8), (0.9763, 0.2164, 0.0, 0.0)),
+        with_arms=CameraPose((0.62, -1.75, 1.35), (0.8774, 0.4798, -0.0, -0.0)),
+        overview_with_arms=CameraPose((1.5, -1.5, 1.3), (0.806, 0.4897, 0.1727, 0.2842)),
+        middle=0.6,
+        best="overview",
+    ),
+    "pour_water": View(
+        CameraPose((1.4, -0.1, 1.5), (0.7345, 0.1968, 0.1681, 0.6273)),
+        with_arms=CameraPose((0.5, -1.6, 1.0), (0.8141, 0.5807, -0.0, -0.0)),
+        overview_with_arms=CameraPose((1.3, -1.4, 1.2), (0.7809, 0.521, 0.1912, 0.2867)),
+        middle=0.6,
+        best="overview",
+    ),
+    "rope": View(
+        CameraPose((0.0, 0.0, 0.85), (1.0, 0.0, 0.0, 0.0)),
+        with_arms=CameraPose((0.75, 0.0, 0.75), (0.6485, 0.2818, 0.2818, 0.6485)),
+    ),
+    "cloth": View(
+        CameraPose((0.0, -0.82, 0.82), (0.9239, 0.3827, 0.0, 0.0)),
+        with_arms=CameraPose((1.15, 0.0, 1.2), (0.6515, 0.2749, 0.2749, 0.6515)),
+    ),
+    "cloth_drop": View(
+        CameraPose((1.072, -1.1569, 0.9494), (0.7915, 0.5259, 0.1724, 0.2595)),
+        with_arms=CameraPose((1.9, 0.0, 1.1), (0.5615, 0.4299, 0.4299, 0.5615)),
+        overview_with_arms=CameraPose((1.6, -1.9, 1.6), (0.783, 0.5191, 0.1894, 0.2858)),
+    ),
 }
 
 _SHIFTS = tuple(
@@ -88,22 +121,25 @@ _BRIGHTNESS = Parameter(
 class Arena(composer.Arena):
     """Floor, key light, the task's camera (named "task") and an "overview" camera."""
 
-    def _build(self, camera: str | CameraPose, middle: float = 0.0, name: str = "arena"):
+    def _build(self, view: View | str = "cloth", arms: bool = False, name: str = "arena"):
         """Builds the scene.
 
         Args:
-            camera: the task's camera, or its name in `CAMERAS`.
-            middle: X [m] of the middle of what happens; shadows reach 1.5 m around it.
+            view: from where it is looked at, or its name in `VIEWS`.
+            arms: whether robot arms are in it.
             name: model name.
+
+        Raises:
+            InvalidArgumentError: for no view.
         """
-        overview = OVERVIEW
-        if isinstance(camera, CameraPose):
-            self._pose = camera
-        else:
-            check_name("camera", camera, CAMERAS)
-            self._pose, overview = CAMERAS[camera], FAR_OVERVIEWS.get(camera, OVERVIEW)
+        if not isinstance(view, View):
+            check_name("view", view, VIEWS)
+            view = VIEWS[view]
+        overview = view.overview_with_arms if arms else view.overview
+        self._pose = view.with_arms if arms and view.with_arms is not None else view.camera
+        self._view = view
         super()._build(name=name, xml_path=assets.path("arena.xml"))
-        shift = np.array([middle, 0.0, 0.0])
+        shift = np.array([view.middle, 0.0, 0.0])
         self._mjcf_root.find("light", "key").pos += shift
         overview = dataclasses.replace(overview, position=tuple(overview.position + shift))
         for camera_name, pose in (("task", self._pose), ("overview", overview)):
@@ -115,6 +151,11 @@ class Arena(composer.Arena):
                 fovy=FIELD_OF_VIEW,
             )
         self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
+
+    @property
+    def view(self) -> View:
+        """From where it is looked at."""
+        return self._view
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

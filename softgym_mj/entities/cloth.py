@@ -101,7 +101,7 @@ class Cloth(Sheet):
 
     def grid(self) -> np.ndarray:
         """Current vertex positions (rows, columns, 3) [m]."""
-        return self.vertices().reshape(*self._shape, 3)
+        return self.points().reshape(*self._shape, 3)
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -118,12 +118,12 @@ class Cloth(Sheet):
         """Positions (dimy, dimx, 3) [m] of SoftGym's particles on the mesh.
 
         Args:
-            vertices: (num_vertices, 3) positions [m]; the current ones when None.
+            vertices: (num_points, 3) positions [m]; the current ones when None.
         """
-        return metrics.particles(self._arrays, self.vertices() if vertices is None else vertices)
+        return metrics.particles(self._arrays, self.points() if vertices is None else vertices)
 
     def flat(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
-        """Vertex positions (num_vertices, 3) [m] of the cloth lying flat at its resting height.
+        """Vertex positions (num_points, 3) [m] of the cloth lying flat at its resting height.
 
         Args:
             centre: (X, Y) of its centre [m].

@@ -114,6 +114,11 @@ class Cup(composer.Entity):
         """Its inner measures."""
         return self._size
 
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What depends on the size, by name: `size` (4,), length, width, height, wall [m]."""
+        return {"size": np.array(dataclasses.astuple(self._size))}
+
     def resize(self, size: CupSize) -> bool:
         """Gives the cup other measures; True when the model changed and must be recompiled."""
         if size == self._size:

@@ -91,7 +91,7 @@ class Flex(composer.Entity):
         return self._mjcf_root
 
     @property
-    def num_vertices(self) -> int:
+    def num_points(self) -> int:
         """Number of vertices."""
         return len(self._rest_points)
 
@@ -172,15 +172,15 @@ class Flex(composer.Entity):
 
     @property
     def vertex_ids(self) -> np.ndarray:
-        """Indices (num_vertices,) of the vertices among all flex vertices of the model."""
+        """Indices (num_points,) of the vertices among all flex vertices of the model."""
         return self._ids
 
-    def vertices(self) -> np.ndarray:
-        """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""
+    def points(self) -> np.ndarray:
+        """Current vertex positions (num_points, 3) [m] in the world frame, a fresh array."""
         return self._origin + self._qpos
 
     def offsets(self, point: np.ndarray) -> np.ndarray:
-        """Vertex positions (..., num_vertices, 3) [m] relative to points (..., 3)."""
+        """Vertex positions (..., num_points, 3) [m] relative to points (..., 3)."""
         return self._qpos + (self._origin - point[..., None, :])
 
     def vertex(self, index: int) -> np.ndarray:
@@ -188,18 +188,23 @@ class Flex(composer.Entity):
         return self._origin[index] + self._qpos[index]
 
     def velocities(self) -> np.ndarray:
-        """Current vertex velocities (num_vertices, 3) [m/s], a fresh array."""
+        """Current vertex velocities (num_points, 3) [m/s], a fresh array."""
         return self._qvel.copy()
 
-    def set_vertices(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
-        """Places the vertices: `positions` (num_vertices, 3) [m], `velocities` alike [m/s]."""
+    def set_points(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
+        """Places the vertices: `positions` (num_points, 3) [m], `velocities` alike [m/s]."""
         positions = np.asarray(positions, float).reshape(-1, 3)
-        if positions.shape != (self.num_vertices, 3) or not np.isfinite(positions).all():
+        if positions.shape != (self.num_points, 3) or not np.isfinite(positions).all():
             raise InvalidArgumentError(
-                "positions", positions.shape, f"finite array of shape ({self.num_vertices}, 3)"
+                "positions", positions.shape, f"finite array of shape ({self.num_points}, 3)"
             )
         self._qpos[:] = positions - self._origin
         self._qvel[:] = velocities
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What measures need to know that depends on the size, by name: nothing."""
+        return {}
 
     @property
     def edges(self) -> np.ndarray:
@@ -208,7 +213,7 @@ class Flex(composer.Entity):
 
     def edge_strain(self) -> np.ndarray:
         """Relative elongation (num_edges,) of every edge: 0 at rest, negative when compressed."""
-        vertices = self.vertices()
+        vertices = self.points()
         difference = vertices[self._edges[:, 0]] - vertices[self._edges[:, 1]]
         return np.linalg.norm(difference, axis=1) / self._rest_lengths - 1.0
 
@@ -252,8 +257,8 @@ class Flex(composer.Entity):
         return self.holding_force(index) > self.hold_force
 
     def _ways_from(self, index: int) -> np.ndarray:
-        """Shortest ways (num_vertices,) [m] from a vertex along the edges at rest."""
-        ends, number = self._edges.T, self.num_vertices
+        """Shortest ways (num_points,) [m] from a vertex along the edges at rest."""
+        ends, number = self._edges.T, self.num_points
         mesh = scipy.sparse.csr_array((self._rest_lengths, tuple(ends)), shape=(number, number))
         return scipy.sparse.csgraph.dijkstra(mesh, directed=False, indices=index)
 

@@ -16,13 +16,8 @@ class FlexGroup:
         """Joins flexes that are, or will be, in the same scene.
 
         Args:
-            flexes: one or more.
-
-        Raises:
-            InvalidArgumentError: if there is none.
+            flexes: any number.
         """
-        if not flexes:
-            raise InvalidArgumentError("flexes", list(flexes), "at least one")
         self._flexes = tuple(flexes)
 
     @property
@@ -31,9 +26,9 @@ class FlexGroup:
         return self._flexes
 
     @property
-    def num_vertices(self) -> int:
+    def num_points(self) -> int:
         """Number of vertices of all."""
-        return sum(flex.num_vertices for flex in self._flexes)
+        return sum(flex.num_points for flex in self._flexes)
 
     @property
     def radius(self) -> float:
@@ -43,12 +38,10 @@ class FlexGroup:
     def owner(self, index: int) -> tuple[Flex, int]:
         """The flex that a vertex belongs to, and its index there."""
         for flex in self._flexes:
-            if index < flex.num_vertices:
+            if index < flex.num_points:
                 return flex, index
-            index -= flex.num_vertices
-        raise InvalidArgumentError(
-            "index", index + self.num_vertices, f"0..{self.num_vertices - 1}"
-        )
+            index -= flex.num_points
+        raise InvalidArgumentError("index", index + self.num_points, f"0..{self.num_points - 1}")
 
     def resting_height(self, index: int) -> float:
         """Height [m] of a vertex that rests on the floor: the radius of its flex."""
@@ -56,15 +49,24 @@ class FlexGroup:
 
     @property
     def vertex_ids(self) -> np.ndarray:
-        """Indices (num_vertices,) of the vertices among all flex vertices of the model."""
+        """Indices (num_points,) of the vertices among all flex vertices of the model."""
         return np.concatenate([flex.vertex_ids for flex in self._flexes])
 
-    def vertices(self) -> np.ndarray:
-        """Current vertex positions (num_vertices, 3) [m] in the world frame, a fresh array."""
-        return np.concatenate([flex.vertices() for flex in self._flexes])
+    def points(self) -> np.ndarray:
+        """Current vertex positions (num_points, 3) [m] in the world frame, a fresh array."""
+        return np.concatenate([np.zeros((0, 3)), *(flex.points() for flex in self._flexes)])
+
+    def fastest(self) -> float:
+        """Speed [m/s] of the fastest vertex."""
+        squares = [(flex.velocities() ** 2).sum(axis=1).max() for flex in self._flexes]
+        return math.sqrt(float(max(squares)))
+
+    def most_strained(self) -> float:
+        """Largest relative elongation of an edge."""
+        return max(float(np.max(flex.edge_strain())) for flex in self._flexes)
 
     def offsets(self, point: np.ndarray) -> np.ndarray:
-        """Vertex positions (..., num_vertices, 3) [m] relative to points (..., 3)."""
+        """Vertex positions (..., num_points, 3) [m] relative to points (..., 3)."""
         return np.concatenate([flex.offsets(point) for flex in self._flexes], axis=-2)
 
     def vertex(self, index: int) -> np.ndarray:

@@ -130,7 +130,7 @@ class Garment(Sheet):
         return self._area
 
     def laid(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
-        """Vertex positions (num_vertices, 3) [m] in the shape of the file, on the floor.
+        """Vertex positions (num_points, 3) [m] in the shape of the file, on the floor.
 
         Args:
             centre: (X, Y) [m] of the middle of its bounding box before it is turned.

@@ -95,7 +95,7 @@ class Rope(Flex):
     @property
     def ends(self) -> tuple[int, int]:
         """Vertex indices of the two ends."""
-        return 0, self.num_vertices - 1
+        return 0, self.num_points - 1
 
     @property
     def key_points(self) -> np.ndarray:
@@ -103,7 +103,7 @@ class Rope(Flex):
         return self._key_points
 
     def straight(self) -> np.ndarray:
-        """Vertex positions (num_vertices, 3) [m] of the straight rope on the floor."""
+        """Vertex positions (num_points, 3) [m] of the straight rope on the floor."""
         return self._rest_points + np.array([0.0, 0.0, self.radius])
 
     def end_distance(self) -> float:

@@ -139,7 +139,7 @@ class Sheet(Flex):
 
     def intersections(self) -> int:
         """Number of places where the sheet passes through itself now (some milliseconds)."""
-        return metrics.count_intersections(self.vertices(), self.edges, self.triangles)
+        return metrics.count_intersections(self.points(), self.edges, self.triangles)
 
     def _set_mesh(self, points: np.ndarray, triangles: np.ndarray) -> None:
         """(Re)places the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""

@@ -12,7 +12,7 @@ from dm_control import composer
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError, check_count
 from softgym_mj.rendering.framebuffer import SizedPhysics
 from softgym_mj.rendering.observables import blank_images
-from softgym_mj.tasks.shared.base import DeformableTask
+from softgym_mj.tasks.shared.base import Task
 from softgym_mj.variations.indices import check_variation, split_indices
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -24,7 +24,7 @@ class Snapshot:
 
     Attributes:
         task_name: task it was taken from.
-        layout: `DeformableTask.state_layout` of that task.
+        key: `Task.snapshot_key` of that task.
         physics: mjSTATE_INTEGRATION vector of mjData.
         task: memory of the task and its actor: variation, bounds, what is held.
         step_count: env steps since reset.
@@ -33,7 +33,7 @@ class Snapshot:
     """
 
     task_name: str
-    layout: dict[str, object]
+    key: dict[str, object]
     physics: np.ndarray
     task: dict
     step_count: int
@@ -42,7 +42,7 @@ class Snapshot:
 
 
 class Environment(composer.Environment):
-    """Runs a `DeformableTask`; differs from its base in four ways.
+    """Runs a `Task`; differs from its base in four ways.
 
     `reset` chooses a variation and recompiles only when that changes the model, or when the task
     or an entity defines `initialize_episode_mjcf`; `step` takes strictly checked actions and ends
@@ -52,7 +52,7 @@ class Environment(composer.Environment):
 
     def __init__(
         self,
-        task: DeformableTask,
+        task: Task,
         *,
         name: str,
         horizon: int,
@@ -71,8 +71,8 @@ class Environment(composer.Environment):
         Raises:
             InvalidArgumentError: for a bad task, split, horizon or random state.
         """
-        if not isinstance(task, DeformableTask):
-            raise InvalidArgumentError("task", task, "a DeformableTask, such as a SceneTask")
+        if not isinstance(task, Task):
+            raise InvalidArgumentError("task", task, "a softgym_mj.tasks.Task")
         check_count("horizon", horizon, 1)
         if not isinstance(random_state, np.random.RandomState):
             try:
@@ -87,7 +87,7 @@ class Environment(composer.Environment):
         self._edits_mjcf = any(map(_edits_mjcf, (task, *task.root_entity.iter_entities())))
         task.driven = True
         task.choose_variation(self._variations[0])
-        self._state_layout = task.state_layout
+        self._snapshot_key = task.snapshot_key
         super().__init__(
             task,
             random_state=random_state,
@@ -203,7 +203,7 @@ class Environment(composer.Environment):
         mujoco.mj_getState(self._model, self._data, physics, _STATE)
         return Snapshot(
             task_name=self._name,
-            layout=self._state_layout,
+            key=self._snapshot_key,
             physics=physics,
             task=self._task.get_state(),
             step_count=self._step_count,
@@ -226,8 +226,8 @@ class Environment(composer.Environment):
             raise SnapshotError(
                 f"the snapshot is of task {snapshot.task_name!r}, this one is {self._name!r}"
             )
-        if snapshot.layout != self._state_layout:
-            differ = ", ".join(_differences(snapshot.layout, self._state_layout))
+        if snapshot.key != self._snapshot_key:
+            differ = ", ".join(_differences(snapshot.key, self._snapshot_key))
             raise SnapshotError(f"the snapshot is of an environment with other settings: {differ}")
         if snapshot.task["variation"] != self._started:
             self._start(snapshot.task["variation"])
@@ -245,12 +245,12 @@ class Environment(composer.Environment):
 
 def _edits_mjcf(part: composer.Task | composer.Entity) -> bool:
     """Whether a task or an entity edits the model before every episode."""
-    base = DeformableTask if isinstance(part, composer.Task) else composer.Entity
+    base = Task if isinstance(part, composer.Task) else composer.Entity
     return type(part).initialize_episode_mjcf is not base.initialize_episode_mjcf
 
 
 def _differences(theirs: dict[str, object], ours: dict[str, object]) -> list[str]:
-    """What differs between two layouts."""
+    """What differs between two keys."""
     names = dict.fromkeys([*theirs, *ours])
     return [
         f"{name}={theirs.get(name)!r} against {ours.get(name)!r}"

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.registry import TaskRecord, find
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ def load(
         random_state: seed or generator that draws the variations.
         **task_kwargs: keyword arguments of the task's constructor, such as `observation`;
             `TASKS[task].arguments` has their names, `help(TASKS[task].resolve())` what they are.
-            Snapshots of a task of your own fit only where they are the same, but for observations.
+            Snapshots of a custom task fit only where they are the same, but for observations.
 
     Returns:
         The environment; actions are (n,) in [-1, 1], observations arrays by name.
@@ -43,14 +42,9 @@ def load(
     record = find(task)
     from softgym_mj.envs.environment import Environment
     from softgym_mj.tasks.shared.arguments import arguments_of_states
-    from softgym_mj.tasks.shared.base import DeformableTask
 
     record.check_arguments(task_kwargs, _OF_LOAD)
     built = record.build(**task_kwargs)
-    if not isinstance(built, DeformableTask):
-        raise InvalidArgumentError(
-            "constructor", record.constructor, "what builds a DeformableTask"
-        )
     if record.is_custom:
         built.remember_arguments(arguments_of_states(record.resolve(), task_kwargs))
     if horizon is None:

@@ -159,7 +159,7 @@ class Water(composer.Entity):
         return TIMESTEP
 
     @property
-    def num_particles(self) -> int:
+    def num_points(self) -> int:
         """Number of particles."""
         return self._resolution.count
 
@@ -167,6 +167,11 @@ class Water(composer.Entity):
     def spacing(self) -> float:
         """Rest distance [m]: a particle stands for a volume of spacing^3."""
         return self._resolution.spacing
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What measures need to know that depends on the size, by name: nothing."""
+        return {}
 
     @property
     def physical_parameters(self) -> dict[str, float]:
@@ -207,23 +212,23 @@ class Water(composer.Entity):
         model, data = physics.model.ptr, physics.data.ptr
         name = f"{self._mjcf_root.model}/{_INSTANCE}"
         instance = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, name)
-        first, size = model.plugin_stateadr[instance], 3 * self.num_particles
+        first, size = model.plugin_stateadr[instance], 3 * self.num_points
         state = data.plugin_state[first : first + 1 + 2 * size]
         # 1 once the walls' poses of the last step are known, then positions, then velocities.
         self._known = state[:1]
         self._positions = state[1 : 1 + size].reshape(-1, 3)
         self._velocities = state[1 + size :].reshape(-1, 3)
 
-    def positions(self) -> np.ndarray:
-        """Current positions (num_particles, 3) [m] in the world frame, a fresh array."""
+    def points(self) -> np.ndarray:
+        """Current positions (num_points, 3) [m] in the world frame, a fresh array."""
         return self._positions.copy()
 
     def velocities(self) -> np.ndarray:
-        """Current velocities (num_particles, 3) [m/s], a fresh array."""
+        """Current velocities (num_points, 3) [m/s], a fresh array."""
         return self._velocities.copy()
 
-    def set_particles(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
-        """Places the particles: `positions` (num_particles, 3) [m], `velocities` alike [m/s].
+    def set_points(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
+        """Places the particles: `positions` (num_points, 3) [m], `velocities` alike [m/s].
 
         The motion of the walls up to now is forgotten: they may be teleported with the water, until
         the next `mj_forward` or the start of the next step notes where they are.
@@ -232,7 +237,7 @@ class Water(composer.Entity):
             InvalidArgumentError: for a wrong shape, what is not finite or beyond +-10 km (/s).
         """
         positions, velocities = np.asarray(positions, float), np.asarray(velocities, float)
-        shape = (self.num_particles, 3)
+        shape = (self.num_points, 3)
         _check_particles("positions", positions, (shape,))
         _check_particles("velocities", velocities, ((), shape))
         self._positions[:], self._velocities[:] = positions, velocities

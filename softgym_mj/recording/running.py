@@ -159,13 +159,12 @@ def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:
 def _with_module(record: registry.TaskRecord) -> str:
     """The name of a task with the module that another process has to import, if it can.
 
-    That is the module of the task's constructor, as far as it is found there; what a script or a
-    notebook defines is not.
+    That is the module of the task's class, as far as it is found there; what a script or a notebook
+    defines is not.
     """
-    constructor = record.constructor
-    if isinstance(constructor, str):  # A task of the package.
-        return record.name
-    module, name = (getattr(constructor, key, "") for key in ("__module__", "__qualname__"))
-    if module == "__main__" or getattr(sys.modules.get(module), name, None) is not constructor:
+    task_class = record.resolve()
+    module, name = task_class.__module__, task_class.__qualname__
+    found = getattr(sys.modules.get(module), name, None) is task_class
+    if not record.is_custom or module == "__main__" or not found:
         return record.name
     return f"{module}:{record.name}"

@@ -42,10 +42,14 @@ class TaskCamera:
         image = (self._height, self._width)
         labels = specs.BoundedArray(image, np.uint8, 0, len(LABELS) - 1)
         return {
-            "rgb": Seen(self._view.rgb, specs.BoundedArray((*image, 3), np.uint8, 0, 255)),
-            "depth": Seen(self._view.depth, specs.Array(image, np.float32)),
-            "segmentation": Seen(self.segmentation, labels),
-            "point_cloud": Seen(self.point_cloud, specs.Array((NUM_CLOUD_POINTS, 4), np.float32)),
+            "rgb": CameraObservable(
+                self._view.rgb, specs.BoundedArray((*image, 3), np.uint8, 0, 255)
+            ),
+            "depth": CameraObservable(self._view.depth, specs.Array(image, np.float32)),
+            "segmentation": CameraObservable(self.segmentation, labels),
+            "point_cloud": CameraObservable(
+                self.point_cloud, specs.Array((NUM_CLOUD_POINTS, 4), np.float32)
+            ),
         }
 
     def segmentation(self, physics) -> np.ndarray:
@@ -108,7 +112,9 @@ def wrist_observables(
         return {}
     views = [CameraView(camera, height, width) for camera in cameras]
     spec = specs.BoundedArray((len(views), height, width, 3), np.uint8, 0, 255)
-    return {WRIST_RGB: Seen(lambda physics: np.array([v.rgb(physics) for v in views]), spec)}
+    return {
+        WRIST_RGB: CameraObservable(lambda physics: np.array([v.rgb(physics) for v in views]), spec)
+    }
 
 
 def _label(body: str, owners: Mapping[str, int]) -> int:
@@ -137,7 +143,7 @@ def blank_images() -> Iterator[None]:
         _blank.reset(token)
 
 
-class Seen(observable.Generic):
+class CameraObservable(observable.Generic):
     """An observable with a given specification: without one, it would be rendered to find out."""
 
     def __init__(self, look: Callable, spec: specs.Array):

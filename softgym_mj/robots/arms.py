@@ -14,11 +14,11 @@ from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.cartesian import CartesianController
 from softgym_mj.robots.command_filter import CommandFilter
 from softgym_mj.robots.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, Grasp
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.joint_servos import JointServos
 from softgym_mj.robots.models import ARMS, Arm
 from softgym_mj.robots.mounts import Mount, facing_each_other
+from softgym_mj.robots.workspace import Workspace
 
 START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
 
@@ -34,7 +34,7 @@ class Arms(HoldingGripper[Grasp]):
     """
 
     least_distance = 0.15  # Measured: 0.14 m side by side (Franka), 0.08 m face to face.
-    camera_suffix = "_arms"
+    hides_view = True
 
     def _build(
         self,

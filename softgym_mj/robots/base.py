@@ -7,9 +7,11 @@ from dm_control import composer
 from dm_control.composer.observation import observable
 from dm_env import specs
 
+from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.observables import wrist_observables
 from softgym_mj.robots.actions import ActionSpace
+from softgym_mj.robots.workspace import ToolStart
 
 SIM_STEP = 0.01  # [s] SoftGym's sim step: actions are applied once in each.
 BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.
@@ -25,8 +27,10 @@ class Actor(abc.ABC):
     name: str
     # Env steps of an episode; None: as many as the task's record says.
     horizon: int | None = None
-    # What the name of a task's camera ends with if the actor would stand in the way of the usual.
-    camera_suffix = ""
+    # Whether it hides what tasks' usual cameras see: arms do.
+    hides_view = False
+    # Whether what it senses of itself ends the full and the reduced state.
+    ends_states = True
 
     @property
     def sim_steps(self) -> int | None:
@@ -46,6 +50,24 @@ class Actor(abc.ABC):
     @abc.abstractmethod
     def join(self, arena: composer.Arena) -> None:
         """Adds the actor's bodies to the scene."""
+
+    @property
+    @abc.abstractmethod
+    def model_names(self) -> tuple[str, ...]:
+        """Names of the models that segmented images show as the actor."""
+
+    @abc.abstractmethod
+    def manipulate(self, target: FlexGroup) -> None:
+        """Chooses the objects whose vertices grippers can hold."""
+
+    @abc.abstractmethod
+    def begin(self, start: ToolStart, vertices: np.ndarray) -> None:
+        """Starts an episode where a task wants it.
+
+        Args:
+            start: that place.
+            vertices: (n, 3) [m] of what grippers can hold.
+        """
 
     @abc.abstractmethod
     def command(self, action: np.ndarray) -> None:
@@ -73,7 +95,7 @@ class Actor(abc.ABC):
 
     @abc.abstractmethod
     def proprioception(self) -> np.ndarray:
-        """What the actor senses of itself (n,); the full and the reduced state tell it, too."""
+        """What the actor senses of itself (n,); unless states list it anyway, it ends them, too."""
 
     @abc.abstractmethod
     def diagnostics(self) -> dict[str, float | int]:

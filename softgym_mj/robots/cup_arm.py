@@ -49,7 +49,8 @@ class CupArm(composer.Entity, CupMover):
     Nothing of the arm collides with anything.
     """
 
-    camera_suffix = "_arms"
+    hides_view = True
+    ends_states = True
 
     def __init__(self, arm: Arm, tool: CupTool, visual: str = "primitive"):
         """Builds the arm around a cup.
@@ -152,9 +153,6 @@ class CupArm(composer.Entity, CupMover):
         return arm_bodies.wrists(1)
 
     def proprioception(self) -> np.ndarray:
-        return self.arm_state()
-
-    def arm_state(self) -> np.ndarray:
         """What the arm senses of itself (8 + 2 joints,), see `JointServos.sensed`."""
         return self._servos.sensed()
 

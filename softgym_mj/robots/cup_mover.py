@@ -8,8 +8,10 @@ import numpy as np
 from dm_control import composer
 
 from softgym_mj.entities.cup import Cup, overlap
+from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.robots.actions import ActionSpace
 from softgym_mj.robots.base import Actor
+from softgym_mj.robots.workspace import ToolStart
 
 # [m] The bottom of an upright cup lies exactly on the limit of the ground test; rounding must not
 # reject its moves.
@@ -74,6 +76,7 @@ class CupMover(Actor):
     """
 
     name = "cup"
+    ends_states = False
 
     def __init__(self, tool: CupTool):
         """Binds the mover to what it moves."""
@@ -114,6 +117,13 @@ class CupMover(Actor):
     def join(self, arena: composer.Arena) -> None:
         self._cup.join(arena)
 
+    def manipulate(self, target: FlexGroup) -> None:
+        """It holds its cup."""
+
+    def begin(self, start: ToolStart, vertices: np.ndarray) -> None:
+        x, _, z = start.point
+        self.place(np.array([x, z, 0.0]))
+
     def place(self, pose: np.ndarray) -> None:
         """Starts an episode with the cup at a pose (x, z, theta)."""
         self._cup.pose = pose
@@ -142,10 +152,6 @@ class CupMover(Actor):
     def proprioception(self) -> np.ndarray:
         """The pose of the cup (3,): x [m], z [m], theta [rad]."""
         return self._cup.pose
-
-    def arm_state(self) -> np.ndarray:
-        """What an arm senses of itself (n,), which states list besides the cups: nothing here."""
-        return np.zeros(0)
 
     def diagnostics(self) -> dict[str, float | int]:
         return {"rejected_moves": self._rejected}

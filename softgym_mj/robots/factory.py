@@ -1,12 +1,11 @@
 """Actors by name: grippers for flexes, movers for cups."""
 
 from collections.abc import Mapping
-from typing import TypedDict, Unpack, overload
+from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.robots import pick_and_place, picker
 from softgym_mj.robots.cup_mover import CupMover, CupTool
-from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.models import ARMS
 
 PICKERS: dict[str, type[picker.Picker]] = {
@@ -18,41 +17,6 @@ CUP_ACTORS = ("cup", *ARMS)
 _GEOMETRY = {"cloth": picker.CLOTH_GEOMETRY, "rope": picker.ROPE_GEOMETRY}
 
 
-class GripperSettings(TypedDict, total=False):
-    """Arguments that the tasks on cloth and rope pass on to their actor.
-
-    num_pickers: number of pickers; None for 2, or 1 for pixels. Not for arms.
-    arms: number of arms, 1 or 2; None for 2. Only for arms.
-    grasp: how arms hold: "attach" or "friction"; None for "attach". Only for arms.
-    visual: what arms look like: "primitive", our own shapes (as with None), or "menagerie", the
-        meshes of MuJoCo Menagerie. Only for arms.
-    """
-
-    num_pickers: int | None
-    arms: int | None
-    grasp: str | None
-    visual: str | None
-
-
-class CupActorSettings(TypedDict, total=False):
-    """Arguments that the tasks on water pass on to their actor.
-
-    visual: as in `GripperSettings`.
-    """
-
-    visual: str | None
-
-
-@overload
-def make_actor(
-    actor: str, kind: str, *, base_height: float = 0.0, **settings: Unpack[GripperSettings]
-) -> Gripper: ...
-
-
-@overload
-def make_actor(actor: str, kind: CupTool, **settings: Unpack[CupActorSettings]) -> CupMover: ...
-
-
 def make_actor(
     actor: str,
     kind: str | CupTool,
@@ -62,14 +26,17 @@ def make_actor(
     arms: int | None = None,
     grasp: str | None = None,
     visual: str | None = None,
-) -> Gripper | CupMover:
+) -> Any:
     """Builds an actor.
 
     Args:
         actor: one of `GRIPPERS`, or of `CUP_ACTORS` for a cup.
         kind: what it handles: "cloth", "rope", or a cup.
         base_height: of arms above the floor [m].
-        num_pickers, arms, grasp, visual: as in `GripperSettings`; of a cup's, visual alone.
+        num_pickers: number of pickers; None for 2, or 1 for pixels. Not for arms.
+        arms: number of arms, 1 or 2; None for 2. Only for arms.
+        grasp: how arms hold: "attach" or "friction"; None for "attach". Only for arms.
+        visual: what arms look like: "primitive" (as with None) or "menagerie". Only for arms.
 
     Raises:
         InvalidArgumentError: if there is no such actor, kind, grasp or look; if there cannot be as
@@ -79,6 +46,8 @@ def make_actor(
     look = "primitive" if visual is None else visual
     if isinstance(kind, CupTool):
         check_name("actor", actor, CUP_ACTORS)
+        others = {"num_pickers": num_pickers, "arms": arms, "grasp": grasp}
+        _refuse(others, "None: one actor moves the cup")
         if actor in ARMS:
             from softgym_mj.robots.cup_arm import CupArm
 
@@ -104,24 +73,3 @@ def _refuse(settings: Mapping[str, object], valid: str) -> None:
     for name, value in settings.items():
         if value is not None:
             raise InvalidArgumentError(name, value, valid)
-
-
-def action_repeat_of(actor: str, action_repeat: int | None, usual: int) -> int:
-    """Sim steps for which an action is repeated.
-
-    Args:
-        actor: one of `GRIPPERS`.
-        action_repeat: what the user wants, or None.
-        usual: what the task has with actors that move by displacement.
-
-    Raises:
-        InvalidArgumentError: if there is no such actor; if an action that takes as long as it needs
-            is to be repeated.
-    """
-    check_name("actor", actor, GRIPPERS)
-    once = issubclass(PICKERS.get(actor, picker.Picker), pick_and_place.RoutePicker)
-    if once and action_repeat not in (None, 1):
-        raise InvalidArgumentError("action_repeat", action_repeat, f"1 with actor={actor!r}")
-    if once:
-        return 1
-    return usual if action_repeat is None else action_repeat

@@ -1,32 +1,19 @@
 """`Gripper`: the actors that hold vertices of a flex."""
 
 import abc
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 from dm_control.composer.observation import observable
 
-from softgym_mj.entities.flex import Flex
-from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.robots.base import Actor
+from softgym_mj.robots.workspace import ToolStart, Workspace
 
 HELD = "held"  # The observation: uint8 (grippers,), 1 for each gripper that holds something.
 
 
-@dataclasses.dataclass(frozen=True)
-class Workspace:
-    """Axis-aligned box [m] that the bodies (not the centres) of the grippers stay in."""
-
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-
-    def centred_at(self, x: float, y: float) -> "Workspace":
-        """The same extents with its horizontal centre at (x, y); heights are kept."""
-        half = [(high - low) / 2 for low, high in zip(self.low, self.high, strict=True)]
-        return Workspace(
-            (x - half[0], y - half[1], self.low[2]), (x + half[0], y + half[1], self.high[2])
-        )
+# [m] At the start, of grippers' centres above the object: a picker's radius and 1 cm.
+CLEARANCE = 0.06
 
 
 class Gripper(Actor):
@@ -47,14 +34,19 @@ class Gripper(Actor):
     def num_grippers(self) -> int:
         """Number of grippers."""
 
-    @property
-    @abc.abstractmethod
-    def model_names(self) -> tuple[str, ...]:
-        """Names of the models that segmented images show as the actor."""
-
-    @abc.abstractmethod
-    def manipulate(self, target: Flex | FlexGroup) -> None:
-        """Chooses the object, or several as one, whose vertices the grippers hold."""
+    def begin(self, start: ToolStart, vertices: np.ndarray) -> None:
+        """Starts an episode where a task wants it, with the object at `vertices` (n, 3) [m]."""
+        if start.held:
+            corners = np.array(start.held)
+            held = corners[self.order(vertices[corners])]
+            self.place(vertices[held] + [0.0, 0.0, self.hold_height], start.workspace)
+            self.take(held.tolist())
+            return
+        highest = start.workspace.high[2] - 2 * CLEARANCE
+        clear = min(float(vertices[:, 2].max()), highest) + CLEARANCE
+        x, y, height = start.point
+        positions = self.default_positions(np.array([x, y, max(height, clear)]))
+        self.place(positions, start.workspace)
 
     @abc.abstractmethod
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:

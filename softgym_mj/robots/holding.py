@@ -11,7 +11,8 @@ from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.robots.actions import ActionSpace, gripper_actions
 from softgym_mj.robots.grip import NONE, SLIPPED, GripCommand, GripLimits, GripState, step_grips
-from softgym_mj.robots.gripper import Gripper, Workspace
+from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.workspace import Workspace
 
 MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 

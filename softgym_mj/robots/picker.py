@@ -10,8 +10,8 @@ from dm_control import mjcf
 from softgym_mj.entities.flex import GRIPPER_CONTACT, slide_views
 from softgym_mj.exceptions import check_count
 from softgym_mj.robots.grip import GripLimits
-from softgym_mj.robots.gripper import Workspace
 from softgym_mj.robots.holding import Attachment, HoldingGripper
+from softgym_mj.robots.workspace import Workspace
 
 # [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
 # standing still: it runs through a rope instead of pushing it). Their mass is so large that nothing

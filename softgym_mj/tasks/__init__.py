@@ -1,8 +1,19 @@
-"""The tasks, and what they are made of."""
+"""The tasks, a file each; `shared` is what they are made of."""
 
 from softgym_mj.metrics import Measures
-from softgym_mj.tasks.scene_task import SceneTask
-from softgym_mj.tasks.shared.base import DeformableTask, TaskSettings
+from softgym_mj.robots.workspace import ToolStart, Workspace
+from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.settings import ClothTaskSettings, CupTaskSettings, TaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
 
-__all__ = ["DeformableTask", "Episode", "Measures", "SceneTask", "State", "TaskSettings"]
+__all__ = [
+    "ClothTaskSettings",
+    "CupTaskSettings",
+    "Episode",
+    "Measures",
+    "State",
+    "Task",
+    "TaskSettings",
+    "ToolStart",
+    "Workspace",
+]

@@ -13,7 +13,6 @@ The observation "goal_rgb" is the task camera's image with the rope on the lette
 Start: as in StraightenRope. End: horizon only.
 """
 
-from collections.abc import Mapping, Sequence
 from typing import Unpack
 
 import numpy as np
@@ -25,23 +24,18 @@ from softgym_mj.entities.marks import GoalLine
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import check_name
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.rendering.observables import Seen
+from softgym_mj.rendering.observables import CameraObservable
 from softgym_mj.rendering.offscreen import CameraView, refresh_poses
-from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
-from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.flex_task import FlexTask, Layout
+from softgym_mj.robots.workspace import ToolStart, Workspace
+from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.letters import LETTERS, letter
 from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
-from softgym_mj.tasks.shared.starts.flexes import TwistedRope
+from softgym_mj.tasks.shared.settings import TaskSettings
+from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import generator
-from softgym_mj.variations.store import VariationStore
 
-ACTION_REPEAT = 8  # Facts 1.2.
-WORKSPACE = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
-RESET_HEIGHT = 0.1  # [m]
 HIDDEN_GROUP = 5  # Of geoms that are not drawn: the actor's, while the goal is.
-SUCCESS = 0.8  # Ours: key points within 1 to 3 cm of the letter on average.
 MATCHINGS = ("key_points", "vertices")
 
 
@@ -50,53 +44,56 @@ def goal_name(variation: int) -> str:
     return LETTERS[int(generator("rope_configuration", variation).integers(len(LETTERS)))]
 
 
-class RopeConfiguration(FlexTask):
+class RopeConfiguration(Task):
     """See the module docstring."""
 
+    summary = "Lay a rope in the shape of a letter."
+    difficulty, material = "hard", "rope"
+    success = 0.8  # Ours: key points within 1 to 3 cm of the letter on average.
+    workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
+    reset_height, view, softgym_name = 0.1, "rope", "RopeConfiguration"
+
     def __init__(
-        self, rope: Rope, actor: Gripper, initializer: TwistedRope, matching: str, **settings
+        self,
+        *,
+        fidelity: str = "default",
+        matching: str = "key_points",
+        **settings: Unpack[TaskSettings],
     ):
-        """Wires the task; `matching` is one of `MATCHINGS`, `settings` as in `FlexTask`."""
+        """Builds the task.
+
+        Args:
+            fidelity: number of vertices: "fast", "default" or "accurate".
+            matching: what the reward matches: 10 "key_points" or all "vertices".
+            **settings: as in `TaskSettings`.
+        """
         check_name("matching", matching, MATCHINGS)
-        self._rope, self._line = rope, GoalLine(rope.num_vertices)
-        every = np.arange(rope.num_vertices)
+        self.rope = rope = Rope(fidelity)
+        self._line = GoalLine(rope.num_points)
+        every = np.arange(rope.num_points)
         self._matched = rope.key_points if matching == "key_points" else every
         self._goal_rgb: np.ndarray | None = None
-        super().__init__(
-            Layout("rope", WORKSPACE, RESET_HEIGHT, SUCCESS),
-            rope,
-            actor,
-            VariationStore(initializer),
-            max_vertices=rope.num_vertices,
-            **settings,
-        )
-        self.root_entity.attach(self._line)
+        super().__init__([rope], TwistedRope(fidelity), marks=[self._line], **settings)
 
-    @property
-    def rope(self) -> Rope:
-        """The rope."""
-        return self._rope
-
-    def _place(self, name: str) -> np.ndarray:
-        """Where the vertices (n, 3) [m] of the rope ought to lie."""
-        places = letter(name, self._rope.num_vertices)
-        return np.column_stack([places, np.full(len(places), self._rope.radius)])
+    def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
+        return ToolStart.over(points["rope"], self.reset_height, self.workspace)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Where the vertices (n, 3) [m] ought to lie, from either end."""
-        return {"rope": self._place(goal_name(variation))}
+        places = letter(goal_name(variation), self.rope.num_points)
+        return {"rope": np.column_stack([places, np.full(len(places), self.rope.radius)])}
 
     def show(self, goal: dict[str, np.ndarray]) -> None:
         self._goal_rgb = None
         self._line.draw(goal["rope"][:, :2])
 
-    @property
-    def parts(self) -> dict[str, tuple[str, ...]]:
-        return {**super().parts, "goal": (self._line.mjcf_model.model,)}
-
     def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
         seen = specs.BoundedArray((height, width, 3), np.uint8, 0, 255)
-        return {GOAL_RGB: Seen(lambda physics: self._shown_goal(physics, height, width), seen)}
+        return {
+            GOAL_RGB: CameraObservable(
+                lambda physics: self._shown_goal(physics, height, width), seen
+            )
+        }
 
     def _shown_goal(self, physics, height: int, width: int) -> np.ndarray:
         """The goal image of the episode, drawn once."""
@@ -114,9 +111,9 @@ class RopeConfiguration(FlexTask):
         model, data = physics.model.ptr, physics.data.ptr
         qpos, qvel, groups = data.qpos.copy(), data.qvel.copy(), model.geom_group.copy()
         for geom in range(model.ngeom):
-            if model.geom(geom).name.split("/")[0] in self._actor.model_names:
+            if model.geom(geom).name.split("/")[0] in self.actor.model_names:
                 model.geom_group[geom] = HIDDEN_GROUP
-        self._rope.set_vertices(self.episode.goal["rope"])
+        self.rope.set_points(self.episode.goal["rope"])
         image = CameraView("task", height, width).rgb(physics)
         data.qpos[:], data.qvel[:], model.geom_group[:] = qpos, qvel, groups
         refresh_poses(physics)
@@ -132,7 +129,7 @@ class RopeConfiguration(FlexTask):
         return episode.initial_performance, 0.0
 
     def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
-        keys, places = self._rope.key_points, {"rope": state.points, "goal": episode.goal}
+        keys, places = self.rope.key_points, {"rope": state.points, "goal": episode.goal}
         return {
             f"{len(keys)} key points of the {name} (x, y, z each) [m]": place["rope"][..., keys, :]
             for name, place in places.items()
@@ -141,39 +138,3 @@ class RopeConfiguration(FlexTask):
     def beside(self, state: State, episode: Episode) -> dict[str, Array]:
         goal = episode.goal["rope"]
         return {f"{goal.shape[-2]} vertices of the goal (x, y, z each) [m]": goal}
-
-
-def rope_configuration(
-    *,
-    actor: str = "picker",
-    observation: str | Sequence[str] = "reduced",
-    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
-    fidelity: str = "default",
-    matching: str = "key_points",
-    action_repeat: int | None = None,
-    domain: str | Mapping[str, object] = "nominal",
-    **actor_settings: Unpack[GripperSettings],
-) -> RopeConfiguration:
-    """Builds the task.
-
-    Args:
-        actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
-        observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
-        image_size: (height, width) of images [pixels].
-        fidelity: number of vertices: "fast", "default" or "accurate".
-        matching: what the reward matches: 10 "key_points" or all "vertices".
-        action_repeat: sim steps per env step; None for the usual number.
-        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
-            "out_of_distribution", or a dict of parameters, as in `Domain`.
-        **actor_settings: as in `GripperSettings`.
-    """
-    return RopeConfiguration(
-        Rope(fidelity),
-        make_actor(actor, "rope", **actor_settings),
-        TwistedRope(fidelity),
-        matching,
-        observation=observation,
-        image_size=image_size,
-        action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
-        domain=domain,
-    )

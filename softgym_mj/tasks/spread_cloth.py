@@ -13,33 +13,42 @@ Pickers start 0.2 m above the centre of the cloth's bounding box, higher where a
 ours are higher than SoftGym's. End: horizon only.
 """
 
-from collections.abc import Mapping, Sequence
 from typing import Unpack
+
+import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.robots.factory import GripperSettings, action_repeat_of, make_actor
-from softgym_mj.robots.gripper import Gripper, Workspace
-from softgym_mj.tasks.cloth_task import ClothTask
-from softgym_mj.tasks.flex_task import Layout
-from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE
-from softgym_mj.tasks.shared.starts.flexes import CrumpledCloth
+from softgym_mj.robots.workspace import ToolStart, Workspace
+from softgym_mj.tasks.shared import entries
+from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.settings import ClothTaskSettings
+from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth
 from softgym_mj.tasks.shared.state import Episode, State
 
-ACTION_REPEAT = 8  # Facts 1.2.
-WORKSPACE = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.
-RESET_HEIGHT = 0.2  # [m]
-SUCCESS = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
 
-
-class SpreadCloth(ClothTask):
+class SpreadCloth(Task):
     """See the module docstring."""
 
-    def __init__(self, cloth: Cloth, actor: Gripper, initializer: CrumpledCloth, **settings):
-        """Wires the task; `settings` as in `ClothTask`."""
-        layout = Layout("cloth", WORKSPACE, RESET_HEIGHT, SUCCESS)
-        super().__init__(layout, cloth, actor, initializer, **settings)
+    summary = "Spread a crumpled cloth on the floor."
+    difficulty, material = "medium", "cloth"
+    success = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
+    workspace = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.
+    reset_height, softgym_name = 0.2, "ClothFlatten"
+
+    def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
+        """Builds the task.
+
+        Args:
+            fidelity: resolution of the cloth: "fast", "default" or "accurate".
+            **settings: as in `ClothTaskSettings`.
+        """
+        self.cloth = Cloth(fidelity=fidelity)
+        super().__init__([self.cloth], CrumpledCloth(fidelity), **settings)
+
+    def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
+        return ToolStart.over(points["cloth"], self.reset_height, self.workspace)
 
     def measure(self, state: State, episode: Episode) -> Measures:
         triangles = episode.shapes["cloth"]["triangles"]
@@ -50,39 +59,5 @@ class SpreadCloth(ClothTask):
         size = episode.shapes["cloth"]["size"]
         return episode.initial_performance, size[..., 0] * size[..., 1]
 
-
-def spread_cloth(
-    *,
-    actor: str = "picker",
-    observation: str | Sequence[str] = "reduced",
-    image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
-    fidelity: str = "default",
-    count_intersections: bool = False,
-    action_repeat: int | None = None,
-    domain: str | Mapping[str, object] = "nominal",
-    **actor_settings: Unpack[GripperSettings],
-) -> SpreadCloth:
-    """Builds the task.
-
-    Args:
-        actor: "picker", "pick_and_place", "pixel_pick_and_place", "franka" or "sawyer".
-        observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
-        image_size: (height, width) of images [pixels].
-        fidelity: resolution of the cloth: "fast", "default" or "accurate".
-        count_intersections: adds "intersections" to info: where the cloth passes through itself.
-        action_repeat: sim steps per env step; None for the usual number.
-        domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
-            "out_of_distribution", or a dict of parameters, as in `Domain`.
-        **actor_settings: as in `GripperSettings`.
-    """
-    cloth = Cloth(fidelity=fidelity)
-    return SpreadCloth(
-        cloth,
-        make_actor(actor, "cloth", **actor_settings),
-        CrumpledCloth(fidelity),
-        count_intersections=count_intersections,
-        observation=observation,
-        image_size=image_size,
-        action_repeat=action_repeat_of(actor, action_repeat, ACTION_REPEAT),
-        domain=domain,
-    )
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        return entries.corners(state, episode)

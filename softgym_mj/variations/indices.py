@@ -1,13 +1,13 @@
 """Variations by index: splits, random generators, what produces their start states.
 
-A variation is an index 0..999 of an `Initializer`. Everything random in it comes from a generator
-seeded with a hash of the initializer's name and that index, so it is the same on every machine
+A variation is an index 0..999 of a `Start`. Everything random in it comes from a generator
+seeded with a hash of the start's name and that index, so it is the same on every machine
 and whatever was generated before.
 """
 
 import hashlib
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -21,8 +21,8 @@ SPLITS = {
 }
 
 
-class Initializer(Protocol):
-    """Produces the initial states of a family of variations; picklable."""
+class Start(Protocol):
+    """Produces the start states of a family of variations; picklable."""
 
     @property
     def name(self) -> str:
@@ -31,6 +31,15 @@ class Initializer(Protocol):
     @property
     def parameters(self) -> dict[str, object]:
         """Everything, JSON-able, that changes the generated states."""
+        ...
+
+    @property
+    def max_points(self) -> int:
+        """Most points of any variation."""
+        ...
+
+    def sizes(self, index: int) -> Sequence[Any]:
+        """What the objects of a task are resized to in a variation: of the first ones, in order."""
         ...
 
     def generate(self, index: int) -> np.ndarray:

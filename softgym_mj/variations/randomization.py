@@ -1,4 +1,4 @@
-"""Domain parameters: what a variation may change besides the initial state.
+"""DomainRandomization parameters: what a variation may change besides the initial state.
 
 A task's `domain` says which numbers of its scene vary, and how far. Each is drawn anew for every
 variation, from a generator seeded with the parameter's name and the variation's index: the same
@@ -140,7 +140,7 @@ class Prefixed:
         return self._part.adjust({p.name: values[name] for name, p in self._names.items()})
 
 
-class Domain:
+class DomainRandomization:
     """Which parameters of the parts of a scene vary, and how far."""
 
     def __init__(self, setting: str | Mapping[str, object], parts: Sequence[Adjustable]):

@@ -17,7 +17,7 @@ from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
-from softgym_mj.variations.indices import NUM_VARIATIONS, Initializer, check_variation
+from softgym_mj.variations.indices import NUM_VARIATIONS, Start, check_variation
 
 CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"  # Overrides the cache folder.
 _MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])  # Results change between minors.
@@ -34,18 +34,18 @@ def cache_folder() -> pathlib.Path:
 
 
 class VariationStore(Store):
-    """Settled start states (n, 3) [m] of an initializer by variation, generated where missing."""
+    """Settled start states (n, 3) [m] by variation, generated where missing."""
 
-    def __init__(self, initializer: Initializer):
+    def __init__(self, start: Start):
         specification = {
-            "initializer": initializer.name,
-            "parameters": initializer.parameters,
+            "initializer": start.name,
+            "parameters": start.parameters,
             "mujoco": _MUJOCO_SERIES,
         }
-        self._initializer = initializer
+        self._start = start
         self._text = json.dumps(specification, sort_keys=True)
         digest = hashlib.sha256(self._text.encode()).hexdigest()
-        folder = cache_folder() / f"{initializer.name}-{digest[:12]}"
+        folder = cache_folder() / f"{start.name}-{digest[:12]}"
         super().__init__(folder, specification, ARRAYS, packs.corrupt)
 
     def load(self, index: int) -> np.ndarray:
@@ -56,12 +56,12 @@ class VariationStore(Store):
                 variation; if it has to be generated and cannot be written.
         """
         index = check_variation(index)
-        states = packs.shipped(self._initializer.name, self._text)
+        states = packs.shipped(self._start.name, self._text)
         if states is not None:
             return states[index].copy()
         if not self.has(index):
-            _log.info("generating variation %d of %s", index, self._initializer.name)
-            self.put(index, self._initializer.generate(index))
+            _log.info("generating variation %d of %s", index, self._start.name)
+            self.put(index, self._start.generate(index))
         return self.get(index)
 
     def get(self, key: Key) -> np.ndarray:
@@ -101,7 +101,7 @@ class VariationStore(Store):
         """
         return self.run(
             [check_variation(index) for index in indices],
-            self._initializer.generate,
+            self._start.generate,
             executor,
             lambda index, points: progress(index),
             replace=True,

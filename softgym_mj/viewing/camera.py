@@ -3,7 +3,6 @@
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.tasks.water_task import MIDDLE, WaterTask
 
 LOOK_AT_HEIGHT = 0.1  # [m] At which a view from above is turned.
 _SHORTEST = 0.3  # [m] Distance of what a view is turned around, at least.
@@ -24,7 +23,7 @@ def orbit(env: Environment, camera: str) -> tuple[np.ndarray, float]:
     """
     position, axes = pose(env, camera)
     forward = -axes[:, 2]
-    middle = np.array([MIDDLE if isinstance(env.task, WaterTask) else 0.0, 0.0])
+    middle = np.array([env.task.root_entity.view.middle, 0.0])
     flat = forward[:2] @ forward[:2]
     if flat < _STEEP**2:
         distance = (LOOK_AT_HEIGHT - position[2]) / forward[2]

@@ -13,7 +13,6 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import UnavailableError
 from softgym_mj.rendering.offscreen import refresh
 from softgym_mj.robots.picker import Picker
-from softgym_mj.tasks.water_task import WaterTask
 from softgym_mj.viewing.camera import orbit, pose
 from softgym_mj.viewing.keys import Keyboard, Mouse, keys_of
 from softgym_mj.viewing.session import Session
@@ -103,8 +102,7 @@ class Window:
             raise UnavailableError(f"{error}; or look on with --browser") from error
         with window:
             self._window, self._texts = window, None
-            # Of pour_water's own camera, the cups move to and fro.
-            view = "overview" if isinstance(session.env.task, WaterTask) else "task"
+            view = session.env.task.root_entity.view.best
             with window.lock():
                 place_camera(window.cam, session.env, view)
             session.on_frame = self._frame

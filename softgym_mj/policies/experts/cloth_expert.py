@@ -56,7 +56,7 @@ class ClothExpert(PickerExpert):
 
         By the gripper `taker`, or whichever is nearest.
         """
-        free = np.setdiff1d(np.arange(self._target.num_vertices), self._actor.held).tolist()
+        free = np.setdiff1d(np.arange(self._target.num_points), self._actor.held).tolist()
         free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
         return next(
             (
@@ -157,7 +157,7 @@ class ClothExpert(PickerExpert):
 
     def _misplaced(self, placed: np.ndarray) -> list[int]:
         """Up to two vertices far from their places (n, 3) [m] that can be taken."""
-        vertices = self._target.vertices()
+        vertices = self._target.points()
         value = np.linalg.norm((placed - vertices)[:, :2], axis=1)
         value[self._env.task.cloth.corners] *= 1.5
         chosen: list[int] = []

@@ -23,8 +23,8 @@ class FoldCloth(ClothExpert):
         cloth, grips = self._env.task.cloth, [False, False]
         wanted, mirrors = self._pairs()
         yield from self._take(dict(enumerate(wanted)), grips)
-        ends = cloth.vertices()[mirrors]
-        ways = ends - cloth.vertices()[wanted]
+        ends = cloth.points()[mirrors]
+        ways = ends - cloth.points()[wanted]
         short, landing = (ARM_SHORT, ARM_LANDING) if self._has_arms else (SHORT, LANDING)
         ends -= short * ways / np.linalg.norm(ways, axis=1, keepdims=True)
         yield from self._swing(ends + [0.0, 0.0, landing])
@@ -54,7 +54,7 @@ class FoldCloth(ClothExpert):
     def _swing(self, ends: np.ndarray) -> Iterator[np.ndarray]:
         """Carries what both pickers hold to `ends` (2, 3) [m] in half a circle and lets go."""
         start = self._actor.positions()
-        ends = ends - (self._target.vertices()[self._actor.held] - start)
+        ends = ends - (self._target.points()[self._actor.held] - start)
         middle, half = (start + ends) / 2, (ends - start) / 2
         for angle in np.linspace(0.0, np.pi, ARC)[1:]:
             goals = middle - math.cos(angle) * half

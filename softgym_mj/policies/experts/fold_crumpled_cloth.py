@@ -35,7 +35,7 @@ class FoldCrumpledCloth(HeapExpert):
         low, high = self._actor.limits
         flat, held = self._env.task.cloth.flat(), self._actor.held.tolist()
         depth = float(np.ptp(flat[:, 0]) / 2)
-        offset = (self._target.vertices()[held] - self._actor.positions()) * [1.0, 1.0, 0.0]
+        offset = (self._target.points()[held] - self._actor.positions()) * [1.0, 1.0, 0.0]
         goals = flat[held] - offset
 
         def pose(x: float, z: float) -> np.ndarray:

@@ -46,7 +46,7 @@ class PickerExpert(Expert):
         Raises:
             InvalidArgumentError: for another number of grippers.
         """
-        self._actor, self._target = env.task.actor, env.task.target
+        self._actor, self._target = env.task.actor, env.task.objects[0]
         if self._actor.num_grippers != 2:
             raise InvalidArgumentError("num_grippers", self._actor.num_grippers, "2")
         self._stride = MAX_DISPLACEMENT * env.task.action_repeat
@@ -114,9 +114,9 @@ class PickerExpert(Expert):
         That of the shorter ways, but grippers that must keep apart stay on their sides.
         """
         if self._actor.least_distance > 0.0:
-            order = self._actor.order(self._target.vertices()[list(vertices)])
+            order = self._actor.order(self._target.points()[list(vertices)])
             return [vertices[i] for i in order]
-        starts, goals = self._actor.positions(), self._target.vertices()[list(vertices)]
+        starts, goals = self._actor.positions(), self._target.points()[list(vertices)]
         direct = np.linalg.norm(starts - goals, axis=1).sum()
         crossed = np.linalg.norm(starts - goals[::-1], axis=1).sum()
         return list(vertices) if direct <= crossed else list(vertices)[::-1]
@@ -128,7 +128,7 @@ class PickerExpert(Expert):
         """
         centres = self._target.vertex(vertex) + self._reach * _DIRECTIONS
         centres = np.clip(centres, *self._actor.limits)
-        distance = np.linalg.norm(centres[:, None] - self._target.vertices(), axis=2)
+        distance = np.linalg.norm(centres[:, None] - self._target.points(), axis=2)
         own = distance[:, vertex].copy()
         distance[:, vertex] = np.inf
         clearance = distance.min(axis=1) - own

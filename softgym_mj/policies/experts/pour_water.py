@@ -63,13 +63,17 @@ class PourWater(Expert):
         cosine, sine = math.cos(theta), math.sin(theta)
         return np.array([x - along * cosine - up * sine, z + along * sine - up * cosine, theta])
 
+    def _volume(self) -> float:
+        """Of the water [m^3]."""
+        return self._env.task.start.variation(self._env.task.variation).volume
+
     def _path(self) -> Path:
         """The lip's x, z [m] and the angle [rad] after each env step."""
         task, step = self._env.task, self._env.control_timestep()
         size, target = task.cup.size, task.target.size
         near = task.target.pose[0] - target.length / 2 - target.wall  # Outer face of its near wall.
         over = near + target.wall + REACH
-        held = task.scene.volume / size.width
+        held = self._volume() / size.width
         flows = spill_angle(size, held)
         travel, ready = max(flows - TRAVEL_TILT, 0.0), max(flows - READY_TILT, 0.0)
 
@@ -99,7 +103,7 @@ class PourWater(Expert):
         Equal volumes leave in equal times; the last drops have time to fall. `used` [s] are gone.
         """
         task, step = self._env.task, self._env.control_timestep()
-        size, held = task.cup.size, task.scene.volume / task.cup.size.width
+        size, held = task.cup.size, self._volume() / task.cup.size.width
         left = self._env.horizon * step - used - DRAIN - LEFT_OVER
         for s in phase(max(left, 1.0), step):
             angle = max(theta, spill_angle(size, (1.0 - s) * held))

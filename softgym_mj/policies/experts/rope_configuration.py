@@ -29,13 +29,13 @@ class RopeConfiguration(PickerExpert):
 
     def _goal(self) -> np.ndarray:
         """The letter (41, 3) [m] from the end that suits the rope."""
-        goal, vertices = self._env.task.episode.goal["rope"], self._target.vertices()
+        goal, vertices = self._env.task.episode.goal["rope"], self._target.points()
         errors = [np.linalg.norm(vertices - g, axis=1).sum() for g in (goal, goal[::-1])]
         return goal if errors[0] <= errors[1] else goal[::-1]
 
     def _chosen(self) -> dict[int, tuple[int, np.ndarray]]:
         """By gripper, up to two vertices that lie wrong and where they belong (3,) [m]."""
-        goal, vertices = self._goal(), self._target.vertices()
+        goal, vertices = self._goal(), self._target.points()
         error = np.linalg.norm(goal - vertices, axis=1)
         room = max(ROOM, self._actor.least_distance)
         chosen: list[int] = []

@@ -27,7 +27,7 @@ class SpreadCloth(HeapExpert):
 
     def _places(self) -> np.ndarray:
         """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
-        vertices = self._target.vertices()
+        vertices = self._target.points()
         fits = []
         for mirror in (1.0, -1.0):
             flat = self._env.task.cloth.flat() * [1.0, mirror, 1.0]
@@ -49,12 +49,12 @@ class SpreadCloth(HeapExpert):
         away = flat - (flat[a] + flat[b]) / 2
         away = np.linalg.norm(away - product(away, across)[:, None] * across, axis=1)
         depth, tail = away.max(), np.flatnonzero(away > away.max() - 0.01)
-        offset = (self._target.vertices()[[a, b]] - self._actor.positions()) * [1.0, 1.0, 0.0]
+        offset = (self._target.points()[[a, b]] - self._actor.positions()) * [1.0, 1.0, 0.0]
         sign = np.sign(self._target.vertex(a)[1] - self._target.vertex(b)[1]) or 1.0
         line = np.array([[0.0, sign * width / 2, 0.0], [0.0, -sign * width / 2, 0.0]])
 
         def tail_x() -> float:
-            return float(self._target.vertices()[tail, 0].mean() - centre[0])
+            return float(self._target.points()[tail, 0].mean() - centre[0])
 
         def now_x() -> float:
             return float((self._actor.positions() + offset)[:, 0].mean() - centre[0])

@@ -53,7 +53,7 @@ class StraightenRope(PickerExpert):
         while waited < PATIENCE and (self._actor.held >= 0).all():
             # Where the ends are once the grippers are where they are told to be: arms lag behind.
             commanded = self._actor.commanded_positions()
-            points = self._target.vertices()[list(ends)] + commanded - self._actor.positions()
+            points = self._target.points()[list(ends)] + commanded - self._actor.positions()
             error = LENGTH - length(points[0] - points[1])
             if abs(error) <= ROPE_TOLERANCE:
                 if abs(LENGTH - rope.end_distance()) <= ROPE_TOLERANCE:
@@ -126,7 +126,7 @@ class StraightenRope(PickerExpert):
 
         It is the one that has less of its reach left, as the other end may come along.
         """
-        points, sides = self._target.vertices()[list(ends)], self._own_sides()
+        points, sides = self._target.points()[list(ends)], self._own_sides()
         furthest = self._within_reach(points - sides[:, None] * [0.0, FAR, 0.0])
         first = int(np.argmin(np.linalg.norm(furthest - points, axis=1)))
         yield from self._take_alone(ends, first)

@@ -1,17 +1,20 @@
-"""Which arguments of an own task have to agree for a snapshot to fit."""
+"""Which arguments of a custom task have to agree for a snapshot to fit."""
 
 import inspect
 import json
 from collections.abc import Callable, Mapping
 
-# Arguments that say what is observed, or are part of every snapshot's layout by themselves.
-NOT_OF_STATES = ("observation", "image_size", "visual", "action_repeat", "domain")
+# Arguments that say what is observed, or are part of every snapshot's key by themselves.
+NOT_OF_STATES = (
+    "observation", "image_size", "visual", "action_repeat", "domain", "actor", "num_pickers",
+    "arms", "grasp", "count_intersections",
+)  # fmt: skip
 
 
 def arguments_of_states(
     constructor: Callable[..., object], task_kwargs: Mapping[str, object]
 ) -> dict[str, str]:
-    """What must agree, besides the layout, for a state of one instance to fit into another.
+    """What must agree, besides the key, for a state of one instance to fit into another.
 
     Args:
         constructor: what builds the task.

@@ -1,10 +1,10 @@
-"""`DeformableTask`: variations, one evaluation a step, observations and snapshots."""
+"""`Task`: objects in a scene, an actor, a start and what is measured; what every task is."""
 
 import abc
 import collections
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TypedDict
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from dm_control import composer
@@ -12,88 +12,144 @@ from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj import metrics
-from softgym_mj.entities.arena import Arena
+from softgym_mj.entities.arena import Arena, View
+from softgym_mj.entities.cup import Cup
+from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import (
     InvalidArgumentError,
     LifecycleError,
     SoftGymError,
     check_count,
     check_image_size,
+    check_name,
 )
+from softgym_mj.fluid import Water
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.rendering.observables import TaskCamera
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
-from softgym_mj.tasks.shared.checks import check_names, checked
-from softgym_mj.tasks.shared.observations import enabled_names
+from softgym_mj.robots.cup_mover import CupTool
+from softgym_mj.robots.factory import GRIPPERS, make_actor
+from softgym_mj.robots.workspace import ToolStart, Workspace
+from softgym_mj.tasks.shared import checks
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, STATES, enabled_names
+from softgym_mj.tasks.shared.scene import Scene
 from softgym_mj.tasks.shared.state import Episode, State
-from softgym_mj.variations.indices import SPLITS, check_variation
-from softgym_mj.variations.randomization import Adjustable, Domain
+from softgym_mj.variations.indices import SPLITS, Start, check_variation, generator
+from softgym_mj.variations.randomization import DomainRandomization
+from softgym_mj.variations.store import VariationStore
 
 
-class TaskSettings(TypedDict, total=False):
-    """Keyword arguments that tasks pass on to `DeformableTask`, where they are described."""
+class Task(composer.Task, abc.ABC):
+    """What is to be done with ropes, cloths, garments and water, and with which actor.
 
-    observation: str | Sequence[str]
-    image_size: tuple[int, int]
-    action_repeat: int
-    domain: str | Mapping[str, object]
+    A subclass says in its class data what kind of task it is, builds its objects in `__init__`, and
+    defines `measure`; `arrange` too, unless it has a `Start`. `measure`, `bounds`, `reduced` and
+    `beside` are functions of arrays, of one simulation or of many.
 
+    A task that remembers something of its own, such as a counter, changes it in `after_step` and
+    makes it part of snapshots, which are exact then, too:
 
-class DeformableTask(composer.Task, abc.ABC):
-    """A task on flexes or water with one actor.
+        def get_state(self):
+            return {**super().get_state(), "count": self.count}
 
-    `FlexTask`, `WaterTask` and `SceneTask` say what a state is; their subclasses what is measured
-    and where things start.
+        def set_state(self, state):
+            self.count = state["count"]
+            super().set_state(state)  # Measures: what that needs is back by now.
 
     Attributes:
+        summary: what is to be done.
+        difficulty, material: words to find it by; the material is also what pickers are made for:
+            "cloth" or "rope".
+        horizon: env steps in an episode.
+        action_repeat: sim steps of 0.01 s per env step.
+        success: normalised performance from which the goal counts as reached.
+        actors: names of those that it can have, the usual one first.
+        workspace: of grippers.
+        reset_height: of grippers at the start [m], or of a cup.
+        arm_height: of the bases of arms above the floor [m].
+        view: from where it is looked at, or its name in `arena.VIEWS`.
+        planning_horizon: env steps that planners look ahead.
+        example_variation: the one that shows it best.
+        softgym_name: what SoftGym calls it.
         driven: whether an `Environment` makes as many sim steps as an action takes.
+        actor: what acts.
+        scene: everything that is there.
+        flexes: what grippers can hold: the vertices of all flexes, numbered on in their order.
+        objects: what deforms or flows, then the cups; that of the actor comes first.
+        start: where the initial states come from; None if `arrange` makes them up.
+        store: where these are kept; None alike.
+        domain: what varies besides the initial state.
     """
 
+    summary = ""
+    difficulty, material = "custom", "cloth"
+    horizon, action_repeat = 100, 8
+    success = 0.9
+    actors: ClassVar[tuple[str, ...]] = GRIPPERS
+    workspace = Workspace((-0.7, -0.6, 0.0), (0.7, 0.6, 0.6))
+    reset_height, arm_height = 0.3, 0.0
+    view: View | str = "cloth"
+    planning_horizon, example_variation = 15, 806
+    softgym_name: str | None = None
     driven = False
 
     def __init__(
         self,
-        arena: Arena,
-        actor: Actor,
+        objects: Sequence[Flex | Water | Cup],
+        start: Start | None = None,
         *,
-        timestep: float,
-        success: float,
-        max_points: int,
-        adjustable: Sequence[Adjustable],
-        observation: str | Sequence[str],
-        image_size: tuple[int, int],
-        action_repeat: int,
+        tool: CupTool | None = None,
+        marks: Sequence[composer.Entity] = (),
+        timestep: float | None = None,
+        actor: str | Actor | None = None,
+        observation: str | Sequence[str] = "reduced",
+        image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+        action_repeat: int | None = None,
         domain: str | Mapping[str, object] = "nominal",
+        count_intersections: bool = False,
+        **actor_settings: Any,
     ):
-        """Wires the parts together.
+        """Puts the objects and the actor into an arena.
 
         Args:
-            arena: the scene, with everything in it.
-            actor: what acts.
-            timestep: physics step [s] that the object needs; it divides the sim step.
-            success: normalised performance from which the goal counts as reached.
-            max_points: most points of any variation; the full state is zero-padded to it.
-            adjustable: what of the scene has domain parameters, besides the arena.
-            observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
-            image_size: (height, width) of image observations [pixels].
-            action_repeat: sim steps of 0.01 s per env step.
-            domain: what varies besides the initial state, as in `Domain`.
+            objects: what deforms or flows, then cups that stand still; with different model names,
+                not yet attached.
+            start: the initial states of the first object; None if `arrange` places all of them.
+            tool: a cup for the actor to move; None for grippers.
+            marks: what shows the goal.
+            timestep: physics step [s], a sim step or a whole part of it; by default the largest
+                that suits all objects.
+            actor, observation, image_size, action_repeat, domain, count_intersections: as in
+                `ClothTaskSettings`. With several objects, the domain parameters of one have its
+                model name before theirs: "rope_friction".
+            **actor_settings: `num_pickers`, `arms`, `grasp` and `visual`, alike.
+
+        Raises:
+            InvalidArgumentError: for an argument of a wrong type, a bad name or number.
         """
-        check_count("action_repeat", action_repeat, 1)
+        checks.check_objects(objects, tool is not None)
+        checks.check_class_data(self.view, self.workspace)
         image_size = check_image_size("image_size", image_size, LARGEST_IMAGE)
-        self._domain = Domain(domain, (arena, *adjustable))
-        self._arena, self._actor = arena, actor
-        self._success, self._max_points = success, max_points
-        self._action_repeat = action_repeat
-        self.set_timesteps(control_timestep=action_repeat * SIM_STEP, physics_timestep=timestep)
+        self.start = start
+        self.store = None if start is None else VariationStore(start)
+        self.actor = self._make_actor(actor, tool, actor_settings)
+        held = () if tool is None else (tool.cup,)
+        self.scene = Scene(objects, self.actor, held, self.view, marks)
+        self.flexes, self.objects = self.scene.flexes, self.scene.objects
+        self._count_intersections = count_intersections
+        self.domain = DomainRandomization(domain, self.scene.adjustable)
+        counts = sum(thing.num_points for thing in self.scene.materials.values())
+        self.max_points = counts if start is None else start.max_points
+        self.action_repeat = self._checked_repeat(action_repeat)
+        self.set_timesteps(
+            control_timestep=self.action_repeat * SIM_STEP,
+            physics_timestep=checks.checked_timestep(timestep, self.scene.materials.values()),
+        )
         self._observables = collections.OrderedDict(
-            full=observable.Generic(lambda physics: self.full_state()),
-            reduced=observable.Generic(lambda physics: self.reduced_state()),
-            full_mask=observable.Generic(lambda physics: self.full_mask()),
-            proprioception=observable.Generic(lambda physics: actor.proprioception()),
-            **TaskCamera(*image_size, lambda: self.parts).observables(),
-            **actor.own_observables(*image_size),
+            **{name: self._observable(name) for name in STATES},
+            **TaskCamera(*image_size, lambda: self.scene.segmentation_models).observables(),
+            **self.actor.own_observables(*image_size),
             **self.own_observables(*image_size),
         )
         for name in enabled_names(observation, self._observables):
@@ -101,38 +157,40 @@ class DeformableTask(composer.Task, abc.ABC):
         self._substep = 0  # Of the env step.
         self._variation, self._chosen = 0, False
         self._episode: Episode | None = None
-        self._present: dict[str, np.ndarray] = {}
+        self._stored: dict[str, np.ndarray] = {}
         self._measures: Measures | None = None
         self._named = False  # Whether the names in info have been checked.
         self._arguments: dict[str, str] = {}
+
+    def _make_actor(self, actor: str | Actor | None, tool: CupTool | None, settings: Any) -> Any:
+        if isinstance(actor, Actor):
+            return actor
+        name = self.actors[0] if actor is None else actor
+        check_name("actor", name, self.actors)
+        if tool is not None:
+            return make_actor(name, tool, **settings)
+        return make_actor(name, self.material, base_height=self.arm_height, **settings)
+
+    def _checked_repeat(self, action_repeat: int | None) -> int:
+        if self.actor.sim_steps is None:
+            repeat = type(self).action_repeat if action_repeat is None else action_repeat
+            return check_count("action_repeat", repeat, 1)
+        if action_repeat not in (None, 1):
+            valid = f"1 with actor={self.actor.name!r}"
+            raise InvalidArgumentError("action_repeat", action_repeat, valid)
+        return 1
+
+    def _observable(self, name: str) -> observable.Generic:
+        value = STATES[name].value
+        return observable.Generic(lambda physics: value(self, self.state(), self.episode))
 
     # ------------------------------------------------------------------ parts
 
     @property
     def root_entity(self) -> Arena:
-        if "_arena" not in vars(self):
+        if "scene" not in vars(self):
             raise SoftGymError("the scene does not exist yet: call super().__init__ first")
-        return self._arena
-
-    @property
-    def actor(self) -> Actor:
-        """What acts."""
-        return self._actor
-
-    @property
-    def domain(self) -> Domain:
-        """What varies besides the initial state."""
-        return self._domain
-
-    @property
-    def success_threshold(self) -> float:
-        """Normalised performance from which the goal counts as reached."""
-        return self._success
-
-    @property
-    def action_repeat(self) -> int:
-        """Sim steps per env step."""
-        return self._action_repeat
+        return self.scene.arena
 
     @property
     def task_observables(self):
@@ -140,27 +198,28 @@ class DeformableTask(composer.Task, abc.ABC):
 
     # ------------------------------------------------------------------ what a task defines
 
-    @abc.abstractmethod
-    def measure(self, state: State, episode: Episode) -> Measures:
-        """Measures a state and changes nothing: `set_state` calls it once more.
+    def arrange(self, random: np.random.Generator) -> None:
+        """Places the objects where an episode starts: finite, and not below the floor.
 
-        The tasks of the package are functions of these arrays alone, of one simulation or of many.
+        By default the first object gets the points as stored.
+
+        Args:
+            random: the generator of the current variation: the same for the same index and name
+                of the class. A subclass, or a class with another name, starts elsewhere.
         """
+        if self.store is None:
+            raise LifecycleError(f"{type(self).__name__} has no `Start`: it has to define arrange")
+        name, thing = next(iter(self.scene.materials.items()))
+        self._stored = {name: self.store.load(self._variation)}
+        thing.set_points(self._stored[name])
 
-    @abc.abstractmethod
-    def bounds(self, episode: Episode) -> tuple[Array, Array]:
-        """(lower, upper) performance (...) that normalise to 0 and 1 in an episode."""
+    def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
+        """Where the actor starts: unless a task says otherwise above the origin.
 
-    @abc.abstractmethod
-    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
-        """The few numbers that describe the state: (..., k) by what they are, with their unit.
-
-        What the actor senses of itself follows by itself.
+        Args:
+            points: (n, 3) [m] of each object at the start, by name.
         """
-
-    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
-        """What the full state lists between the points and what the actor senses, as `reduced`."""
-        return {}
+        return ToolStart((0.0, 0.0, self.reset_height), self.workspace)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """What an episode's measures compare with: arrays by name.
@@ -175,41 +234,46 @@ class DeformableTask(composer.Task, abc.ABC):
         """Draws the goal of an episode that starts."""
 
     @abc.abstractmethod
-    def begin(self) -> None:
-        """Puts everything where an episode of the current variation starts."""
+    def measure(self, state: State, episode: Episode) -> Measures:
+        """Measures a state and changes nothing: `set_state` calls it once more.
 
-    @abc.abstractmethod
-    def object_points(self) -> dict[str, np.ndarray]:
-        """Points (n, 3) [m] of each object that deforms or flows, by name."""
+        The tasks of the package are functions of these arrays alone, of one simulation or of many.
+        """
 
-    @abc.abstractmethod
-    def sensed(self) -> np.ndarray:
-        """What the actor senses of itself at the end of the full and the reduced state: (n,)."""
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
+        """(lower, upper) performance (...) that normalise to 0 and 1 in an episode, lower < upper.
 
-    def poses(self) -> dict[str, np.ndarray]:
-        """Poses (8,) of cups by name, as in `State`."""
+        Unless a task says otherwise its performance is from 0 to 1 by itself.
+        """
+        return 0.0, 1.0
+
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        """The few numbers that describe the state: (..., k) by what they are, with their unit.
+
+        What the actor senses of itself follows by itself. Unless a task says otherwise they are
+        the middle of every object.
+        """
+        return {
+            f"middle of the {name} (x, y, z) [m]": points.mean(axis=-2)
+            for name, points in state.points.items()
+        }
+
+    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+        """What the full state lists between the points and what the actor senses, as `reduced`."""
         return {}
-
-    def shapes(self) -> dict[str, dict[str, np.ndarray]]:
-        """What depends on the sizes of objects, by object and name."""
-        return {}
-
-    @property
-    @abc.abstractmethod
-    def parts(self) -> dict[str, tuple[str, ...]]:
-        """Names of the models that segmented images show as "actor", "container" or "goal"."""
 
     def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
         """Further observables by name, with images of height x width pixels."""
         return {}
 
-    def diagnostics(self) -> dict[str, float | int]:
-        """Further scalars for info."""
-        return {}
-
     def resize(self, variation: int) -> bool:
         """Fits the model to a variation; returns True when it changed and must be recompiled."""
-        return False
+        sizes = () if self.start is None else self.start.sizes(variation)
+        return self.scene.resize(sizes)
+
+    def diagnostics(self) -> dict[str, float | int]:
+        """Further scalars for info."""
+        return self.scene.diagnostics(self._count_intersections)
 
     # ------------------------------------------------------------------ episode
 
@@ -224,45 +288,46 @@ class DeformableTask(composer.Task, abc.ABC):
         resized = self.resize(self._variation)
         if not isinstance(resized, (bool, np.bool_)):
             raise InvalidArgumentError("resize()", resized, "True if the model changed, else False")
-        return self._domain.apply(self._variation) or resized
+        return self.domain.apply(self._variation) or resized
 
     def after_compile(self, physics, random_state):
-        self._episode, self._present = None, {}  # Sizes are others.
+        self._episode, self._stored = None, {}  # Sizes are others.
+        self.scene.compiled()
         physics.legacy_step = False  # Steps are whole: what holds vertices sets velocities before.
 
-    def start_points(self) -> dict[str, np.ndarray]:
-        """Points (n, 3) [m] of each object as the episode starts."""
-        return self.object_points()
+    def points(self) -> np.ndarray:
+        """All points (n, 3) [m] of what deforms or flows."""
+        return np.concatenate(list(self.scene.points().values()))
 
     def _new_episode(self) -> Episode:
-        points = self.start_points()
+        # As stored: what is read back from the model differs in the last bit.
+        points = {**self.scene.points(), **self._stored}
         goal = self.goal(self._variation, points)
-        return Episode(self._variation, points, self.shapes(), goal, 0.0)
+        return Episode(self._variation, points, self.scene.shapes(), goal, 0.0)
 
     def initialize_episode(self, physics, random_state):
-        self.begin()
+        self.arrange(generator(type(self).__name__, self._variation))
+        points = self.scene.points()
+        checks.check_points(points, self.scene.arena)
+        self.actor.begin(self.tool_start(points), self.flexes.points())
         self._episode = self._new_episode()
         self.show(self._episode.goal)
         self._measures = self._measured()
         initial = self._measures.performance
         self._episode = dataclasses.replace(self._episode, initial_performance=initial)
+        checks.check_bounds(self.bounds(self._episode))
         if not self._named:
-            check_names((self._measures.info, self.diagnostics(), self._actor.diagnostics()))
+            checks.check_reduced(self.reduced(self.state(), self._episode))
+            groups = self._measures.info, self.diagnostics(), self.actor.diagnostics()
+            checks.check_names(groups)
             self._named = True
-
-    def points(self) -> np.ndarray:
-        """All points (n, 3) [m] of what deforms or flows."""
-        return np.concatenate(list(self.object_points().values()))
 
     def state(self) -> State:
         """The current state."""
-        points = self.object_points()
-        if not self._present:
-            self._present = {name: np.ones(len(array), bool) for name, array in points.items()}
-        return State(points, self._present, self.poses(), self.sensed())
+        return self.scene.state()
 
     def _measured(self) -> Measures:
-        return checked(self.measure(self.state(), self.episode))
+        return checks.checked(self.measure(self.state(), self.episode))
 
     def initialize_episode_mjcf(self, random_state):
         if not self._chosen:  # By nobody, as in composer's own Environment.
@@ -275,28 +340,27 @@ class DeformableTask(composer.Task, abc.ABC):
         self._parts_of_sim_step = round(SIM_STEP / physics_timestep)
 
     def before_step(self, physics, action, random_state):
-        actor = self._actor
-        action = actor.checked_action(action)
-        if actor.sim_steps is not None and not self.driven:
+        action = self.actor.checked_action(action)
+        if self.actor.sim_steps is not None and not self.driven:
             raise LifecycleError(
                 "actions of this actor take as long as they need: run the task in "
                 "softgym_mj.envs.environment.Environment, or by softgym_mj.load"
             )
-        actor.command(action)
+        self.actor.command(action)
         self._substep = 0
 
     def before_substep(self, physics, action, random_state):
         part = self._substep % self._parts_of_sim_step
         if part == 0:
-            self._actor.plan()
-        self._actor.move((part + 1) / self._parts_of_sim_step, self._timestep)
+            self.actor.plan()
+        self.actor.move((part + 1) / self._parts_of_sim_step, self._timestep)
         self._substep += 1
 
     def after_step(self, physics, random_state):
         self._measures = self._measured()
 
     def action_spec(self, physics) -> specs.BoundedArray:
-        return self._actor.action_spec(physics)
+        return self.actor.action_spec(physics)
 
     def get_reward(self, physics) -> float:
         return self.last_evaluation.reward
@@ -326,48 +390,32 @@ class DeformableTask(composer.Task, abc.ABC):
         return {
             "performance": measures.performance,
             "normalized_performance": normalized,
-            "success": bool(normalized >= self._success),
+            "success": bool(normalized >= self.success),
             **{f"reward_{name}": value for name, value in measures.rewards.items()},
             **measures.info,
             **self.diagnostics(),
-            **self._actor.diagnostics(),
-            **{f"domain_{name}": self._domain.values[name] for name in self._domain.varying},
+            **self.actor.diagnostics(),
+            **{f"domain_{name}": self.domain.values[name] for name in self.domain.varying},
             "variation": self._variation,
         }
-
-    def reduced_state(self) -> np.ndarray:
-        """The numbers of `reduced`, then what the actor senses of itself: (n,)."""
-        state = self.state()
-        return flat([*self.reduced(state, self.episode).values(), state.sensed])
-
-    def full_state(self) -> np.ndarray:
-        """All points (x, y, z each), zeros, `beside`, what the actor senses: (n,)."""
-        state = self.state()
-        points = flat(state.points.values())
-        padding = np.zeros(3 * self._max_points - points.size)
-        beside = self.beside(state, self.episode).values()
-        return flat([points, padding, *beside, state.sensed])
-
-    def full_mask(self) -> np.ndarray:
-        """1 for each of the points of `full_state` that exists, else 0: (max_points,) uint8."""
-        return (np.arange(self._max_points) < len(self.points())).astype(np.uint8)
 
     # ------------------------------------------------------------------ snapshots
 
     @property
-    def state_layout(self) -> dict[str, object]:
+    def snapshot_key(self) -> dict[str, object]:
         """What must agree for a state of one instance to fit into another."""
         return {
-            "actor": self._actor.name,
-            "action size": self._actor.action_size,
-            "most points (fidelity)": self._max_points,
-            "action repeat": self._action_repeat,
-            "domain": {name: self._domain.ranges[name] for name in self._domain.varying},
+            "actor": self.actor.name,
+            "action size": self.actor.action_size,
+            "objects": tuple(self.scene.materials),
+            "most points (fidelity)": self.max_points,
+            "action repeat": self.action_repeat,
+            "domain": {name: self.domain.ranges[name] for name in self.domain.varying},
             **({"arguments": self._arguments} if self._arguments else {}),
         }
 
     def remember_arguments(self, arguments: Mapping[str, str]) -> None:
-        """Makes the arguments that it was built with, as text, part of `state_layout`."""
+        """Makes the arguments that it was built with, as text, part of `snapshot_key`."""
         self._arguments = dict(arguments)
 
     def get_state(self) -> dict[str, object]:
@@ -378,7 +426,7 @@ class DeformableTask(composer.Task, abc.ABC):
         return {
             "variation": self._variation,
             "initial_performance": self.episode.initial_performance,
-            "actor": self._actor.get_state(),
+            "actor": self.actor.get_state(),
         }
 
     def set_state(self, state: dict) -> None:
@@ -388,10 +436,5 @@ class DeformableTask(composer.Task, abc.ABC):
         """
         initial = state["initial_performance"]
         self._episode = dataclasses.replace(self.episode, initial_performance=initial)
-        self._actor.set_state(state["actor"])
+        self.actor.set_state(state["actor"])
         self._measures = self._measured()
-
-
-def flat(arrays: Iterable[np.ndarray]) -> np.ndarray:
-    """All numbers of some arrays in one (n,)."""
-    return np.concatenate([np.ravel(array) for array in arrays])

@@ -1,12 +1,18 @@
-"""Checks what a task measures, as soon as it has."""
+"""Checks what the author of a task says: its objects, its class data, what its methods return."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from softgym_mj.entities.arena import VIEWS, Arena, View
+from softgym_mj.entities.cup import Cup
+from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.metrics import Measures
+from softgym_mj.fluid import Water
+from softgym_mj.metrics import Array, Measures
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.robots.workspace import Workspace
 
 _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
 # Names in info that are not the task's own; names of other groups begin with a word of theirs.
@@ -14,6 +20,73 @@ INFO_NAMES = frozenset(
     ("performance", "normalized_performance", "success", "variation", "physics_warnings")
 )
 _INFO_PREFIXES = ("reward_", "domain_")
+SUNK = 1e-3  # [m] By which points may start below the floor: those at rest lie above it.
+
+
+def check_objects(objects: object, has_tool: bool) -> None:
+    """Raises `InvalidArgumentError` unless an actor finds something to do with the objects."""
+    if not isinstance(objects, Sequence) or not all(
+        isinstance(thing, Flex | Water | Cup) for thing in objects
+    ):
+        valid = "a list of ropes, cloths, garments, waters and cups"
+        raise InvalidArgumentError("objects", objects, valid)
+    if not has_tool and not any(isinstance(thing, Flex) for thing in objects):
+        raise InvalidArgumentError("objects", objects, "at least one rope, cloth or garment")
+    names = [thing.mjcf_model.model for thing in objects]
+    if len(set(names)) < len(names):
+        raise InvalidArgumentError("objects", names, "a different `name` for each of them")
+
+
+def check_class_data(view: object, workspace: object) -> None:
+    """Raises `InvalidArgumentError` for attributes of a task's class that are wrong."""
+    if not isinstance(view, View) and view not in VIEWS:
+        raise InvalidArgumentError("view", view, f"a View, or one of {', '.join(map(repr, VIEWS))}")
+    if not isinstance(workspace, Workspace):
+        raise InvalidArgumentError("workspace", workspace, "a Workspace((x, y, z), (x, y, z))")
+
+
+def checked_timestep(timestep: float | None, objects: Iterable[Flex | Water]) -> float:
+    """The physics step [s], if it suits the objects and goes into a sim step."""
+    largest = min(thing.timestep for thing in objects)
+    if timestep is None:
+        return largest
+    whole = 0.0 < timestep <= largest and np.isclose(SIM_STEP / timestep % 1.0, [0.0, 1.0]).any()
+    if not whole:
+        raise InvalidArgumentError("timestep", timestep, f"{SIM_STEP} s / n, at most {largest} s")
+    return timestep
+
+
+def check_points(points: Mapping[str, np.ndarray], arena: Arena) -> None:
+    """Raises `InvalidArgumentError` unless all starts above the floor, if there is one.
+
+    Args:
+        points: (n, 3) [m] of each object by name.
+        arena: what they are in.
+    """
+    floor = arena.mjcf_model.find("geom", "floor")
+    lowest = -np.inf if floor is None else (0.0 if floor.pos is None else floor.pos[2]) - SUNK
+    for name, array in points.items():
+        if not np.isfinite(array).all():
+            raise InvalidArgumentError(f"points of {name!r}", array.shape, "finite array")
+        height = float(array[:, 2].min())
+        if height < lowest:
+            valid = "on the floor or above it [m]: `arrange` puts it there"
+            raise InvalidArgumentError(f"lowest point of {name!r}", height, valid)
+
+
+def check_bounds(bounds: object) -> None:
+    """Raises `InvalidArgumentError` unless these are two finite numbers that ascend."""
+    found = np.asarray(bounds, float)
+    if found.shape != (2,) or not np.isfinite(found).all() or found[0] >= found[1]:
+        raise InvalidArgumentError("bounds()", bounds, "(lower, upper) with lower < upper")
+
+
+def check_reduced(reduced: Mapping[str, Array]) -> None:
+    """Raises `InvalidArgumentError` for what is no list of finite numbers."""
+    for name, found in reduced.items():
+        values = np.asarray(found, float)
+        if values.ndim > 2 or not np.isfinite(values).all():
+            raise InvalidArgumentError(f"reduced()[{name!r}]", values, "finite numbers (n,)")
 
 
 def checked(measures: object) -> Measures:

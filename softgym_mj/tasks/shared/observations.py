@@ -1,16 +1,85 @@
-"""Observation presets as data."""
+"""Observations as data: those that follow from the state, and their names."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+from array_api_compat import array_namespace
 
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.metrics import Array
+from softgym_mj.tasks.shared.state import Episode, State
 
-# name: what it is. Positions are in metres, in the world frame.
+Value = Callable[[Any, State, Episode], Array]  # The task comes first.
+
+
+class StateObservation(NamedTuple):
+    """An observation that follows from the state, of one simulation or of many.
+
+    Attributes:
+        value: (..., n) of a task, a state and its episode.
+        summary: what it is.
+    """
+
+    value: Value
+    summary: str
+
+
+def full(task: Any, state: State, episode: Episode) -> Array:
+    """All points (x, y, z each), zeros, `beside`, what the actor senses: (..., n)."""
+    lead = state.sensed.shape[:-1]
+    points = _joined(state.points.values(), lead)
+    missing = 3 * task.max_points - points.shape[-1]
+    padding = array_namespace(points).zeros((*lead, missing))
+    beside = task.beside(state, episode).values()
+    return _joined([points, padding, *beside, *_sensed(task, state)], lead)
+
+
+def full_mask(task: Any, state: State, episode: Episode) -> Array:
+    """1 for each of the points of `full` that exists, else 0: (..., max_points) uint8."""
+    lead = state.sensed.shape[:-1]
+    present = _joined(state.present.values(), lead)
+    xp = array_namespace(present)
+    missing = task.max_points - present.shape[-1]
+    whole = xp.concat([present, xp.zeros((*lead, missing), dtype=present.dtype)], axis=-1)
+    return xp.astype(whole, xp.uint8)
+
+
+def reduced(task: Any, state: State, episode: Episode) -> Array:
+    """The numbers of `Task.reduced`, then what the actor senses of itself: (..., n)."""
+    lead = state.sensed.shape[:-1]
+    return _joined([*task.reduced(state, episode).values(), *_sensed(task, state)], lead)
+
+
+def _sensed(task: Any, state: State) -> list[Array]:
+    return [state.sensed] if task.actor.ends_states else []
+
+
+def _joined(arrays: Iterable[Array], lead: tuple[int, ...]) -> Array:
+    """All numbers of some arrays in one (..., n)."""
+    parts = [array.reshape((*lead, -1)) for array in arrays]
+    return array_namespace(*parts).concat(parts, axis=-1)
+
+
+# Positions are in metres, in the world frame.
+STATES = {
+    "full": StateObservation(
+        full, "every point (zero-padded to the largest variation), then the grippers or cups"
+    ),
+    "full_mask": StateObservation(
+        full_mask, "uint8, 1 for each point of `full` that exists and 0 for padding"
+    ),
+    "reduced": StateObservation(
+        reduced, "the few numbers that describe the state, listed in the task's docstring"
+    ),
+    "proprioception": StateObservation(
+        lambda task, state, episode: state.sensed,
+        "what the actor senses of itself: positions of pickers, the pose of a cup "
+        "or tool points, openings and joints of arms",
+    ),
+}
+# name: what it is.
 OBSERVATIONS = {
-    "full": "every point (zero-padded to the largest variation), then the grippers or cups",
-    "full_mask": "uint8, 1 for each point of `full` that exists and 0 for padding",
-    "reduced": "the few numbers that describe the state, listed in the task's docstring",
-    "proprioception": "what the actor senses of itself: positions of pickers, the pose of a cup "
-    "or tool points, openings and joints of arms",
+    **{name: seen.summary for name, seen in STATES.items()},
     "rgb": "uint8 image (height, width, 3) from the task camera",
     "depth": "float32 image (height, width) of distances along the view direction [m]",
     "segmentation": "uint8 image (height, width) of what is seen: 0 background, 1 object, 2 actor, "

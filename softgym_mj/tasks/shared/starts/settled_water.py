@@ -1,6 +1,7 @@
 """`SettledWater`: the initial states of the water tasks, water at rest in its cup."""
 
 import dataclasses
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,7 +11,12 @@ from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.fluid.water import TIMESTEP
-from softgym_mj.tasks.shared.starts.cups import Scenes
+from softgym_mj.tasks.shared.starts.cup_variations import (
+    LARGEST_COUNT,
+    CupVariation,
+    CupVariations,
+    num_particles,
+)
 from softgym_mj.variations.indices import generator
 
 LOOSENESS = 1.05  # The lattice is this much higher than water at rest, and settles by sinking.
@@ -43,33 +49,47 @@ class SettledWater:
     SoftGym seeds its compressible fluid at twice its density, and puts back what jumps out.
     """
 
-    scenes: Scenes
+    cups: CupVariations
     liquid: Liquid
     fidelity: str = "default"
 
     @property
     def name(self) -> str:
-        """Of the set: that of the scenes."""
-        return self.scenes.name
+        """Of the set: that of the cups."""
+        return self.cups.name
 
     @property
     def parameters(self) -> dict[str, object]:
-        """What the states depend on, besides the scenes."""
+        """What the states depend on, besides the cups."""
         liquid = dataclasses.asdict(self.liquid)
         return {"version": 4, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
 
+    @property
+    def max_points(self) -> int:
+        """Most particles of any variation."""
+        return num_particles(LARGEST_COUNT, self.fidelity)
+
+    def variation(self, index: int) -> CupVariation:
+        """How much water there is, and its cups."""
+        return self.cups.variation(index)
+
+    def sizes(self, index: int) -> tuple[Any, ...]:
+        """Of the water and of its cups."""
+        variation = self.variation(index)
+        return (variation.resolution(self.fidelity), *variation.cups)
+
     def generate(self, index: int) -> np.ndarray:
         """Positions (num_particles, 3) [m] relative to the middle of the cup's floor."""
-        scene = self.scenes.scene(index)
-        resolution = scene.resolution(self.fidelity)
-        cup, water = Cup(scene.cup), Water(self.liquid, resolution)
-        arena = Arena(camera="transport_water")
+        variation = self.variation(index)
+        resolution = variation.resolution(self.fidelity)
+        cup, water = Cup(variation.cup), Water(self.liquid, resolution)
+        arena = Arena("transport_water")
         cup.join(arena)
         arena.attach(water)
         water.confine(cup.body)
         physics = arena.compile(TIMESTEP, cup, water)
         random = generator(f"{self.name}/lattice", index)
-        water.set_particles(lattice(scene.cup, resolution, random))
+        water.set_points(lattice(variation.cup, resolution, random))
         rest = 0
         for _ in range(_MAX_STEPS):
             mujoco.mj_step(physics.model.ptr, physics.data.ptr)
@@ -82,7 +102,7 @@ class SettledWater:
                 f"variation {index} of {self.name} still moves at {speed:.3f} m/s after "
                 f"{_MAX_STEPS} sim steps"
             )
-        positions = water.positions()
+        positions = water.points()
         outside = np.count_nonzero(~cup.inside(positions))
         if outside:
             raise SimulationError(

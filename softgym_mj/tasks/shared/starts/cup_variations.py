@@ -68,7 +68,7 @@ class Sample:
 
 
 @dataclasses.dataclass(frozen=True)
-class Scene:
+class CupVariation:
     """A variation.
 
     Attributes:
@@ -115,54 +115,54 @@ class Scene:
         return Resolution(count, spacing, columns)
 
 
-class Scenes(abc.ABC):
+class CupVariations(abc.ABC):
     """A family of variations; picklable."""
 
     name: str
 
-    def scene(self, index: int) -> Scene:
+    def variation(self, index: int) -> CupVariation:
         """Variation `index`; a pure function of the family's name and the index."""
         random = generator(self.name, index)
-        scene = self._draw(random)
-        while scene.gap < MIN_GAP:
-            scene = self._draw(random)
-        return scene
+        variation = self._draw(random)
+        while variation.gap < MIN_GAP:
+            variation = self._draw(random)
+        return variation
 
     @abc.abstractmethod
-    def _draw(self, random: np.random.Generator) -> Scene:
-        """A random scene."""
+    def _draw(self, random: np.random.Generator) -> CupVariation:
+        """A random one."""
 
 
 @dataclasses.dataclass(frozen=True)
-class TransportScenes(Scenes):
+class TransportCups(CupVariations):
     """One cup (facts 3.1)."""
 
     name: str = "transport_water"
 
     def _draw(self, random):
-        return transport_scene(Sample.draw(random))
+        return transport_variation(Sample.draw(random))
 
 
 @dataclasses.dataclass(frozen=True)
-class PourScenes(Scenes):
+class PourCups(CupVariations):
     """A cup to pour from and one to pour into (facts 3.2)."""
 
     name: str = "pour_water"
 
     def _draw(self, random):
-        return pour_scene(Sample.draw(random), *random.random(3).tolist())
+        return pour_variation(Sample.draw(random), *random.random(3).tolist())
 
 
-def transport_scene(sample: Sample) -> Scene:
+def transport_variation(sample: Sample) -> CupVariation:
     """The cup of a sample (facts 3.1)."""
     r = 0.015  # [m]
     column = sample.column(r)
     inner = column / 3 + 0.0015 * sample.smaller if sample.is_large else column / 2
     cup = CupSize((sample.dx + 4) * r, (sample.dz + 4) * r, inner + _WALL, _WALL)
-    return Scene(sample, r, cup)
+    return CupVariation(sample, r, cup)
 
 
-def pour_scene(sample: Sample, height: float, extra: float, way: float) -> Scene:
+def pour_variation(sample: Sample, height: float, extra: float, way: float) -> CupVariation:
     """The cups of a sample (facts 3.2).
 
     Args:
@@ -180,4 +180,4 @@ def pour_scene(sample: Sample, height: float, extra: float, way: float) -> Scene
     cup = CupSize(length + 0.1, width + 0.1, inner + _WALL, _WALL)
     target = CupSize(length + 0.07, width + 0.07, cup.height + 0.1 * extra, _TARGET_WALL)
     distance = q * (0.05 + 0.04 * way) + (sample.dx + 4) * r / 2
-    return Scene(sample, r, cup, target, distance)
+    return CupVariation(sample, r, cup, target, distance)

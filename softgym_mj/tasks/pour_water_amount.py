@@ -1,0 +1,111 @@
+"""PourWaterAmount: pour a given share of the water of one cup into another.
+
+Goal: a share t of the water in the target cup, uniform in 0.1..1 and marked by a red bar on the
+target's inner wall, about where the water will stand. The cup moves along X and Z, at most 0.01 m a
+sim step each, and turns about the middle of its floor, at most 0.015 rad a sim step; 100 env steps
+of 8 sim steps. A move that would put it into the ground or the target is rejected as a whole; info
+counts these (`rejected_moves` of the env step's sim steps).
+
+Reward = performance: -|floor(N t) - N_poured| / N, N particles, of which those count as poured that
+are in the target's box and not in the cup's. The cup's box turns with it, where SoftGym's stays
+along the axes.
+Bounds: lower = at reset, upper = 0 (SoftGym's 1 cannot be reached).
+Reduced state, 15 entries: cup x, z [m], theta [rad]; its inner length, width, height; target x and
+its height, inner length, width; height of the highest particle [m]; fraction in the target's box,
+fraction in the cup's; height of the red bar [m] and t. Where SoftGym's target entry moves with the
+cup, ours is where it stands.
+Full state: all particles (x, y, z each [m]), zeros up to the largest sample of this fidelity (8788
+times 1/2, 1 or 2), then each cup's pose and inner measures, the height of the bar and t, and what
+an arm senses of itself.
+Start: 224 to 8788 of SoftGym's particles at rest in a cup made for them, a target cup 0.27 to 1.3 m
+away (facts 3.2), at least 2 cm clear. End: horizon only.
+"""
+
+from typing import Unpack
+
+import numpy as np
+
+from softgym_mj.entities.marks import LevelMark
+from softgym_mj.metrics import Array, Measures
+from softgym_mj.robots.factory import CUP_ACTORS
+from softgym_mj.tasks.shared import entries, pouring
+from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.settings import CupTaskSettings
+from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.variations.indices import generator
+
+
+class PourWaterAmount(Task):
+    """See the module docstring."""
+
+    summary = "Pour a given share of the water of one cup into another."
+    difficulty, material = "hard", "water"
+    success = 0.9  # Ours: a tenth of the share may be missing or too much.
+    actors, view, reset_height = CUP_ACTORS, "pour_water", 0.0
+    planning_horizon, softgym_name = 40, "PourWaterAmount"
+
+    def __init__(
+        self,
+        *,
+        fidelity: str = "default",
+        draw: str = "surface",
+        **settings: Unpack[CupTaskSettings],
+    ):
+        """Builds the task.
+
+        Args:
+            fidelity: number of particles: "fast", "default" or "accurate".
+            draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles", "none".
+            **settings: as in `CupTaskSettings`.
+        """
+        actor = settings.get("actor")
+        start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity, draw)
+        self._mark = LevelMark()
+        objects, marks = (self.water, self.target), (self._mark,)
+        super().__init__(objects, start, tool=tool, marks=marks, **settings)
+        self.water.confine(self.cup.body, self.target.body)
+
+    def arrange(self, random: np.random.Generator) -> None:
+        pouring.stand(self.target, self.variation)
+        super().arrange(random)
+
+    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Fraction `share` of the water that ought to be poured, height `level` [m] of the bar."""
+        share, cup, target = goal_share(variation), self.cup.size, self.target.size
+        # Facts 3.3: the water of the upright cup, laid on the target's floor.
+        depth = points["water"][:, 2].max() - cup.wall / 2
+        floors = (cup.length * cup.width) / (target.length * target.width)
+        level = target.wall / 2 + share * depth * floors
+        return {"share": np.array(share), "level": np.array(level)}
+
+    def show(self, goal: dict[str, np.ndarray]) -> None:
+        near = self.target.pose[0] - self.target.size.length / 2
+        self._mark.draw(near, float(goal["level"]), self.target.size.width)
+
+    def measure(self, state: State, episode: Episode) -> Measures:
+        shares, share = pouring.fractions(state, episode), episode.goal["share"]
+        number = state.present["water"].sum(axis=-1)
+        missing = number * share // 1 / number - shares["poured"]
+        rewards = {"missing": -abs(missing)}
+        return Measures(rewards["missing"], rewards, info={**shares, "share": share})
+
+    def bounds(self, episode: Episode) -> tuple[Array, Array]:
+        return episode.initial_performance, 0.0
+
+    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+        return {**pouring.reduced(state, episode), **_goal_entries(episode)}
+
+    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+        return {**entries.cups(state, episode), **_goal_entries(episode)}
+
+
+def _goal_entries(episode: Episode) -> dict[str, Array]:
+    return {
+        "height of the red bar [m]": episode.goal["level"][..., None],
+        "share t to be poured": episode.goal["share"][..., None],
+    }
+
+
+def goal_share(variation: int) -> float:
+    """Fraction of the water to pour in a variation (facts 5, row 13)."""
+    return float(generator("pour_water_amount", variation).uniform(0.1, 1.0))

@@ -1,0 +1,31 @@
+"""What the tasks share that start with a cloth that hangs from two grippers."""
+
+import numpy as np
+
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.workspace import ToolStart, Workspace
+
+WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # Facts 2.2.
+ACTORS = ("picker", "pick_and_place", *ARMS)  # Those with a gripper for each held corner.
+BASE_HEIGHT = 0.5  # [m] Of arms: that of the lowest pickers.
+
+
+def check_grippers(actor: Gripper) -> None:
+    """Raises `InvalidArgumentError` unless there is a gripper for each corner."""
+    if actor.num_grippers != 2:
+        number = actor.num_grippers
+        raise InvalidArgumentError("number of grippers", number, "2, for the two corners held")
+
+
+def held_by_corners(cloth: Cloth) -> ToolStart:
+    """Two grippers hold the corners p1 and p2 of column 0."""
+    first, second = cloth.corners[:2].tolist()
+    return ToolStart((0.0, 0.0, 0.0), WORKSPACE, held=(first, second))
+
+
+def laid_down(cloth: Cloth) -> np.ndarray:
+    """SoftGym's particles (dimy, dimx, 3) [m] of the cloth where it ought to be laid flat."""
+    return cloth.particles(cloth.flat(centre=(cloth.size[0] / 2, 0.0)))

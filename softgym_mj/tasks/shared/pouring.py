@@ -1,0 +1,74 @@
+"""What PourWater and PourWaterAmount share: the scene, and where the water is."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from softgym_mj import metrics
+from softgym_mj.entities.cup import Cup
+from softgym_mj.fluid import Liquid, Water
+from softgym_mj.metrics import Array
+from softgym_mj.robots.cup_mover import CupTool, KeepClear
+from softgym_mj.tasks.shared import entries
+from softgym_mj.tasks.shared.carried_water import carried_water, inside, share
+from softgym_mj.tasks.shared.starts.cup_variations import PourCups
+from softgym_mj.tasks.shared.starts.settled_water import SettledWater
+from softgym_mj.tasks.shared.state import Episode, State
+
+MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] in a sim step: 1 m/s and 1.5 rad/s.
+BASE_X = 0.5  # [m] Of an arm.
+
+# SoftGym's contrast of 20 in viscosity and 5 in cohesion to TransportWater (facts 1.3; 5, row 46),
+# at values with which the water leaves the lip as a jet and splashes little.
+LIQUID = Liquid(viscosity=1e-3, cohesion=5.0)
+
+
+class Parts(NamedTuple):
+    """What is there: not yet attached."""
+
+    start: SettledWater
+    water: Water
+    cup: Cup
+    target: Cup
+    tool: CupTool
+
+
+def parts(actor: object, fidelity: str, draw: str) -> Parts:
+    """A cup of water for an actor to move, and one to pour into."""
+    start = SettledWater(PourCups(), LIQUID, fidelity)
+    resolution, *sizes = start.sizes(0)
+    cup, target = Cup(sizes[0]), Cup(sizes[1], name="target")
+    tool = CupTool(cup, MAX_STEP, KeepClear(cup, target), BASE_X)
+    return Parts(start, carried_water(actor, LIQUID, resolution, draw), cup, target, tool)
+
+
+def fractions(state: State, episode: Episode) -> dict[str, Array]:
+    """Shares (...) of the water by where it is."""
+    cup, target = (inside(name, state, episode) for name in ("cup", "target"))
+    marks = {
+        "poured": target & ~cup,
+        "fraction_in_cup": cup,
+        "fraction_in_target": target,
+        "spilled": ~cup & ~target,
+    }
+    return {name: share(mark, state) for name, mark in marks.items()}
+
+
+def reduced(state: State, episode: Episode) -> dict[str, Array]:
+    """Both cups, and where the water is."""
+    size = episode.shapes["target"]["size"]
+    both = (share(inside(name, state, episode), state) for name in ("target", "cup"))
+    return {
+        **entries.cup("cup", state, episode),
+        "target x [m]": state.poses["target"][..., :1],
+        "target height, inner length, inner width [m]": metrics.columns(
+            size[..., 2], size[..., 0], size[..., 1]
+        ),
+        **entries.highest_particle(state),
+        "fraction in the target's box, fraction in the cup's": metrics.columns(*both),
+    }
+
+
+def stand(target: Cup, variation: int) -> None:
+    """Puts the target cup where it stands in a variation."""
+    target.pose = np.array([PourCups().variation(variation).distance, 0.0, 0.0])

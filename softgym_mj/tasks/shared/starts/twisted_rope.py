@@ -1,0 +1,64 @@
+"""`TwistedRope`: the start states of the tasks on a rope."""
+
+import dataclasses
+
+import numpy as np
+
+from softgym_mj.entities.rope import FIDELITIES, Rope
+from softgym_mj.exceptions import SimulationError
+from softgym_mj.tasks.shared.starts.settling import SETTLED_SPEED, Settling, centred
+from softgym_mj.variations.indices import generator
+
+_PLACES = 41  # Where the rope may be taken, evenly spaced.
+# Displacement of the dragged vertex per sim step [m] and its duration in sim steps.
+_DRAG_DISPLACEMENT, _DRAG_STEPS, _DRAG_REPEATS = 0.005, 60, 4
+_SETTLE_STEPS, _FINAL_STEPS = 100, 500
+_MAX_STEPS = 3000  # SoftGym saves whatever moves after its 500; we go on until it rests.
+
+
+@dataclasses.dataclass(frozen=True)
+class TwistedRope:
+    """A rope dragged by a random vertex four times and left to settle (facts 3.4)."""
+
+    fidelity: str = "default"
+    name: str = "twisted_rope"
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        """What the states depend on."""
+        rope = Rope(self.fidelity).physical_parameters
+        return {"version": 3, "fidelity": self.fidelity, "rope": rope}
+
+    @property
+    def max_points(self) -> int:
+        """Number of vertices."""
+        return FIDELITIES[self.fidelity]
+
+    def sizes(self, index: int) -> tuple[()]:
+        """Ropes are as long in every variation."""
+        return ()
+
+    def generate(self, index: int) -> np.ndarray:
+        """Settled vertex positions (n, 3) [m]."""
+        random = generator(self.name, index)
+        rope = Rope(self.fidelity)
+        scene = Settling(rope)
+        rope.set_vertices(rope.straight())
+        for repeat in range(_DRAG_REPEATS):
+            # Drawn among the default rope's: the same place for every fidelity.
+            place = int(random.integers(_PLACES)) / (_PLACES - 1)
+            vertex = round(place * (rope.num_vertices - 1))
+            direction = random.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0])
+            rope.hold(vertex)
+            scene.drag(vertex, _DRAG_DISPLACEMENT * direction, _DRAG_STEPS)
+            rope.release(vertex)
+            last = repeat == _DRAG_REPEATS - 1
+            scene.settle(_SETTLE_STEPS + (_FINAL_STEPS if last else 0))
+        if scene.max_speed() >= SETTLED_SPEED:
+            scene.settle(_MAX_STEPS)
+        if scene.max_speed() >= SETTLED_SPEED:
+            raise SimulationError(
+                f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
+                f"after {_MAX_STEPS} sim steps"
+            )
+        return centred(rope.vertices())
