@@ -7,7 +7,7 @@ a rope that lies out of reach.
   [m], at heights over the floor; in the drop tasks the base is 0.5 m high.
 - stops: how far the hand, and the path that it is led along, go on along the way of a command of
   0.25 s that ends at once: the farthest of six directions [mm].
-- pressing: forces and torques of a hand that is driven into a table of one's own, and held there.
+- pressing: forces and torques of a hand that is driven into the table of a task, and held there.
 
     python benchmarks/arm_limits.py --out new.json
 """

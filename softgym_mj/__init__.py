@@ -16,7 +16,7 @@ As a Gymnasium environment, or many:
 
 `softgym_mj.TASKS` has the tasks by name; `help(softgym_mj.TASKS["spread_cloth"].resolve())` lists
 the keyword arguments of one, and the docstring of its module, in `softgym_mj.tasks`, defines it.
-`softgym_mj.register` adds one of yours: a `SceneTask` of `softgym_mj.tasks.scene_task`.
+`softgym_mj.register` adds a custom one: a subclass of `softgym_mj.tasks.Task`.
 """
 
 from softgym_mj import exceptions, registry

@@ -23,18 +23,6 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
-ENVIRONMENTS = {
-    "PassWater": "transport_water",
-    "PourWater": "pour_water",
-    "PourWaterAmount": "pour_water_amount",
-    "RopeFlatten": "straighten_rope",
-    "RopeConfiguration": "rope_configuration",
-    "ClothFlatten": "spread_cloth",
-    "ClothFold": "fold_cloth",
-    "ClothDrop": "drop_cloth",
-    "ClothFoldCrumpled": "fold_crumpled_cloth",
-    "ClothFoldDrop": "drop_fold_cloth",
-}
 OBSERVATION_MODES = {"key_point": "reduced", "point_cloud": "full", "cam_rgb": "rgb"}
 ACTION_MODES = {
     "picker": "picker", "pickerpickplace": "pick_and_place", "direct": "cup",
@@ -46,6 +34,12 @@ IGNORED = (
     "cached_states_path", "device_id", "delta_reward", "env_name",
 )  # fmt: skip
 TRAIN_SHARE = 0.8
+
+
+def names() -> dict[str, str]:
+    """SoftGym's names of the tasks: ours by theirs."""
+    classes = {name: record.resolve() for name, record in registry.TASKS.items()}
+    return {c.softgym_name: name for name, c in classes.items() if c.softgym_name is not None}
 
 
 def make(
@@ -66,7 +60,7 @@ def make(
     """Builds an environment by its SoftGym name.
 
     Args:
-        name: one of `ENVIRONMENTS`.
+        name: one of `names`.
         observation_mode: "key_point", "point_cloud" or "cam_rgb".
         action_mode: "picker" or "pickerpickplace" for cloth and rope, "direct" or
             "rotation_bottom" for water; None for the usual one.
@@ -82,15 +76,16 @@ def make(
     Raises:
         InvalidArgumentError: for a bad name or value.
     """
-    check_name("name", name, ENVIRONMENTS)
+    ours = names()
+    check_name("name", name, ours)
     check_name("observation_mode", observation_mode, OBSERVATION_MODES)
     check_name("action_mode", action_mode, (None, *ACTION_MODES))
     check_count("num_variations", num_variations, 1, NUM_VARIATIONS)
     for argument in ignored:
         if argument not in IGNORED:
-            own = [name for name in inspect.signature(make).parameters if name != "ignored"]
+            own = [key for key in inspect.signature(make).parameters if key != "ignored"]
             raise InvalidArgumentError("argument", argument, (*own, *IGNORED))
-    record = registry.TASKS[ENVIRONMENTS[name]]
+    record = registry.TASKS[ours[name]]
     settings: dict[str, Any] = {
         "observation": OBSERVATION_MODES[observation_mode],
         "image_size": (camera_height, camera_width),

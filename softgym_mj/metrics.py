@@ -73,6 +73,8 @@ def columns(*values: Array) -> Array:
 
 def taken(points: Array, indices: Array) -> Array:
     """Points (..., k, 3) out of points (..., n, 3) by their indices (..., k)."""
+    if indices.ndim == 1:  # Of one simulation: ten times as fast.
+        return points[indices]
     xp = array_api_compat.array_namespace(points)
     return xp.take_along_axis(points, indices[..., None], axis=-2)
 
@@ -226,6 +228,8 @@ def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
 
 def _columns(sheet: Array, indices: Array) -> Array:
     """Columns (..., rows, k, 3) of a sheet (..., rows, columns, 3) by their indices (..., k)."""
+    if indices.ndim == 1:
+        return sheet[:, indices]
     xp = array_api_compat.array_namespace(sheet)
     return xp.take_along_axis(sheet, indices[..., None, :, None], axis=-2)
 

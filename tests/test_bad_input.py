@@ -39,7 +39,6 @@ def make(identifier: str, **settings) -> gymnasium.Env:
 # Task, settings, the argument the message names, the value it repeats, choices it offers.
 UNKNOWN_NAMES = [
     (ROPE, {"actor": "hand"}, "actor", "'hand'", ("'picker'",)),
-    (ROPE, {"actor": None}, "actor", "None", ("'picker'",)),
     (ROPE, {"observation": "pixels"}, "observation", "'pixels'", ("'full'", "'reduced'", "'rgb'")),
     (ROPE, {"observation": ("full", "x")}, "observation", "('full', 'x')", ("'reduced'",)),
     (ROPE, {"observation": ["full", "full"]}, "observation", "['full', 'full']", ("'rgb'",)),

@@ -14,7 +14,7 @@ KEY_POINTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", compat.ENVIRONMENTS)
+@pytest.mark.parametrize("name", compat.names())
 def test_an_old_training_loop_runs(name):
     env = compat.make(
         name, observation_mode="key_point", num_variations=2, horizon=3, render=True,

@@ -40,7 +40,7 @@ def test_entries_of_the_states_add_up(name, settings):
     for observation, entries in (
         ("reduced", sheet_entries.reduced_entries(task)),
         ("full", sheet_entries.full_entries(env)),
-        ("proprioception", sheet_entries.sensed_entries(task)),
+        ("proprioception", task.actor.senses),
     ):
         assert spec[observation].shape == (sum(entries.values()),)
 
@@ -55,7 +55,7 @@ def named(state, entries):
 def test_arms_sense_what_the_sheet_says(name):
     env = softgym_mj.load(name, actor="franka")
     env.reset(800)
-    entries = sheet_entries.sensed_entries(env.task)
+    entries = env.task.actor.senses
     seen = named(env.task.actor.proprioception(), entries)
     for key, values in seen.items():
         if "quaternion" in key:
@@ -77,7 +77,7 @@ def test_the_reduced_state_of_cups_is_what_the_sheet_says():
     env = softgym_mj.load("pour_water_amount")
     env.reset(812)
     task = env.task
-    seen = named(task.reduced_state(), sheet_entries.reduced_entries(task))
+    seen = named(task.observe("reduced"), sheet_entries.reduced_entries(task))
     cup, target = task.cup.size, task.target.size
     assert seen["cup inner length, width, height [m]"] == pytest.approx(
         [cup.length, cup.width, cup.height]

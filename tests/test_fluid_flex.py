@@ -117,7 +117,7 @@ class FlexScene:
             radius += count * [m.flex_radius[flex]]
         return fluid_flexes.Flexes(np.concatenate(elements), np.array(radius), start, end)
 
-    def vertices(self):
+    def points(self):
         """(n, 3) where MuJoCo's own kinematics has them."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_flex(self.model, self.data)

@@ -18,10 +18,10 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, UnexpectedArgumentError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.policies.episodes import play
-from softgym_mj.policies.planners import OTHER_HORIZON, make_planner
+from softgym_mj.policies.planners import make_planner
 from softgym_mj.tasks import Measures, Task, TaskSettings
 
-NOTEBOOK = pathlib.Path(__file__).parent.parent / "notebooks" / "05_own_task.ipynb"
+NOTEBOOK = pathlib.Path(__file__).parent.parent / "notebooks" / "05_custom_task.ipynb"
 MOST_LINES = 60
 VARIATION = 803
 
@@ -245,7 +245,7 @@ def test_a_registered_task_is_evaluated_and_planned_for(register, tmp_path):
     scores = [episode.info["normalized_performance"][-1] for episode in played]
     assert ends["zero"] == pytest.approx(np.mean(scores))
     assert ends["icem"] >= ends["zero"] - 1e-3
-    assert make_planner("icem", "straight").horizon == OTHER_HORIZON
+    assert make_planner("icem", "straight").horizon == Task.planning_horizon
 
 
 def test_registering_again_replaces(register):

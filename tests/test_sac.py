@@ -44,7 +44,7 @@ def test_a_step_is_the_same_in_every_way_it_is_sampled(env):
         dm_env.task.rope.set_points((start @ turn.T)[::reverse])
         dm_env.task.actor.place((pickers @ turn.T)[::exchange], StraightenRope.workspace)
         action = np.hstack([actions[:, :3] @ turn.T, actions[:, 3:]])[::exchange].ravel()
-        before = dm_env.task.reduced_state().ravel()
+        before = dm_env.task.observe("reduced").ravel()
         observation, *_ = env.step(action)
         assert (dm_env.task.actor.held >= 0).sum() == 1
         steps.append(np.concatenate([before, action, observation]))

@@ -203,7 +203,7 @@ def test_transport_states(transport):
     np.testing.assert_array_equal(observation["reduced"], expected)
     counts = scatter(transport, [(0.25, [9.0, 9.0, 0.7]), (0.75, [0.0, 0.0, 0.05])])
     out = counts[0] / counts.sum()
-    np.testing.assert_allclose(transport.task.reduced_state()[4:], [0.7, 1 - out, out])
+    np.testing.assert_allclose(transport.task.observe("reduced")[4:], [0.7, 1 - out, out])
 
 
 def test_pour_states(pour):

@@ -10,11 +10,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
-from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.observables import WRIST_RGB
 from softgym_mj.rendering.offscreen import camera_ids
-from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.robots.holding import HoldingGripper
 from softgym_mj.robots.models import ARMS
@@ -26,11 +24,9 @@ from tools.sheet_entries import (
     ending_entries,
     full_entries,
     reduced_entries,
-    sensed_entries,
 )
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "tasks"
-ACTORS = tuple(dict.fromkeys((*GRIPPERS, *CUP_ACTORS)))
 VARIATIONS = (800, 801)  # Two, so that what differs between variations can be told.
 
 WRIST_SUMMARY = (
@@ -55,15 +51,7 @@ def numbers(*values: float, digits: int = 4) -> str:
 
 def actors_of(record: TaskRecord) -> dict[str, Task]:
     """The task with each actor that it can have, the usual one first."""
-    tasks = {}
-    usual = inspect.signature(record.resolve()).parameters["actor"].default
-    for actor in (usual, *(name for name in ACTORS if name != usual)):
-        try:
-            tasks[actor] = record.build(actor=actor)
-        except InvalidArgumentError as error:
-            if error.args[0] != "actor":
-                raise
-    return tasks
+    return {actor: record.build(actor=actor) for actor in record.resolve().actors}
 
 
 # ---------------------------------------------------------------------- actions
@@ -131,14 +119,14 @@ def observations(env: Environment, arms: Environment, remarks: Sequence[str]) ->
     yield "### `full`\n"
     yield entry_table(full_entries(env))
     yield "### `proprioception`\n"
-    yield entry_table(sensed_entries(task))
+    yield entry_table(task.actor.senses)
     number = sum(ending_entries(task).values())
     reduced, full = (spec[name].shape[0] - number for name in ("reduced", "full"))
     yield (
         f"With {' or '.join(f'`{name}`' for name in ARMS)}; from entry {reduced} of `reduced` and "
         f"{full} of `full` on, the same:\n"
     )
-    yield entry_table(sensed_entries(arms.task))
+    yield entry_table(arms.task.actor.senses)
 
 
 # ---------------------------------------------------------------------- the rest

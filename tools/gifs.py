@@ -22,9 +22,6 @@ HOLD = 1200  # Of the end, before it starts anew [ms].
 STILL = 0.3  # Mean difference of two pictures without motion [of 255].
 REST = 6  # Pictures kept after the last motion.
 
-VARIATIONS = {"drop_fold_cloth": 802, "straighten_rope": 807}  # Folded, coiled most visibly.
-USUAL = 806
-
 
 def until_rest(frames: np.ndarray) -> np.ndarray:
     """The pictures (n, ...) without those at the end in which nothing moves any more."""
@@ -61,8 +58,7 @@ def main(names: Sequence[str]) -> None:
             continue
         settings = {"draw": "fine"} if "water" in task.tags else {}
         env = load(name, split="all", **settings)
-        variation = VARIATIONS.get(name, USUAL)
-        episode = play(env, "scripted", variation, size=SIZE * OVERSAMPLED)
+        episode = play(env, "scripted", env.task.example_variation, size=SIZE * OVERSAMPLED)
         frames = until_rest(smaller(episode.frames))
         file = FOLDER / f"{name}.gif"
         write_gif(frames, round(1000 / episode.fps), file)

@@ -3,8 +3,6 @@
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.robots.cup_mover import CupMover
-from softgym_mj.robots.gripper import Gripper
 from softgym_mj.tasks import Task
 
 # What the keys of info mean; "reward_*" and "domain_*" are explained apart.
@@ -36,33 +34,9 @@ INFO = {
 }
 
 
-def sensed_entries(task: Task) -> dict[str, int]:
-    """What the actor senses of itself; all but a cup's pose also ends the other states."""
-    actor = task.actor
-    if actor.wrists:  # Arms.
-        number = actor.num_grippers if isinstance(actor, Gripper) else 1
-        joints = len(actor.arm.joints)
-        points = {f"arm {i}, tool point (x, y, z) [m]": 3 for i in range(number)}
-        own = {
-            "quaternion of the tool (w, x, y, z)": 4,
-            "opening between the fingers [m]": 1,
-            "joint positions [rad]": joints,
-            "joint velocities [rad/s]": joints,
-        }
-        return points | {
-            f"arm {i}, {name}": size for i in range(number) for name, size in own.items()
-        }
-    if isinstance(actor, Gripper):
-        return {f"gripper {i} (x, y, z) [m]": 3 for i in range(actor.num_grippers)}
-    if isinstance(actor, CupMover):
-        return {"cup x, z [m]": 2, "cup theta [rad]": 1}
-    raise TypeError(f"no description of what {type(actor).__name__} senses")
-
-
 def ending_entries(task: Task) -> dict[str, int]:
     """What the actor senses of itself at the end of the full and the reduced state."""
-    listed_apart = isinstance(task.actor, CupMover) and not task.actor.wrists
-    return {} if listed_apart else sensed_entries(task)
+    return task.actor.senses if task.actor.ends_states else {}
 
 
 def reduced_entries(task: Task) -> dict[str, int]:

@@ -47,6 +47,15 @@ def page(source: str) -> str:
     return _LINK.sub(adapted, (ROOT / source).read_text(encoding="utf-8"))
 
 
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Adds the data sheets to the contents."""
+    sheets = [{path.stem: f"tasks/{path.name}"} for path in sorted((ROOT / "docs/tasks").iterdir())]
+    for entry in config.nav or []:
+        if "Tasks" in entry:
+            entry["Tasks"] = sheets
+    return config
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Adds the pages."""
     for source, target in PAGES.items():

@@ -1,4 +1,7 @@
-"""Writes scores into README.md and docs: those of docs/experts.json and of docs/results."""
+"""Writes tables into README.md and docs: of the tasks, and of what was measured.
+
+That is docs/experts.json, docs/throughput.json and docs/results.
+"""
 
 import json
 import pathlib
@@ -7,15 +10,18 @@ import re
 import softgym_mj
 from benchmarks import experts
 from softgym_mj.evaluation import comparison, plots
+from softgym_mj.variations.randomization import Parameter
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-README, ROBOTS, VALIDATION, RESULTS = (
+README, DOMAIN, ROBOTS, VALIDATION, RESULTS = (
     ROOT / "README.md",
+    DOCS / "domain.md",
     DOCS / "robots.md",
     DOCS / "validation.md",
     DOCS / "results.md",
 )
+PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS)
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -79,16 +85,60 @@ def read(ablations: bool) -> list[dict]:
     return sorted(found, key=lambda r: (tasks.index(r["task"]), POLICIES.index(r["policy"])))
 
 
+def overview(scores: experts.Scores) -> str:
+    """The README's tables of the tasks: pictures, goals, scores, speeds."""
+    rates = json.loads((DOCS / "throughput.json").read_text())["tasks"]
+    lines = []
+    every = list(softgym_mj.TASKS)
+    for names in (every[i : i + 5] for i in range(0, len(every), 5)):
+        lines.append(f"| {' | '.join(f'![{n}](docs/gifs/{n}.gif)' for n in names)} |")
+        lines.append(f"| {' | '.join(f'`{n}`' for n in names)} |")
+    lines.insert(1, "|" + ":-:|" * 5)
+    rows = [
+        f"| [`{name}`](docs/tasks/{name}.md) | {record.difficulty} | {record.summary} "
+        f"| {cells(scores[name])[0]} | {rates[name]['env_steps_per_second']:.0f} |"
+        for name, record in softgym_mj.TASKS.items()
+    ]
+    head = "| task | | goal | scripted expert | env steps/s, one core |"
+    return "\n".join([*lines, "", table(head, rows)])
+
+
+def parameters() -> str:
+    """The domain parameters of all tasks, and which tasks have them."""
+    tasks: dict[Parameter, list[str]] = {}
+    for name, record in softgym_mj.TASKS.items():
+        for parameter in record.build().domain.parameters:
+            tasks.setdefault(parameter, []).append(name)
+    groups = {"all": list(softgym_mj.TASKS)}
+    for kind in ("cloth", "rope", "water"):
+        groups[kind] = [name for name, record in softgym_mj.TASKS.items() if kind in record.tags]
+    rows = []
+    for p, names in tasks.items():
+        label = next((group for group, members in groups.items() if members == names), None)
+        usual, valid = (f"{low:.3g} to {high:.3g}" for low, high in (p.usual, p.valid))
+        label = label or ", ".join(f"`{name}`" for name in names)
+        row = label, f"`{p.name}`", p.unit, f"{p.nominal:.3g}", usual, valid, p.summary
+        rows.append(f"| {' | '.join(row)} |".replace("|  |", "| |"))
+    return table("| task | parameter | unit | nominal | usual | valid | what it is |", rows)
+
+
+def between(text: str, name: str, new: str) -> str:
+    """A page with what is between its comments `name` and `/name` replaced."""
+    start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
+    inner = new.replace("\\", r"\\")
+    return replaced(text, rf"{start}\n[\s\S]*?{end}", f"{start}\n{inner}\n{end}")
+
+
 def pages() -> dict[pathlib.Path, str]:
     """The pages as they should be."""
     scores: experts.Scores = json.loads((DOCS / "experts.json").read_text())
-    texts = {path: path.read_text() for path in (README, ROBOTS, VALIDATION, RESULTS)}
+    texts = {path: path.read_text() for path in PAGES}
     for task, actors in scores.items():
         found = cells(actors)
-        row = rf"(\| \[`{task}`\]\([^|]*\|[^|]*\|) [^|]* \|"
-        texts[README] = replaced(texts[README], row, rf"\1 {found[0]} |")
         row = rf"(\| `{task}` \|[^|]*\|) .* \|\n"
         texts[ROBOTS] = replaced(texts[ROBOTS], row, rf"\1 {' | '.join(found)} |\n")
+    texts[README] = between(texts[README], "tasks", overview(scores))
+    texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
     results = read(False)
     for new in (comparison.markdown(results).rstrip(), budgets(results), horizons(read(True))):

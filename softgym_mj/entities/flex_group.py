@@ -8,6 +8,8 @@ import numpy as np
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import InvalidArgumentError
 
+_NONE = np.zeros((0, 3))
+
 
 class FlexGroup:
     """Flexes whose vertices are numbered on from one to the next."""
@@ -54,7 +56,7 @@ class FlexGroup:
 
     def points(self) -> np.ndarray:
         """Current vertex positions (num_points, 3) [m] in the world frame, a fresh array."""
-        return np.concatenate([np.zeros((0, 3)), *(flex.points() for flex in self._flexes)])
+        return np.concatenate([_NONE, *(flex.points() for flex in self._flexes)])
 
     def fastest(self) -> float:
         """Speed [m/s] of the fastest vertex."""
@@ -67,7 +69,8 @@ class FlexGroup:
 
     def offsets(self, point: np.ndarray) -> np.ndarray:
         """Vertex positions (..., num_points, 3) [m] relative to points (..., 3)."""
-        return np.concatenate([flex.offsets(point) for flex in self._flexes], axis=-2)
+        offsets = [flex.offsets(point) for flex in self._flexes]
+        return offsets[0] if len(offsets) == 1 else np.concatenate(offsets, axis=-2)
 
     def vertex(self, index: int) -> np.ndarray:
         """Current position (3,) [m] of one vertex."""

@@ -46,7 +46,7 @@ def load(
     record.check_arguments(task_kwargs, _OF_LOAD)
     built = record.build(**task_kwargs)
     if record.is_custom:
-        built.remember_arguments(arguments_of_states(record.resolve(), task_kwargs))
+        built.arguments = arguments_of_states(record.resolve(), task_kwargs)
     if horizon is None:
         horizon = built.actor.horizon or record.horizon
     return Environment(

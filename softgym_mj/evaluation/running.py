@@ -50,7 +50,7 @@ def evaluate(
     Args:
         configuration: what is evaluated.
         folder: of this evaluation alone, or of one with other variations and seeds. It knows tasks
-            by name: a task of your own that has changed since needs another folder. A policy whose
+            by name: a custom task that has changed since needs another folder. A policy whose
             file has changed is refused.
         executor: where it is simulated; None for this process.
         progress: told of episodes and decisions.

@@ -11,22 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.registry import find
 
-# Env steps that a plan looks ahead: the paper's table, and the authors' code for the hard tasks.
-# FoldCloth: the paper's 30; the code has 15.
-HORIZONS = {
-    "transport_water": 7,
-    "pour_water": 40,
-    "straighten_rope": 15,
-    "spread_cloth": 15,
-    "fold_cloth": 30,
-    "drop_cloth": 15,
-    "pour_water_amount": 40,
-    "fold_crumpled_cloth": 30,
-    "drop_fold_cloth": 30,
-    "rope_configuration": 15,
-}
-OTHER_HORIZON = 15  # Of tasks that are not the paper's.
 BUDGET = 21_000  # Env steps for a decision, all iterations together (paper).
 ITERATIONS = 10  # Paper.
 ELITES = 0.1  # Fraction of a population that the next distribution is fitted to (paper).
@@ -185,8 +171,8 @@ PLANNERS: dict[str, type[Planner]] = {"cem": CEM, "icem": ICEM}
 
 
 def usual_horizon(task: str) -> int:
-    """Env steps that a plan for a task looks ahead."""
-    return HORIZONS.get(task, OTHER_HORIZON)
+    """Env steps that a plan for a task looks ahead: `Task.planning_horizon`."""
+    return find(task).resolve().planning_horizon
 
 
 def make_planner(name: str, task: str, horizon: int | None = None, **settings) -> Planner:

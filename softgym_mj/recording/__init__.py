@@ -4,7 +4,7 @@ Minari keeps observations, actions, rewards and infos of whole episodes in HDF5 
 libraries for offline learning. Actions are kept as they were applied, in single precision: played
 again from the variation in the infos they give the same observations, bit for bit.
 
-A dataset of a task of your own names the module of the task, which `recover_environment` imports.
+A dataset of a custom task names the module of the task, which `recover_environment` imports.
 
 Datasets have no reference scores for Minari's `get_normalized_score`, which scales the return. The
 score of an episode is `infos["normalized_performance"][-1]`: it looks at the last step alone, and

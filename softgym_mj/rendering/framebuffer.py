@@ -1,6 +1,7 @@
 """`SizedPhysics`: physics with an off-screen buffer as large as its largest image."""
 
 import mujoco
+import numpy as np
 from dm_control import mjcf
 from dm_control.mujoco import engine
 from dm_control.rl import control
@@ -14,6 +15,7 @@ class SizedPhysics(mjcf.Physics):
 
     _size = (0, 0)  # (height, width) of the buffer [pixels].
     _warned = False
+    _warnings: np.ndarray | None = None  # A view of how often MuJoCo has warned of what.
 
     def step(self, nstep: int = 1) -> None:
         """As in the base class, which takes longer to look for new warnings than a rope's step.
@@ -23,13 +25,13 @@ class SizedPhysics(mjcf.Physics):
         """
         if self._warned:  # From now on it is a question of which are new.
             return super().step(nstep)
+        if self._warnings is None:
+            self._warnings = self.data.ptr.warning.number
         mujoco.mj_step(self.model.ptr, self.data.ptr, nstep)
-        numbers = self.data.ptr.warning.number
-        if numbers.any():
+        if np.count_nonzero(self._warnings):
             self._warned = True
-            names = [
-                name for name, n in zip(mujoco.mjtWarning.__members__, numbers, strict=False) if n
-            ]
+            kinds = zip(mujoco.mjtWarning.__members__, self._warnings, strict=False)
+            names = [name for name, n in kinds if n]
             raise control.PhysicsError(f"physics state is invalid: warnings {', '.join(names)}")
 
     @property

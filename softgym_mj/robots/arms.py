@@ -202,6 +202,10 @@ class Arms(HoldingGripper[Grasp]):
         """What the arms sense of themselves (n (8 + 2 joints),), see `JointServos.sensed`."""
         return self._servos.sensed()
 
+    @property
+    def senses(self) -> dict[str, int]:
+        return self._servos.senses
+
     def diagnostics(self) -> dict[str, float | int]:
         return {
             **super().diagnostics(),

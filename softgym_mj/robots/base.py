@@ -97,6 +97,11 @@ class Actor(abc.ABC):
     def proprioception(self) -> np.ndarray:
         """What the actor senses of itself (n,); unless states list it anyway, it ends them, too."""
 
+    @property
+    @abc.abstractmethod
+    def senses(self) -> dict[str, int]:
+        """How many of the numbers of `proprioception` are what, with their unit, in order."""
+
     @abc.abstractmethod
     def diagnostics(self) -> dict[str, float | int]:
         """Scalars for info about the last env step."""

@@ -156,6 +156,10 @@ class CupArm(composer.Entity, CupMover):
         """What the arm senses of itself (8 + 2 joints,), see `JointServos.sensed`."""
         return self._servos.sensed()
 
+    @property
+    def senses(self) -> dict[str, int]:
+        return self._servos.senses
+
     def diagnostics(self) -> dict[str, float | int]:
         return {**super().diagnostics(), "ik_failures": self._controller.failures}
 

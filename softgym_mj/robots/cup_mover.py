@@ -153,6 +153,10 @@ class CupMover(Actor):
         """The pose of the cup (3,): x [m], z [m], theta [rad]."""
         return self._cup.pose
 
+    @property
+    def senses(self) -> dict[str, int]:
+        return {"cup x, z [m]": 2, "cup theta [rad]": 1}
+
     def diagnostics(self) -> dict[str, float | int]:
         return {"rejected_moves": self._rejected}
 

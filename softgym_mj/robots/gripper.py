@@ -81,6 +81,10 @@ class Gripper(Actor):
         return self.positions().ravel()
 
     @property
+    def senses(self) -> dict[str, int]:
+        return {f"gripper {i} (x, y, z) [m]": 3 for i in range(self.num_grippers)}
+
+    @property
     @abc.abstractmethod
     def held(self) -> np.ndarray:
         """Vertex index that each gripper holds, -1 where none: (num_grippers,) int."""

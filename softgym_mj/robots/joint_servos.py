@@ -43,7 +43,8 @@ class JointServos:
             tips: as in `arm_bodies.kinematic_model`.
             orientation_cost: as in `CartesianController`.
         """
-        self._arm, number = arm, len(mounts)
+        number = len(mounts)
+        self._arm, self._number = arm, number
         self._names = names = arm_bodies.names(arm, number)
         tools = [f"{name}/{arm.tcp_site}" for name in names]
         limits = zip(arm.joints, arm.velocity_limits, strict=True)
@@ -158,6 +159,20 @@ class JointServos:
             self._data.qvel[self.speeds_at].reshape(number, -1),
         ]
         return np.concatenate([points.ravel(), np.hstack(own).ravel()])
+
+    @property
+    def senses(self) -> dict[str, int]:
+        """How many of these numbers are what."""
+        number, joints = self._number, len(self._arm.joints)
+        own = {
+            "quaternion of the tool (w, x, y, z)": 4,
+            "opening between the fingers [m]": 1,
+            "joint positions [rad]": joints,
+            "joint velocities [rad/s]": joints,
+        }
+        return {f"arm {i}, tool point (x, y, z) [m]": 3 for i in range(number)} | {
+            f"arm {i}, {name}": size for i in range(number) for name, size in own.items()
+        }
 
     def get_state(self) -> dict[str, np.ndarray]:
         """For snapshots; the controller's included."""

@@ -47,12 +47,10 @@ class DropCloth(Task):
         sizes: tuple[int, int] = SIZES,
         **settings: Unpack[ClothTaskSettings],
     ):
-        """Builds the task.
+        """Builds the task; arguments as in `ClothTaskSettings`, and:
 
         Args:
-            fidelity: resolution of the cloth: "fast", "default" or "accurate".
             sizes: of the sides [particles], the upper end exclusive; the paper's are (60, 120).
-            **settings: as in `ClothTaskSettings`.
         """
         self.cloth = Cloth(fidelity=fidelity)
         super().__init__([self.cloth], HangingCloth(fidelity, sizes), **settings)

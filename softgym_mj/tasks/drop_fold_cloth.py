@@ -39,12 +39,7 @@ class DropFoldCloth(Task):
     planning_horizon, example_variation, softgym_name = 30, 802, "ClothFoldDrop"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
-        """Builds the task.
-
-        Args:
-            fidelity: resolution of the cloth: "fast", "default" or "accurate".
-            **settings: as in `ClothTaskSettings`.
-        """
+        """Builds the task; arguments as in `ClothTaskSettings`."""
         self.cloth = Cloth(fidelity=fidelity)
         super().__init__([self.cloth], HangingCloth(fidelity), **settings)
         hanging.check_grippers(self.actor)

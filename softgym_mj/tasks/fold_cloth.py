@@ -40,12 +40,7 @@ class FoldCloth(Task):
     planning_horizon, softgym_name = 30, "ClothFold"  # The paper's; the code has 15.
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
-        """Builds the task.
-
-        Args:
-            fidelity: resolution of the cloth: "fast", "default" or "accurate".
-            **settings: as in `ClothTaskSettings`.
-        """
+        """Builds the task; arguments as in `ClothTaskSettings`."""
         self.cloth = Cloth(fidelity=fidelity, marker=True)
         super().__init__([self.cloth], FlatCloth(fidelity), **settings)
 

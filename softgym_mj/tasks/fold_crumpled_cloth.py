@@ -40,12 +40,7 @@ class FoldCrumpledCloth(Task):
     planning_horizon, softgym_name = 30, "ClothFoldCrumpled"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
-        """Builds the task.
-
-        Args:
-            fidelity: resolution of the cloth: "fast", "default" or "accurate".
-            **settings: as in `ClothTaskSettings`.
-        """
+        """Builds the task; arguments as in `ClothTaskSettings`."""
         self.cloth = Cloth(fidelity=fidelity, marker=True)
         super().__init__([self.cloth], CrumpledCloth(fidelity), **settings)
 

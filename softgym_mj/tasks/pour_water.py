@@ -46,13 +46,7 @@ class PourWater(Task):
         draw: str = "surface",
         **settings: Unpack[CupTaskSettings],
     ):
-        """Builds the task.
-
-        Args:
-            fidelity: number of particles: "fast", "default" or "accurate".
-            draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles", "none".
-            **settings: as in `CupTaskSettings`.
-        """
+        """Builds the task; arguments as in `CupTaskSettings`."""
         actor = settings.get("actor")
         start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity, draw)
         super().__init__([self.water, self.target], start, tool=tool, **settings)

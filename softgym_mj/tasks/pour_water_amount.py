@@ -51,13 +51,7 @@ class PourWaterAmount(Task):
         draw: str = "surface",
         **settings: Unpack[CupTaskSettings],
     ):
-        """Builds the task.
-
-        Args:
-            fidelity: number of particles: "fast", "default" or "accurate".
-            draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles", "none".
-            **settings: as in `CupTaskSettings`.
-        """
+        """Builds the task; arguments as in `CupTaskSettings`."""
         actor = settings.get("actor")
         start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity, draw)
         self._mark = LevelMark()

@@ -60,12 +60,10 @@ class RopeConfiguration(Task):
         matching: str = "key_points",
         **settings: Unpack[TaskSettings],
     ):
-        """Builds the task.
+        """Builds the task; arguments as in `TaskSettings`, and:
 
         Args:
-            fidelity: number of vertices: "fast", "default" or "accurate".
             matching: what the reward matches: 10 "key_points" or all "vertices".
-            **settings: as in `TaskSettings`.
         """
         check_name("matching", matching, MATCHINGS)
         self.rope = rope = Rope(fidelity)

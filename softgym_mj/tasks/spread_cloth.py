@@ -38,12 +38,7 @@ class SpreadCloth(Task):
     reset_height, softgym_name = 0.2, "ClothFlatten"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
-        """Builds the task.
-
-        Args:
-            fidelity: resolution of the cloth: "fast", "default" or "accurate".
-            **settings: as in `ClothTaskSettings`.
-        """
+        """Builds the task; arguments as in `ClothTaskSettings`."""
         self.cloth = Cloth(fidelity=fidelity)
         super().__init__([self.cloth], CrumpledCloth(fidelity), **settings)
 

@@ -37,12 +37,7 @@ class StraightenRope(Task):
     example_variation, softgym_name = 807, "RopeFlatten"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[TaskSettings]):
-        """Builds the task.
-
-        Args:
-            fidelity: number of vertices: "fast", "default" or "accurate".
-            **settings: as in `TaskSettings`.
-        """
+        """Builds the task; arguments as in `TaskSettings`."""
         self.rope = Rope(fidelity)
         super().__init__([self.rope], TwistedRope(fidelity), **settings)
 

@@ -58,13 +58,7 @@ class TransportWater(Task):
         draw: str = "surface",
         **settings: Unpack[CupTaskSettings],
     ):
-        """Builds the task.
-
-        Args:
-            fidelity: number of particles: "fast", "default" or "accurate".
-            draw: how the water is drawn: "surface", "fine" (smoother, slower), "particles", "none".
-            **settings: as in `CupTaskSettings`.
-        """
+        """Builds the task; arguments as in `CupTaskSettings`."""
         start = SettledWater(TransportCups(), LIQUID, fidelity)
         resolution, size = start.sizes(0)
         self.cup = Cup(size)

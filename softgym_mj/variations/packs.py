@@ -23,7 +23,7 @@ _UNREADABLE = (
 
 @functools.cache
 def shipped(name: str, specification: str) -> list[np.ndarray] | None:
-    """The shipped states of an initializer; None if there are none of this specification."""
+    """The shipped states of a start; None if there are none of this specification."""
     file = pathlib.Path(assets.path("variations", f"{name}.npz"))
     if not file.exists() or _stored_specification(file) != specification:
         return None

@@ -32,7 +32,7 @@ class Expert(abc.ABC):
 
 @runtime_checkable
 class WithExpert(Protocol):
-    """A task that brings its own expert, as tasks of yours may: any class with this method."""
+    """A task that brings its own expert, as custom tasks may: any class with this method."""
 
     def expert(self) -> Iterator[np.ndarray]:
         """The actions (n,) in [-1, 1] of an episode, from its start on.

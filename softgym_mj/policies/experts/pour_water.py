@@ -1,4 +1,4 @@
-"""The experts of PourWater and PourWaterAmount: tip the cup about its lip, held over the target.
+"""The expert of PourWater: tip the cup about its lip, held over the target.
 
 The lip is the outer upper edge on the target's side: wherever it is, the upright or tipped cup
 lies behind it, so that it can come near the target without touching it.
@@ -21,9 +21,6 @@ TRAVEL_TILT = 0.35  # [rad] Short of flowing over the lip on the way,
 READY_TILT = 0.08  # [rad] and when the lip moves over the target.
 SHORTEST, TILT, FORWARD, DRAIN = 0.8, 0.5, 0.5, 0.6  # [s] Least duration on the way; other phases.
 LEFT_OVER = 1.0  # [s] For the last drops.
-# A part of the water: angles [rad] by which the cup is tipped and tipped back in an env step, env
-# steps for which water goes on leaving it, and share that is left to drops.
-TIP, BACK, IN_THE_AIR, SHORT = 0.025, 0.12, 6.0, 0.01
 DRAINED = math.radians(115.0)  # Angle at which nothing stays in the cup.
 
 Path = Iterator[tuple[float, float, float]]  # The lip's x, z [m] and the angle [rad].
@@ -110,20 +107,6 @@ class PourWater(Expert):
             yield x, height(angle), angle
         for s in map(smooth, phase(DRAIN, step)):
             yield x, height(math.pi / 2), math.pi / 2 + s * (DRAINED - math.pi / 2)
-
-
-class PourWaterAmount(PourWater):
-    """Tips the cup until what leaves it will be enough, then tips it back; again if it was not."""
-
-    def _pour(self, x, height, theta, used):
-        task, least, before = self._env.task, theta - BACK, 0.0
-        while True:
-            out = 1.0 - task.info()["fraction_in_cup"]
-            expected = out + IN_THE_AIR * (out - before)
-            before = out
-            theta += TIP if expected < task.episode.goal["share"] - SHORT else -BACK
-            theta = float(np.clip(theta, least, DRAINED))
-            yield x, height(theta), theta
 
 
 def phase(duration: float, step: float) -> np.ndarray:

@@ -1,7 +1,6 @@
 """`Task`: objects in a scene, an actor, a start and what is measured; what every task is."""
 
 import abc
-import collections
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -19,20 +18,15 @@ from softgym_mj.exceptions import (
     InvalidArgumentError,
     LifecycleError,
     SoftGymError,
-    check_count,
-    check_image_size,
-    check_name,
 )
 from softgym_mj.fluid import Water
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.rendering.observables import TaskCamera
-from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.robots.cup_mover import CupTool
-from softgym_mj.robots.factory import GRIPPERS, make_actor
+from softgym_mj.robots.factory import GRIPPERS
 from softgym_mj.robots.workspace import ToolStart, Workspace
-from softgym_mj.tasks.shared import checks
-from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, STATES, enabled_names
+from softgym_mj.tasks.shared import actors, checks
+from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, STATES, make_observables
 from softgym_mj.tasks.shared.scene import Scene
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import SPLITS, Start, check_variation, generator
@@ -47,16 +41,6 @@ class Task(composer.Task, abc.ABC):
     defines `measure`; `arrange` too, unless it has a `Start`. `measure`, `bounds`, `reduced` and
     `beside` are functions of arrays, of one simulation or of many.
 
-    A task that remembers something of its own, such as a counter, changes it in `after_step` and
-    makes it part of snapshots, which are exact then, too:
-
-        def get_state(self):
-            return {**super().get_state(), "count": self.count}
-
-        def set_state(self, state):
-            self.count = state["count"]
-            super().set_state(state)  # Measures: what that needs is back by now.
-
     Attributes:
         summary: what is to be done.
         difficulty, material: words to find it by; the material is also what pickers are made for:
@@ -69,7 +53,8 @@ class Task(composer.Task, abc.ABC):
         reset_height: of grippers at the start [m], or of a cup.
         arm_height: of the bases of arms above the floor [m].
         view: from where it is looked at, or its name in `arena.VIEWS`.
-        planning_horizon: env steps that planners look ahead.
+        planning_horizon: env steps that planners look ahead; the shipped ones are the paper's table
+            and, for hard tasks, the authors' code.
         example_variation: the one that shows it best.
         softgym_name: what SoftGym calls it.
         driven: whether an `Environment` makes as many sim steps as an action takes.
@@ -80,6 +65,7 @@ class Task(composer.Task, abc.ABC):
         start: where the initial states come from; None if `arrange` makes them up.
         store: where these are kept; None alike.
         domain: what varies besides the initial state.
+        arguments: those, as text, that have to agree for a snapshot to fit, besides `snapshot_key`.
     """
 
     summary = ""
@@ -130,10 +116,9 @@ class Task(composer.Task, abc.ABC):
         """
         checks.check_objects(objects, tool is not None)
         checks.check_class_data(self.view, self.workspace)
-        image_size = check_image_size("image_size", image_size, LARGEST_IMAGE)
         self.start = start
         self.store = None if start is None else VariationStore(start)
-        self.actor = self._make_actor(actor, tool, actor_settings)
+        self.actor = actors.make(type(self), actor, tool, actor_settings)
         held = () if tool is None else (tool.cup,)
         self.scene = Scene(objects, self.actor, held, self.view, marks)
         self.flexes, self.objects = self.scene.flexes, self.scene.objects
@@ -141,48 +126,20 @@ class Task(composer.Task, abc.ABC):
         self.domain = DomainRandomization(domain, self.scene.adjustable)
         counts = sum(thing.num_points for thing in self.scene.materials.values())
         self.max_points = counts if start is None else start.max_points
-        self.action_repeat = self._checked_repeat(action_repeat)
+        usual = type(self).action_repeat
+        self.action_repeat = actors.checked_repeat(self.actor, action_repeat, usual)
         self.set_timesteps(
             control_timestep=self.action_repeat * SIM_STEP,
             physics_timestep=checks.checked_timestep(timestep, self.scene.materials.values()),
         )
-        self._observables = collections.OrderedDict(
-            **{name: self._observable(name) for name in STATES},
-            **TaskCamera(*image_size, lambda: self.scene.segmentation_models).observables(),
-            **self.actor.own_observables(*image_size),
-            **self.own_observables(*image_size),
-        )
-        for name in enabled_names(observation, self._observables):
-            self._observables[name].enabled = True
+        self._observables = make_observables(self, observation, image_size)
         self._substep = 0  # Of the env step.
         self._variation, self._chosen = 0, False
         self._episode: Episode | None = None
         self._stored: dict[str, np.ndarray] = {}
         self._measures: Measures | None = None
         self._named = False  # Whether the names in info have been checked.
-        self._arguments: dict[str, str] = {}
-
-    def _make_actor(self, actor: str | Actor | None, tool: CupTool | None, settings: Any) -> Any:
-        if isinstance(actor, Actor):
-            return actor
-        name = self.actors[0] if actor is None else actor
-        check_name("actor", name, self.actors)
-        if tool is not None:
-            return make_actor(name, tool, **settings)
-        return make_actor(name, self.material, base_height=self.arm_height, **settings)
-
-    def _checked_repeat(self, action_repeat: int | None) -> int:
-        if self.actor.sim_steps is None:
-            repeat = type(self).action_repeat if action_repeat is None else action_repeat
-            return check_count("action_repeat", repeat, 1)
-        if action_repeat not in (None, 1):
-            valid = f"1 with actor={self.actor.name!r}"
-            raise InvalidArgumentError("action_repeat", action_repeat, valid)
-        return 1
-
-    def _observable(self, name: str) -> observable.Generic:
-        value = STATES[name].value
-        return observable.Generic(lambda physics: value(self, self.state(), self.episode))
+        self.arguments: dict[str, str] = {}
 
     # ------------------------------------------------------------------ parts
 
@@ -326,6 +283,10 @@ class Task(composer.Task, abc.ABC):
         """The current state."""
         return self.scene.state()
 
+    def observe(self, name: str) -> np.ndarray:
+        """An observation of the current state (n,): one of `observations.STATES`."""
+        return STATES[name].value(self, self.state(), self.episode)
+
     def _measured(self) -> Measures:
         return checks.checked(self.measure(self.state(), self.episode))
 
@@ -411,17 +372,21 @@ class Task(composer.Task, abc.ABC):
             "most points (fidelity)": self.max_points,
             "action repeat": self.action_repeat,
             "domain": {name: self.domain.ranges[name] for name in self.domain.varying},
-            **({"arguments": self._arguments} if self._arguments else {}),
+            **({"arguments": self.arguments} if self.arguments else {}),
         }
-
-    def remember_arguments(self, arguments: Mapping[str, str]) -> None:
-        """Makes the arguments that it was built with, as text, part of `snapshot_key`."""
-        self._arguments = dict(arguments)
 
     def get_state(self) -> dict[str, object]:
         """What the task and its actor remember and mjData does not hold.
 
-        A task that remembers something of its own adds it: `{**super().get_state(), ...}`.
+        A task that remembers something of its own, such as a counter that `after_step` changes,
+        makes it part of snapshots, which are exact then, too:
+
+            def get_state(self):
+                return {**super().get_state(), "count": self.count}
+
+            def set_state(self, state):
+                self.count = state["count"]
+                super().set_state(state)  # Measures: what that needs is back by now.
         """
         return {
             "variation": self._variation,
@@ -430,10 +395,7 @@ class Task(composer.Task, abc.ABC):
         }
 
     def set_state(self, state: dict) -> None:
-        """Restores what `get_state` returned, after mjData has been restored; then evaluates.
-
-        A task that remembers something of its own takes it back before it calls this.
-        """
+        """Restores what `get_state` returned, after mjData has been restored; then measures."""
         initial = state["initial_performance"]
         self._episode = dataclasses.replace(self.episode, initial_performance=initial)
         self.actor.set_state(state["actor"])

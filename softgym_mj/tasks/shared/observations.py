@@ -1,12 +1,16 @@
 """Observations as data: those that follow from the state, and their names."""
 
+import collections
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from array_api_compat import array_namespace
+from dm_control.composer.observation import observable
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_image_size
 from softgym_mj.metrics import Array
+from softgym_mj.rendering.observables import TaskCamera
+from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.tasks.shared.state import Episode, State
 
 Value = Callable[[Any, State, Episode], Array]  # The task comes first.
@@ -65,11 +69,11 @@ STATES = {
     "full": StateObservation(
         full, "every point (zero-padded to the largest variation), then the grippers or cups"
     ),
-    "full_mask": StateObservation(
-        full_mask, "uint8, 1 for each point of `full` that exists and 0 for padding"
-    ),
     "reduced": StateObservation(
         reduced, "the few numbers that describe the state, listed in the task's docstring"
+    ),
+    "full_mask": StateObservation(
+        full_mask, "uint8, 1 for each point of `full` that exists and 0 for padding"
     ),
     "proprioception": StateObservation(
         lambda task, state, episode: state.sensed,
@@ -111,3 +115,29 @@ def enabled_names(
     if not names or len(set(names)) != len(names) or not set(names) <= set(available):
         raise InvalidArgumentError("observation", observation, available)
     return names
+
+
+def make_observables(
+    task: Any, observation: str | Sequence[str], image_size: tuple[int, int]
+) -> "collections.OrderedDict[str, observable.Observable]":
+    """All observables of a task by name, those of a setting enabled.
+
+    Args:
+        task: with its scene and actor.
+        observation: as in `enabled_names`.
+        image_size: (height, width) of images [pixels].
+    """
+    height, width = check_image_size("image_size", image_size, LARGEST_IMAGE)
+    states = {
+        name: observable.Generic(lambda physics, name=name: task.observe(name)) for name in STATES
+    }
+    camera = TaskCamera(height, width, lambda: task.scene.segmentation_models)
+    found = collections.OrderedDict(
+        **states,
+        **camera.observables(),
+        **task.actor.own_observables(height, width),
+        **task.own_observables(height, width),
+    )
+    for name in enabled_names(observation, found):
+        found[name].enabled = True
+    return found

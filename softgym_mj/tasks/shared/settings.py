@@ -17,6 +17,11 @@ class CupTaskSettings(TypedDict, total=False):
     action_repeat: sim steps of 0.01 s per env step; None for the usual number.
     domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
         "out_of_distribution", or a dict of parameters, as in `DomainRandomization`.
+
+    Those of the package name these themselves:
+
+    fidelity: resolution of rope, cloth and water: "fast", "default" or "accurate".
+    draw: how water is drawn: "surface", "fine" (smoother, slower), "particles" or "none".
     """
 
     actor: str | Actor | None

@@ -77,7 +77,7 @@ class CrumpledCloth(_SizedCloth):
         random.integers(*self.size_range, size=2)  # Drawn in `dims`.
         cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
         scene = Settling(cloth)
-        cloth.set_vertices(cloth.flat())
+        cloth.set_points(cloth.flat())
         scene.step()
         # Drawn as a place on the sheet: the same for every fidelity.
         place = random.uniform(size=2) * (np.array(cloth.shape) - 1)
@@ -103,7 +103,7 @@ class CrumpledCloth(_SizedCloth):
                 )
             scene.step()
             steps += 1
-        return centred(cloth.vertices())
+        return centred(cloth.points())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,9 +120,9 @@ class FlatCloth(_SizedCloth):
         """Vertex positions (rows * columns, 3) [m], at rest on the floor."""
         cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
         scene = Settling(cloth)
-        cloth.set_vertices(cloth.flat(angle=self.angle(index)))
+        cloth.set_points(cloth.flat(angle=self.angle(index)))
         scene.settle(_FALL_STEPS)
-        return centred(cloth.vertices())
+        return centred(cloth.points())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,7 +148,7 @@ class HangingCloth(_SizedCloth):
         """Settled vertex positions (rows * columns, 3) [m]."""
         cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
         scene = Settling(cloth)
-        cloth.set_vertices(self.sheet(index))
+        cloth.set_points(self.sheet(index))
         held = cloth.corners[:2].tolist()
         goals = {vertex: cloth.vertex(vertex) for vertex in held}
         for vertex in held:
@@ -160,4 +160,4 @@ class HangingCloth(_SizedCloth):
             if count >= _MIN_HANG_STEPS and scene.max_speed() < SETTLED_SPEED:
                 break
         cloth.release_all()
-        return cloth.vertices()
+        return cloth.points()

@@ -23,11 +23,11 @@ class Settling:
         arena.attach(flex)
         self._physics = arena.compile(flex.timestep, flex)
         self._flex = flex
-        self._before = flex.vertices()
+        self._before = flex.points()
 
     def step(self) -> None:
         """One sim step; divergence is an error."""
-        self._before = self._flex.vertices()
+        self._before = self._flex.points()
         with self._physics.check_invalid_state():
             mujoco.mj_step(self._physics.model.ptr, self._physics.data.ptr)
 
@@ -47,11 +47,11 @@ class Settling:
                 return
 
     def speeds(self) -> np.ndarray:
-        """Mean speed of every vertex [m/s] in the last sim step.
+        """Mean speed of every vertex (n,) [m/s] in the last sim step.
 
         The velocity at its end is that of the last substep, which in a heap at rest is some mm/s.
         """
-        return np.linalg.norm(self._flex.vertices() - self._before, axis=1) / SIM_STEP
+        return np.linalg.norm(self._flex.points() - self._before, axis=1) / SIM_STEP
 
     def max_speed(self) -> float:
         """Speed of the fastest vertex [m/s]."""

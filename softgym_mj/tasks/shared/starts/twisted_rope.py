@@ -43,11 +43,11 @@ class TwistedRope:
         random = generator(self.name, index)
         rope = Rope(self.fidelity)
         scene = Settling(rope)
-        rope.set_vertices(rope.straight())
+        rope.set_points(rope.straight())
         for repeat in range(_DRAG_REPEATS):
             # Drawn among the default rope's: the same place for every fidelity.
             place = int(random.integers(_PLACES)) / (_PLACES - 1)
-            vertex = round(place * (rope.num_vertices - 1))
+            vertex = round(place * (rope.num_points - 1))
             direction = random.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0])
             rope.hold(vertex)
             scene.drag(vertex, _DRAG_DISPLACEMENT * direction, _DRAG_STEPS)
@@ -61,4 +61,4 @@ class TwistedRope:
                 f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
                 f"after {_MAX_STEPS} sim steps"
             )
-        return centred(rope.vertices())
+        return centred(rope.points())
