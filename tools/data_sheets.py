@@ -1,6 +1,6 @@
 """The data sheets in docs/tasks: what a task is, read from the task itself.
 
-`python -m tools.data_sheets` (`make sheets`) writes them; tests/test_data_sheets.py compares them.
+`python -m tools.data_sheets` (`make sheets`) writes them, tests/docs/test_data_sheets.py compares.
 """
 
 import inspect

@@ -95,7 +95,7 @@ def overview(scores: experts.Scores) -> str:
         lines.append(f"| {' | '.join(f'`{n}`' for n in names)} |")
     lines.insert(1, "|" + ":-:|" * 5)
     rows = [
-        f"| [`{name}`](docs/tasks/{name}.md) | {record.difficulty} | {record.summary} "
+        f"| [`{name}`](docs/tasks/{name}.md) | {record.tags[0]} | {record.summary} "
         f"| {cells(scores[name])[0]} | {rates[name]['env_steps_per_second']:.0f} |"
         for name, record in softgym_mj.TASKS.items()
     ]

@@ -1,0 +1,153 @@
+"""What the README shows is run: its Python, its commands; CI runs what it says."""
+
+import inspect
+import json
+import pathlib
+import re
+import shlex
+
+import pytest
+from typer.testing import CliRunner
+
+from softgym_mj import compat, registry
+from softgym_mj.cli import commands
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from tools import architecture, tables
+
+ROOT = pathlib.Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+
+
+MIGRATION = (ROOT / "docs" / "migration.md").read_text()
+DOMAIN = (ROOT / "docs" / "domain.md").read_text()
+ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
+CLOTH = (ROOT / "softgym_mj" / "cloth" / "plugin" / "README.md").read_text()
+
+
+def blocks(language, text=README):
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    "code",
+    blocks("python") + blocks("python", MIGRATION) + blocks("python", DOMAIN),
+    ids=lambda code: code.splitlines()[0],
+)
+def test_python_blocks_run(code):
+    exec(compile(code, "README.md", "exec"), {})
+
+
+def test_the_example_of_the_cloth_plugin_runs(tmp_path, monkeypatch, capsys):
+    (model,) = blocks("xml", CLOTH)
+    (code,) = blocks("python", CLOTH)
+    (tmp_path / "scene.xml").write_text(model)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "cloth", "exec"), {})
+    assert {line.split()[0] for line in capsys.readouterr().out.splitlines()} <= {"rod", "box"}
+
+
+def test_the_migration_page_lists_every_name():
+    for old, new in compat.names().items():
+        assert re.search(rf"^\| `{old}` \| \w+ \| `{new}` \|$", MIGRATION, re.MULTILINE)
+
+
+def test_links_lead_to_files():
+    for target in re.findall(r"\]\((?!http)([^)#]+)(?:#[^)]*)?\)", README):
+        assert (ROOT / target).exists(), target
+
+
+def shown_commands():
+    lines = "".join(blocks("sh")).splitlines()
+    return [line.split("#")[0].strip() for line in lines if line.startswith("softgym-mj")]
+
+
+@pytest.fixture(name="folder", scope="module")
+def _folder(tmp_path_factory):
+    """Where the commands run, one after the other."""
+    return tmp_path_factory.mktemp("commands")
+
+
+@pytest.mark.parametrize("command", shown_commands())
+def test_commands_run(command, monkeypatch, folder):
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    for needed in shlex.split(command)[2:] if " plot " in command else []:
+        if needed.startswith("runs/") and not (folder / needed).exists():
+            (maker,) = [other for other in shown_commands() if other.endswith(f"--out {needed}")]
+            CliRunner().invoke(commands.app, shlex.split(maker)[1:])
+    result = CliRunner().invoke(commands.app, shlex.split(command)[1:])
+    if command.startswith("softgym-mj view"):
+        assert type(result.exception).__name__ == "UnavailableError"
+        assert "softgym-mj rollout" in str(result.exception)
+        return
+    assert result.exit_code == 0, result.output
+    if " list" in command:
+        assert all(name[:10] in result.output for name in registry.TASKS)
+    if " oracle " in command:
+        scores = json.loads((folder / "oracle" / "straighten_rope.json").read_text())
+        assert list(scores["normalized_performance"]) == ["800", "801"]
+        assert scores["min"] <= scores["mean"] <= scores["max"]
+        assert (folder / "oracle" / "straighten_rope.mp4").stat().st_size > 10_000
+    if " rollout " in command:
+        assert result.output.count('"normalized_performance"') == 2
+
+
+def test_make_targets_exist_and_ci_runs_the_test_command():
+    makefile = (ROOT / "Makefile").read_text()
+    for target in re.findall(r"^make ([\w-]+)", README, re.MULTILINE):
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE)
+    assert "make test\n" in (ROOT / ".ci" / "run").read_text()
+
+
+def test_tables_list_every_task_and_argument():
+    for name, record in registry.TASKS.items():
+        assert f"[`{name}`](docs/tasks/{name}.md)" in README
+        assert f"](docs/gifs/{name}.gif)" in README
+        for argument in record.arguments:
+            assert f"`{argument}`" in ARGUMENTS
+    for parameter in inspect.signature(SoftGymEnv).parameters.values():
+        if parameter.kind is not parameter.VAR_KEYWORD and parameter.name != "task":
+            (row,) = re.findall(rf"^\| `{parameter.name}` \|.*\| (.*) \|$", ARGUMENTS, re.MULTILINE)
+            if parameter.default is not None:  # Often the task's.
+                assert row.strip("`").replace('"', "") == str(parameter.default)
+
+
+def test_errors_end_the_command_line_with_one_line(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["softgym-mj", "rollout", "nonsense"])
+    with pytest.raises(SystemExit) as exit_info:
+        commands.main()
+    assert exit_info.value.code == 1
+    error = capsys.readouterr().err
+    assert error.startswith("InvalidArgumentError: task='nonsense'") and error.count("\n") == 1
+    assert "spread_cloth" in error
+
+
+def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
+    import imageio.v3 as imageio
+    import numpy as np
+
+    monkeypatch.setattr(
+        commands.softgym_mj, "TASKS", {"straighten_rope": registry.TASKS["straighten_rope"]}
+    )
+    result = CliRunner().invoke(commands.app, ["demo", "--out", str(tmp_path), "--size", "96"])
+    assert result.exit_code == 0, result.output
+    frames = imageio.imread(tmp_path / "straighten_rope.mp4")
+    assert frames.shape == (76, 96, 96, 3)  # The start and 75 env steps.
+    assert np.abs(frames[0].astype(int) - frames[-1]).max() > 100
+    picture = imageio.imread(tmp_path / "straighten_rope.png")
+    assert picture.shape == (96, 96, 3)
+
+
+def test_the_scores_are_those_of_the_files():
+    for path, text in tables.pages().items():
+        assert path.read_text() == text
+
+
+def test_the_picture_of_the_folders_is_theirs():
+    assert architecture.FILE.read_text() == architecture.svg()
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    rows = re.findall(r"^\| (`.*?`) \|", page, re.MULTILINE)
+    listed = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert listed == {room for floor in architecture.FLOORS for room in floor} - {"__init__"}

@@ -1,0 +1,46 @@
+"""The notebooks run from top to bottom and are committed without outputs."""
+
+import pathlib
+import re
+
+import nbclient
+import nbformat
+import pytest
+
+NOTEBOOKS = sorted((pathlib.Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
+assert NOTEBOOKS
+
+notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+
+
+TRAINING_STEPS = 320  # Of the agent in 07_training, which learns from 20,000.
+
+
+@notebooks
+def test_notebook_runs(file, monkeypatch):
+    monkeypatch.setenv("SOFTGYM_MJ_NOTEBOOK_STEPS", str(TRAINING_STEPS))
+    notebook = nbformat.read(file, as_version=4)
+    nbclient.NotebookClient(notebook, timeout=300).execute()
+    pictures = [
+        output
+        for cell in notebook.cells
+        if cell.cell_type == "code"
+        for output in cell.outputs
+        if "image/png" in output.get("data", {})
+    ]
+    assert len(pictures) >= 3
+
+
+@notebooks
+def test_notebook_is_committed_without_outputs(file):
+    for cell in nbformat.read(file, as_version=4).cells:
+        if cell.cell_type == "code":
+            assert cell.outputs == [] and cell.execution_count is None
+
+
+@notebooks
+def test_links_lead_to_files(file):
+    cells = nbformat.read(file, as_version=4).cells
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    for target in re.findall(r"\]\((?!http)([^)#]+)\)", text):
+        assert (file.parent / target).exists(), target

@@ -1,0 +1,225 @@
+"""The recipes run as scripts of their own and do what their page says."""
+
+import pathlib
+import re
+import runpy
+import sys
+import types
+import warnings
+
+import gymnasium
+import imageio.v3 as imageio
+import minari
+import numpy as np
+import pytest
+import torch
+from stable_baselines3.common.env_checker import check_env
+
+PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "recipes.md").read_text()
+# Blocks by the heading above them.
+RECIPES = {
+    section.splitlines()[0]: re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    for section in PAGE.split("\n## ")[1:]
+}
+IDENTIFIER = "softgym_mj/StraightenRope-v0"
+HORIZON = 75  # Of straighten_rope.
+
+
+@pytest.fixture(name="run")
+def _run(tmp_path, monkeypatch):
+    """Runs a recipe in a folder of its own; gives its variables."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+
+    def run(heading: str, number: int = 0) -> types.SimpleNamespace:
+        file = tmp_path / "recipe.py"  # Workers that are started anew read it.
+        file.write_text(RECIPES[heading][number])
+        return types.SimpleNamespace(**runpy.run_path(str(file), run_name="__main__"))
+
+    return run
+
+
+class Clip:
+    """Stands in for MoviePy's `ImageSequenceClip` where it is missing.
+
+    MoviePy 2.2 wants Pillow below 12 and mjviser Pillow from 12.2 on: no extra can bring both.
+    """
+
+    def __init__(self, frames, fps):
+        self._frames, self._fps = frames, fps
+
+    def write_videofile(self, file, **_):
+        imageio.imwrite(file, np.array(self._frames), fps=self._fps)
+
+
+@pytest.fixture(name="_moviepy")
+def _fixture_moviepy(monkeypatch):
+    try:
+        import moviepy  # noqa: F401
+    except ImportError:
+        for name in ("moviepy", "moviepy.video", "moviepy.video.io"):
+            monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+        module = types.ModuleType("moviepy.video.io.ImageSequenceClip")
+        module.ImageSequenceClip = Clip
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+
+
+@pytest.mark.usefixtures("_moviepy")
+def test_videos_and_statistics(run, tmp_path):
+    recipe = run("Gymnasium: videos and statistics")
+    assert recipe.info["episode"]["l"] == 10 and -5.0 < recipe.info["episode"]["r"] < 0.0
+    video = tmp_path / "videos" / "rl-video-episode-0.mp4"
+    count, *size = imageio.imread(video).shape
+    assert count in (10, 11) and size == [480, 480, 3]  # MoviePy leaves out the last frame.
+    assert imageio.immeta(video)["fps"] == 12.5  # 0.08 s an env step.
+
+
+def test_stacked_images(run):
+    observation = run("Gymnasium: stacked images").observation
+    assert observation.shape == (2, 64, 64, 3) and observation.dtype == np.uint8
+    assert not np.array_equal(*observation)
+
+
+def test_environments_side_by_side(run):
+    recipe = run("Gymnasium: environments side by side")
+    assert recipe.observations.shape == (2, 36) and recipe.observations.dtype == np.float32
+    assert not np.array_equal(*recipe.observations)
+    assert recipe.truncated.all()
+    np.testing.assert_allclose(
+        recipe.rewards, (recipe.infos["final_info"]["normalized_performance"] - 1.0) / 2, rtol=1e-6
+    )
+
+
+def test_other_modes_name_autoreset_otherwise():
+    mode = gymnasium.vector.AutoresetMode.SAME_STEP
+    envs = gymnasium.make_vec(
+        IDENTIFIER, num_envs=1, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}
+    )
+    assert "{'autoreset_mode': gymnasium.vector.AutoresetMode.SAME_STEP}".replace("'", '"') in PAGE
+    assert envs.metadata["autoreset_mode"] is mode
+    envs.close()
+
+
+def test_checkpoints(run):
+    recipe = run("Gymnasium: checkpoints")
+    assert np.array_equal(recipe.resumed_observations, recipe.observations)
+    for _ in range(12):  # Into the next episode.
+        actions = recipe.envs.action_space.sample()
+        one, other = recipe.envs.step(actions), recipe.resumed.step(actions)
+        assert all(np.array_equal(*pair) for pair in zip(one[:4], other[:4], strict=True))
+    recipe.envs.close(), recipe.resumed.close()
+
+
+def test_a_single_checkpoint(run):
+    recipe = run("Gymnasium: checkpoints", 1)
+    assert np.array_equal(recipe.resumed_observation, recipe.observation)
+    action = np.ones(8)
+    assert np.array_equal(recipe.env.step(action)[0], recipe.resumed.step(action)[0])
+
+
+def test_the_length_of_an_episode(run):
+    recipe = run("Gymnasium: the length of an episode")
+    assert recipe.observation.shape == (37,) and recipe.observation[-1] == 1.0
+    assert [recipe.env.step(np.zeros(8))[3] for _ in range(49)] == [False] * 48 + [True]
+
+
+def test_sb3_states(run):
+    model = run("Stable-Baselines3: states").model
+    assert model.num_timesteps == 200 and model._n_updates >= 98
+    assert [episode["l"] for episode in model.ep_info_buffer] == [HORIZON] * 2
+
+
+@pytest.mark.parametrize("observation", ["reduced", "rgb", ["reduced", "rgb"]])
+def test_sb3_has_nothing_to_say(observation):
+    env = gymnasium.make(IDENTIFIER, observation=observation, image_size=(64, 64))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env)
+
+
+def test_sb3_images(run):
+    recipe = run("Stable-Baselines3: images")
+    assert recipe.model.observation_space.shape == (6, 64, 64)  # Two images, colours first.
+    assert recipe.envs.observation_space.shape == (64, 64, 6)
+    assert recipe.action.shape == (1, 8) and np.abs(recipe.action).max() <= 1.0
+
+
+def test_torchrl_environment(run):
+    episode = run("TorchRL: an environment").episode
+    assert episode.batch_size == (HORIZON,)
+    assert episode["reduced"].shape == (HORIZON, 36)
+    assert episode["rgb"].shape == (HORIZON, 64, 64, 3)
+    assert (episode["reduced"].dtype, episode["rgb"].dtype) == (torch.float32, torch.uint8)
+    ends = torch.arange(HORIZON)[:, None] == HORIZON - 1
+    assert torch.equal(episode["next", "truncated"], ends)
+    assert torch.equal(episode["next", "done"], ends)
+    assert not episode["next", "terminated"].any()
+    performance = episode["next", "normalized_performance"]
+    torch.testing.assert_close(episode["next", "reward"][:, 0], (performance - 1.0) / 2)
+
+
+def test_torchrl_collector(run):
+    batches = run("TorchRL: a collector").batches
+    assert [batch.batch_size for batch in batches] == [(2, 150)] * 2
+    for batch in batches:
+        ends = (torch.arange(150) + 1) % HORIZON == 0  # Two episodes in each environment.
+        assert torch.equal(batch["next", "truncated"][..., 0], ends.expand(2, -1))
+        assert not batch["next", "terminated"].any()
+        # Within an episode the next observation is the one that the next step starts from.
+        after = batch["next", "observation"][:, :-1][:, ~ends[:-1]]
+        assert torch.equal(after, batch["observation"][:, 1:][:, ~ends[:-1]])
+
+
+def test_dm_control_viewer(run, monkeypatch):
+    """All of the viewer but its window, which needs a display."""
+    from dm_control.viewer import application, runtime
+
+    class Application:
+        def __init__(self, **_):
+            pass
+
+        def launch(self, environment_loader, policy):
+            self.runtime = runtime.Runtime(environment_loader, policy)
+            errors = []
+            self.runtime.on_error += errors.append
+            while self.runtime.state is not runtime.State.STOPPED:
+                self.runtime.tick(0.1, paused=False)
+            assert not errors
+
+    monkeypatch.setattr(application, "Application", Application)
+    info = run("dm_control's viewer").env.info()
+    assert info["normalized_performance"] > 0.95  # The expert has played an episode.
+
+
+def test_minari_demonstrations(run):
+    recipe = run("Minari: demonstrations")
+    assert recipe.observations.shape == (2 * HORIZON, 36)
+    assert recipe.actions.shape == (2 * HORIZON, 8)
+    observation, _ = recipe.env.reset(options={"variation": 1})
+    for action, recorded in zip(
+        recipe.actions[HORIZON:], recipe.observations[HORIZON:], strict=True
+    ):
+        np.testing.assert_array_equal(observation, recorded)
+        observation, *_ = recipe.env.step(action)
+
+
+def test_minari_in_torchrl(run):
+    recipe = run("Minari: demonstrations", 1)
+    assert recipe.batch["observation"].shape == (64, 36)
+    assert len(recipe.buffer) == 2 * HORIZON
+    everything = recipe.buffer[:]
+    for number, episode in enumerate(minari.load_dataset("rope/buffer-v0").iterate_episodes()):
+        part = everything[number * HORIZON : (number + 1) * HORIZON]
+        np.testing.assert_array_equal(part["observation"], episode.observations[:-1])
+        np.testing.assert_array_equal(part["next", "observation"], episode.observations[1:])
+        np.testing.assert_array_equal(part["action"], episode.actions)
+        np.testing.assert_array_equal(part["next", "reward"][:, 0], np.float32(episode.rewards))
+        np.testing.assert_array_equal(part["next", "done"][:, 0], np.arange(HORIZON) == HORIZON - 1)
+
+
+def test_every_recipe_is_tested():
+    source = pathlib.Path(__file__).read_text()
+    for heading, codes in RECIPES.items():
+        for number in range(len(codes)):
+            call = f'run("{heading}")' if number == 0 else f'run("{heading}", {number})'
+            assert call in source

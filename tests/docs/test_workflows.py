@@ -1,0 +1,40 @@
+"""The workflows are valid YAML, name what exists, and find MuJoCo's release."""
+
+import importlib.metadata
+import pathlib
+import re
+import tomllib
+
+import pytest
+import yaml
+
+from tools import mujoco_version
+
+ROOT = pathlib.Path(__file__).parents[2]
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_workflows_name_what_exists(path):
+    text = path.read_text()
+    jobs = yaml.safe_load(text)["jobs"]
+    for job in jobs.values():
+        assert job["runs-on"] and job["timeout-minutes"]
+        assert all(("run" in step) != ("uses" in step) for step in job["steps"])
+    for script in re.findall(r"(?:python|bash) ((?:tools|\.ci)/\S+?)[\s)]", text):
+        assert (ROOT / script).is_file(), script
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    for extra in re.findall(r"'\.\[(\w+)\]'", text):
+        assert extra in extras
+
+
+def test_the_pinned_mujoco_is_the_one_installed_and_can_be_replaced():
+    text = (ROOT / "pyproject.toml").read_text()
+    assert mujoco_version.pinned(text) == importlib.metadata.version("mujoco")
+    other = tomllib.loads(mujoco_version.repinned(text, "9.9.9"))
+    assert "mujoco==9.9.9" in other["build-system"]["requires"]
+    assert "mujoco==9.9.9" in other["project"]["dependencies"]
+    with pytest.raises(ValueError, match="expected one release"):
+        mujoco_version.pinned(text.replace('"mujoco==', '"mujoco==9', 1))

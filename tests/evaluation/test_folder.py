@@ -1,0 +1,79 @@
+"""The folder of an evaluation: whose it is, and what can be added to it."""
+
+import dataclasses
+import hashlib
+
+import pytest
+
+from softgym_mj.evaluation import Configuration, Progress, evaluate
+from softgym_mj.exceptions import StoreError, UnexpectedArgumentError
+from tests.policies.test_saved_policies import exported
+
+SHORT = {"horizon": 6}
+SIMPLE = Configuration("straighten_rope", "random", (800, 801, 802), (0, 1), SHORT)
+
+
+def test_a_folder_belongs_to_one_configuration(tmp_path):
+    evaluate(SIMPLE, tmp_path)
+    other = dataclasses.replace(SIMPLE, settings={"horizon": 7})
+    with pytest.raises(StoreError, match="another settings"):
+        evaluate(other, tmp_path)
+    other = dataclasses.replace(SIMPLE, policy="zero", seeds=(0,))
+    with pytest.raises(StoreError, match="another policy"):
+        evaluate(other, tmp_path)
+
+
+def test_damage_is_an_error_and_not_played_again(tmp_path):
+    evaluate(SIMPLE, tmp_path)
+    first, second = sorted((tmp_path / "episodes").glob("080*"))[:2]
+    first.write_bytes(second.read_bytes())
+    played = Progress(on_episode=pytest.fail)
+    with pytest.raises(StoreError, match=rf"{first.name} cannot be read"):
+        evaluate(SIMPLE, tmp_path, None, played)
+    (tmp_path / "provenance.json").write_text("{")
+    with pytest.raises(StoreError, match=r"provenance\.json cannot be read"):
+        evaluate(SIMPLE, tmp_path, None, played)
+
+
+def test_a_folder_goes_on_with_other_variations_and_seeds(tmp_path):
+    first = evaluate(dataclasses.replace(SIMPLE, variations=(801, 800), seeds=(1,)), tmp_path / "a")
+    assert evaluate(SIMPLE, tmp_path / "a") == evaluate(SIMPLE, tmp_path / "b")
+    assert evaluate(SIMPLE, tmp_path / "a")["episodes"][3] == first["episodes"][1]
+    whole = (tmp_path / "a" / "result.json").read_bytes()
+    assert whole == (tmp_path / "b" / "result.json").read_bytes()
+
+
+def test_a_failed_evaluation_leaves_its_folder_free(tmp_path):
+    with pytest.raises(UnexpectedArgumentError):
+        evaluate(dataclasses.replace(SIMPLE, settings={"colour": "red"}), tmp_path)
+    assert evaluate(SIMPLE, tmp_path)["settings"] == SHORT
+
+
+def test_a_changed_policy_needs_another_folder(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    module, folder = tmp_path / "changing.py", tmp_path / "run"
+    module.write_text("from tests.policies.test_saved_policies import constant\n")
+    configuration = Configuration("straighten_rope", "changing:constant", (800,), (0,), SHORT)
+    result = evaluate(configuration, folder)
+    sha = hashlib.sha256(module.read_bytes()).hexdigest()
+    assert result["policy_sha256"] == {"changing:constant": sha}
+    evaluate(configuration, folder)
+    module.write_text("from tests.policies.test_saved_policies import broken as constant\n")
+    with pytest.raises(StoreError, match="another content of changing:constant"):
+        evaluate(configuration, folder)
+
+
+def test_a_file_for_each_seed(tmp_path):
+    name, folder = str(tmp_path / "run_{seed}.pt2"), tmp_path / "run"
+    for seed in range(3):
+        exported(tmp_path / f"run_{seed}.pt2", seed=seed)
+    one = Configuration("straighten_rope", name, (800,), (0,), {"horizon": 30})
+    first = evaluate(one, folder)
+    result = evaluate(dataclasses.replace(one, seeds=(0, 1, 2)), folder)
+    assert len({episode["return"] for episode in result["episodes"]}) >= 2  # One misses the rope.
+    assert result["episodes"][0] == first["episodes"][0]
+    assert list(result["policy_sha256"]) == [name.replace("{seed}", str(i)) for i in range(3)]
+    exported(tmp_path / "run_2.pt2", seed=7)
+    assert evaluate(dataclasses.replace(one, seeds=(0, 1)), folder)["seeds"] == [0, 1]
+    with pytest.raises(StoreError, match=r"another content of .*run_2\.pt2;"):
+        evaluate(dataclasses.replace(one, seeds=(0, 1, 2)), folder)

@@ -1,0 +1,429 @@
+"""The plugin as a part of MuJoCo: state, threads, poses, errors, drawing."""
+
+import copy
+import pickle
+import re
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from dm_control import mujoco as dm_mujoco
+from mujoco import rollout
+
+from benchmarks.fluid_cup import MOCAP, SPACING, FluidCup
+
+STEPS = 60
+FULL = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+def make_cup(**kwargs):
+    """A cup that sloshes, after some steps."""
+    cup = FluidCup((5, 5), 6, two_way="true", **kwargs)
+    drive(cup.model, cup.data, range(20))
+    return cup
+
+
+def drive(model, data, steps):
+    """Moves and tilts the cup; returns the states."""
+    states = []
+    for step in steps:
+        angle = 0.4 * np.sin(0.1 * step)
+        data.mocap_pos[0] = [0.05 * np.sin(0.2 * step), 0, 0.1 * (1 - np.cos(0.1 * step))]
+        data.mocap_quat[0] = [np.cos(angle / 2), 0, np.sin(angle / 2), 0]
+        mujoco.mj_step(model, data)
+        states.append(data.plugin_state.copy())
+    return np.array(states)
+
+
+def polluted(model):
+    """An mjData in which other water has been stepped."""
+    data = mujoco.MjData(model)
+    data.mocap_pos[0] = [3, 2, 1]
+    mujoco.mj_step(model, data, 7)
+    return data
+
+
+def test_get_and_set_state_continue_bit_by_bit():
+    cup = make_cup()
+    state = np.empty(mujoco.mj_stateSize(cup.model, FULL))
+    mujoco.mj_getState(cup.model, cup.data, state, FULL)
+    expected = drive(cup.model, cup.data, range(20, 20 + STEPS))
+    assert not np.array_equal(expected[0], expected[-1])
+    other = polluted(cup.model)
+    mujoco.mj_setState(cup.model, other, state, FULL)
+    np.testing.assert_array_equal(drive(cup.model, other, range(20, 20 + STEPS)), expected)
+
+
+@pytest.mark.parametrize("method", ["mj_copyData", "copy", "deepcopy", "pickle"])
+def test_copies_continue_bit_by_bit(method):
+    cup = make_cup()
+    if method == "mj_copyData":
+        other = polluted(cup.model)
+        mujoco.mj_copyData(other, cup.model, cup.data)
+    elif method == "pickle":
+        other = pickle.loads(pickle.dumps(cup.data))
+    else:
+        other = getattr(copy, method)(cup.data)
+    expected = drive(cup.model, cup.data, range(20, 20 + STEPS))
+    np.testing.assert_array_equal(drive(cup.model, other, range(20, 20 + STEPS)), expected)
+
+
+_OTHER_PROCESS = """
+import pickle, sys
+from softgym_mj.native.library import load_plugin
+load_plugin()
+from tests.fluid.test_plugin import drive, STEPS
+model, data = pickle.load(sys.stdin.buffer)
+sys.stdout.buffer.write(drive(model, data, range(20, 20 + STEPS)).tobytes())
+"""
+
+
+def test_a_pickle_continues_in_another_process():
+    cup = make_cup()
+    result = subprocess.run(
+        [sys.executable, "-c", _OTHER_PROCESS],
+        input=pickle.dumps((cup.model, cup.data)),
+        capture_output=True,
+        check=True,
+    )
+    expected = drive(cup.model, cup.data, range(20, 20 + STEPS))
+    assert result.stdout == expected.tobytes()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_rollouts_agree_with_a_loop(threads):
+    """A cup on joints, as a rollout cannot move a mocap body."""
+    joints = '<joint name="x" type="slide" axis="1 0 0"/><joint name="t" axis="0 1 0"/>'
+    actuator = (
+        '<actuator><position joint="x" kp="4000" kv="400"/>'
+        '<position joint="t" kp="400" kv="40"/></actuator>'
+    )
+    cup = FluidCup(
+        (5, 5), 6, body="", joint=joints, actuator=actuator, two_way="true",
+        option='integrator="implicitfast"',
+    )  # fmt: skip
+    model = cup.model
+    controls = 0.05 * np.random.default_rng(0).normal(size=(4, STEPS, 2))
+    initial = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mujoco.mj_getState(model, cup.data, initial, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    expected = []
+    for control in controls:
+        data = mujoco.MjData(model)
+        for row in control:
+            data.ctrl[:] = row
+            mujoco.mj_step(model, data)
+        state = np.empty_like(initial)
+        mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        expected.append(state)
+    datas = [polluted_joints(model) for _ in range(threads)]
+    states, _ = rollout.rollout(model, datas, np.tile(initial, (4, 1)), controls)
+    np.testing.assert_array_equal(states[:, -1], expected)
+    assert np.abs(states[:, -1, 1:3]).min() > 1e-4  # qpos: the cups have moved.
+
+
+def polluted_joints(model):
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.2
+    mujoco.mj_step(model, data, 7)
+    return data
+
+
+def moved(physics):
+    """States of a dm_control physics while its cup moves and tilts."""
+    states = []
+    for step in range(STEPS):
+        angle = 0.4 * np.sin(0.1 * step)
+        physics.data.mocap_pos[0, 0] = 0.05 * np.sin(0.2 * step)
+        physics.data.mocap_quat[0] = [np.cos(angle / 2), 0, np.sin(angle / 2), 0]
+        physics.step()
+        states.append(physics.get_state())
+    return np.array(states)
+
+
+def test_dm_control_snapshots_restore_the_water():
+    cup = make_cup()
+    physics = dm_mujoco.Physics.from_xml_string(cup.xml)
+    physics.step(20)
+    state = physics.get_state()
+    expected = moved(physics)
+    physics.set_state(state)
+    np.testing.assert_array_equal(moved(physics), expected)
+    assert not np.array_equal(expected[0], expected[-1])
+
+
+def take_a_step(cup, stepping):
+    """One step, by mj_step or in the order that dm_control calls legacy."""
+    if stepping == "legacy":
+        mujoco.mj_step2(cup.model, cup.data)
+        mujoco.mj_step1(cup.model, cup.data)
+    else:
+        cup.step()
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("stepping", ["mj_step", "legacy"])
+def test_walls_are_where_the_joints_say(stepping, integrator):
+    """A wall at 0.66 m/s is 6.6 mm further at the end of a step: particles touch it there."""
+    joint, option = '<joint type="slide" axis="1 0 0"/>', f'integrator="{integrator}"'
+    cup = FluidCup((5, 5), 5, body="", joint=joint, option=option)
+    data = cup.data
+    if stepping == "legacy":
+        take_a_step(cup, stepping)
+    for _ in range(100):
+        data.qvel[0] = 0.66
+        take_a_step(cup, stepping)
+    x = cup.positions[:, 0] - data.qpos[0]
+    # Hard contact at 0.3 spacings, from both sides of the half length.
+    assert x.min() >= -cup.length / 2 + 0.29 * SPACING
+    assert x.max() <= cup.length / 2 - 0.29 * SPACING
+    assert cup.positions[:, 0].mean() == pytest.approx(data.qpos[0], abs=0.2 * cup.length)
+
+
+@pytest.mark.parametrize("stepping", ["mj_step", "legacy"])
+def test_walls_are_where_the_mocap_body_is(stepping):
+    cup = FluidCup((5, 5), 5)
+    for step in range(100):
+        cup.data.mocap_pos[0, 0] = 0.0066 * step
+        take_a_step(cup, stepping)
+        x = cup.in_cup_frame()[:, 0]
+        assert np.abs(x).max() <= cup.length / 2 - 0.29 * SPACING
+
+
+def test_a_teleport_is_not_swept():
+    """A cup that jumps 1 m leaves its water behind; one that moves 5 cm takes it along."""
+    for jump, taken in ((1.0, False), (0.05, True)):
+        cup = FluidCup((5, 5), 5)
+        cup.step(50)
+        before = cup.positions[:, 0].mean()
+        cup.data.mocap_pos[0, 0] += jump
+        cup.step()
+        shift = cup.positions[:, 0].mean() - before
+        assert (shift > 0.02) == taken
+        assert np.abs(cup.velocities).max() < 10
+
+
+def test_clearing_the_first_entry_makes_any_move_a_teleport():
+    cup = FluidCup((5, 5), 5)
+    cup.step(50)
+    before = cup.positions.copy()
+    cup.data.mocap_pos[0, 0] += 0.05
+    cup.positions[:, 0] += 0.05
+    cup.state[0] = 0
+    cup.step()
+    np.testing.assert_allclose(cup.positions[:, 0], before[:, 0] + 0.05, atol=0.002)
+
+
+def test_the_first_move_after_a_reset_is_swept():
+    """As far as mj_forward has seen where the walls start from."""
+    for forward in (True, False):
+        cup = FluidCup((5, 5), 5)
+        if forward:
+            mujoco.mj_forward(cup.model, cup.data)
+        cup.data.mocap_pos[0, 0] += 0.03
+        cup.step()
+        assert cup.escaped().any() == (not forward)
+
+
+def test_reset_restores_the_lattice():
+    cup = make_cup()
+    mujoco.mj_resetData(cup.model, cup.data)
+    fresh = mujoco.MjData(cup.model)
+    np.testing.assert_array_equal(cup.state, fresh.plugin_state)
+    assert cup.positions[:, 2].min() == pytest.approx(SPACING / 2, abs=1e-4)
+    assert not cup.velocities.any()
+
+
+def test_a_lattice_may_have_more_columns_than_fit_into_an_int():
+    cup = FluidCup((3, 2), 2, settings={"columns": "65536 65536"})
+    np.testing.assert_allclose(np.ptp(cup.positions[:, 1:], axis=0), 0, atol=0.003 * SPACING)
+    cup.step()
+
+
+BAD = [
+    ({"count": "0"}, "count"),
+    ({"count": "many"}, "count"),
+    ({"count": ""}, "count (number of particles, 1 or more) is missing"),
+    ({"spacing": "-0.01"}, "spacing"),
+    ({"spacing": "nan"}, "spacing"),
+    ({"spacing": "0.018 m"}, "spacing"),
+    ({"columns": "3"}, "2 whole numbers"),
+    ({"columns": "3 3 3"}, "2 whole numbers"),
+    ({"corner": "0 0 inf"}, "3 numbers"),
+    ({"viscosity": "-1"}, "viscosity"),
+    ({"viscosity": "1"}, "expected at most 0.22"),
+    ({"cohesion": "1e9"}, "cohesion"),
+    ({"friction": "-0.1"}, "friction"),
+    ({"density": "0"}, "density"),
+    ({"substeps": "2.5"}, "substeps"),
+    ({"two_way": "maybe"}, "true or false"),
+    ({"world": "2"}, "true or false"),
+    ({"max_speed": "0"}, "max_speed"),
+    ({"draw": "blob"}, "surface, fine, particles or none"),
+    ({"rgba": "1 0 0"}, "4 numbers"),
+    ({"colour": "blue"}, "unrecognized attribute"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("config", "message"), BAD)
+def test_bad_attributes_are_compile_errors(config, message):
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        FluidCup((3, 3), 3, settings=config)
+    assert "water" in str(error.value)  # The instance.
+
+
+def test_unsupported_walls_and_flags_are_compile_errors():
+    mesh = '<geom name="odd" type="mesh" mesh="m"/>'
+    asset = '<asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody>'
+    cup = FluidCup((3, 3), 3)
+    xml = cup.xml.replace("<worldbody>", asset).replace("</body>", mesh + "</body>")
+    with pytest.raises(ValueError, match='geom "odd" cannot be a wall'):
+        mujoco.MjModel.from_xml_string(xml)
+    visual = mesh.replace("/>", ' contype="0" conaffinity="0" mass="0"/>')
+    mujoco.MjModel.from_xml_string(xml.replace(mesh, visual))  # One to look at is no wall.
+    flags = '<flag spring="disable" damper="disable"/></option>'
+    xml = FluidCup((3, 3), 3, two_way="true").xml.replace(
+        'timestep="0.01" />', f'timestep="0.01">{flags}'
+    )
+    with pytest.raises(ValueError, match="two_way"):
+        mujoco.MjModel.from_xml_string(xml)
+
+
+BALL = '<geom type="sphere" size="0.02" pos="0.01 0 0.03"/>'
+GHOST = BALL.replace("/>", ' contype="0" conaffinity="0"/>')
+CENTRED = '<geom type="sphere" size="0.02"/>'
+
+
+@pytest.mark.parametrize(
+    ("scenery", "walls"),
+    [
+        (BALL, 1),
+        (f"<body>{BALL}</body>", 1),
+        (f"<body>{BALL}<body>{BALL}</body></body>", 2),
+        (f"<body>{GHOST}</body>", 0),
+        (f"<body {MOCAP}>{BALL}<body>{BALL}</body></body>", 0),
+        (f"<body><freejoint/>{BALL}<body>{BALL}</body></body>", 0),
+    ],
+    ids=["world", "static", "nested", "visual", "mocap", "free"],
+)
+def test_what_is_fixed_to_the_world_is_a_wall(scenery, walls):
+    # Behind the particles the state has seven numbers a wall; the cup has five walls.
+    sizes = [
+        FluidCup((3, 3), 3, scenery=scenery, world=world).state.size for world in ("true", "false")
+    ]
+    assert sizes == [1 + 6 * 27 + 7 * (5 + walls), 1 + 6 * 27 + 7 * 5]
+
+
+def test_a_fixed_body_holds_water_back_as_the_world_does():
+    ends = []
+    nested = f'<body pos="0.01 0 0"><body pos="0 0 0.03">{CENTRED}</body></body>'
+    for scenery in ("", BALL, nested):
+        cup = FluidCup((5, 5), 5, scenery=scenery)
+        cup.step(100)
+        ends.append(cup.positions.copy())
+        centre = cup.positions - [0.01, 0.0, 0.03]
+        free = np.linalg.norm(centre, axis=1).min()
+        assert (free > 0.02 + 0.29 * SPACING) == bool(scenery)
+    np.testing.assert_array_equal(ends[1], ends[2])
+
+
+def test_the_flag_gravity_is_obeyed():
+    cup = FluidCup((3, 3), 3)
+    cup.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    cup.positions[:, 2] += 5
+    before = cup.positions.mean(axis=0)
+    cup.step(20)
+    np.testing.assert_allclose(cup.positions.mean(axis=0), before, atol=1e-5)
+
+
+def test_not_a_number_never_enters_the_state():
+    cup = FluidCup((3, 3), 3)
+    cup.data.mocap_pos[0, 0] = np.nan
+    cup.step(3)
+    assert np.isfinite(cup.state).all()
+
+
+def test_two_instances_do_not_touch():
+    """Two waters in one model move as each does alone."""
+    cup = FluidCup((4, 4), 4)
+    second = cup.xml.split("<instance")[1].split("</instance>")[0].replace('"water"', '"more"')
+    both = cup.xml.replace("</instance>", f"</instance><instance{second}</instance>", 1)
+    model = mujoco.MjModel.from_xml_string(both)
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 20)
+    cup.step(20)
+    first = data.plugin_state[model.plugin_stateadr[0] :][: cup.state.size]
+    np.testing.assert_array_equal(first, cup.state)
+    # The second has no walls: it falls freely.
+    start = model.plugin_stateadr[1] + 1
+    z = data.plugin_state[start : start + 3 * cup.count].reshape(-1, 3)[:, 2]
+    assert z.mean() < -0.15
+
+
+def scene_of(cup, max_geom=10000):
+    mujoco.mj_forward(cup.model, cup.data)
+    scene = mujoco.MjvScene(cup.model, max_geom)
+    mujoco.mjv_updateScene(
+        cup.model, cup.data, mujoco.MjvOption(), None, mujoco.MjvCamera(),
+        mujoco.mjtCatBit.mjCAT_ALL, scene,
+    )  # fmt: skip
+    return scene
+
+
+TRIANGLE = int(mujoco.mjtGeom.mjGEOM_TRIANGLE)
+
+
+def triangles_of(scene):
+    """(n, 3, 3) corners of the drawn triangles."""
+    geoms = [g for g in scene.geoms[: scene.ngeom] if g.type == TRIANGLE]
+    mats = np.array([g.mat for g in geoms])
+    first = np.array([g.pos for g in geoms])
+    return np.stack([first, first + mats[:, :, 0], first + mats[:, :, 1]], axis=1)
+
+
+def test_the_drawn_surface_encloses_the_water():
+    volumes = {}
+    for draw in ("surface", "fine"):
+        cup = FluidCup((8, 8), 8, draw=draw)
+        cup.step(200)
+        corners = triangles_of(scene_of(cup))
+        # A closed surface, oriented outwards: the divergence theorem gives its volume.
+        volumes[draw] = np.linalg.det(corners).sum() / 6
+        assert corners.min() > cup.positions.min() - SPACING
+        edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+        edges = np.round(edges / (0.01 * SPACING)).astype(int).reshape(-1, 6)
+        _, counts = np.unique(np.concatenate([edges, edges[:, [3, 4, 5, 0, 1, 2]]]), axis=0,
+                              return_counts=True)  # fmt: skip
+        assert (counts >= 2).all() and (counts % 2 == 0).mean() > 0.99
+    water = cup.count * SPACING**3
+    assert volumes["fine"] == pytest.approx(water, rel=0.15)
+    assert volumes["surface"] == pytest.approx(water, rel=0.25)
+
+
+@pytest.mark.parametrize("draw", ["surface", "fine"])
+def test_a_lone_drop_is_drawn_wherever_it_is(draw):
+    cup = FluidCup((1, 1), 1, draw=draw)
+    for position in np.random.default_rng(0).uniform(0.5, 0.6, (50, 3)):
+        cup.positions[:] = position
+        corners = triangles_of(scene_of(cup))
+        assert len(corners) >= 8
+        np.testing.assert_allclose(corners.mean(axis=(0, 1)), position, atol=0.5 * SPACING)
+        assert 0.3 * SPACING < np.ptp(corners.reshape(-1, 3), axis=0).max() < 2.2 * SPACING
+
+
+@pytest.mark.parametrize("draw", ["surface", "fine", "particles"])
+def test_the_water_never_crowds_out_the_model(draw):
+    for max_geom in (150, 400, 1000):
+        cup = FluidCup((8, 8), 8, draw=draw)
+        cup.step(5)
+        cup.velocities[:] = np.random.default_rng(0).normal(0, 2, (cup.count, 3))
+        cup.step(20)
+        scene = scene_of(cup, max_geom)
+        boxes = [g for g in scene.geoms[: scene.ngeom] if g.type == mujoco.mjtGeom.mjGEOM_BOX]
+        assert len(boxes) == cup.model.ngeom
+        assert scene.ngeom < max_geom
+
+
+def test_nothing_is_drawn_when_asked_for_nothing():
+    assert scene_of(FluidCup((3, 3), 3, draw="none")).ngeom == 5

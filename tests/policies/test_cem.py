@@ -1,0 +1,213 @@
+"""Planning: the methods on functions with a known best, exact rollouts, journals."""
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
+from softgym_mj.policies import planners
+from softgym_mj.policies.model_predictive import ModelPredictivePolicy
+from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
+from softgym_mj.policies.rollouts import Rollouts
+from tests.contract.test_contract import actions
+
+both_planners = pytest.mark.parametrize("planner", [CEM, ICEM])
+# The second entry is out of range.
+TARGET = np.column_stack([np.linspace(-0.8, 0.8, 6), np.full(6, 1.4)])
+
+
+def closeness(sequences):
+    """Highest, 0, at `TARGET`."""
+    return -np.square(sequences - TARGET).sum(axis=(1, 2))
+
+
+@both_planners
+def test_the_best_sequence_is_found(planner):
+    found = planner(6, budget=60_000).plan(closeness, np.zeros((6, 2)), np.random.default_rng(0))
+    best = np.clip(TARGET, -1.0, 1.0)
+    # The last populations have a standard deviation of 0.05: 0.03 in six squares and more.
+    assert closeness(found.actions[None])[0] > closeness(best[None])[0] - 0.1
+    assert found.best_return > closeness(best[None])[0] - 0.1
+    assert found.env_steps == 60_000
+
+
+def test_the_budget_is_split_as_in_the_paper():
+    # Facts 4.2: 21000 // 10 // H.
+    expected = {"transport_water": 300, "pour_water": 52, "straighten_rope": 140,
+                "spread_cloth": 140, "fold_cloth": 70, "drop_cloth": 140}  # fmt: skip
+    found = {task: make_planner("cem", task).population for task in expected}
+    assert found == expected
+
+
+class Replayed:
+    """Stands in for a random generator: gives out fixed numbers."""
+
+    def __init__(self, *arrays):
+        self._arrays = iter(arrays)
+
+    def standard_normal(self, shape):
+        array = next(self._arrays)
+        assert array.shape == tuple(shape)
+        return array
+
+
+def test_an_iteration_by_hand():
+    # 20 sequences of one action, two elites; the score is the action itself.
+    first, second = np.linspace(-2.0, 2.0, 20), np.zeros(20)
+    second[:2] = 1.0, -1.0
+    planner = CEM(1, budget=40, iterations=2)
+    shape = (20, 1, 1)
+    seen = []
+
+    def score(sequences):
+        seen.append(sequences.ravel())
+        return sequences.ravel()
+
+    random = Replayed(first.reshape(shape), second.reshape(shape))
+    found = planner.plan(score, np.zeros((1, 1)), random)
+    np.testing.assert_allclose(seen[0], np.clip(np.sqrt(0.5) * first, -1, 1))
+    # The two best are both clipped to 1, so that the variance is at its floor, 0.05^2.
+    np.testing.assert_allclose(seen[1][:3], [1.0, 0.95, 1.0])
+    assert found.actions.item() == 1.0 and found.env_steps == 40
+
+
+def test_a_plan_is_shifted_by_what_was_executed():
+    planner = CEM(4, budget=400, iterations=1)
+    plan = np.arange(8.0).reshape(4, 2)
+    np.testing.assert_array_equal(planner.shifted(plan, 1), [[2, 3], [4, 5], [6, 7], [0, 0]])
+    np.testing.assert_array_equal(planner.shifted(plan, 4), np.zeros((4, 2)))
+    assert not planner.first_guess(2).any()
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 7, 30])
+def test_coloured_noise_has_its_spectrum(horizon):
+    noise = coloured_noise((20_000, horizon, 2), np.random.default_rng(0))
+    assert noise.shape == (20_000, horizon, 2)
+    np.testing.assert_allclose(noise.var(axis=(0, 2)), 1.0, atol=0.03)
+    assert abs(noise.mean()) < 0.02
+    assert abs(np.mean(noise[..., 0] * noise[..., 1])) < 0.02  # Entries are independent.
+    if horizon >= 7:
+        power = np.square(np.abs(np.fft.rfft(noise, axis=1))).mean(axis=(0, 2))[1:]
+        frequency = np.arange(1, len(power) + 1)
+        slope = np.polyfit(np.log(frequency[: horizon // 2]), np.log(power[: horizon // 2]), 1)[0]
+        assert slope == pytest.approx(-planners.COLOUR, abs=0.1)
+
+
+def test_bad_settings():
+    with pytest.raises(InvalidArgumentError, match=r"planner='mppi'.*'cem', 'icem'"):
+        make_planner("mppi", "spread_cloth")
+    with pytest.raises(InvalidArgumentError, match=r"budget=1000.*1500 env steps or more"):
+        make_planner("cem", "spread_cloth", budget=1000)
+    with pytest.raises(InvalidArgumentError, match="horizon=0"):
+        make_planner("cem", "spread_cloth", 0)
+    with pytest.raises(InvalidArgumentError, match="iterations=0"):
+        make_planner("cem", "spread_cloth", iterations=0)
+
+
+# ---------------------------------------------------------------- rollouts
+
+CASES = {
+    "straighten_rope": {},
+    "fold_cloth": {"fidelity": "fast", "actor": "sawyer"},
+    "transport_water": {"fidelity": "fast", "draw": "none"},
+}
+
+
+@pytest.mark.parametrize("task", CASES)
+def test_rollouts_are_what_the_environment_does(task):
+    settings = CASES[task]
+    env = softgym_mj.load(task, split="all", observation="reduced", **settings)
+    env.reset(803)
+    for action in actions(env, 4, seed=1):
+        env.step(action)
+    sequences = np.stack([actions(env, 5, seed=seed) for seed in range(4)])
+    if sequences.shape[2] == 8:
+        sequences[:, :, 3] = 1.0  # One gripper closes, whatever is there.
+    snapshot = env.get_state()
+    returns = Rollouts(task, settings, SerialExecutor()).returns(snapshot, sequences)
+    with ProcessExecutor(2) as executor:
+        shared = Rollouts(task, settings, executor).returns(snapshot, sequences)
+    np.testing.assert_array_equal(shared, returns)
+    expected = []
+    for sequence in sequences:
+        env.set_state(snapshot)
+        expected.append(sum(env.step(action).reward for action in sequence))
+    np.testing.assert_array_equal(returns, expected)
+    assert len(set(expected)) == len(expected)
+
+
+def test_returns_end_with_the_episode():
+    settings = {"horizon": 3}
+    env = softgym_mj.load("straighten_rope", split="all", **settings)
+    env.reset(800)
+    env.step(np.zeros(8))
+    sequences = actions(env, 6)[None]
+    returns = Rollouts("straighten_rope", settings, SerialExecutor()).returns(
+        env.get_state(), sequences
+    )
+    assert returns == [sum(env.step(action).reward for action in sequences[0, :2])]
+
+
+# ---------------------------------------------------------------- policy
+
+
+def play(env, policy, steps):
+    """Actions (steps, size) of an episode."""
+    timestep, taken = env.reset(801), []
+    for _ in range(steps):
+        taken.append(policy(timestep))
+        timestep = env.step(taken[-1])
+    return np.array(taken)
+
+
+def make_policy(env, **settings):
+    planner = make_planner("icem", "straighten_rope", 4, budget=80, iterations=2)
+    rollouts = Rollouts("straighten_rope", {}, SerialExecutor())
+    return ModelPredictivePolicy(env, planner, rollouts, replan_every=2, **settings)
+
+
+def test_a_journal_continues_an_episode_exactly(tmp_path):
+    env = softgym_mj.load("straighten_rope", split="all")
+    expected = play(env, make_policy(env), 9)
+    journal = tmp_path / "episode.jsonl"
+    plans = []
+    play(env, make_policy(env, journal=journal, on_decision=plans.append), 3)
+    assert len(plans) == 2 and len(journal.read_text().splitlines()) == 2
+    with open(journal, "a") as file:
+        file.write("[[0.1, 0.")  # Killed while it wrote.
+    plans.clear()
+    found = play(env, make_policy(env, journal=journal, on_decision=plans.append), 9)
+    np.testing.assert_array_equal(found, expected)
+    assert len(plans) == 3  # Of five decisions.
+    other = play(env, make_policy(env, seed=1), 9)
+    assert not np.array_equal(other, expected)
+    # Each plan is executed for two steps; the next one starts from what is left of it.
+    assert len({row.tobytes() for row in expected}) == 9
+
+
+def test_a_journal_of_something_else_is_an_error(tmp_path):
+    env = softgym_mj.load("straighten_rope", split="all")
+    for content, message in (("[[0.5]]\n", "shape"), ("nonsense\n", "damaged")):
+        journal = tmp_path / "episode.jsonl"
+        journal.write_text(content)
+        with pytest.raises(StoreError, match=message):
+            play(env, make_policy(env, journal=journal), 1)
+    with pytest.raises(InvalidArgumentError, match="replan_every=5"):
+        planner = make_planner("cem", "straighten_rope", 4, budget=40, iterations=1)
+        ModelPredictivePolicy(
+            env, planner, Rollouts("straighten_rope", {}, SerialExecutor()), replan_every=5
+        )
+
+
+def test_planning_straightens_a_rope():
+    env = softgym_mj.load("straighten_rope", split="all", horizon=40)
+    planner = make_planner("icem", "straighten_rope", 5, budget=150, iterations=3)
+    policy = ModelPredictivePolicy(
+        env, planner, Rollouts("straighten_rope", {}, SerialExecutor()), replan_every=5
+    )
+    timestep = env.reset(801)
+    start = env.info()["normalized_performance"]
+    while not timestep.last():
+        timestep = env.step(policy(timestep))
+    assert env.info()["normalized_performance"] > max(0.8, start + 0.2)

@@ -1,0 +1,45 @@
+"""What docs/robots.md says of arms that stop at once and of the limits of their force."""
+
+import numpy as np
+import pytest
+
+from softgym_mj.robots.models import ARMS
+from tests.robots.test_cartesian import Scene, in_front
+
+PLACE = 0.7  # [m] Of a base from the middle.
+COMMAND = 25  # Sim steps of a command.
+# Share of the motor's torque to which a force limit is widened, at steps of 10 ms.
+WIDENED = 1.4, 2.7
+# How far a hand goes too far after a command at a speed [m/s] has ended: least, most [mm].
+BEYOND = {0.3: (6.0, 9.0), 0.6: (15.0, 25.0), 1.0: (35.0, 60.0)}
+
+
+@pytest.mark.parametrize("kind", ["cloth", "rope"])
+@pytest.mark.parametrize("arm", ARMS)
+def test_force_limits_are_wider_than_torque_limits(arm, kind):
+    scene = Scene.make(kind, arm)
+    limits = scene.model.actuator_forcerange[scene.arms.servos.motors]
+    share = limits[:, 1] / ARMS[arm].torque_limits
+    low, high = WIDENED
+    assert low <= round(share.min(), 2) and share.max() <= high
+    np.testing.assert_array_equal(limits[:, 0], -limits[:, 1])
+
+
+@pytest.mark.parametrize("kind", ["cloth", "rope"])
+@pytest.mark.parametrize("arm", ARMS)
+def test_a_hand_goes_too_far_when_a_command_ends(arm, kind):
+    scene = Scene.make(kind, arm)
+    for speed, (least, most) in BEYOND.items():
+        beyond = []
+        for way in ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):
+            scene.start(in_front(np.array([[0.45, 0.0, 0.3]]), PLACE))
+            for _ in range(COMMAND):
+                scene.step(np.array([[*(speed * np.array(way)), -1.0]]))
+            goal = scene.arms.commanded_positions()[0]
+            for _ in range(COMMAND):
+                scene.step(np.array([[0.0, 0.0, 0.0, -1.0]]))
+                beyond.append(1000.0 * (scene.arms.positions()[0] - goal) @ way)
+        assert least < max(beyond) < most
+        for _ in range(3 * COMMAND):
+            scene.step(np.array([[0.0, 0.0, 0.0, -1.0]]))
+        assert np.linalg.norm(scene.arms.positions()[0] - goal) < 0.001
