@@ -150,6 +150,14 @@ def test_wrong_class_data_are_errors(data, message):
         type("Bad", (Plain,), data)()
 
 
+def test_a_task_has_a_start_or_arranges():
+    class Nowhere(Task):
+        measure = Counting.measure
+
+    with pytest.raises(InvalidArgumentError, match="start=None.*a method `arrange`"):
+        Nowhere([Cloth(DIMS)])
+
+
 def test_an_actor_may_be_given_as_such():
     picker = Picker(num_pickers=1)
     assert started(Plain(actor=picker)).task.actor is picker

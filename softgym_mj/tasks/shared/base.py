@@ -26,6 +26,7 @@ from softgym_mj.robots.cup_mover import CupTool
 from softgym_mj.robots.factory import GRIPPERS
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import actors, checks
+from softgym_mj.tasks.shared.driving import Driving
 from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, STATES, make_observables
 from softgym_mj.tasks.shared.scene import Scene
 from softgym_mj.tasks.shared.state import Episode, State
@@ -116,6 +117,8 @@ class Task(composer.Task, abc.ABC):
         """
         checks.check_objects(objects, tool is not None)
         checks.check_class_data(self.view, self.workspace)
+        if start is None and type(self).arrange is Task.arrange:
+            raise InvalidArgumentError("start", start, "a Start, or a method `arrange` of the task")
         self.start = start
         self.store = None if start is None else VariationStore(start)
         self.actor = actors.make(type(self), actor, tool, actor_settings)
@@ -133,7 +136,6 @@ class Task(composer.Task, abc.ABC):
             physics_timestep=checks.checked_timestep(timestep, self.scene.materials.values()),
         )
         self._observables = make_observables(self, observation, image_size)
-        self._substep = 0  # Of the env step.
         self._variation, self._chosen = 0, False
         self._episode: Episode | None = None
         self._stored: dict[str, np.ndarray] = {}
@@ -164,8 +166,7 @@ class Task(composer.Task, abc.ABC):
             random: the generator of the current variation: the same for the same index and name
                 of the class. A subclass, or a class with another name, starts elsewhere.
         """
-        if self.store is None:
-            raise LifecycleError(f"{type(self).__name__} has no `Start`: it has to define arrange")
+        assert self.store is not None, "checked by the constructor"
         name, thing = next(iter(self.scene.materials.items()))
         self._stored = {name: self.store.load(self._variation)}
         thing.set_points(self._stored[name])
@@ -297,25 +298,13 @@ class Task(composer.Task, abc.ABC):
 
     def set_timesteps(self, control_timestep: float, physics_timestep: float) -> None:
         super().set_timesteps(control_timestep, physics_timestep)
-        self._timestep = physics_timestep  # Looked up in the model, it would take long.
-        self._parts_of_sim_step = round(SIM_STEP / physics_timestep)
+        self._driving = Driving(self.actor, physics_timestep)
 
     def before_step(self, physics, action, random_state):
-        action = self.actor.checked_action(action)
-        if self.actor.sim_steps is not None and not self.driven:
-            raise LifecycleError(
-                "actions of this actor take as long as they need: run the task in "
-                "softgym_mj.envs.environment.Environment, or by softgym_mj.load"
-            )
-        self.actor.command(action)
-        self._substep = 0
+        self._driving.start(action, self.driven)
 
     def before_substep(self, physics, action, random_state):
-        part = self._substep % self._parts_of_sim_step
-        if part == 0:
-            self.actor.plan()
-        self.actor.move((part + 1) / self._parts_of_sim_step, self._timestep)
-        self._substep += 1
+        self._driving.substep()
 
     def after_step(self, physics, random_state):
         self._measures = self._measured()
