@@ -94,11 +94,12 @@ def overview(scores: experts.Scores) -> str:
         lines.append(f"| {' | '.join(f'![{n}](docs/gifs/{n}.gif)' for n in names)} |")
         lines.append(f"| {' | '.join(f'`{n}`' for n in names)} |")
     lines.insert(1, "|" + ":-:|" * 5)
-    rows = [
-        f"| [`{name}`](docs/tasks/{name}.md) | {record.tags[0]} | {record.summary} "
-        f"| {cells(scores[name])[0]} | {rates[name]['env_steps_per_second']:.0f} |"
-        for name, record in softgym_mj.TASKS.items()
-    ]
+    rows = []
+    for name, record in softgym_mj.TASKS.items():
+        score = cells(scores[name])[0] if name in scores else "not yet played"
+        rate = f"{rates[name]['env_steps_per_second']:.0f}" if name in rates else "not yet measured"
+        page = f"[`{name}`](docs/tasks/{name}.md)"
+        rows.append(f"| {page} | {record.tags[0]} | {record.summary} | {score} | {rate} |")
     head = "| task | | goal | scripted expert | env steps/s, one core |"
     return "\n".join([*lines, "", table(head, rows)])
 

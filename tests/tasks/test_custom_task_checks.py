@@ -154,7 +154,7 @@ def test_a_task_has_a_start_or_arranges():
     class Nowhere(Task):
         measure = Counting.measure
 
-    with pytest.raises(InvalidArgumentError, match="start=None.*a method `arrange`"):
+    with pytest.raises(InvalidArgumentError, match=r"start=None.*a method `arrange`"):
         Nowhere([Cloth(DIMS)])
 
 
