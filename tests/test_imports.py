@@ -47,3 +47,10 @@ def test_everything_has_a_floor():
 def test_the_root_has_few_modules():
     modules = {path.stem for path in PACKAGE.glob("*.py")}
     assert modules == {"__init__", "compat", "exceptions", "metrics", "registry"}
+
+
+def test_no_task_imports_a_task():
+    for file in (PACKAGE / "tasks").glob("[a-z]*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ImportFrom) and "tasks" in (node.module or ""):
+                assert node.module.startswith("softgym_mj.tasks.shared"), file
