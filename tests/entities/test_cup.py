@@ -143,13 +143,6 @@ def test_overlap_agrees_with_shapely():
     assert 100 < hits < 400
 
 
-def test_resize_tells_whether_the_model_changed():
-    cup = Cup(SIZE)
-    assert not cup.resize(CupSize(0.24, 0.18, 0.3, 0.045))
-    assert cup.resize(CupSize(0.24, 0.18, 0.31, 0.045))
-    assert cup.size.depth == pytest.approx(0.31 - 0.0225)
-
-
 @pytest.mark.parametrize("bad", [(0.0, 1, 1, 0.1), (1, 1, -1, 0.1), (1, 1, 0.04, 0.1),
                                  (1, math.nan, 1, 0.1)])  # fmt: skip
 def test_impossible_sizes_are_refused(bad):

@@ -13,6 +13,9 @@ HEIGHT = 0.5  # [m] Of the middle of a rod or board.
 BESIDE = 0.0155
 
 
+slow = pytest.mark.slow
+
+
 def rod(type: str, radius: float, x: float = 0.0) -> dict:
     ends = (x, -0.4, HEIGHT, x, 0.4, HEIGHT)
     return {"type": type, "fromto": ends, "size": (radius,)}
@@ -35,7 +38,7 @@ def height_after_a_fall(thing, solid: dict, half: float, fall: float, timestep: 
     return thing.points()[:, 2].max() - HEIGHT - half
 
 
-@pytest.mark.parametrize("fall", [0.02, 0.06, 0.15])
+@pytest.mark.parametrize("fall", [pytest.param(0.02, marks=slow), 0.15])
 @pytest.mark.parametrize(
     ("solid", "half"),
     [
@@ -54,7 +57,12 @@ def test_a_rope_stays_where_it_falls(solid, half, fall):
 @pytest.mark.parametrize("x", [0.0, BESIDE])
 @pytest.mark.parametrize(
     ("timestep", "radius", "fall"),
-    [(0.01, 0.004, 0.06), (0.01, 0.004, 0.3), (0.01, 0.025, 0.3), (0.005, 0.004, 0.3)],
+    [
+        (0.01, 0.004, 0.3),
+        (0.01, 0.025, 0.3),
+        pytest.param(0.01, 0.004, 0.06, marks=slow),
+        pytest.param(0.005, 0.004, 0.3, marks=slow),
+    ],
 )
 @pytest.mark.parametrize("type", ["capsule", "cylinder"])
 def test_a_cloth_stays_on_the_rod_where_it_falls(type, timestep, radius, fall, x):
@@ -67,7 +75,12 @@ def test_a_cloth_stays_on_the_rod_where_it_falls(type, timestep, radius, fall, x
 
 @pytest.mark.parametrize(
     ("timestep", "half", "fall"),
-    [(0.01, 0.004, 0.3), (0.01, 0.008, 0.06), (0.01, 0.025, 0.3), (0.005, 0.008, 0.3)],
+    [
+        (0.01, 0.004, 0.3),
+        (0.01, 0.025, 0.3),
+        pytest.param(0.01, 0.008, 0.06, marks=slow),
+        pytest.param(0.005, 0.008, 0.3, marks=slow),
+    ],
 )
 def test_a_cloth_stays_on_the_board_where_it_falls(timestep, half, fall):
     cloth = Cloth((60, 60), fabric=Fabric(drag=0.0))
