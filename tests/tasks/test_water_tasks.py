@@ -61,10 +61,7 @@ def test_pour_moves_by_its_limits(pour):
     pour.step(np.array([-1.0, 0.5, 1.0]))
     np.testing.assert_allclose(pour.task.cup.pose, [-0.08, 0.12, 0.12], atol=1e-12)
     assert pour.info()["rejected_moves"] == 0
-
-
-def test_an_upright_cup_slides_on_the_ground(pour):
-    pour.reset(VARIATION)
+    pour.reset(VARIATION)  # An upright cup slides on the ground.
     for _ in range(3):
         pour.step(np.array([-1.0, 0.0, 0.0]))
     assert pour.info()["rejected_moves"] == 0
@@ -130,16 +127,10 @@ def test_the_cup_is_on_its_way_in_the_middle_of_a_sim_step():
         np.testing.assert_allclose(cup.pose, [0.01 * fraction, 0, -0.01 * fraction])
 
 
-def test_bad_actions_and_actors():
-    env = softgym_mj.load("pour_water", split=[VARIATION], fidelity="fast")
-    env.reset()
+def test_a_bad_action_is_told_what_the_cup_takes(pour):
+    pour.reset(VARIATION)
     with pytest.raises(InvalidArgumentError, match=r"expected \(3,\): dx, dz, dtheta"):
-        env.step(np.zeros(8))
-    for task in ("pour_water", "transport_water"):
-        with pytest.raises(InvalidArgumentError, match="'cup'"):
-            softgym_mj.load(task, actor="picker")
-        with pytest.raises(InvalidArgumentError, match="'accurate'"):
-            softgym_mj.load(task, fidelity="ultra")
+        pour.step(np.zeros(8))
 
 
 # ---------------------------------------------------------------- rewards
@@ -222,12 +213,6 @@ def test_pour_states(pour):
     expected = [*pose, cup.length, cup.width, cup.height, scene.distance, target.height,
                 target.length, target.width, positions[:, 2].max(), 0.0, 1.0]  # fmt: skip
     np.testing.assert_allclose(observation["reduced"], expected, atol=1e-14)
-
-
-def test_sizes_of_the_full_state_per_fidelity():
-    for fidelity, most in (("fast", 4394), ("default", 8788), ("accurate", 17576)):
-        env = softgym_mj.load("transport_water", fidelity=fidelity, observation="full")
-        assert env.observation_spec()["full"].shape == (3 * most + 6,)
 
 
 # ---------------------------------------------------------------- initial states
