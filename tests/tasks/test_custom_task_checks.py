@@ -14,7 +14,6 @@ from softgym_mj.exceptions import InvalidArgumentError, SnapshotError, SoftGymEr
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import Rollouts
-from softgym_mj.robots.factory import make_actor
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks import Measures, Task, TaskSettings
 
@@ -24,9 +23,9 @@ DIMS = (12, 12)
 class Counting(Task):
     """A small cloth; the reward is the number of env steps, which the task counts itself."""
 
-    def __init__(self, height: float = 0.1, **settings: Unpack[TaskSettings]):
+    def __init__(self, height: float = 0.1, objects=None, **settings: Unpack[TaskSettings]):
         self.cloth, self.height, self.count = Cloth(DIMS), height, 0
-        super().__init__([self.cloth], **settings)
+        super().__init__([self.cloth] if objects is None else objects, **settings)
 
     def arrange(self, random):
         self.count = 0
@@ -65,23 +64,17 @@ def measured(*arguments):
 
 BAD_METHODS = [
     ({"measure": lambda *_: 0.5}, r"measure\(\)=0.5.*`Measures`"),
-    ({"measure": lambda *_: None}, r"measure\(\)=None"),
     (measured(np.nan, {}), "performance=nan.*a finite number"),
     (measured(np.zeros(2), {}), r"performance=array.*a finite number"),
-    (measured("much", {}), "performance='much'"),
     (measured(0.5, 0.5), "rewards=0.5.*a dict from names to numbers"),
     (measured(0.5, {"a": np.inf}), r"rewards\['a'\]=inf"),
-    (measured(0.5, {"a": np.zeros(2)}), r"rewards\['a'\]=array"),
     (measured(0.5, {}, [1.0]), r"info=\[1.0\].*a dict"),
     (measured(0.5, {}, {"where": np.zeros(3)}), r"info\['where'\]=array.*a number"),
-    (measured(0.5, {}, {"word": "text"}), r"info\['word'\]='text'"),
     (measured(0.5, {}, {"performance": 3.0}), "info='performance'.*success, variation"),
-    (measured(0.5, {}, {"success": 7}), "info='success'"),
     (measured(0.5, {"a": 0.5}, {"reward_a": 9.0}), "info='reward_a'.*begins with reward_"),
     (measured(0.5, {}, {"picks_held": 5}), r"\['picks_held'\].*only once"),
     ({"diagnostics": lambda self: {"variation": 5}}, r"\['variation'\].*only once"),
-    ({"bounds": lambda *_: (1.0, 0.0)}, r"bounds\(\)=\(1.0, 0.0\).*lower < upper"),
-    ({"bounds": lambda *_: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\)"),
+    ({"bounds": lambda *_: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\).*lower < upper"),
     ({"bounds": lambda *_: 1.0}, r"bounds\(\)=1.0"),
     ({"reduced": lambda *_: {"a": np.array([np.nan])}}, r"reduced\(\)\['a'\].*finite numbers"),
     ({"reduced": lambda *_: {"a": np.zeros((1, 1, 1))}}, r"reduced\(\)\['a'\].*finite numbers"),
@@ -114,40 +107,22 @@ def test_the_start_is_above_the_floor():
 # ------------------------------------------------------------------ wrong arguments
 
 
-class Plain(Counting):
-    """A task with the arguments of `Task`."""
-
-    def __init__(self, objects=None, **settings):
-        self.cloth, self.height, self.count = Cloth(DIMS), 0.1, 0
-        Task.__init__(self, [self.cloth] if objects is None else objects, **settings)
-
-
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("data", "arguments", "message"),
     [
-        ({"objects": 3}, "objects=3.*a list of ropes"),
-        ({"objects": ["cloth"]}, r"objects=\['cloth'\]"),
-        ({"actor": "hand"}, "actor='hand'.*'picker', 'pick_and_place'"),
-        ({"actor": "picker", "arms": 1}, "arms=1.*None with actor='picker'"),
+        ({}, {"objects": 3}, "objects=3.*a list of ropes"),
+        ({}, {"objects": ["cloth"]}, r"objects=\['cloth'\]"),
+        ({}, {"actor": "hand"}, "actor='hand'.*'picker', 'pick_and_place'"),
+        ({}, {"actor": "picker", "arms": 1}, "arms=1.*None with actor='picker'"),
+        ({"view": "kitchen"}, {}, "view='kitchen'.*a View, or one of 'transport_"),
+        ({"view": ((0, 0, 1), (1, 0, 0, 0))}, {}, "view=.*a View, or one of 'transport_"),
+        ({"workspace": ((-1, -1, 0), (1, 1, 1))}, {}, r"workspace=.*a Workspace\("),
+        ({"material": "towel"}, {}, "kind='towel'.*'cloth', 'rope'"),
     ],
 )
-def test_wrong_arguments_are_errors(arguments, message):
+def test_wrong_arguments_and_class_data_are_errors(data, arguments, message):
     with pytest.raises(InvalidArgumentError, match=message):
-        Plain(**arguments)
-
-
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        ({"view": "kitchen"}, "view='kitchen'.*a View, or one of 'transport_"),
-        ({"view": ((0, 0, 1), (1, 0, 0, 0))}, "view=.*a View, or one of 'transport_"),
-        ({"workspace": ((-1, -1, 0), (1, 1, 1))}, r"workspace=.*a Workspace\("),
-        ({"material": "towel"}, "kind='towel'.*'cloth', 'rope'"),
-    ],
-)
-def test_wrong_class_data_are_errors(data, message):
-    with pytest.raises(InvalidArgumentError, match=message):
-        type("Bad", (Plain,), data)()
+        type("Bad", (Counting,), data)(**arguments)
 
 
 def test_a_task_has_a_start_or_arranges():
@@ -160,7 +135,7 @@ def test_a_task_has_a_start_or_arranges():
 
 def test_an_actor_may_be_given_as_such():
     picker = Picker(num_pickers=1)
-    assert started(Plain(actor=picker)).task.actor is picker
+    assert started(Counting(actor=picker)).task.actor is picker
 
 
 def test_the_scene_is_there_after_the_constructor():
@@ -173,14 +148,9 @@ def test_the_scene_is_there_after_the_constructor():
         Early()
 
 
-def test_grippers_are_for_cloth_or_rope():
-    with pytest.raises(InvalidArgumentError, match=r"kind='towel'.*'cloth', 'rope'"):
-        make_actor("picker", "towel")
-
-
 def test_only_bodies_of_the_scene_confine_water():
     water = Water(Liquid(2e-4), Resolution(8, 0.018, (2, 2)))
-    task = Plain([Cloth(DIMS), water])
+    task = Counting(objects=[Cloth(DIMS), water])
     world = task.root_entity.mjcf_model.worldbody
     geom = world.add("geom", type="box", size=[0.1, 0.1, 0.1])
     for wrong in ("glass", geom, world, None):
@@ -229,8 +199,9 @@ def rewarding(value, dims=DIMS):
 
     class Mine(Counting):
         def __init__(self, **settings: Unpack[TaskSettings]):
-            self.cloth, self.height, self.count = Cloth(dims), 0.1, 0
-            Task.__init__(self, [self.cloth], **settings)
+            cloth = Cloth(dims)
+            super().__init__(objects=[cloth], **settings)
+            self.cloth = cloth
 
         def measure(self, state, episode):
             return Measures(value, {"value": value})
