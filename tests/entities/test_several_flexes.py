@@ -166,7 +166,7 @@ def test_a_rope_that_slides_on_a_cloth_stops_after_coulombs_way(friction):
 
 def test_a_t_shirt_falls_onto_a_rope_on_a_cloth():
     scene = Scene(shirt=True)
-    scene.step(80)
+    scene.step(50)
     assert scene.crossings == 0 and scene.warnings == 0
     assert max(scene.cloth_strain) < 0.05
     # Where the rope lies below it, the shirt is higher than its two layers alone.

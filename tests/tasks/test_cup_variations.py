@@ -71,11 +71,6 @@ def test_resolution_by_hand():
     assert finer.spacing == pytest.approx(0.015 / 2 ** (1 / 3)) and finer.columns == (15, 15)
 
 
-def test_unknown_fidelity():
-    with pytest.raises(InvalidArgumentError, match="fast"):
-        transport_variation(MEDIUM).resolution("ultra")
-
-
 @FAMILIES
 def test_the_thousand_variations(family):
     scenes = [family.variation(index) for index in range(1000)]
@@ -117,11 +112,3 @@ def test_a_variation_is_the_same_on_every_call(family):
     assert family.variation(812) != family.variation(813)
     with pytest.raises(InvalidArgumentError):
         family.variation(1000)
-
-
-def test_the_draws_of_a_variation_are_pinned():
-    """Stored states belong to these: a change of the sampling must not go unnoticed."""
-    samples = [TransportCups().variation(i).sample for i in (0, 800)]
-    assert samples == [Sample(13, 28, 7), Sample(11, 16, 4)]
-    distances = [PourCups().variation(i).distance for i in (0, 800)]
-    assert distances == pytest.approx([0.51727, 0.781826], abs=1e-6)

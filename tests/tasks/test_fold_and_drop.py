@@ -40,6 +40,16 @@ def folded(cloth, flat, layer=LAYER):
     return grid.reshape(-1, 3)
 
 
+@pytest.fixture(name="fold", scope="module")
+def _fold():
+    return make("fold_cloth")
+
+
+@pytest.fixture(name="drop", scope="module")
+def _drop():
+    return make("drop_cloth")
+
+
 def measured(env):
     env.task.after_step(env.physics, None)
     return env.info()
@@ -87,10 +97,15 @@ def test_folds_are_measured_as_by_a_slow_loop(columns):
 
 
 @pytest.mark.parametrize(
-    ("dimx", "expected"), [(60, -0.1875), (61, -0.19375), (90, -0.28125), (119, -0.375)]
+    ("dimx", "fidelity", "expected"),
+    [
+        (60, "fast", -0.1875),
+        (61, "default", -0.19375),
+        (90, "default", -0.28125),
+        (119, "fast", -0.375),
+    ],
 )
-@pytest.mark.parametrize("fidelity", ["fast", "default"])
-def test_a_flat_cloth_has_softgyms_initial_performance(dimx, expected, fidelity):
+def test_a_flat_cloth_has_softgyms_initial_performance(dimx, fidelity, expected):
     """Facts A."""
     cloth = compiled((dimx, 70), fidelity)
     cloth.set_points(cloth.flat(angle=0.3))
@@ -122,29 +137,20 @@ def test_a_perfect_fold_scores_one_less_its_layer(task):
     assert info["displacement"] == pytest.approx(0.0, abs=2e-3)
 
 
-@pytest.mark.parametrize("task", [*FOLD_TASKS, "drop_cloth"])
-def test_the_start_scores_zero(task):
-    env = make(task)
-    for variation in (800, 801):
-        env.reset(variation)
-        assert env.info()["normalized_performance"] == 0.0
-
-
-def test_a_fold_that_was_dragged_away_costs_what_it_moved():
-    env = make("fold_cloth")
-    env.reset(805)
-    cloth = env.task.cloth
+def test_a_fold_that_was_dragged_away_costs_what_it_moved(fold):
+    fold.reset(805)
+    cloth = fold.task.cloth
     places = folded(cloth, cloth.points(), layer=0.0)
     cloth.set_points(places)
-    before = measured(env)["performance"]
+    before = measured(fold)["performance"]
     cloth.set_points(places + [0.03, -0.04, 0.0])
-    info = measured(env)
+    info = measured(fold)
     assert info["displacement"] == pytest.approx(0.05, abs=1e-6)
     assert info["reward_displacement"] == pytest.approx(-1.2 * 0.05, abs=1e-6)
     assert info["performance"] == pytest.approx(before - 0.06, abs=1e-6)
 
 
-@pytest.mark.parametrize("fidelity", ["fast", "default", "accurate"])
+@pytest.mark.parametrize("fidelity", ["fast", "default"])
 def test_the_performance_of_a_shape_does_not_depend_on_the_resolution(fidelity):
     """A cloth bent to a half pipe, whatever the number of its vertices."""
     cloth = compiled((91, 61), fidelity)
@@ -163,24 +169,22 @@ def test_the_performance_of_a_shape_does_not_depend_on_the_resolution(fidelity):
     assert performance == pytest.approx(-(4 * radius / np.pi + 1.2 * moved), rel=0.03)
 
 
-def test_flat_cloths_are_turned_by_up_to_45_degrees():
+def test_flat_cloths_are_turned_by_up_to_45_degrees(fold):
     initializer = FlatCloth("fast")
     angles = np.rad2deg([initializer.angle(i) for i in range(NUM_VARIATIONS)])
     assert -45.0 <= angles.min() < -44.0 and 44.0 < angles.max() <= 45.0
-    env = make("fold_cloth")
-    env.reset(803)
-    p1, _, p3, _ = env.task.cloth.points()[env.task.cloth.corners]
+    fold.reset(803)
+    p1, _, p3, _ = fold.task.cloth.points()[fold.task.cloth.corners]
     assert np.rad2deg(np.arctan2(*(p3 - p1)[[1, 0]])) == pytest.approx(angles[803], abs=0.01)
 
 
-def test_fold_cloth_starts_above_the_middle_of_the_first_column():
-    env = make("fold_cloth")
-    env.reset(803)
-    p1, p2 = env.task.cloth.points()[env.task.cloth.corners[:2]]
-    pickers = env.task.actor.positions()
+def test_fold_cloth_starts_above_the_middle_of_the_first_column(fold):
+    fold.reset(803)
+    p1, p2 = fold.task.cloth.points()[fold.task.cloth.corners[:2]]
+    pickers = fold.task.actor.positions()
     np.testing.assert_allclose(pickers.mean(axis=0)[:2], ((p1 + p2) / 2)[:2], atol=1e-12)
     np.testing.assert_allclose(pickers[:, 2], 0.1)
-    low, high = env.task.actor.limits
+    low, high = fold.task.actor.limits
     # Both corners can be carried exactly onto their mirrors in every variation.
     np.testing.assert_allclose((high - low)[:2], 1.6)
 
@@ -197,10 +201,9 @@ IDEAL_DROPS = [
 
 
 @pytest.mark.parametrize(("dimx", "x", "bottom", "expected"), IDEAL_DROPS)
-def test_a_vertical_sheet_has_softgyms_initial_performance(dimx, x, bottom, expected):
-    env = make("drop_cloth")
+def test_a_vertical_sheet_has_softgyms_initial_performance(drop, dimx, x, bottom, expected):
+    env, task = drop, drop.task
     env.reset(800)
-    task = env.task
     task.cloth.resize((dimx, 70))
     env._recompile_physics_and_update_observables()
     along, across, _ = task.cloth.flat().T
@@ -211,19 +214,18 @@ def test_a_vertical_sheet_has_softgyms_initial_performance(dimx, x, bottom, expe
     assert task.measure(task.state(), task.episode).performance == pytest.approx(expected, abs=2e-4)
 
 
-def test_a_cloth_laid_flat_in_its_place_scores_one():
-    env = make("drop_cloth")
-    env.reset(802)
-    cloth = env.task.cloth
+def test_a_cloth_laid_flat_in_its_place_scores_one(drop):
+    drop.reset(802)
+    cloth = drop.task.cloth
     flat = cloth.flat(centre=(cloth.size[0] / 2, 0.0))
     p1, p2, p3, _ = flat[cloth.corners]
     assert p1[0] == pytest.approx(0.0) and p1[1] == pytest.approx(-p2[1])
     assert p3[0] == pytest.approx(cloth.size[0])
     cloth.set_points(flat)
-    info = measured(env)
+    info = measured(drop)
     assert info["normalized_performance"] == pytest.approx(1.0, abs=1e-9) and info["success"]
     cloth.set_points(flat + [0.3, 0.4, 0.0])
-    assert measured(env)["performance"] == pytest.approx(-0.5)
+    assert measured(drop)["performance"] == pytest.approx(-0.5)
 
 
 @pytest.mark.parametrize("task", DROP_TASKS)
@@ -248,15 +250,13 @@ def test_the_cloth_hangs_by_two_corners_that_the_pickers_hold(task):
     assert cloth.points()[:, 2].max() < 0.4  # It fell.
 
 
-@pytest.mark.parametrize("task", DROP_TASKS)
-def test_held_corners_stay_above_half_a_metre(task):
-    env = make(task)
-    env.reset(801)
+def test_held_corners_stay_above_half_a_metre(drop):
+    drop.reset(801)
     for _ in range(10):
-        env.step(np.tile([0.0, 0.0, -1.0, 1.0], 2))
-    heights = env.task.cloth.points()[env.task.cloth.corners[:2], 2]
+        drop.step(np.tile([0.0, 0.0, -1.0, 1.0], 2))
+    heights = drop.task.cloth.points()[drop.task.cloth.corners[:2], 2]
     np.testing.assert_allclose(heights, 0.5, atol=1e-3)
-    low, high = env.task.actor.limits
+    low, high = drop.task.actor.limits
     np.testing.assert_allclose(low, [-0.25, -0.45, 0.55])
     np.testing.assert_allclose(high, [0.45, 0.45, 1.95])
 
@@ -266,7 +266,7 @@ def test_hanging_cloths_are_drawn_from_the_facts(sizes, largest):
     initializer = HangingCloth("fast", sizes)
     dims = np.array([initializer.dims(i) for i in range(NUM_VARIATIONS)])
     assert dims.min() == 60 and dims.max() == initializer.size_range[1] - 1 == largest
-    sheets = [initializer.sheet(i) for i in range(40)]
+    sheets = [initializer.sheet(i) for i in range(12)]
     for dim, sheet in zip(dims, sheets, strict=False):
         x, _, z = sheet[1:].T  # Vertex 0 is jittered.
         assert -0.1 <= x[0] <= 0.1 and np.ptp(x) < 1e-12

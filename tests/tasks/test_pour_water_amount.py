@@ -82,7 +82,7 @@ def test_the_bar_tells_where_the_water_will_stand():
     """Poured to the share by the expert, the water's surface is near the bar."""
     from softgym_mj.policies.experts import make_policy
 
-    env = softgym_mj.load("pour_water_amount", split="evaluate")
+    env = softgym_mj.load("pour_water_amount", split="evaluate", fidelity="fast")
     act, timestep = make_policy(env), env.reset(802)
     while not timestep.last():
         timestep = env.step(act(timestep))

@@ -33,6 +33,16 @@ def letter(name, count=41):
     return np.column_stack([line(name, count), np.full(count, RADIUS)])
 
 
+def apart(pixels, goal):
+    """Distances (m, n) [m] of m pixels of a square image from the n vertices of a goal."""
+    rows, columns = np.nonzero(pixels)
+    middle = (len(pixels) - 1) / 2
+    # The camera sees 0.704 m of the floor from 0.85 m above.
+    pitch = 2 * 0.85 * np.tan(np.deg2rad(22.5)) / len(pixels)
+    x, y = (columns - middle) * pitch, (middle - rows) * pitch
+    return np.hypot(x[:, None] - goal[:, 0], y[:, None] - goal[:, 1])
+
+
 def place(env, vertices):
     env.task.rope.set_points(vertices)
     env.task.after_step(env.physics, None)
@@ -116,13 +126,8 @@ def test_the_letter_is_drawn_on_the_floor():
         orange = (
             (image[..., 0] > 130) & (image[..., 2] < 120) & (image[..., 0] > image[..., 1] + 30)
         )
-        rows, columns = np.nonzero(orange)
-        # The camera sees 0.704 m of the floor from 0.85 m above.
-        pitch = 2 * 0.85 * np.tan(np.deg2rad(22.5)) / 256
-        x, y = (columns - 127.5) * pitch, (127.5 - rows) * pitch
-        goal = letter(goal_name(variation))
-        distance = np.hypot(x[:, None] - goal[:, 0], y[:, None] - goal[:, 1]).min(axis=1)
-        assert len(x) > 100 and distance.max() < 0.015
+        distance = apart(orange, letter(goal_name(variation))).min(axis=1)
+        assert len(distance) > 100 and distance.max() < 0.015
         seen[goal_name(variation)] = True
     assert len(seen) > 2
 
@@ -140,17 +145,10 @@ def test_the_goal_image_shows_the_rope_on_the_letter():
     np.testing.assert_array_equal(image, env.task.goal_image(env.physics, 200, 200))
     found = [env.step(action).observation["full"] for action in act[3:]]
     np.testing.assert_array_equal(found, expected)  # Looking changes nothing.
-    goal, pitch = letter(goal_name(803)), 2 * 0.85 * np.tan(np.deg2rad(22.5)) / 200
-
-    def apart(pixels):
-        """Distances [m] of pixels from the vertices of the goal."""
-        rows, columns = np.nonzero(pixels)
-        x, y = (columns - 99.5) * pitch, (99.5 - rows) * pitch
-        return np.hypot(x[:, None] - goal[:, 0], y[:, None] - goal[:, 1])
-
-    blue = apart((image[..., 2] > 150) & (image[..., 0] < 80))
+    goal = letter(goal_name(803))
+    blue = apart((image[..., 2] > 150) & (image[..., 0] < 80), goal)
     assert blue.min(axis=1).max() < 0.015 and blue.min(axis=0).max() < 0.01
-    dark = apart(image.max(axis=2) < 100)  # The rope's own shadow, but no picker nor its shadow.
+    dark = apart(image.max(axis=2) < 100, goal)  # The rope's own shadow, but none of a picker.
     assert dark.min(axis=1).max(initial=0.0) < 0.025
 
 
