@@ -290,30 +290,24 @@ def assert_refused(env, snapshot, *words: str) -> None:
     assert_same_state(env.get_state(), before)
 
 
-def test_snapshot_of_another_task(env):
-    cloth = softgym_mj.load(CLOTH, fidelity="fast")
-    cloth.reset(0)
-    assert_refused(cloth, env.get_state(), "'straighten_rope'", "'spread_cloth'")
-    assert_refused(env, cloth.get_state(), "'straighten_rope'", "'spread_cloth'")
+@pytest.mark.parametrize(
+    ("task", "settings", "words", "other_words"),
+    [
+        (CLOTH, {"fidelity": "fast"}, ("'straighten_rope'", "'spread_cloth'"), ()),
+        (ROPE, {"num_pickers": 1}, ("action size=4 against 8",), ("action size=8 against 4",)),
+        (ROPE, {"fidelity": "fast"}, ("fidelity",), ()),
+    ],
+)
+def test_snapshot_of_another_task_or_other_settings(env, task, settings, words, other_words):
+    other = softgym_mj.load(task, **settings)
+    other.reset(4)
+    assert_refused(env, other.get_state(), *words)
+    assert_refused(other, env.get_state(), *(other_words or words))
 
 
 @pytest.mark.parametrize("snapshot", [None, 3, {"task_name": ROPE}], ids=str)
 def test_no_snapshot_at_all(env, snapshot):
     assert_refused(env, snapshot, "get_state", repr(snapshot))
-
-
-def test_snapshot_of_another_number_of_pickers(env):
-    other = softgym_mj.load(ROPE, num_pickers=1)
-    other.reset(4)
-    assert_refused(env, other.get_state(), "action size=4 against 8")
-    assert_refused(other, env.get_state(), "action size=8 against 4")
-
-
-def test_snapshot_of_another_fidelity():
-    fast, default = (softgym_mj.load(CLOTH, fidelity=name) for name in ("fast", "default"))
-    for each in (fast, default):
-        each.reset(0)
-    assert_refused(fast, default.get_state(), "fidelity")
 
 
 # ---------------------------------------------------------------- order of calls
