@@ -15,8 +15,6 @@ from softgym_mj.entities.garment import Garment, read_mesh
 from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS, Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.picker import Picker
-from softgym_mj.robots.workspace import Workspace
 
 RADIUS = THICKNESS / 2.0  # [m]
 
@@ -34,16 +32,12 @@ def obj(path, points, triangles):
 
 
 class Scene:
-    """A sheet on the floor, and a picker."""
+    """A sheet on the floor."""
 
     def __init__(self, sheet, start):
-        self.sheet, self.picker = sheet, Picker(num_pickers=1)
-        arena = Arena("cloth")
+        self.sheet, arena = sheet, Arena("cloth")
         arena.attach(sheet)
-        self.picker.join(arena)
-        self.picker.manipulate(sheet)
-        self.physics = arena.compile(sheet.timestep, sheet, self.picker)
-        self.picker.place(np.array([[0.9, 0.9, 0.9]]), Workspace((-1.0,) * 3, (1.0,) * 3))
+        self.physics = arena.compile(sheet.timestep, sheet)
         self.crossings = self._count = 0
         sheet.set_points(start)
 
@@ -134,23 +128,6 @@ def test_a_dropped_t_shirt_crumples_without_crossing_itself():
     assert np.sqrt(np.mean(np.sum(shirt.velocities() ** 2, axis=1))) < 0.05  # Nearly at rest.
     assert np.percentile(np.abs(shirt.edge_strain()), 99) < 0.1
     assert scene.physics.data.ptr.warning.number.sum() == 0
-
-
-def test_a_picker_grasps_and_lifts_the_t_shirt():
-    shirt = Garment(T_SHIRT)
-    scene = Scene(shirt, shirt.laid())
-    hem = int(np.argmin(shirt.points()[:, 1] - shirt.points()[:, 2]))
-    start = shirt.vertex(hem) + [0.0, 0.0, scene.picker.radius + shirt.radius]
-    scene.picker.place(start[None], Workspace((-1.0,) * 3, (1.0,) * 3))
-    scene.picker.command(np.array([0.0, 0.0, 0.6, 1.0]))
-    for _ in range(40):
-        scene.picker.plan()
-        scene.picker.move(1.0, SIM_STEP)
-        scene.step()
-    assert scene.picker.held[0] == hem
-    held, goal = shirt.vertex(hem), scene.picker.held_positions()[0]
-    np.testing.assert_allclose(held, goal, atol=1e-3)
-    assert held[2] == pytest.approx(0.24, abs=0.03)
 
 
 def test_twice_the_stiffness_halves_the_strain_of_a_hanging_sheet(tmp_path):

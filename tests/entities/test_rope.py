@@ -46,15 +46,6 @@ def test_reward_table(env, distance, normalized):
     assert env.info()["end_point_distance"] == pytest.approx(distance)
 
 
-def test_a_straight_rope_stays_straight_and_scores_one(env):
-    env.reset(800)
-    env.task.rope.set_points(env.task.rope.straight())
-    for _ in range(5):
-        env.step(np.zeros(8))
-    info = env.info()
-    assert info["normalized_performance"] == pytest.approx(1.0, abs=0.005)
-
-
 def test_pulled_at_both_ends_it_hardly_stretches(env):
     env.reset(800)
     rope = env.task.rope

@@ -105,7 +105,7 @@ class Shelf(Task):
         return Measures(0.0, {"none": 0.0})
 
 
-@pytest.mark.parametrize("actor", ["franka", "sawyer"])
+@pytest.mark.parametrize("actor", ["franka", pytest.param("sawyer", marks=slow)])
 def test_hands_stop_at_a_shelf(actor):
     env = Environment(Shelf(actor), name="shelf", horizon=30)
     env.reset(0)
