@@ -10,13 +10,13 @@ import torch
 import softgym_mj
 from softgym_mj.tasks import Episode, State
 
-VARIATIONS, SAMPLES = (800, 807, 813, 999), 8  # Of four sizes; 32 states.
+VARIATIONS, SAMPLES = (800, 807, 813, 999), 16  # Of four sizes; 64 states.
 NOISE = {"water": 0.4}  # [m] By which the points of a state are moved; others by
 USUAL_NOISE = 0.03
 
 
 def samples(task: str) -> tuple[Any, list[State], list[Episode]]:
-    """A task, 32 states and their episodes."""
+    """A task, 64 states and their episodes."""
     settings = {} if "rope" in softgym_mj.TASKS[task].tags else {"fidelity": "fast"}
     env = softgym_mj.load(task, split="all", **settings)
     random, states, episodes = np.random.default_rng(0), [], []
