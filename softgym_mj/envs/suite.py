@@ -40,20 +40,6 @@ def _add_domain(suite) -> None:
     suite._DOMAINS[DOMAIN] = sys.modules[__name__]
 
 
-class _SuiteLoader(importlib.abc.Loader):
-    """Runs the module's own loader, then adds the domain."""
-
-    def __init__(self, loader):
-        self._loader = loader
-
-    def create_module(self, spec):
-        return self._loader.create_module(spec)
-
-    def exec_module(self, module):
-        self._loader.exec_module(module)
-        _add_domain(module)
-
-
 class _SuiteFinder(importlib.abc.MetaPathFinder):
     """Adds the domain when `dm_control.suite` is imported, so that we need not import it."""
 
@@ -63,7 +49,13 @@ class _SuiteFinder(importlib.abc.MetaPathFinder):
         sys.meta_path.remove(self)
         spec = importlib.machinery.PathFinder.find_spec(fullname, path)
         if spec is not None and spec.loader is not None:
-            spec.loader = _SuiteLoader(spec.loader)
+            execute = spec.loader.exec_module
+
+            def exec_module(module):
+                execute(module)
+                _add_domain(module)
+
+            spec.loader.exec_module = exec_module  # type: ignore[method-assign]
         return spec
 
 
