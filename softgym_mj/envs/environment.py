@@ -48,6 +48,13 @@ class Environment(composer.Environment):
     or an entity defines `initialize_episode_mjcf`; `step` takes strictly checked actions and ends
     after `horizon` env steps (discount 1: not a terminal state); `get_state` and `set_state` are
     exact; `info` describes the last step.
+
+    Attributes:
+        name: task name.
+        horizon: env steps in an episode.
+        variations: variation indices that `reset` draws from.
+        started: the variation that was last started; None before the first reset.
+        step_count: env steps since reset.
     """
 
     def __init__(
@@ -80,13 +87,14 @@ class Environment(composer.Environment):
             except (TypeError, ValueError):
                 valid = "None, a seed in 0..4294967295 or a numpy RandomState"
                 raise InvalidArgumentError("random_state", random_state, valid) from None
-        self._variations = split_indices(split)
-        self._name, self._horizon = name, horizon
-        self._step_count = 0
-        self._started: int | None = None  # The variation that was last started.
-        self._edits_mjcf = any(map(_edits_mjcf, (task, *task.root_entity.iter_entities())))
+        self.name, self.horizon, self.variations = name, horizon, split_indices(split)
+        self.started: int | None = None
+        self.step_count = 0
+        plain = Task.initialize_episode_mjcf, composer.Entity.initialize_episode_mjcf
+        parts = task, *task.root_entity.iter_entities()
+        self._edits_mjcf = any(type(part).initialize_episode_mjcf not in plain for part in parts)
         task.driven = True
-        task.choose_variation(self._variations[0])
+        task.choose_variation(self.variations[0])
         self._snapshot_key = task.snapshot_key
         super().__init__(
             task,
@@ -113,33 +121,6 @@ class Environment(composer.Environment):
         for _ in range(self._task.actor.sim_steps or 1):  # What some actors need for an action.
             super()._substep(action)
 
-    # ------------------------------------------------------------------ properties
-
-    @property
-    def name(self) -> str:
-        """Task name."""
-        return self._name
-
-    @property
-    def horizon(self) -> int:
-        """Env steps in an episode."""
-        return self._horizon
-
-    @property
-    def started(self) -> bool:
-        """Whether there has been a reset."""
-        return self._started is not None
-
-    @property
-    def step_count(self) -> int:
-        """Env steps since reset."""
-        return self._step_count
-
-    @property
-    def variations(self) -> Sequence[int]:
-        """Variation indices that `reset` draws from."""
-        return self._variations
-
     def info(self) -> dict[str, float | int | bool]:
         """Scalars that describe the state after the last step or reset."""
         return {**self._task.info(), "physics_warnings": int(self._data.warning.number.sum())}
@@ -156,7 +137,7 @@ class Environment(composer.Environment):
             InvalidArgumentError: if there is no such variation.
         """
         if variation is None:
-            variation = self._variations[self._random_state.randint(len(self._variations))]
+            variation = self.variations[self._random_state.randint(len(self.variations))]
         self._start(check_variation(variation))
         self._observation_updater.reset(self._physics_proxy, self._random_state)
         observation = self._observation_updater.get_observation()
@@ -169,8 +150,8 @@ class Environment(composer.Environment):
             self._recompile_physics_and_update_observables()
         with self._physics.reset_context():
             self._hooks.initialize_episode(self._physics_proxy, self._random_state)
-        self._step_count = 0
-        self._started = variation
+        self.step_count = 0
+        self.started = variation
         self._reset_next_step = False
 
     def step(self, action: np.ndarray) -> dm_env.TimeStep:
@@ -183,8 +164,8 @@ class Environment(composer.Environment):
         if self._reset_next_step:
             return self.reset()
         timestep = super().step(action)
-        self._step_count += 1
-        if self._step_count >= self._horizon:
+        self.step_count += 1
+        if self.step_count >= self.horizon:
             self._reset_next_step = True
             timestep = timestep._replace(step_type=dm_env.StepType.LAST)
         return timestep
@@ -197,16 +178,16 @@ class Environment(composer.Environment):
         Raises:
             LifecycleError: before the first reset.
         """
-        if not self.started:
+        if self.started is None:
             raise LifecycleError("no episode has started: call reset() before get_state()")
         physics = np.empty(mujoco.mj_stateSize(self._model, _STATE))
         mujoco.mj_getState(self._model, self._data, physics, _STATE)
         return Snapshot(
-            task_name=self._name,
+            task_name=self.name,
             key=self._snapshot_key,
             physics=physics,
             task=self._task.get_state(),
-            step_count=self._step_count,
+            step_count=self.step_count,
             ended=self._reset_next_step,
             random_state=self._random_state.get_state(),
         )
@@ -222,18 +203,23 @@ class Environment(composer.Environment):
         """
         if not isinstance(snapshot, Snapshot):
             raise SnapshotError(f"expected what `get_state` returned, not {snapshot!r}")
-        if snapshot.task_name != self._name:
+        if snapshot.task_name != self.name:
             raise SnapshotError(
-                f"the snapshot is of task {snapshot.task_name!r}, this one is {self._name!r}"
+                f"the snapshot is of task {snapshot.task_name!r}, this one is {self.name!r}"
             )
-        if snapshot.key != self._snapshot_key:
-            differ = ", ".join(_differences(snapshot.key, self._snapshot_key))
+        theirs, ours = snapshot.key, self._snapshot_key
+        if theirs != ours:
+            differ = ", ".join(
+                f"{name}={theirs.get(name)!r} against {ours.get(name)!r}"
+                for name in {**theirs, **ours}
+                if theirs.get(name) != ours.get(name)
+            )
             raise SnapshotError(f"the snapshot is of an environment with other settings: {differ}")
-        if snapshot.task["variation"] != self._started:
+        if snapshot.task["variation"] != self.started:
             self._start(snapshot.task["variation"])
         mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
         self._task.set_state(copy.deepcopy(snapshot.task))
-        self._step_count = snapshot.step_count
+        self.step_count = snapshot.step_count
         self._reset_next_step = snapshot.ended
         self._random_state.set_state(snapshot.random_state)
         self._observation_updater.reset(self._physics_proxy, self._random_state)
@@ -241,19 +227,3 @@ class Environment(composer.Environment):
     def observation(self) -> dict[str, np.ndarray]:
         """The current observation (of `observation_spec()`), for example after `set_state`."""
         return self._observation_updater.get_observation()
-
-
-def _edits_mjcf(part: composer.Task | composer.Entity) -> bool:
-    """Whether a task or an entity edits the model before every episode."""
-    base = Task if isinstance(part, composer.Task) else composer.Entity
-    return type(part).initialize_episode_mjcf is not base.initialize_episode_mjcf
-
-
-def _differences(theirs: dict[str, object], ours: dict[str, object]) -> list[str]:
-    """What differs between two keys."""
-    names = dict.fromkeys([*theirs, *ours])
-    return [
-        f"{name}={theirs.get(name)!r} against {ours.get(name)!r}"
-        for name in names
-        if theirs.get(name) != ours.get(name)
-    ]

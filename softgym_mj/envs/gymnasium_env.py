@@ -61,6 +61,10 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
     Box for one observation, a Dict of them for several. An episode is truncated after `horizon`
     env steps and never terminates. `info` is `Environment.info`. A copy or a pickle continues the
     episode where it stands.
+
+    Attributes:
+        dm_env: the dm_control environment underneath.
+        horizon: env steps after which an episode is truncated.
     """
 
     metadata = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 12.5}  # noqa: RUF012
@@ -101,31 +105,22 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         self.render_mode = render_mode
         check_image_size("render_size", render_size, LARGEST_IMAGE)
-        self._env = load(task, split=split, horizon=horizon, **task_kwargs)
-        check_name("camera", camera, camera_ids(self._env.physics.model.ptr))
+        self.dm_env = load(task, split=split, horizon=horizon, **task_kwargs)
+        self.horizon = self.dm_env.horizon
+        check_name("camera", camera, camera_ids(self.dm_env.physics.model.ptr))
         self._view = CameraView(camera, *render_size)
         self._running = self._closed = False
-        frames_per_second = round(1 / self._env.control_timestep(), 3)
+        frames_per_second = round(1 / self.dm_env.control_timestep(), 3)
         self.metadata = {**self.metadata, "render_fps": frames_per_second}
         spaces: dict[str, gymnasium.Space] = {
-            name: _space(spec) for name, spec in self._env.observation_spec().items()
+            name: _space(spec) for name, spec in self.dm_env.observation_spec().items()
         }
         self._single = next(iter(spaces)) if len(spaces) == 1 else None
         self.observation_space = (
             spaces[self._single] if self._single else gymnasium.spaces.Dict(spaces)
         )
-        size = self._env.task.actor.action_size
+        size = self.dm_env.task.actor.action_size
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
-
-    @property
-    def dm_env(self):
-        """The dm_control environment underneath."""
-        return self._env
-
-    @property
-    def horizon(self) -> int:
-        """Env steps after which an episode is truncated."""
-        return self._env.horizon
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Starts an episode.
@@ -153,10 +148,10 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         super().reset(seed=seed)
         variation = options.get("variation")
         if variation is None:
-            variation = draw_variation(self.np_random, self._env.variations)
-        timestep = self._env.reset(variation)
+            variation = draw_variation(self.np_random, self.dm_env.variations)
+        timestep = self.dm_env.reset(variation)
         self._running = True
-        return self._convert(timestep.observation), self._env.info()
+        return self._convert(timestep.observation), self.dm_env.info()
 
     def step(self, action: np.ndarray):
         """Applies an action (n,) in [-1, 1].
@@ -171,28 +166,28 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self._check_open()
         if not self._running:
             raise LifecycleError("no episode is running: call reset() before step()")
-        timestep = self._env.step(action)
+        timestep = self.dm_env.step(action)
         ended = timestep.last()
         self._running = not ended
         terminated = bool(ended and timestep.discount == 0.0)
         observation = self._convert(timestep.observation)
-        info = self._env.info()
+        info = self.dm_env.info()
         return observation, float(timestep.reward), terminated, ended and not terminated, info
 
     def render(self) -> np.ndarray | None:
         """An image (height, width, 3) uint8 or depths (height, width) float32 [m]; else None."""
         self._check_open()
         if self.render_mode == "rgb_array":
-            return self._view.rgb(self._env.physics)
+            return self._view.rgb(self.dm_env.physics)
         if self.render_mode == "depth_array":
-            return self._view.depth(self._env.physics)
+            return self._view.depth(self.dm_env.physics)
         logger.warn('render() needs a render_mode: make the environment with "rgb_array"')
         return None
 
     def close(self) -> None:
         """Frees the simulation."""
         if not self._closed:
-            self._env.close()
+            self.dm_env.close()
             self._closed = True
 
     def get_state(self) -> tuple[Snapshot, Mapping[str, Any]]:
@@ -202,7 +197,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             LifecycleError: before the first reset.
         """
         self._check_open()
-        return self._env.get_state(), self.np_random.bit_generator.state
+        return self.dm_env.get_state(), self.np_random.bit_generator.state
 
     def set_state(self, state: tuple[Snapshot, Mapping[str, Any]]):
         """Restores a snapshot; returns observation and info.
@@ -214,14 +209,14 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         if not (isinstance(state, tuple) and len(state) == 2):
             raise SnapshotError(f"expected what `get_state` returned, not {state!r}")
         snapshot, generator = state
-        self._env.set_state(snapshot)
+        self.dm_env.set_state(snapshot)
         self.np_random.bit_generator.state = generator
         self._running = not snapshot.ended
-        return self._convert(self._env.observation()), self._env.info()
+        return self._convert(self.dm_env.observation()), self.dm_env.info()
 
     def __getstate__(self) -> dict[str, Any]:
         self._check_open()
-        state = self.get_state() if self._env.started else None
+        state = self.get_state() if self.dm_env.started is not None else None
         copied = {name: vars(self)[name] for name in _COPIED if name in vars(self)}
         # A copy, for `copy.copy`: its generators are not to be shared.
         return {**super().__getstate__(), "state": state, "copied": copy.deepcopy(copied)}
