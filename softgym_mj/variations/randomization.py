@@ -43,11 +43,6 @@ class Parameter:
     valid: Range
     summary: str
 
-    @property
-    def is_ratio(self) -> bool:
-        """Whether draws are uniform in the logarithm: of what is positive by nature."""
-        return self.valid[0] > 0.0
-
     def ranges(self, setting: object) -> tuple[Range, ...]:
         """The ranges to draw from.
 
@@ -77,8 +72,11 @@ class Parameter:
         return ((low, high),)
 
     def at(self, fraction: float, ranges: Sequence[Range]) -> float:
-        """The value at a fraction in 0..1 of the ranges' whole length."""
-        forth, back = (math.log, math.exp) if self.is_ratio else (float, float)
+        """The value at a fraction in 0..1 of the ranges' whole length.
+
+        That is measured in the logarithm of what is positive by nature.
+        """
+        forth, back = (math.log, math.exp) if self.valid[0] > 0.0 else (float, float)
         scaled = [(forth(low), forth(high)) for low, high in ranges]
         rest = fraction * sum(high - low for low, high in scaled)
         for (low, high), (first, last) in zip(scaled, ranges, strict=True):
@@ -141,7 +139,14 @@ class Prefixed:
 
 
 class DomainRandomization:
-    """Which parameters of the parts of a scene vary, and how far."""
+    """Which parameters of the parts of a scene vary, and how far.
+
+    Attributes:
+        parameters: all of the scene, whether they vary or not.
+        ranges: what the value of each parameter is drawn from.
+        varying: names of the parameters that are not nominal in every variation.
+        values: the current value of every parameter.
+    """
 
     def __init__(self, setting: str | Mapping[str, object], parts: Sequence[Adjustable]):
         """Reads a setting.
@@ -155,55 +160,35 @@ class DomainRandomization:
             InvalidArgumentError: for a bad name or value.
         """
         self._parts = tuple(parts)
-        self._parameters = {p.name: p for part in parts for p in part.parameters}
+        named = {p.name: p for part in parts for p in part.parameters}
         if isinstance(setting, Mapping):
             for name in setting:
-                check_name("domain parameter", name, self._parameters)
-            settings = {name: setting.get(name, "nominal") for name in self._parameters}
+                check_name("domain parameter", name, named)
+            settings = {name: setting.get(name, "nominal") for name in named}
         elif setting in PRESETS:
-            settings = dict.fromkeys(self._parameters, setting)
+            settings = dict.fromkeys(named, setting)
         else:
-            choices = [*PRESETS, "a dict of " + ", ".join(self._parameters)]
+            choices = [*PRESETS, "a dict of " + ", ".join(named)]
             raise InvalidArgumentError("domain", setting, choices)
-        self._ranges = {
-            name: parameter.ranges(settings[name]) for name, parameter in self._parameters.items()
-        }
-        self._values = {name: parameter.nominal for name, parameter in self._parameters.items()}
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters of the scene, whether they vary or not."""
-        return tuple(self._parameters.values())
-
-    @property
-    def ranges(self) -> dict[str, tuple[Range, ...]]:
-        """What the value of each parameter is drawn from."""
-        return dict(self._ranges)
-
-    @property
-    def varying(self) -> tuple[str, ...]:
-        """Names of the parameters that are not nominal in every variation."""
-        return tuple(
-            p.name for p in self.parameters if self._ranges[p.name] != ((p.nominal, p.nominal),)
+        self.parameters = tuple(named.values())
+        self.ranges = {p.name: p.ranges(settings[p.name]) for p in self.parameters}
+        self.varying = tuple(
+            p.name for p in self.parameters if self.ranges[p.name] != ((p.nominal, p.nominal),)
         )
-
-    @property
-    def values(self) -> dict[str, float]:
-        """The current value of every parameter."""
-        return dict(self._values)
+        self.values = {p.name: p.nominal for p in self.parameters}
 
     def draw(self, variation: int) -> dict[str, float]:
         """The value of every parameter in a variation."""
         return {
-            name: parameter.at(generator(f"domain/{name}", variation).random(), self._ranges[name])
-            for name, parameter in self._parameters.items()
+            p.name: p.at(generator(f"domain/{p.name}", variation).random(), self.ranges[p.name])
+            for p in self.parameters
         }
 
     def apply(self, variation: int) -> bool:
         """Sets the parameters for a variation; True when the model must be recompiled."""
-        self._values = self.draw(variation)
+        self.values = self.draw(variation)
         changed = [
-            part.adjust({p.name: self._values[p.name] for p in part.parameters})
+            part.adjust({p.name: self.values[p.name] for p in part.parameters})
             for part in self._parts
         ]
         return any(changed)
