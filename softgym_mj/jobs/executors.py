@@ -21,13 +21,14 @@ from softgym_mj.exceptions import SimulationError, check_count, import_extra
 MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
 
 
-class Executor(abc.ABC):
-    """Makes calls side by side; a context manager."""
+class Executor(contextlib.AbstractContextManager["Executor"]):
+    """Makes calls side by side; a context manager.
 
-    @property
-    @abc.abstractmethod
-    def number(self) -> int:
-        """How many calls can be made at the same time."""
+    Attributes:
+        number: how many calls can be made at the same time.
+    """
+
+    number: int
 
     @abc.abstractmethod
     def results(
@@ -54,9 +55,6 @@ class Executor(abc.ABC):
     def close(self) -> None:
         """Ends its workers; calls that run are finished."""
 
-    def __enter__(self):
-        return self
-
     def __exit__(self, *error):
         self.close()
 
@@ -64,9 +62,7 @@ class Executor(abc.ABC):
 class SerialExecutor(Executor):
     """One call after the other, in this thread."""
 
-    @property
-    def number(self) -> int:
-        return 1
+    number = 1
 
     def results(self, function, calls):
         for index, call in enumerate(calls):
@@ -81,18 +77,14 @@ class ProcessExecutor(Executor):
 
     def __init__(self, number: int):
         """Starts `number` processes, 1 or more, when they are first needed."""
-        self._number = check_count("jobs", number, 1)
+        self.number = check_count("jobs", number, 1)
         self._pool: concurrent.futures.ProcessPoolExecutor | None = None
-
-    @property
-    def number(self) -> int:
-        return self._number
 
     def _running(self) -> concurrent.futures.ProcessPoolExecutor:
         if self._pool is None:
             # A forked child would share the locks and OpenGL contexts of its parent.
             self._pool = concurrent.futures.ProcessPoolExecutor(
-                self._number,
+                self.number,
                 multiprocessing.get_context("spawn"),
                 initializer=_exit_with_parent,
                 initargs=(os.getpid(),),
@@ -168,7 +160,7 @@ class RayExecutor(Executor):
         self._call = ray.remote(max_retries=-1, retry_exceptions=False)(_call)
 
     @property
-    def number(self) -> int:
+    def number(self) -> int:  # type: ignore[override]  # A cluster grows and shrinks.
         return max(1, int(self._ray.cluster_resources().get("CPU", 1)))
 
     def results(self, function, calls):
