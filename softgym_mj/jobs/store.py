@@ -56,6 +56,8 @@ class Store:
 
     Attributes:
         folder: where the files are.
+        text: the specification as JSON.
+        digest: SHA-256 of that.
     """
 
     def __init__(
@@ -74,10 +76,14 @@ class Store:
             damaged: the error for a file and what is wrong with it.
         """
         self._specification = json.loads(json.dumps(specification))  # Tuples are lists there.
-        text = json.dumps(self._specification, sort_keys=True)
-        self._digest = hashlib.sha256(text.encode()).hexdigest()
+        self.text = json.dumps(self._specification, sort_keys=True)
+        self.digest = hashlib.sha256(self.text.encode()).hexdigest()
         self.folder, self._codec, self._damaged = folder, codec, damaged
-        self._claim, self._claimed = folder / "specification.json", False
+        self._claimed = False
+
+    @property
+    def _claim(self) -> pathlib.Path:
+        return self.folder / "specification.json"
 
     def is_empty(self) -> bool:
         """Whether the folder holds nothing but a specification."""
@@ -139,7 +145,7 @@ class Store:
 
     def _header(self, key: Key, content: bytes) -> bytes:
         checksum = hashlib.sha256(content).hexdigest()
-        header = {"specification": self._digest, "key": key, "sha256": checksum}
+        header = {"specification": self.digest, "key": key, "sha256": checksum}
         return json.dumps(header).encode()
 
     def run(

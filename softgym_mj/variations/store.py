@@ -3,8 +3,6 @@
 First comes the set shipped in the package, then the user's cache, one file a variation.
 """
 
-import hashlib
-import json
 import logging
 import os
 import pathlib
@@ -42,11 +40,9 @@ class VariationStore(Store):
             "parameters": start.parameters,
             "mujoco": _MUJOCO_SERIES,
         }
+        super().__init__(cache_folder(), specification, ARRAYS, packs.corrupt)
+        self.folder /= f"{start.name}-{self.digest[:12]}"
         self._start = start
-        self._text = json.dumps(specification, sort_keys=True)
-        digest = hashlib.sha256(self._text.encode()).hexdigest()
-        folder = cache_folder() / f"{start.name}-{digest[:12]}"
-        super().__init__(folder, specification, ARRAYS, packs.corrupt)
 
     def load(self, index: int) -> np.ndarray:
         """Vertex positions (n, 3) [m] of a variation; generated and stored if missing.
@@ -56,7 +52,7 @@ class VariationStore(Store):
                 variation; if it has to be generated and cannot be written.
         """
         index = check_variation(index)
-        states = packs.shipped(self._start.name, self._text)
+        states = packs.shipped(self._start.name, self.text)
         if states is not None:
             return states[index].copy()
         if not self.has(index):
@@ -110,4 +106,4 @@ class VariationStore(Store):
     def pack(self, file: pathlib.Path) -> None:
         """Writes all variations into one file, as shipped in the package."""
         states = [self.get(index) for index in range(NUM_VARIATIONS)]
-        packs.write_pack(file, states, self._text)
+        packs.write_pack(file, states, self.text)
