@@ -25,15 +25,15 @@ _UNREADABLE = (
 def shipped(name: str, specification: str) -> list[np.ndarray] | None:
     """The shipped states of a start; None if there are none of this specification."""
     file = pathlib.Path(assets.path("variations", f"{name}.npz"))
-    if not file.exists() or _stored_specification(file) != specification:
+    if not file.exists() or str(*_read(file, "specification")) != specification:
         return None
     return read_pack(file, specification)
 
 
-def _stored_specification(file: pathlib.Path) -> str | None:
+def _read(file: pathlib.Path, *names: str) -> list[np.ndarray]:
     try:
         with np.load(file, allow_pickle=False) as content:
-            return str(content["specification"])
+            return [content[name] for name in names]
     except _UNREADABLE as error:
         raise corrupt(file, repr(error)) from error
 
@@ -74,12 +74,8 @@ def read_pack(file: pathlib.Path, specification: str) -> list[np.ndarray]:
     Raises:
         StoreError: if it is truncated, altered or of another specification.
     """
-    try:
-        with np.load(file, allow_pickle=False) as content:
-            found, checksum = str(content["specification"]), str(content["checksum"])
-            counts, vertices = content["counts"], content["vertices"]
-    except _UNREADABLE as error:
-        raise corrupt(file, repr(error)) from error
+    found, checksum = map(str, _read(file, "specification", "checksum"))
+    counts, vertices = _read(file, "counts", "vertices")
     if found != specification:
         raise corrupt(file, f"it holds {found}, expected {specification}")
     actual = _checksum(found, counts, vertices)
