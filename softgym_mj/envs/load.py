@@ -50,9 +50,5 @@ def load(
     if horizon is None:
         horizon = built.actor.horizon or record.horizon
     return Environment(
-        built,
-        name=record.name,
-        horizon=horizon,
-        split=split,
-        random_state=random_state,
+        built, name=record.name, horizon=horizon, split=split, random_state=random_state
     )

@@ -7,13 +7,7 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.native.arithmetic import length
-from softgym_mj.policies.experts.picker_expert import (
-    ARRIVED,
-    OPEN,
-    PASSED,
-    SLOW,
-    PickerExpert,
-)
+from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED, SLOW, PickerExpert
 
 ARM_REACH = 0.018  # [m] From which hands take a vertex: further off, others of a heap are nearer.
 LAYER = 0.01  # [m] By which an upper layer lies higher.

@@ -7,11 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from softgym_mj.policies.experts.cloth_expert import (
-    LAYER,
-    LIFT,
-    TRAVEL_HEIGHT,
-)
+from softgym_mj.policies.experts.cloth_expert import LAYER, LIFT, TRAVEL_HEIGHT
 from softgym_mj.policies.experts.heap_expert import HeapExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
