@@ -15,9 +15,9 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import (
     BUDGET,
+    CEM,
     ITERATIONS,
     PLANNERS,
-    Planner,
     make_planner,
     usual_horizon,
 )
@@ -100,7 +100,7 @@ class Configuration:
         """(variation, seed) of every episode."""
         return [(variation, seed) for seed in self.seeds for variation in self.variations]
 
-    def planner(self) -> Planner:
+    def planner(self) -> CEM:
         """A planner as `planning` has it, for policies that plan."""
         planning = self.planning
         assert planning is not None

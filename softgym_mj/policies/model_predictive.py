@@ -10,7 +10,7 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import StoreError, check_count
-from softgym_mj.policies.planners import Plan, Planner
+from softgym_mj.policies.planners import CEM, Plan
 from softgym_mj.policies.rollouts import Rollouts
 
 _SEED_KEY = 0x504C414E  # Keeps the planner's random numbers apart from those of variations.
@@ -26,7 +26,7 @@ class ModelPredictivePolicy:
     def __init__(
         self,
         env: Environment,
-        planner: Planner,
+        planner: CEM,
         rollouts: Rollouts,
         *,
         seed: int = 0,

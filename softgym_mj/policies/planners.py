@@ -4,7 +4,6 @@ Both look for the sequence of actions with the highest return under the true dyn
 given as a function; they know no environment.
 """
 
-import abc
 import dataclasses
 from collections.abc import Callable
 
@@ -44,8 +43,11 @@ class Plan:
     env_steps: int
 
 
-class Planner(abc.ABC):
-    """Refines a diagonal Gaussian over action sequences to those with the highest returns."""
+class CEM:
+    """The paper's: refines a diagonal Gaussian over action sequences to those with high returns.
+
+    Its noise is independent; the last mean is executed.
+    """
 
     def __init__(
         self,
@@ -119,9 +121,9 @@ class Planner(abc.ABC):
             kept = self._kept(elites)
         return Plan(self._chosen(mean, best), best_return, steps)
 
-    @abc.abstractmethod
     def _noise(self, shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
         """Standard normal entries (n, horizon, size)."""
+        return random.standard_normal(shape)
 
     def _population(
         self, samples: np.ndarray, kept: np.ndarray, mean: np.ndarray, iteration: int
@@ -133,22 +135,12 @@ class Planner(abc.ABC):
         """Which of the elites go on to the next iteration."""
         return elites[:0]
 
-    @abc.abstractmethod
     def _chosen(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
         """The sequence that is executed."""
-
-
-class CEM(Planner):
-    """The paper's: independent noise; the last mean is executed."""
-
-    def _noise(self, shape, random):
-        return random.standard_normal(shape)
-
-    def _chosen(self, mean, best):
         return mean
 
 
-class ICEM(Planner):
+class ICEM(CEM):
     """iCEM: smooth noise, elites that are kept, the mean among the last; the best is executed."""
 
     def _noise(self, shape, random):
@@ -167,7 +159,7 @@ class ICEM(Planner):
         return best
 
 
-PLANNERS: dict[str, type[Planner]] = {"cem": CEM, "icem": ICEM}
+PLANNERS = {"cem": CEM, "icem": ICEM}
 
 
 def usual_horizon(task: str) -> int:
@@ -175,14 +167,14 @@ def usual_horizon(task: str) -> int:
     return find(task).resolve().planning_horizon
 
 
-def make_planner(name: str, task: str, horizon: int | None = None, **settings) -> Planner:
+def make_planner(name: str, task: str, horizon: int | None = None, **settings) -> CEM:
     """A planner by name.
 
     Args:
         name: one of `PLANNERS`.
         task: task name, for the horizon.
         horizon: env steps of a sequence; None for the task's.
-        **settings: budget, iterations and variance as in `Planner`.
+        **settings: budget, iterations and variance as in `CEM`.
 
     Raises:
         InvalidArgumentError: if there is no such planner; for what cannot be.
