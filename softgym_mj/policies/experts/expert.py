@@ -53,3 +53,12 @@ class OwnExpert(Expert):
             f"`expert` of {type(task).__name__} yields too few actions: {self._env.name} lasts "
             f"{self._env.horizon} env steps"
         )
+
+
+def smooth(progress: float) -> float:
+    """Fraction of the way after a fraction of the time, with the least jerk from rest to rest.
+
+    The largest speed is 1.875 ways per duration, the largest acceleration 5.77 per its square.
+    """
+    s = min(max(progress, 0.0), 1.0)
+    return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from softgym_mj.entities.cup import CupSize
-from softgym_mj.policies.experts.expert import Expert
-from softgym_mj.policies.experts.motion import smooth
+from softgym_mj.policies.experts.expert import Expert, smooth
 
 STANDOFF = 0.01  # [m] Between the lip and the target while the cup approaches.
 REACH = 0.02  # [m] By which the lip is inside the target's near wall while it pours.

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from softgym_mj.policies.experts.expert import Expert
-from softgym_mj.policies.experts.motion import smooth
+from softgym_mj.policies.experts.expert import Expert, smooth
 from softgym_mj.tasks.transport_water import GOAL
 
 # [s] For the whole way: the cup is never faster than 0.75 m/s nor accelerated by more than
