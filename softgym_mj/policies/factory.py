@@ -46,17 +46,13 @@ def make_policy(name: str, env: Environment, seed: int = 0) -> Policy:
     size = env.task.actor.action_size
     if name == "zero":
         return lambda timestep: np.zeros(size)
-    return _Random(env, seed)
+    random = np.random.default_rng()
 
-
-class _Random:
-    """Uniform actions; those of an episode depend on seed and variation alone."""
-
-    def __init__(self, env: Environment, seed: int):
-        self._env, self._seed = env, seed
-
-    def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
+    def act(timestep: dm_env.TimeStep) -> np.ndarray:
+        """Uniform entries; those of an episode depend on seed and variation alone."""
+        nonlocal random
         if timestep.first():
-            key = [_SEED_KEY, self._seed, self._env.task.variation]
-            self._random = np.random.default_rng(key)
-        return self._random.uniform(-1.0, 1.0, self._env.task.actor.action_size)
+            random = np.random.default_rng([_SEED_KEY, seed, env.task.variation])
+        return random.uniform(-1.0, 1.0, size)
+
+    return act
