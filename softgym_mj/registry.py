@@ -29,6 +29,8 @@ class TaskRecord:
 
     Attributes:
         name: snake_case name.
+        class_name: "SpreadCloth" for "spread_cloth".
+        gymnasium_id: "softgym_mj/SpreadCloth-v0" for "spread_cloth".
         is_custom: whether it is registered by somebody else than this package.
     """
 
@@ -42,21 +44,13 @@ class TaskRecord:
             **overrides: instead of attributes of the class, where not None.
         """
         self.name, self.is_custom = name, task_class is not None
+        self.class_name = "".join(word.title() for word in name.split("_"))
+        self.gymnasium_id = f"softgym_mj/{self.class_name}-v0"
         self._class = task_class
         self._overrides = {key: value for key, value in overrides.items() if value is not None}
 
     def __repr__(self) -> str:
         return f"TaskRecord({self.name!r})"
-
-    @property
-    def class_name(self) -> str:
-        """ "SpreadCloth" for "spread_cloth"."""
-        return "".join(word.title() for word in self.name.split("_"))
-
-    @property
-    def gymnasium_id(self) -> str:
-        """Gymnasium id, "softgym_mj/SpreadCloth-v0" for "spread_cloth"."""
-        return f"softgym_mj/{self.class_name}-v0"
 
     def resolve(self) -> "type[Task]":
         """The class; imports its module."""
@@ -141,13 +135,9 @@ def _unpacked(parameter: inspect.Parameter) -> type:
     return typing.get_args(parameter.annotation)[0]
 
 
-def _shipped() -> list[str]:
-    """Names of the files in `tasks`, each with a class of this name."""
-    folder = pathlib.Path(__file__).parent / "tasks"
-    return [module.name for module in pkgutil.iter_modules([str(folder)]) if not module.ispkg]
-
-
-TASKS = {name: TaskRecord(name) for name in _shipped()}
+# Files, each with a class of its name.
+_FILES = pkgutil.iter_modules([str(pathlib.Path(__file__).parent / "tasks")])
+TASKS = {file.name: TaskRecord(file.name) for file in _FILES if not file.ispkg}
 
 
 _NAME = re.compile("[a-z][a-z0-9]*(_[a-z0-9]+)*")
