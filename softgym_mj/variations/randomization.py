@@ -121,21 +121,22 @@ class Adjustable(Protocol):
 
 
 class Prefixed:
-    """A part whose parameters have names that begin with its own: one of several in a scene."""
+    """A part whose parameters have names that begin with its own: one of several in a scene.
+
+    Attributes:
+        parameters: what may vary.
+    """
 
     def __init__(self, part: Adjustable, prefix: str):
         """The part, with `prefix` and an underscore before the names of its parameters."""
         self._part = part
-        self._names = {f"{prefix}_{p.name}": p for p in part.parameters}
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """What may vary."""
-        return tuple(dataclasses.replace(p, name=name) for name, p in self._names.items())
+        self._names = {f"{prefix}_{p.name}": p.name for p in part.parameters}
+        renamed = zip(part.parameters, self._names, strict=True)
+        self.parameters = tuple(dataclasses.replace(p, name=name) for p, name in renamed)
 
     def adjust(self, values: Mapping[str, float]) -> bool:
         """Sets all parameters; True when the model changed and must be recompiled."""
-        return self._part.adjust({p.name: values[name] for name, p in self._names.items()})
+        return self._part.adjust({own: values[name] for name, own in self._names.items()})
 
 
 class DomainRandomization:
