@@ -80,17 +80,6 @@ class ProcessExecutor(Executor):
         self.number = check_count("jobs", number, 1)
         self._pool: concurrent.futures.ProcessPoolExecutor | None = None
 
-    def _running(self) -> concurrent.futures.ProcessPoolExecutor:
-        if self._pool is None:
-            # A forked child would share the locks and OpenGL contexts of its parent.
-            self._pool = concurrent.futures.ProcessPoolExecutor(
-                self.number,
-                multiprocessing.get_context("spawn"),
-                initializer=_exit_with_parent,
-                initargs=(os.getpid(),),
-            )
-        return self._pool
-
     def results(self, function, calls):
         left, losses = dict(enumerate(calls)), 0
         while left:
@@ -110,11 +99,17 @@ class ProcessExecutor(Executor):
 
     def _once(self, function, calls: Mapping[int, tuple]) -> Iterator[tuple[int, Any]]:
         """Makes calls by index as long as no process is lost."""
-        pool, failure = self._running(), None
-        futures: dict[concurrent.futures.Future, int] = {}
+        if self._pool is None:
+            # A forked child would share the locks and OpenGL contexts of its parent.
+            self._pool = concurrent.futures.ProcessPoolExecutor(
+                self.number,
+                multiprocessing.get_context("spawn"),
+                initializer=_exit_with_parent,
+                initargs=(os.getpid(),),
+            )
+        futures = {self._pool.submit(function, *call): index for index, call in calls.items()}
+        failure = None
         try:
-            for index, call in list(calls.items()):
-                futures[pool.submit(function, *call)] = index
             for future in concurrent.futures.as_completed(futures):
                 if future.cancelled():
                     continue
