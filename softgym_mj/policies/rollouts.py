@@ -41,9 +41,8 @@ class Rollouts:
 
         A sequence counts up to the end of the episode.
         """
-        number = min(len(sequences), CALLS_PER_WORKER * self._executor.number)
-        if self._executor.number == 1:
-            number = 1
+        workers = self._executor.number
+        number = 1 if workers == 1 else min(len(sequences), CALLS_PER_WORKER * workers)
         parts = np.array_split(sequences, number)
         calls = [(*self._key, snapshot, part) for part in parts]
         return np.concatenate(self._executor.all(play_sequences, calls))

@@ -27,7 +27,6 @@ class ClothExpert(PickerExpert):
     def __init__(self, env: Environment):
         """Binds the expert, as `PickerExpert`."""
         super().__init__(env)
-        self._has_arms = self._actor.least_distance > 0.0
         if self._has_arms:
             self._reach = ARM_REACH
 
@@ -52,14 +51,10 @@ class ClothExpert(PickerExpert):
         """
         free = np.setdiff1d(np.arange(self._target.num_points), self._actor.held).tolist()
         free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
-        return next(
-            (
-                v
-                for v in free
-                if self._clearance(self._nearest_picker(v) if taker is None else taker, v) > 0.0
-            ),
-            free[0],
-        )
+        for v in free:
+            if self._clearance(self._nearest_picker(v) if taker is None else taker, v) > 0.0:
+                return v
+        return free[0]
 
     def _take(
         self, wanted: dict[int, int], grips: list[bool], away: float = NEAR_GOAL

@@ -49,6 +49,7 @@ class PickerExpert(Expert):
         self._actor, self._target = env.task.actor, env.task.objects[0]
         if self._actor.num_grippers != 2:
             raise InvalidArgumentError("num_grippers", self._actor.num_grippers, "2")
+        self._has_arms = self._actor.least_distance > 0.0
         self._stride = MAX_DISPLACEMENT * env.task.action_repeat
         self._reach = self._actor.pick_distance - self.margin
         super().__init__(env)
@@ -78,7 +79,7 @@ class PickerExpert(Expert):
     def _aside(self, goals: np.ndarray, i: int) -> np.ndarray:
         """Goals (2, 3) [m] where gripper `i` is out of the way of the other one, on its side."""
         goals = goals.copy()
-        if self._actor.least_distance > 0.0:
+        if self._has_arms:
             side = self._own_sides()[i]
             goals[i, 1] = side * max(side * goals[i, 1], side * goals[1 - i, 1] + ASIDE)
         return goals
@@ -113,7 +114,7 @@ class PickerExpert(Expert):
 
         That of the shorter ways, but grippers that must keep apart stay on their sides.
         """
-        if self._actor.least_distance > 0.0:
+        if self._has_arms:
             order = self._actor.order(self._target.points()[list(vertices)])
             return [vertices[i] for i in order]
         starts, goals = self._actor.positions(), self._target.points()[list(vertices)]

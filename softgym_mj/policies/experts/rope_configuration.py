@@ -20,12 +20,11 @@ class RopeConfiguration(PickerExpert):
 
     def _episode(self) -> Iterator[np.ndarray]:
         while True:
-            places = self._chosen()
-            if not places:
+            if places := self._chosen():
+                yield from self._put(places)
+            else:
                 yield from self._move(self._raised(TRAVEL), OPEN)
                 yield self._rest(OPEN)
-                continue
-            yield from self._put(places)
 
     def _goal(self) -> np.ndarray:
         """The letter (41, 3) [m] from the end that suits the rope."""
