@@ -34,7 +34,11 @@ def takes_seed(name: str) -> bool:
     """
     if name.endswith(SUFFIX):
         return SEED in name
-    return _takes_seed(_function(name))
+    function = _function(name)
+    try:
+        return "seed" in inspect.signature(function).parameters
+    except (TypeError, ValueError):  # Not a function, or a built-in one.
+        return False
 
 
 def sha256(name: str, seed: int) -> dict[str, str]:
@@ -116,7 +120,7 @@ def _single(file: pathlib.Path, timestep: dm_env.TimeStep) -> np.ndarray:
 
 def _imported(name: str, env: Environment, seed: int) -> Policy:
     make = _function(name)
-    settings = {"seed": seed} if _takes_seed(make) else {}
+    settings = {"seed": seed} if takes_seed(name) else {}
     try:
         policy = make(env, **settings)
     except SoftGymError:
@@ -142,10 +146,3 @@ def _function(name: str) -> Any:
         raise InvalidArgumentError(
             f"policy={name!r} cannot be imported: {type(error).__name__}: {error}"
         ) from error
-
-
-def _takes_seed(make: Any) -> bool:
-    try:
-        return "seed" in inspect.signature(make).parameters
-    except (TypeError, ValueError):  # Not a function, or a built-in one.
-        return False
