@@ -270,8 +270,7 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
 def fraction(marks: Array, present: Array) -> Array:
     """Share (...) of the points (..., n) that are there that have a mark (..., n) bool."""
     xp = array_api_compat.array_namespace(marks)
-    counted = xp.astype(marks & present, xp.float64)
-    return xp.sum(counted, axis=-1) / xp.sum(xp.astype(present, xp.float64), axis=-1)
+    return mean(xp.astype(marks, xp.float64), xp.astype(present, xp.float64))
 
 
 def highest(points: Array, present: Array) -> Array:
