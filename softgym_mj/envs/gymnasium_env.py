@@ -23,7 +23,6 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 
-_OPTIONS = ("variation", "state")
 _OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera")
 # Attributes that a copy has besides the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "spec")
@@ -36,7 +35,7 @@ def check_options(seed: object, options: Mapping[str, Any]) -> None:
         InvalidArgumentError: for an unknown option; for a seed or a variation beside a state.
     """
     for key in options:
-        check_name("options key", key, _OPTIONS)
+        check_name("options key", key, ("variation", "state"))
     if "state" in options:
         for name, value in (("seed", seed), ("variation", options.get("variation"))):
             if value is not None:
