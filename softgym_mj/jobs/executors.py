@@ -155,7 +155,8 @@ class RayExecutor(Executor):
         self._call = ray.remote(max_retries=-1, retry_exceptions=False)(_call)
 
     @property
-    def number(self) -> int:  # type: ignore[override]  # A cluster grows and shrinks.
+    def number(self) -> int:  # type: ignore[override]
+        """Cores of the cluster, which grows and shrinks."""
         return max(1, int(self._ray.cluster_resources().get("CPU", 1)))
 
     def results(self, function, calls):
