@@ -17,7 +17,7 @@ import gymnasium
 import numpy as np
 
 from softgym_mj import registry
-from softgym_mj.envs.environment import Snapshot
+from softgym_mj.envs.environment import Environment, Snapshot
 from softgym_mj.envs.load import load
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.rendering.offscreen import CameraView
@@ -25,7 +25,7 @@ from softgym_mj.variations.indices import NUM_VARIATIONS
 
 OBSERVATION_MODES = {"key_point": "reduced", "point_cloud": "full", "cam_rgb": "rgb"}
 ACTION_MODES = {
-    "picker": "picker", "pickerpickplace": "pick_and_place", "direct": "cup",
+    None: None, "picker": "picker", "pickerpickplace": "pick_and_place", "direct": "cup",
     "rotation_bottom": "cup",
 }  # fmt: skip
 # Of SoftGym, without meaning here: rendering is off-screen, states are generated when needed.
@@ -79,24 +79,22 @@ def make(
     ours = names()
     check_name("name", name, ours)
     check_name("observation_mode", observation_mode, OBSERVATION_MODES)
-    check_name("action_mode", action_mode, (None, *ACTION_MODES))
+    check_name("action_mode", action_mode, ACTION_MODES)
     check_count("num_variations", num_variations, 1, NUM_VARIATIONS)
     for argument in ignored:
         if argument not in IGNORED:
             own = [key for key in inspect.signature(make).parameters if key != "ignored"]
             raise InvalidArgumentError("argument", argument, (*own, *IGNORED))
-    record = registry.TASKS[ours[name]]
     settings: dict[str, Any] = {
+        "actor": ACTION_MODES[action_mode],
         "observation": OBSERVATION_MODES[observation_mode],
         "image_size": (camera_height, camera_width),
+        "action_repeat": action_repeat,
     }
-    if action_mode is not None:
-        settings["actor"] = ACTION_MODES[action_mode]
-    if action_repeat is not None:
-        settings["action_repeat"] = action_repeat
-    if "num_pickers" in record.arguments:
+    if "num_pickers" in registry.TASKS[ours[name]].arguments:
         settings["num_pickers"] = num_picker
-    return OldEnv(name, record, settings, horizon, num_variations, deterministic, eval_flag)
+    env = load(ours[name], split=range(num_variations), horizon=horizon, **settings)
+    return OldEnv(env, deterministic, eval_flag)
 
 
 def to_flex(vectors: np.ndarray) -> np.ndarray:
@@ -112,46 +110,30 @@ def from_flex(vectors: np.ndarray) -> np.ndarray:
 class OldEnv:
     """An environment with SoftGym's methods. Attributes:
 
+    dm_env: the environment underneath, in this package's own terms.
     horizon: env steps in an episode.
     action_space, observation_space: Gymnasium boxes.
     eval_flag: whether resets draw from the evaluation variations; may be set.
     """
 
-    def __init__(
-        self,
-        name: str,
-        record: registry.TaskRecord,
-        settings: Mapping[str, Any],
-        horizon: int | None,
-        num_variations: int,
-        deterministic: bool,
-        eval_flag: bool,
-    ):
-        """See `make`."""
-        self.name, self.eval_flag = name, eval_flag
-        self._env = load(record.name, split=range(num_variations), horizon=horizon, **settings)
-        self._water = "water" in record.tags
-        self._observed = settings["observation"]
-        self._num_variations, self._deterministic = num_variations, deterministic
+    def __init__(self, env: Environment, deterministic: bool, eval_flag: bool):
+        """Wraps an environment with one observation; see `make`."""
+        self.dm_env, self.eval_flag, self._deterministic = env, eval_flag, deterministic
+        self._water = env.task.material == "water"
         self._random = np.random.default_rng()
-        self.horizon = self._env.horizon
-        size = self._env.task.actor.action_size
+        self.horizon = env.horizon
+        size = env.task.actor.action_size
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
-        spec = self._env.observation_spec()[self._observed]
+        ((self._observed, spec),) = env.observation_spec().items()
         image = spec.dtype == np.uint8
         low, high = (0, 255) if image else (-np.inf, np.inf)
         dtype = np.uint8 if image else np.float32
         self.observation_space = gymnasium.spaces.Box(low, high, spec.shape, dtype)
 
     @property
-    def dm_env(self):
-        """The environment underneath, in this package's own terms."""
-        return self._env
-
-    @property
     def current_config_id(self) -> int:
         """Index of the current variation."""
-        return self._env.task.variation
+        return self.dm_env.task.variation
 
     def seed(self, seed: int | None = None) -> None:
         """Seeds the draw of variations and of `action_space`."""
@@ -160,17 +142,16 @@ class OldEnv:
 
     def reset(self, config_id: int | None = None) -> np.ndarray:
         """Starts an episode with a variation, or a drawn one; returns the observation (n,)."""
+        number = len(self.dm_env.variations)
         if config_id is None:
-            config_id = self._draw()
-        elif not 0 <= check_count("config_id", config_id, 0) < self._num_variations:
-            raise InvalidArgumentError("config_id", config_id, f"0..{self._num_variations - 1}")
-        return self._convert(self._env.reset(config_id).observation)
+            config_id = self._draw(number)
+        elif not 0 <= check_count("config_id", config_id, 0) < number:
+            raise InvalidArgumentError("config_id", config_id, f"0..{number - 1}")
+        return self._convert(self.dm_env.reset(config_id).observation)
 
-    def _draw(self) -> int:
-        first = int(TRAIN_SHARE * self._num_variations)
-        if self._num_variations == 1:
-            return 0
-        low, high = (first, self._num_variations) if self.eval_flag else (0, first)
+    def _draw(self, number: int) -> int:
+        first = int(TRAIN_SHARE * number)
+        low, high = (first, number) if self.eval_flag else (0, first)
         return low if self._deterministic else int(self._random.integers(low, max(high, low + 1)))
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, dict]:
@@ -185,17 +166,17 @@ class OldEnv:
         if not self._water and action.shape == self.action_space.shape:
             parts = action.reshape(-1, 4)
             action = np.column_stack([from_flex(parts[:, :3]), parts[:, 3]]).ravel()
-        timestep = self._env.step(action)
+        timestep = self.dm_env.step(action)
         observation = self._convert(timestep.observation)
-        return observation, float(timestep.reward), bool(timestep.last()), self._env.info()
+        return observation, float(timestep.reward), bool(timestep.last()), self.dm_env.info()
 
     def compute_reward(self) -> float:
         """Reward of the current state."""
-        return self._env.task.last_evaluation.reward
+        return self.dm_env.task.last_evaluation.reward
 
     def get_image(self, width: int = 720, height: int = 720) -> np.ndarray:
         """The task camera's image (height, width, 3) uint8."""
-        return CameraView("task", height, width).rgb(self._env.physics)
+        return CameraView("task", height, width).rgb(self.dm_env.physics)
 
     def render(self, mode: str = "rgb_array") -> np.ndarray:
         """The task camera's image (720, 720, 3) uint8."""
@@ -204,15 +185,15 @@ class OldEnv:
 
     def get_state(self) -> Snapshot:
         """A snapshot, exact: SoftGym's forgets what is held."""
-        return self._env.get_state()
+        return self.dm_env.get_state()
 
     def set_state(self, state: Snapshot) -> None:
         """Restores a snapshot."""
-        self._env.set_state(state)
+        self.dm_env.set_state(state)
 
     def close(self) -> None:
         """Frees the simulation."""
-        self._env.close()
+        self.dm_env.close()
 
     def _convert(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         value = observation[self._observed]
@@ -221,6 +202,6 @@ class OldEnv:
         if not self._water:  # All of it is positions.
             value = to_flex(value.reshape(-1, 3)).ravel()
         elif self._observed == "full":
-            count = 3 * self._env.task.max_points
+            count = 3 * self.dm_env.task.max_points
             value = np.concatenate([to_flex(value[:count].reshape(-1, 3)).ravel(), value[count:]])
         return value.astype(np.float32)
