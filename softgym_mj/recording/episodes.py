@@ -1,4 +1,4 @@
-"""Episodes of a dataset: played, and as arrays by name."""
+"""Episodes of a dataset: played, as arrays by name, which a store takes."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,7 +12,7 @@ from softgym_mj.policies.factory import Policy
 _BETWEEN = "/"  # Part and name of an array: "infos/success".
 
 
-def play(env: gymnasium.Env, act: Policy, variation: int) -> dict[str, Any]:
+def play(env: gymnasium.Env, act: Policy, variation: int) -> dict[str, np.ndarray]:
     """What happens in an episode of n env steps.
 
     Minari's own collector does the same, but needs JAX for it.
@@ -23,30 +23,34 @@ def play(env: gymnasium.Env, act: Policy, variation: int) -> dict[str, Any]:
         variation: index 0..999.
 
     Returns:
-        Arrays over time by name: "observations" and "infos" (n + 1, ...), by names of their own if
-        they have such; "actions" (n, size), "rewards", "terminations" and "truncations" (n,).
+        Arrays over time by name: "actions" (n, size), "rewards", "terminations" and "truncations"
+        (n,), "observations" and "infos" (n + 1, ...); those with names of their own as
+        "infos/success".
     """
     observation, info = env.reset(options={"variation": variation})
     timestep = dm_env.restart(_named(observation))
-    observations, infos = [observation], [info]
-    steps: dict[str, list] = {"actions": [], "rewards": [], "terminations": [], "truncations": []}
-    while not (steps["truncations"] and (steps["truncations"][-1] or steps["terminations"][-1])):
+    observations, infos, steps, ended = [observation], [info], [], False
+    while not ended:
         action = act(timestep).astype(env.action_space.dtype)
-        observation, *outcome, info = env.step(action)
-        timestep = dm_env.transition(outcome[0], _named(observation))
+        observation, reward, terminated, truncated, info = env.step(action)
+        timestep = dm_env.transition(reward, _named(observation))
         observations.append(observation)
         infos.append(info)
-        for values, value in zip(steps.values(), (action, *outcome), strict=True):
-            values.append(value)
-    played = {name: np.array(values) for name, values in steps.items()}
-    return {**played, "observations": _over_time(observations), "infos": _over_time(infos)}
+        steps.append((action, reward, terminated, truncated))
+        ended = terminated or truncated
+    names = "actions", "rewards", "terminations", "truncations"
+    played = zip(names, map(np.array, zip(*steps, strict=True)), strict=True)
+    seen = _over_time("observations", observations)
+    return {**dict(played), **seen, **_over_time("infos", infos)}
 
 
-def _over_time(values: list) -> np.ndarray | dict[str, np.ndarray]:
-    """Arrays, or dicts of them, with time as a further axis."""
+def _over_time(part: str, values: list) -> dict[str, np.ndarray]:
+    """Arrays with time as a further axis: one, or one for each name."""
     if not isinstance(values[0], dict):
-        return np.array(values)
-    return {name: np.array([value[name] for value in values]) for name in values[0]}
+        return {part: np.array(values)}
+    return {
+        f"{part}{_BETWEEN}{name}": np.array([value[name] for value in values]) for name in values[0]
+    }
 
 
 def _named(observation) -> dict:
@@ -54,19 +58,8 @@ def _named(observation) -> dict:
     return observation if isinstance(observation, dict) else {"observation": observation}
 
 
-def flat(episode: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """The arrays of an episode by one name each, as a store takes them: "infos/success"."""
-    arrays: dict[str, np.ndarray] = {}
-    for part, values in episode.items():
-        if isinstance(values, dict):
-            arrays |= {f"{part}{_BETWEEN}{name}": value for name, value in values.items()}
-        else:
-            arrays[part] = values
-    return arrays
-
-
 def nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """What `flat` was made of."""
+    """The arrays of `play` as keyword arguments of Minari: those of a part in a dict."""
     episode: dict[str, Any] = {}
     for key, value in arrays.items():
         part, _, name = key.partition(_BETWEEN)

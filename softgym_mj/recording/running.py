@@ -20,7 +20,7 @@ from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import is_saved, sha256
 from softgym_mj.recording import datasets
-from softgym_mj.recording.episodes import flat, nested, play
+from softgym_mj.recording.episodes import nested, play
 from softgym_mj.variations.indices import SPLITS, check_variation
 
 if TYPE_CHECKING:
@@ -79,10 +79,14 @@ def record(
     datasets.check_new(dataset)
     played = task if isinstance(task, str) and ":" in task else _with_module(found)
     split = next(name for name, own in SPLITS.items() if set(variations) <= set(own))
-    env = gymnasium.make(found.gymnasium_id, task=played, split=split, **settings)
-    try:
-        metadata = {
-            **_optional(author, author_email, code_permalink),
+    with gymnasium.make(found.gymnasium_id, task=played, split=split, **settings) as env:
+        signed = {  # Minari wants sets of authors.
+            "author": None if author is None else {author},
+            "author_email": None if author_email is None else {author_email},
+            "code_permalink": code_permalink,
+        }
+        metadata: dict[str, Any] = {
+            **{name: value for name, value in signed.items() if value is not None},
             "eval_env_spec": _evaluation_spec(env, settings),
             "algorithm_name": policy,
             "description": found.summary,
@@ -107,38 +111,26 @@ def record(
             if not store.has(variation):
                 # A policy of its own, which cannot depend on what was played before.
                 act = make_policy(policy, env.unwrapped.dm_env, seed)  # type: ignore[attr-defined]
-                store.put(variation, flat(play(env, act, variation)))
+                store.put(variation, play(env, act, variation))
             infos = nested(store.get(variation))["infos"]
             last = {name: values[-1] for name, values in infos.items()}
             if last["success"]:
                 successful.append(variation)
             on_episode(last)
-        if successful_only and not successful:
-            valid = f"False, as none of the {len(variations)} episodes is successful"
-            raise InvalidArgumentError("successful_only", True, valid)
         if successful_only:
+            if not successful:
+                valid = f"False, as none of the {len(variations)} episodes is successful"
+                raise InvalidArgumentError("successful_only", True, valid)
             counts = f"{len(successful)} of {len(variations)} episodes, those with success."
             metadata["description"] = f"{found.summary} {counts}".lstrip()
+            variations = successful
         buffers = (
             {"seed": seed, "options": {"variation": variation}, **nested(store.get(variation))}
-            for variation in (successful if successful_only else variations)
+            for variation in variations
         )
         made = datasets.write_dataset(dataset, env, buffers, metadata)
         shutil.rmtree(store.folder)
         return made
-    finally:
-        env.close()
-
-
-def _optional(
-    author: str | None, author_email: str | None, code_permalink: str | None
-) -> dict[str, Any]:
-    """The part of the metadata that need not be there; Minari wants sets of authors."""
-    sets = {"author": author, "author_email": author_email}
-    given: dict[str, Any] = {name: {value} for name, value in sets.items() if value is not None}
-    if code_permalink is not None:
-        given["code_permalink"] = code_permalink
-    return given
 
 
 def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:

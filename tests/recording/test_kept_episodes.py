@@ -11,6 +11,7 @@ import warnings
 import minari
 import numpy as np
 import pytest
+from minari.dataset._storages.hdf5_storage import HDF5Storage
 
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import StoreError
@@ -95,10 +96,9 @@ def assert_same(one, other):
 
 
 def test_who_stops_while_the_dataset_is_written_plays_nothing_again(played, monkeypatch):
-    storage = minari.dataset._storages.hdf5_storage.HDF5Storage
-    write, stop = storage.update_episodes, interrupt_after(2)
+    write, stop = HDF5Storage.update_episodes, interrupt_after(2)
     with monkeypatch.context() as patched:
-        patched.setattr(storage, "update_episodes", lambda *args: (write(*args), stop(args)))
+        patched.setattr(HDF5Storage, "update_episodes", lambda *args: (write(*args), stop(args)))
         with pytest.raises(KeyboardInterrupt):
             record(TASK, range(3), "random", dataset="rope/parts-v0", **SHORT)
     assert local_datasets() == []
