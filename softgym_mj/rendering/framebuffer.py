@@ -73,16 +73,7 @@ class SizedView:
 
     def __init__(self, physics: SizedPhysics, height: int, width: int):
         self._physics, self._height, self._width = physics, height, width
-
-    @property
-    def model(self):
-        """The model."""
-        return self._physics.model
-
-    @property
-    def data(self):
-        """The state."""
-        return self._physics.data
+        self.model, self.data = physics.model, physics.data
 
     @property
     def contexts(self) -> engine.Contexts:

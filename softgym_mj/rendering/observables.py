@@ -2,6 +2,7 @@
 
 import contextlib
 import contextvars
+import functools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
@@ -39,17 +40,15 @@ class TaskCamera:
 
     def observables(self) -> dict[str, observable.Generic]:
         """The observables by name."""
-        image = (self._height, self._width)
+        view, image = self._view, (self._height, self._width)
+        colors = specs.BoundedArray((*image, 3), np.uint8, 0, 255)
         labels = specs.BoundedArray(image, np.uint8, 0, len(LABELS) - 1)
+        cloud = specs.Array((NUM_CLOUD_POINTS, 4), np.float32)
         return {
-            "rgb": CameraObservable(
-                self._view.rgb, specs.BoundedArray((*image, 3), np.uint8, 0, 255)
-            ),
-            "depth": CameraObservable(self._view.depth, specs.Array(image, np.float32)),
+            "rgb": CameraObservable(view.rgb, colors),
+            "depth": CameraObservable(view.depth, specs.Array(image, np.float32)),
             "segmentation": CameraObservable(self.segmentation, labels),
-            "point_cloud": CameraObservable(
-                self.point_cloud, specs.Array((NUM_CLOUD_POINTS, 4), np.float32)
-            ),
+            "point_cloud": CameraObservable(self.point_cloud, cloud),
         }
 
     def segmentation(self, physics) -> np.ndarray:
@@ -148,10 +147,8 @@ class CameraObservable(observable.Generic):
 
     def __init__(self, look: Callable, spec: specs.Array):
         self._spec = spec
-        super().__init__(lambda physics: self._zeros() if _blank.get() else look(physics))
-
-    def _zeros(self) -> np.ndarray:
-        return np.zeros(self._spec.shape, self._spec.dtype)
+        zeros = functools.partial(np.zeros, spec.shape, spec.dtype)
+        super().__init__(lambda physics: zeros() if _blank.get() else look(physics))
 
     @property
     def array_spec(self) -> specs.Array:

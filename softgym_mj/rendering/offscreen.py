@@ -17,21 +17,13 @@ from softgym_mj.exceptions import (
     check_name,
 )
 
-INSTALL_COMMAND = "apt-get install -y libegl1 libgl1-mesa-dri"
-
 LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
-
 _MAX_GEOMS = 20000  # In a scene: the surface of water is drawn as some thousand triangles.
-
 _OTHER_THREAD = "already current on another thread"  # In dm_control's message.
-
 _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
-
 _QUALITY = 8  # Of videos, 0..10: no blocks are seen on the cloth.
 _BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
-
-# The flex is drawn by its skins (group 0); its own triangles and sites stay hidden.
-_FLEX_GROUP = 4
+_FLEX_GROUP = 4  # Of flexes that are drawn by their skins (group 0): it stays hidden.
 
 
 def has_display() -> bool:
@@ -55,15 +47,6 @@ def choose_backend() -> None:
     else:
         # States still work; a render then says what to install.
         os.environ["MUJOCO_GL"] = "disable"
-
-
-def unavailable(reason: object) -> UnavailableError:
-    """The error for a rendering that failed, with the command that helps."""
-    return UnavailableError(
-        f"off-screen rendering failed with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r}: "
-        f"{reason}. Install software OpenGL with `{INSTALL_COMMAND}`, unset MUJOCO_GL (or set it "
-        "to egl, osmesa or glfw) and start Python again."
-    )
 
 
 def has_rendered() -> bool:
@@ -132,7 +115,6 @@ class CameraView:
         self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None
         self._view: Any = None
-        self._option: Any = None
 
     def rgb(self, physics) -> np.ndarray:
         """Image (height, width, 3) uint8."""
@@ -148,7 +130,7 @@ class CameraView:
 
     def _render(self, physics, **options) -> np.ndarray:
         import mujoco
-        from dm_control.mujoco import engine, wrapper
+        from dm_control.mujoco import engine
 
         from softgym_mj.rendering.framebuffer import SizedPhysics, SizedView
 
@@ -162,17 +144,21 @@ class CameraView:
                 size, camera = (self._height, self._width), cameras[self._camera]
                 seen = SizedView(physics, *size) if isinstance(physics, SizedPhysics) else physics
                 self._view = engine.Camera(seen, *size, camera, max_geom=_MAX_GEOMS)
-                self._option = wrapper.MjvOption()
-                self._option.flexgroup[_FLEX_GROUP] = 0
+                self._view.option.flexgroup[_FLEX_GROUP] = 0
                 self._data = data
-            return self._view.render(scene_option=self._option, **options)
+            return self._view.render(**options)
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
             if _OTHER_THREAD in str(error):
                 raise UnavailableError(
                     "this environment has rendered in another thread, and OpenGL stays there: "
                     "render, reset and step it in that thread only, or make one in each thread"
                 ) from error
-            raise unavailable(error) from error
+            raise UnavailableError(
+                "off-screen rendering failed with "
+                f"MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r}: {error}. Install software OpenGL "
+                "with `apt-get install -y libegl1 libgl1-mesa-dri`, unset MUJOCO_GL (or set it to "
+                "egl, osmesa or glfw) and start Python again."
+            ) from error
 
 
 @dataclasses.dataclass(frozen=True)
