@@ -48,19 +48,18 @@ def labels(results: Sequence[Mapping]) -> list[str]:
     Raises:
         StoreError: if nothing does.
     """
-    details = [_details(result) for result in results]
     names = []
-    for result, own in zip(results, details, strict=True):
+    for result in results:
         # Horizons differ from task to task; what counts is whether they do within one.
         rivals = [
-            theirs
-            for other, theirs in zip(results, details, strict=True)
+            _details(other)
+            for other in results
             if (other["task"], other["policy"]) == (result["task"], result["policy"])
         ]
         telling = [
             f"{key[1]}={value}"
-            for key, value in own.items()
-            if len({theirs.get(key) for theirs in rivals}) > 1
+            for key, value in _details(result).items()
+            if any(theirs.get(key) != value for theirs in rivals)
         ]
         names.append(" ".join([result["policy"], *telling]))
     kinds = [(result["task"], name) for result, name in zip(results, names, strict=True)]
@@ -114,11 +113,10 @@ def write_csv(results: Sequence[Mapping], file: pathlib.Path) -> None:
 def markdown(results: Sequence[Mapping]) -> str:
     """A table of tasks and policies: mean, and least score of an episode."""
     names = labels(results)
-    groups = sorted(set(names), key=names.index)
+    groups = list(dict.fromkeys(names))
     scores = {(r["task"], name): r["summary"] for r, name in zip(results, names, strict=True)}
-    tasks = sorted({task for task, _ in scores}, key=[r["task"] for r in results].index)
     lines = ["| task | " + " | ".join(groups) + " |", "|---" * (len(groups) + 1) + "|"]
-    for task in tasks:
+    for task in dict.fromkeys(result["task"] for result in results):
         own = [scores.get((task, group)) for group in groups]
         cells = ["" if s is None else f"{s['mean']:.2f} ({s['min']:.2f})" for s in own]
         lines.append(f"| `{task}` | " + " | ".join(cells) + " |")

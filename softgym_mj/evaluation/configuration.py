@@ -13,21 +13,13 @@ import softgym_mj
 from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
-from softgym_mj.policies.planners import (
-    BUDGET,
-    CEM,
-    ITERATIONS,
-    PLANNERS,
-    make_planner,
-    usual_horizon,
-)
+from softgym_mj.policies.planners import BUDGET, CEM, ITERATIONS, PLANNERS, make_planner
 from softgym_mj.policies.saved import SEED, is_saved, sha256
 from softgym_mj.variations.indices import check_variation, split_indices
 
 # Counts up when scores of the same episode would differ: results of two versions are not mixed.
 PROTOCOL = 1
 POLICIES = (*SIMPLE, *PLANNERS)
-_OF_VARIATIONS = ("split", "random_state")  # What settings cannot choose beside variations.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +37,11 @@ class Planning:
     budget: int = BUDGET
     iterations: int = ITERATIONS
     replan_every: int = 1
+
+    def planner(self, name: str, task: str) -> CEM:
+        """A planner, one of `PLANNERS`, for a task."""
+        limits = {"budget": self.budget, "iterations": self.iterations}
+        return make_planner(name, task, self.horizon, **limits)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,11 +83,9 @@ class Configuration:
         check_settings(self.settings)
         if self.policy in PLANNERS:
             planning = self.planning or Planning()
-            usual = usual_horizon(self.task)
-            horizon = usual if planning.horizon is None else planning.horizon
+            horizon = planning.planner(self.policy, self.task).horizon
             planning = dataclasses.replace(planning, horizon=horizon)
             object.__setattr__(self, "planning", planning)
-            self.planner()
             check_count("replan_every", planning.replan_every, 1, horizon)
         elif self.planning is not None:
             raise StoreError(f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}")
@@ -99,18 +94,6 @@ class Configuration:
     def episodes(self) -> list[tuple[int, int]]:
         """(variation, seed) of every episode."""
         return [(variation, seed) for seed in self.seeds for variation in self.variations]
-
-    def planner(self) -> CEM:
-        """A planner as `planning` has it, for policies that plan."""
-        planning = self.planning
-        assert planning is not None
-        return make_planner(
-            self.policy,
-            self.task,
-            planning.horizon,
-            budget=planning.budget,
-            iterations=planning.iterations,
-        )
 
     def as_json(self) -> dict[str, Any]:
         """Everything that the scores depend on; what is in the files of the policy by SHA-256.
@@ -142,7 +125,7 @@ class Configuration:
 
 def check_settings(settings: Mapping[str, Any]) -> None:
     """Raises `InvalidArgumentError` for settings that say what is played, as the variations do."""
-    for name in _OF_VARIATIONS:
+    for name in ("split", "random_state"):
         if name in settings:
             valid = f"arguments of the task; not {name!r}, the variations say what is played"
             raise InvalidArgumentError("settings", dict(settings), valid)

@@ -2,17 +2,13 @@
 
 import pathlib
 import platform
+import re
 
 _CPUINFO = pathlib.Path("/proc/cpuinfo")  # Of Linux.
 
 
 def machine() -> dict[str, str | None]:
     """Model of the processor; None where unknown."""
-    model = None
-    if _CPUINFO.exists():
-        for line in _CPUINFO.read_text().splitlines():
-            name, _, value = line.partition(":")
-            if name.strip() == "model name":
-                model = value.strip()
-                break
-    return {"cpu": model or platform.processor() or None}
+    text = _CPUINFO.read_text() if _CPUINFO.exists() else ""
+    model = re.search(r"^model name[ \t]*:[ \t]*(.*\S)", text, re.MULTILINE)
+    return {"cpu": model[1] if model else platform.processor() or None}

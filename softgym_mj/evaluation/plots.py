@@ -61,8 +61,8 @@ def bars(results: Sequence[Mapping], file: pathlib.Path) -> None:
         InvalidArgumentError: for a kind of file that Matplotlib does not write.
     """
     names = labels(results)
-    groups = sorted(set(names), key=names.index)
-    tasks = sorted({result["task"] for result in results}, key=[r["task"] for r in results].index)
+    groups = list(dict.fromkeys(names))
+    tasks = list(dict.fromkeys(result["task"] for result in results))
     figure = new_figure(max(4.0, _INCHES * len(tasks)), 3.6)
     axes = figure.subplots()
     width = _BAR / len(groups)

@@ -99,15 +99,14 @@ def _planned(
     planning = configuration.planning
     assert planning is not None
     # Not `kept_environment`: in this process the samples are played in that one.
-    env = load(
-        configuration.task, split="all", **{"observation": "reduced", **configuration.settings}
-    )
+    settings = {"observation": "reduced", **configuration.settings}
+    env = load(configuration.task, split="all", **settings)
     rollouts = Rollouts(configuration.task, configuration.settings, executor)
 
     def play(variation: int, seed: int) -> dict:
         policy = ModelPredictivePolicy(
             env,
-            configuration.planner(),
+            planning.planner(configuration.policy, configuration.task),
             rollouts,
             seed=seed,
             replan_every=planning.replan_every,

@@ -25,8 +25,11 @@ def summary(episodes: Sequence[Mapping]) -> dict[str, float]:
         (Agarwal et al. 2021), with the ends of their bootstrap intervals; the least and the
         largest score, and the share of successes.
     """
-    scores = _table(episodes)
-    low, median, high = np.percentile(_spread(scores), [25, 50, 75]).tolist()
+    found = {(e["seed"], e["variation"]): e["normalized_performance"] for e in episodes}
+    seeds, variations = (list(dict.fromkeys(names)) for names in zip(*found, strict=True))
+    scores = np.array([[found[seed, variation] for variation in variations] for seed in seeds])
+    spread = scores.mean(1) if len(seeds) > 1 else scores[0]
+    low, median, high = np.percentile(spread, [25, 50, 75]).tolist()
     mean_low, mean_high, iqm_low, iqm_high = _intervals(scores)
     return {
         "median": median,
@@ -58,17 +61,6 @@ def methods(episodes: Sequence[Mapping]) -> dict[str, str]:
 def quartiles_over(episodes: Sequence[Mapping]) -> str:
     """What median and quartiles are over: "seeds", or "variations" where there is one seed."""
     return "seeds" if len({episode["seed"] for episode in episodes}) > 1 else "variations"
-
-
-def _table(episodes: Sequence[Mapping]) -> np.ndarray:
-    """Scores (seeds, variations)."""
-    scores = {(e["seed"], e["variation"]): e["normalized_performance"] for e in episodes}
-    seeds, variations = (list(dict.fromkeys(names)) for names in zip(*scores, strict=True))
-    return np.array([[scores[seed, variation] for variation in variations] for seed in seeds])
-
-
-def _spread(scores: np.ndarray) -> np.ndarray:
-    return scores.mean(1) if len(scores) > 1 else scores[0]
 
 
 def _intervals(scores: np.ndarray) -> list[float]:
