@@ -99,7 +99,8 @@ def demo(
                 f"{name}: normalized performance {_score(episode):.3f}; "
                 f"wrote {file} and {file.with_suffix('.png')}"
             )
-            strips.append(_strip(episode))
+            frames = episode.frames
+            strips.append(np.hstack([frames[0], frames[len(frames) // 2], frames[-1]]))
     _write_sheet(strips, out / "tasks.png")
     console.print(f"wrote {out / 'tasks.png'}")
 
@@ -126,19 +127,10 @@ def rollout(
         episode = _filmed(env, policy, index, video is not None, seed)
         if video is not None:
             _write(episode, video / f"{record.name}_{index:04d}.mp4")
-        typer.echo(
-            json.dumps(
-                {
-                    "task": record.name,
-                    "actor": actor,
-                    "grasp": grasp,
-                    "policy": policy,
-                    "variation": index,
-                    "normalized_performance": _score(episode),
-                    "success": bool(episode.info["success"][-1]),
-                }
-            )
-        )
+        line = {"task": record.name, "actor": actor, "grasp": grasp, "policy": policy,
+                "variation": index, "normalized_performance": _score(episode),
+                "success": bool(episode.info["success"][-1])}  # fmt: skip
+        typer.echo(json.dumps(line))
 
 
 @app.command()
@@ -197,12 +189,6 @@ def _write(episode: Episode, file: pathlib.Path) -> None:
 
     episode.video.write(file)
     imageio.imwrite(file.with_suffix(".png"), episode.frames[-1])
-
-
-def _strip(episode: Episode) -> np.ndarray:
-    """The first, the middle and the last picture, beside each other."""
-    frames = episode.frames
-    return np.hstack([frames[0], frames[len(frames) // 2], frames[-1]])
 
 
 def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:

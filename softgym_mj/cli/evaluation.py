@@ -1,8 +1,10 @@
 """The commands `softgym-mj evaluate` and `softgym-mj plot`."""
 
+import contextlib
 import pathlib
 import time
-from typing import Annotated
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
 
 import rich.progress
 import rich.table
@@ -22,6 +24,9 @@ from softgym_mj.cli.console import (
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.planners import BUDGET, ITERATIONS, PLANNERS, Plan
 from softgym_mj.registry import TASKS, find
+
+if TYPE_CHECKING:
+    from softgym_mj.evaluation import Configuration, Progress
 
 _EPISODES = 10  # What an evaluation plays if nothing is said.
 
@@ -73,8 +78,8 @@ def evaluate(
         planning if policy in PLANNERS else None,
     )
     try:
-        with _Bar(configuration) as bar, make_executor(jobs, ray) as executor:
-            result = evaluation.evaluate(configuration, out, executor, bar.progress())
+        with _progress(configuration) as progress, make_executor(jobs, ray) as executor:
+            result = evaluation.evaluate(configuration, out, executor, progress)
     except KeyboardInterrupt:
         console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
         raise typer.Exit(130) from None
@@ -152,45 +157,30 @@ def _variations(named: str | None, split: str | None, episodes: int | None) -> t
     return indices.parsed("variations", named)
 
 
-class _Bar:
-    """A progress bar: episodes, for planners the decisions too."""
+@contextlib.contextmanager
+def _progress(configuration: "Configuration") -> Iterator["Progress"]:
+    """Shows a bar: of episodes, for planners of their decisions; gives what it listens with."""
+    from softgym_mj.evaluation import Progress
 
-    def __init__(self, configuration):
-        self._configuration = configuration
-        self._bar = progress_bar(rich.progress.TextColumn("{task.fields[note]}"))
-        planning, settings = configuration.planning, configuration.settings
-        steps = settings.get("horizon") or TASKS[configuration.task].horizon
-        # Of an episode.
-        self._decisions = -(-steps // planning.replan_every) if planning else 1
-        self._env_steps, self._start = 0, time.perf_counter()
-        self._scores: list[float] = []
+    planning = configuration.planning
+    steps = configuration.settings.get("horizon") or TASKS[configuration.task].horizon
+    decisions = -(-steps // planning.replan_every) if planning else 1  # Of an episode.
+    scores: list[float] = []
+    env_steps, start = 0, time.perf_counter()
 
-    def __enter__(self):
-        self._bar.start()
-        self._bar_id = self._bar.add_task(
-            "decisions" if self._decisions > 1 else "episodes",
-            total=len(self._configuration.episodes) * self._decisions,
-            note="",
-        )
-        return self
+    def on_episode(episode: dict) -> None:
+        scores.append(episode["normalized_performance"])
+        done, mean = len(scores) * decisions, sum(scores) / len(scores)
+        bar.update(shown, completed=done, note=f"mean {mean:.3f}")
 
-    def __exit__(self, *error):
-        self._bar.stop()
-
-    def progress(self):
-        """What to tell the evaluation to call."""
-        from softgym_mj.evaluation import Progress
-
-        return Progress(self._on_episode, self._on_decision)
-
-    def _on_episode(self, episode: dict) -> None:
-        self._scores.append(episode["normalized_performance"])
-        mean = sum(self._scores) / len(self._scores)
-        done = len(self._scores) * self._decisions
-        self._bar.update(self._bar_id, completed=done, note=f"mean {mean:.3f}")
-
-    def _on_decision(self, plan: Plan) -> None:
-        self._env_steps += plan.env_steps
-        rate = self._env_steps / (time.perf_counter() - self._start)
+    def on_decision(plan: Plan) -> None:
+        nonlocal env_steps
+        env_steps += plan.env_steps
+        rate = env_steps / (time.perf_counter() - start)
         note = f"best return {plan.best_return:.3f}, {rate:.0f} env steps/s"
-        self._bar.update(self._bar_id, advance=1, note=note)
+        bar.update(shown, advance=1, note=note)
+
+    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as bar:
+        name = "decisions" if decisions > 1 else "episodes"
+        shown = bar.add_task(name, total=len(configuration.episodes) * decisions, note="")
+        yield Progress(on_episode, on_decision)
