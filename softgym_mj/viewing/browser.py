@@ -3,7 +3,7 @@
 import contextlib
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -92,22 +92,16 @@ class Browser:
     def _rebuild(self) -> None:
         """Shows another model, or other parts to be driven."""
         self._scene = Scene(self._server, self._session.env.physics)
-        self._driven_by = self._session.teleoperation
-        self._gizmos: list[Any] = []
+        self._driven_by = teleoperation = self._session.teleoperation
+        names = () if teleoperation is None else teleoperation.names
+        self._gizmos = [self._add_gizmo(part) for part in range(len(names))]
         self._dragged: set[int] = set()
         self._shown_grips: list[bool] = []
-        self._grip_folder.visible = False
         for box in self._grips:
             box.remove()
-        self._grips = []
-        teleoperation = self._driven_by
-        if teleoperation is None:
-            return
-        for part, name in enumerate(teleoperation.names):
-            self._gizmos.append(self._add_gizmo(part))
-            if teleoperation.can_grip:
-                self._grip_folder.visible = True
-                self._grips.append(self._add_grip(part, name))
+        can_grip = teleoperation is not None and teleoperation.can_grip
+        self._grip_folder.visible = can_grip
+        self._grips = [self._add_grip(*part) for part in enumerate(names)] if can_grip else []
 
     def _place_camera(self) -> None:
         """Has browsers start behind the camera that sees it all."""
@@ -121,11 +115,10 @@ class Browser:
     def _add_gizmo(self, part: int) -> Any:
         teleoperation = self._driven_by
         assert teleoperation is not None
-        axes = teleoperation.axes
         gizmo = self._server.scene.add_transform_controls(
             f"/targets/{part}",
             scale=GRIPPER_GIZMO if teleoperation.can_grip else CUP_GIZMO,
-            active_axes=axes,
+            active_axes=teleoperation.axes,
             disable_rotations=not teleoperation.turns,
             depth_test=False,
         )
@@ -163,45 +156,34 @@ class Browser:
         self._variation = gui.add_number("variation", 0, min=0, max=NUM_VARIATIONS - 1, step=1)
         self._grip_folder = gui.add_folder("grips")
 
-        @self._player.on_update
-        async def _(event: Any) -> None:
-            policy = TELEOPERATE if event.target.value == YOU else event.target.value
+        def play_as(name: str) -> None:
+            session.play(TELEOPERATE if name == YOU else name)
+
+        self._player.on_update(self._posting(play_as))
+        self._pause.on_click(self._posting(lambda _: self._toggle_pause()))
+        again.on_click(self._posting(lambda _: session.play()))
+        following.on_click(self._posting(lambda _: session.play_next()))
+        self._variation.on_update(self._posting(lambda index: session.play(variation=int(index))))
+
+    def _posting(self, function: Callable[[Any], object]) -> Callable[[Any], Any]:
+        """What has the session call a function with a value when a person has chosen that."""
+
+        async def handle(event: Any) -> None:
+            value = event.target.value
             if event.client is not None:
-                session.post(lambda: session.play(policy))
+                self._session.post(lambda: function(value))
 
-        @self._pause.on_click
-        async def _(event: Any) -> None:
-            session.post(self._toggle_pause)
-
-        @again.on_click
-        async def _(event: Any) -> None:
-            session.post(session.play)
-
-        @following.on_click
-        async def _(event: Any) -> None:
-            session.post(session.play_next)
-
-        @self._variation.on_update
-        async def _(event: Any) -> None:
-            variation = int(event.target.value)
-            if event.client is not None:
-                session.post(lambda: session.play(variation=variation))
+        return handle
 
     def _add_grip(self, part: int, name: str) -> Any:
+        def close(closed: bool) -> None:
+            if self._session.teleoperation is not None:
+                self._session.teleoperation.grips[part] = closed
+
         with self._grip_folder:
             box = self._server.gui.add_checkbox(f"{name} closed", False)
-
-        @box.on_update
-        async def _(event: Any) -> None:
-            closed = bool(event.target.value)
-            if event.client is not None:
-                self._session.post(lambda: self._close(part, closed))
-
+        box.on_update(self._posting(close))
         return box
-
-    def _close(self, part: int, closed: bool) -> None:
-        if self._session.teleoperation is not None:
-            self._session.teleoperation.grips[part] = closed
 
     def _toggle_pause(self) -> None:
         self._session.paused = not self._session.paused
@@ -229,9 +211,8 @@ class Browser:
         teleoperation = self._driven_by
         if teleoperation is None:
             return
-        for part, (gizmo, target) in enumerate(
-            zip(self._gizmos, teleoperation.targets, strict=True)
-        ):
+        placed = zip(self._gizmos, teleoperation.targets, strict=True)
+        for part, (gizmo, target) in enumerate(placed):
             if part not in self._dragged:
                 half = target[3] / 2.0
                 gizmo.position = target[:3]

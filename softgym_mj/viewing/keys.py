@@ -14,7 +14,6 @@ from softgym_mj.viewing.session import TELEOPERATE, Session
 from softgym_mj.viewing.teleoperation import Teleoperation
 
 STEPS = (0.01, 0.02, 0.05, 0.1, 0.2)  # [m] By which a press may move a target.
-_FIRST_STEP = 2
 TURN = np.deg2rad(5.0)  # [rad] By which a press turns a cup.
 
 
@@ -75,6 +74,7 @@ class Keyboard:
     """Turns presses of keys into targets and commands of a session.
 
     Attributes:
+        step: length of a step [m].
         driven: parts that the keys drive.
         helping: whether people want to be told of the keys.
     """
@@ -87,13 +87,7 @@ class Keyboard:
             right: gives the direction (3,) to the right of the picture.
         """
         self._session, self._right = session, right
-        self._step, self.driven = _FIRST_STEP, [0]
-        self.helping = True
-
-    @property
-    def step(self) -> float:
-        """Length of a step [m]."""
-        return STEPS[self._step]
+        self.step, self.driven, self.helping = STEPS[2], [0], True
 
     def press(self, code: int) -> None:
         """Has the session do what a key means; may be called from any thread."""
@@ -128,20 +122,15 @@ class Keyboard:
             for part in self.driven:
                 teleoperation.grips[part] = not closed
         elif code in OTHER.codes:
-            self._drive_other(len(teleoperation.names))
+            parts = range(len(teleoperation.names))  # One after the other, then all.
+            choices = [*([part] for part in parts), list(parts)]
+            self.driven = choices[(choices.index(self.driven) + 1) % len(choices)]
         elif code in STEP.codes:
-            self._step += 1 if code == STEP.codes[1] else -1
-            self._step = min(max(self._step, 0), len(STEPS) - 1)
+            index = STEPS.index(self.step) + (1 if code == STEP.codes[1] else -1)
+            self.step = STEPS[min(max(index, 0), len(STEPS) - 1)]
         if change.any():
             for part in self.driven:
                 teleoperation.shift(part, change)
-
-    def _drive_other(self, number: int) -> None:
-        """One part after the other, then all."""
-        if self.driven == [number - 1] and number > 1:
-            self.driven = list(range(number))
-        else:
-            self.driven = [(self.driven[0] + 1) % number if len(self.driven) == 1 else 0]
 
 
 class Mouse:

@@ -115,7 +115,10 @@ class Scene:
         with mock.patch.object(server.scene, "configure_environment_map"):
             self._bodies = mjviser.ViserMujocoScene(server, opaque, num_envs=1)
         self._bodies.camera_tracking_enabled = False
-        self._frames = {body: self._add_clear(body, clear) for body in self._owners(clear)}
+        self._frames = {
+            body: self._add_clear(body, clear)
+            for body in np.unique(self._model.geom_bodyid[clear]).tolist()
+        }
         self._meshes: dict[str, Any] = {}
         self.update(physics)
 
@@ -133,14 +136,9 @@ class Scene:
         """Shows the current state."""
         mujoco.mj_copyData(self._data, self._model, physics.data.ptr)
         refresh(self._model, self._data)
+        everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
-            self._model,
-            self._data,
-            self._option,
-            None,
-            self._camera,
-            mujoco.mjtCatBit.mjCAT_ALL,
-            self._picture,
+            self._model, self._data, self._option, None, self._camera, everything, self._picture
         )
         with self._server.atomic():
             self._bodies.update_from_mjdata(self._data)
@@ -172,9 +170,6 @@ class Scene:
                 cast_shadow=False,
             )
 
-    def _owners(self, geoms: np.ndarray) -> list[int]:
-        return sorted({int(body) for body in self._model.geom_bodyid[geoms]})
-
     def _add_clear(self, body: int, clear: np.ndarray) -> Any:
         """Adds the translucent geoms of a body to a frame that is moved with it."""
         conversions = import_extra("mjviser.conversions", "mjviser", EXTRA)
@@ -198,20 +193,13 @@ class Scene:
     def _show_skins(self) -> None:
         model, picture = self._model, self._picture
         for skin in range(model.nskin):
-            vertices = slice(
-                model.skin_vertadr[skin], model.skin_vertadr[skin] + model.skin_vertnum[skin]
-            )
-            faces = slice(
-                model.skin_faceadr[skin], model.skin_faceadr[skin] + model.skin_facenum[skin]
-            )
+            first, number = model.skin_vertadr[skin], model.skin_vertnum[skin]
+            points = picture.skinvert.reshape(-1, 3)[first : first + number]
+            first, number = model.skin_faceadr[skin], model.skin_facenum[skin]
+            faces = model.skin_face[first : first + number]
             material = model.skin_matid[skin]
             rgba = model.skin_rgba[skin] if material < 0 else model.mat_rgba[material]
-            self._show(
-                f"/skins/{skin}",
-                picture.skinvert.reshape(-1, 3)[vertices],
-                model.skin_face[faces],
-                rgba,
-            )
+            self._show(f"/skins/{skin}", points, faces, rgba)
 
     def _show_flexes(self) -> None:
         """Ropes as tubes; sheets that no skin shows by their triangles."""
@@ -231,12 +219,8 @@ class Scene:
 
     def _show_water(self) -> None:
         """The triangles that the fluid plugin draws."""
-        count = self._picture.ngeom
-        drawn = [
-            geom
-            for geom in self._picture.geoms[:count]
-            if geom.type == mujoco.mjtGeom.mjGEOM_TRIANGLE
-        ]
+        geoms = self._picture.geoms[: self._picture.ngeom]
+        drawn = [geom for geom in geoms if geom.type == mujoco.mjtGeom.mjGEOM_TRIANGLE]
         for instance in {geom.objid for geom in drawn}:
             own = [geom for geom in drawn if geom.objid == instance]
             corner = np.array([geom.pos for geom in own])

@@ -43,7 +43,7 @@ class Teleoperation(abc.ABC):
 
     def __init__(self, env: Environment):
         """Binds it to an environment; `start` has to be called after each of its resets."""
-        self._env = env
+        self._env, self._actor = env, env.task.actor
         self.grips: list[bool] = []
         self._targets = np.zeros((0, 4))
 
@@ -67,7 +67,7 @@ class Teleoperation(abc.ABC):
 
     def part_of(self, body: str) -> int | None:
         """Which part a body of the model belongs to; None if it is none of them."""
-        if body.split("/", maxsplit=1)[0] not in self._env.task.actor.model_names:
+        if body.split("/", maxsplit=1)[0] not in self._actor.model_names:
             return None
         match = _BODY.match(body)
         return int(match[1]) if match and int(match[1]) < len(self.names) else None
@@ -91,13 +91,12 @@ class GripperTeleoperation(Teleoperation):
     turns = False
     can_grip = True
     axes = (True, True, True)
+    _actor: HoldingGripper
 
-    def __init__(self, env: Environment, actor: HoldingGripper):
-        """Binds it to an environment and its actor."""
+    def __init__(self, env: Environment):
         super().__init__(env)
-        self._actor = actor
-        kind = "picker" if actor.model_names == ("picker",) else "arm"
-        self.names = tuple(f"{kind} {i + 1}" for i in range(actor.num_grippers))
+        kind = "picker" if self._actor.model_names == ("picker",) else "arm"
+        self.names = tuple(f"{kind} {i + 1}" for i in range(self._actor.num_grippers))
 
     def start(self) -> None:
         super().start()
@@ -130,12 +129,11 @@ class CupTeleoperation(Teleoperation):
 
     names = ("cup",)
     can_grip = False
+    _actor: CupMover
 
-    def __init__(self, env: Environment, actor: CupMover):
-        """Binds it to an environment and its actor."""
+    def __init__(self, env: Environment):
         super().__init__(env)
-        self._actor = actor
-        self._moving = actor.max_step > 0.0
+        self._moving = self._actor.max_step > 0.0
         self.turns = bool(self._moving[2])
         self.axes = bool(self._moving[0]), False, bool(self._moving[1])
 
@@ -185,9 +183,9 @@ def teleoperate(env: Environment) -> Teleoperation:
     """
     actor = env.task.actor
     if isinstance(actor, CupMover):
-        return CupTeleoperation(env, actor)
+        return CupTeleoperation(env)
     if isinstance(actor, HoldingGripper) and not isinstance(actor, RoutePicker):
-        return GripperTeleoperation(env, actor)
+        return GripperTeleoperation(env)
     displaced = [
         name
         for name in dict.fromkeys((*GRIPPERS, *CUP_ACTORS))

@@ -147,15 +147,9 @@ class Window:
         radius = SHELL * actor.radius if isinstance(actor, Picker) else TARGET_RADIUS
         scene.ngeom = len(targets)
         for i, target in enumerate(targets):
-            color = DRIVEN_COLOR if i in self._keyboard.driven else OTHER_COLOR
-            mujoco.mjv_initGeom(
-                scene.geoms[i],
-                mujoco.mjtGeom.mjGEOM_SPHERE,
-                np.full(3, radius),
-                target[:3],
-                np.eye(3).ravel(),
-                np.array(color, np.float32),
-            )
+            rgba = np.array(DRIVEN_COLOR if i in self._keyboard.driven else OTHER_COLOR, np.float32)
+            sphere, size = mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius)
+            mujoco.mjv_initGeom(scene.geoms[i], sphere, size, target[:3], np.eye(3).ravel(), rgba)
 
     def _write(self) -> None:
         """Shows the status and the keys, if they have changed."""
@@ -164,13 +158,11 @@ class Window:
         teleoperation = session.teleoperation
         if teleoperation is not None:
             driven = " and ".join(teleoperation.names[part] for part in self._keyboard.driven)
-            grips = "".join(
-                f", {name} {'closed' if closed else 'open'}"
-                for name, closed in zip(teleoperation.names, teleoperation.grips, strict=True)
-                if teleoperation.can_grip
-            )
             rows.append(("keys drive", f"{driven}, {100 * self._keyboard.step:.0f} cm a press"))
-            rows += [("grips", grips[2:])] if grips else []
+            if teleoperation.can_grip:
+                grips = zip(teleoperation.names, teleoperation.grips, strict=True)
+                states = (f"{name} {'closed' if closed else 'open'}" for name, closed in grips)
+                rows.append(("grips", ", ".join(states)))
         texts = [(None, mujoco.mjtGridPos.mjGRID_TOPRIGHT, *_columns(rows))]
         if self._keyboard.helping:
             keys = _columns((key.label, key.use) for key in keys_of(teleoperation))
