@@ -159,7 +159,7 @@ def _variations(named: str | None, split: str | None, episodes: int | None) -> t
 
 @contextlib.contextmanager
 def _progress(configuration: "Configuration") -> Iterator["Progress"]:
-    """Shows a bar: of episodes, for planners of their decisions; gives what it listens with."""
+    """Shows a bar, of episodes or the decisions of a planner; gives what is to be told of them."""
     from softgym_mj.evaluation import Progress
 
     planning = configuration.planning

@@ -166,7 +166,7 @@ class Browser:
         self._variation.on_update(self._posting(lambda index: session.play(variation=int(index))))
 
     def _posting(self, function: Callable[[Any], object]) -> Callable[[Any], Any]:
-        """What has the session call a function with a value when a person has chosen that."""
+        """A handler: has the session call a function with the value that a person chooses."""
 
         async def handle(event: Any) -> None:
             value = event.target.value
