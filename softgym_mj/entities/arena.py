@@ -1,7 +1,7 @@
 """The scene every task plays in: a floor, a light and the cameras of SoftGym."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from dm_control import composer, mjcf
@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from softgym_mj import assets
 from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
 from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, shifted
 
 
@@ -118,8 +119,12 @@ _BRIGHTNESS = Parameter(
 )
 
 
-class Arena(composer.Arena):
-    """Floor, key light, the task's camera (named "task") and an "overview" camera."""
+class Arena(composer.Arena, Parametric):
+    """Floor, key light, the task's camera (named "task") and an "overview" camera.
+
+    Attributes:
+        view: from where it is looked at.
+    """
 
     def _build(self, view: View | str = "cloth", arms: bool = False, name: str = "arena"):
         """Builds the scene.
@@ -137,7 +142,7 @@ class Arena(composer.Arena):
             view = VIEWS[view]
         overview = view.overview_with_arms if arms else view.overview
         self._pose = view.with_arms if arms and view.with_arms is not None else view.camera
-        self._view = view
+        self.view = view
         super()._build(name=name, xml_path=assets.path("arena.xml"))
         shift = np.array([view.middle, 0.0, 0.0])
         self._mjcf_root.find("light", "key").pos += shift
@@ -150,23 +155,14 @@ class Arena(composer.Arena):
                 quat=pose.quaternion,
                 fovy=FIELD_OF_VIEW,
             )
-        self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
-
-    @property
-    def view(self) -> View:
-        """From where it is looked at."""
-        return self._view
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Domain parameters: the pose of the task's camera, the floor's colour."""
         return (*_SHIFTS, *_TURNS, _BRIGHTNESS)
 
-    def adjust(self, values: Mapping[str, float]) -> bool:
-        """Sets the domain parameters; True when the model changed and must be recompiled."""
-        if values == self._values:
-            return False
-        self._values = dict(values)
+    def _set_parameters(self) -> None:
+        values = self._values
         camera = self._mjcf_root.find("camera", "task")
         camera.pos = np.array(self._pose.position) + [values[p.name] for p in _SHIFTS]
         turn = Rotation.from_euler("XYZ", [values[p.name] for p in _TURNS], degrees=True)
@@ -174,7 +170,6 @@ class Arena(composer.Arena):
         camera.quat = (pose * turn).as_quat(scalar_first=True)
         brightness = values[_BRIGHTNESS.name]
         self._mjcf_root.find("material", "floor").rgba = [*[brightness] * 3, 1.0]
-        return True
 
     def add_solid(self, type: str, **attributes: object) -> mjcf.Element:
         """Adds a rigid shape that stays where it is: a rod, a shelf, a table, a wall.

@@ -2,12 +2,14 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj import metrics
+from softgym_mj.entities.entity import Entity
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.arithmetic import product
 
@@ -50,13 +52,17 @@ class CupSize:
         return self.height - self.wall / 2
 
 
-class Cup(composer.Entity):
+class Cup(Entity):
     """A cup; its frame is at the middle of the floor slab, so that it rests half sunk at z = 0.
 
     The pose is (x, z, theta): of that point [m] and the angle about +Y [rad]; positive theta tips
     the rim towards +X. It is what mjData says (`mocap_pos`, `mocap_quat`), so it is always current
     and theta is known within +-2 pi; that of a cup in a hand comes from the joints, and theta is
     within +-pi. Nothing collides with a cup except water.
+
+    Attributes:
+        body: the body that has the walls.
+        size: its inner measures; `resize` changes them.
     """
 
     def _build(self, size: CupSize, name: str = "cup"):
@@ -67,24 +73,10 @@ class Cup(composer.Entity):
             name: model name.
         """
         self._mjcf_root = mjcf.RootElement(model=name)
-        self._body = self._mjcf_root.worldbody.add("body", name="cup")
-        for wall in _WALLS:
-            self._body.add(
-                "geom", name=wall, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,
-                rgba=COLOR,
-            )  # fmt: skip
-        self._handle: mjcf.Element | None = None
+        self.body = self._mjcf_root.worldbody.add("body", name="cup")
+        _add_boxes(self.body, _WALLS, COLOR)
+        self._is_held = False
         self._set_size(size)
-
-    @property
-    def mjcf_model(self) -> mjcf.RootElement:
-        """Its MJCF."""
-        return self._mjcf_root
-
-    @property
-    def body(self) -> mjcf.Element:
-        """The body that has the walls."""
-        return self._body
 
     def join(self, arena: composer.Arena) -> None:
         """Adds the cup to the scene. A mocap body moves by its pose alone and feels no force."""
@@ -96,38 +88,30 @@ class Cup(composer.Entity):
         It weighs 0.3 kg, is carried by the hand's arm and passes on the forces of the water.
         """
         hand.attach(self, site)
-        self._body.pos = -np.array(GRIP)
-        self._handle = self._mjcf_root.worldbody.add("body", name="handle", pos=self._body.pos)
-        for name in ("post", "bar"):
-            self._handle.add(
-                "geom", name=name, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,
-                rgba=HANDLE_COLOR,
-            )  # fmt: skip
-        for body in (self._body, self._handle):
+        self.body.pos = -np.array(GRIP)
+        handle = self._mjcf_root.worldbody.add("body", name="handle", pos=self.body.pos)
+        _add_boxes(handle, ("post", "bar"), HANDLE_COLOR)
+        for body in (self.body, handle):
             body.gravcomp = 1.0  # As that of the arm, which knows what it carries.
-        for wall in self._body.geom:
+        for wall in self.body.geom:
             wall.mass = HELD_WALL_MASS
-        self._set_size(self._size)
-
-    @property
-    def size(self) -> CupSize:
-        """Its inner measures."""
-        return self._size
+        self._is_held = True
+        self._set_size(self.size)
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
         """What depends on the size, by name: `size` (4,), length, width, height, wall [m]."""
-        return {"size": np.array(dataclasses.astuple(self._size))}
+        return {"size": np.array(dataclasses.astuple(self.size))}
 
     def resize(self, size: CupSize) -> bool:
         """Gives the cup other measures; True when the model changed and must be recompiled."""
-        if size == self._size:
+        if size == self.size:
             return False
         self._set_size(size)
         return True
 
     def _set_size(self, size: CupSize):
-        self._size = size
+        self.size = size
         length, width, height, wall = dataclasses.astuple(size)
         side, end = (length + wall) / 2, (width + wall) / 2
         long = [wall / 2, width / 2 + wall, height / 2]
@@ -140,7 +124,7 @@ class Cup(composer.Entity):
             "back": ([0.0, end, height / 2], short),
             "front": ([0.0, -end, height / 2], short),
         }
-        if self._handle is not None:
+        if self._is_held:
             back, top = width / 2 + wall, GRIP[2] + _TALL / 2
             measures["post"] = [0.0, back + _THICK / 2, top / 2], [_THICK / 2, _THICK / 2, top / 2]
             middle, half = (GRIP[1] + _END + back) / 2, (GRIP[1] + _END - back) / 2
@@ -153,18 +137,18 @@ class Cup(composer.Entity):
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
         self._model, self._data = model, data
-        body = model.body(self._body.full_identifier)
-        mocap = model.body_mocapid[body.parentid[0]]
-        self._is_held = mocap < 0
+        body = model.body(self.body.full_identifier)
         if self._is_held:
             self._position, self._quaternion = data.xpos[body.id], data.xquat[body.id]
         else:
+            mocap = model.body_mocapid[body.parentid[0]]
             self._position, self._quaternion = data.mocap_pos[mocap], data.mocap_quat[mocap]
 
     @property
     def pose(self) -> np.ndarray:
         """(x [m], z [m], theta [rad]), a fresh array (3,). It can be set unless a hand has it."""
-        self._look()
+        if self._is_held:  # Where the hand is: a step leaves that one step behind.
+            mujoco.mj_kinematics(self._model, self._data)
         angle = 2.0 * math.atan2(self._quaternion[2], self._quaternion[0])
         if self._is_held:
             angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
@@ -176,11 +160,6 @@ class Cup(composer.Entity):
         self._position[:] = x, 0.0, z
         self._quaternion[:] = math.cos(theta / 2), 0.0, math.sin(theta / 2), 0.0
 
-    def _look(self) -> None:
-        """Finds out where the hand is that has the cup: a step leaves that one step behind."""
-        if self._is_held:
-            mujoco.mj_kinematics(self._model, self._data)
-
     @property
     def whole_pose(self) -> np.ndarray:
         """Position [m], quaternion (w, x, y, z) and theta [rad]: (8,)."""
@@ -189,14 +168,13 @@ class Cup(composer.Entity):
 
     def inside(self, points: np.ndarray) -> np.ndarray:
         """Which points (n, 3) [m] of the world are in the cup's box, turned with it: (n,) bool."""
-        return metrics.inside(points, self.whole_pose, np.array(dataclasses.astuple(self._size)))
+        return metrics.inside(points, self.whole_pose, self.arrays["size"])
 
     # ------------------------------------------------------------------ side view
 
     def outline(self, pose: np.ndarray) -> np.ndarray:
         """Corners (4, 2) [m] of the outer walls in the x-z plane at a pose, counter-clockwise."""
-        half = self._size.length / 2 + self._size.wall
-        height = self._size.height
+        half, height = self.size.length / 2 + self.size.wall, self.size.height
         return _placed([[-half, 0.0], [half, 0.0], [half, height], [-half, height]], pose)
 
     def corners(self, pose: np.ndarray) -> np.ndarray:
@@ -204,9 +182,18 @@ class Cup(composer.Entity):
 
         Half the inner length to both sides; half a wall below the floor's middle and above the rim.
         """
-        half, sill = self._size.length / 2, self._size.wall / 2
-        top = self._size.height + sill
+        half, sill = self.size.length / 2, self.size.wall / 2
+        top = self.size.height + sill
         return _placed([[-half, -sill], [half, -sill], [half, top], [-half, top]], pose)
+
+
+def _add_boxes(body: mjcf.Element, names: Sequence[str], color: Sequence[float]) -> None:
+    """Adds boxes without mass that touch nothing; `_set_size` says where and how large."""
+    for name in names:
+        body.add(
+            "geom", name=name, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,
+            rgba=color,
+        )  # fmt: skip
 
 
 def _placed(points, pose: np.ndarray) -> np.ndarray:

@@ -1,16 +1,16 @@
 """`Flex`: a deformable object made of point-mass vertices, the base of `Sheet` and `Rope`."""
 
-import abc
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 import scipy.sparse.csgraph
-from dm_control import composer, mjcf
+from dm_control import mjcf
 
 from softgym_mj.cloth import solver
+from softgym_mj.entities.entity import Entity
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.variations.randomization import Parameter
+from softgym_mj.variations.parametric import Parametric
 
 # Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
 # with 10 kg the pull of the cloth (5 N) moves a held vertex by 0.05 mm in a step, and the solver
@@ -37,7 +37,7 @@ def slide_views(model, data, bodies: Sequence[int]) -> tuple[np.ndarray, np.ndar
     )
 
 
-class Flex(composer.Entity):
+class Flex(Entity, Parametric):
     """A flexcomp of free vertices (three world-aligned slides each), in the order of `points`.
 
     Attach it with `arena.attach` at the world frame: vertex positions are read straight from
@@ -66,29 +66,6 @@ class Flex(composer.Entity):
         self._radius = 0.0
         self._held: dict[int, np.ndarray] = {}
         self._ways: dict[int, np.ndarray] = {}  # From held vertices to all others.
-        self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
-
-    @property
-    @abc.abstractmethod
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Its domain parameters."""
-
-    @abc.abstractmethod
-    def _set_parameters(self) -> None:
-        """Writes `_values`, the domain parameters by name, into the model."""
-
-    def adjust(self, values: Mapping[str, float]) -> bool:
-        """Sets the domain parameters; True when the model changed and must be recompiled."""
-        if values == self._values:
-            return False
-        self._values = dict(values)
-        self._set_parameters()
-        return True
-
-    @property
-    def mjcf_model(self) -> mjcf.RootElement:
-        """Its MJCF."""
-        return self._mjcf_root
 
     @property
     def num_points(self) -> int:

@@ -5,11 +5,13 @@ their bodies: that note has to go.
 """
 
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from dm_control import composer, mjcf
+from dm_control import mjcf
 
+from softgym_mj.entities.entity import Entity
 from softgym_mj.exceptions import InvalidArgumentError
 
 LINE_COLOR = (0.95, 0.35, 0.1, 0.6)
@@ -18,8 +20,29 @@ LEVEL_COLOR = (1.0, 0.0, 0.0, 1.0)  # SoftGym's red.
 LEVEL_HALF = 0.0025  # [m] Half of its thickness (facts 3.3).
 
 
-class GoalLine(composer.Entity):
-    """A tape on the floor: where a rope ought to lie. Attach it at the world frame.
+class Mark(Entity):
+    """Flat boxes. Attach it at the world frame."""
+
+    def _add_boxes(
+        self, name: str, boxes: Sequence[str], size: Sequence[float], color: Sequence[float]
+    ) -> None:
+        """To be called in a subclass's `_build`, with the names of the model and its boxes."""
+        self._mjcf_root, self._names = mjcf.RootElement(model=name), boxes
+        for box in boxes:
+            self._mjcf_root.worldbody.add(
+                "geom", name=box, type="box", size=size, contype=0, conaffinity=0, mass=0.0,
+                rgba=color,
+            )  # fmt: skip
+
+    def after_compile(self, physics, random_state):
+        self._model = physics.model.ptr
+        root = self._mjcf_root.model
+        self._geoms = [self._model.geom(f"{root}/{box}").id for box in self._names]
+        self._model.geom_sameframe[self._geoms] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+
+
+class GoalLine(Mark):
+    """A tape on the floor: where a rope ought to lie.
 
     It is made of flat boxes, which a software renderer draws much faster than capsules.
     """
@@ -31,23 +54,8 @@ class GoalLine(composer.Entity):
             num_points: number of its points, 2 or more.
             name: model name.
         """
-        self._mjcf_root = mjcf.RootElement(model=name)
-        for i in range(num_points - 1):
-            self._mjcf_root.worldbody.add(
-                "geom", name=f"{i}", type="box", size=[0.01, *LINE_HALF], contype=0,
-                conaffinity=0, mass=0.0, rgba=LINE_COLOR,
-            )  # fmt: skip
-
-    @property
-    def mjcf_model(self) -> mjcf.RootElement:
-        """Its MJCF."""
-        return self._mjcf_root
-
-    def after_compile(self, physics, random_state):
-        self._model = physics.model.ptr
-        count = len(self._mjcf_root.worldbody.geom)
-        self._geoms = [self._model.geom(f"{self._mjcf_root.model}/{i}").id for i in range(count)]
-        self._model.geom_sameframe[self._geoms] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        boxes = [f"{i}" for i in range(num_points - 1)]
+        self._add_boxes(name, boxes, [0.01, *LINE_HALF], LINE_COLOR)
 
     def draw(self, points: np.ndarray) -> None:
         """Puts the line through points (num_points, 2) [m] on the floor."""
@@ -66,28 +74,14 @@ class GoalLine(composer.Entity):
             self._model.geom_rbound[geom] = length / 2 + LINE_HALF[0]
 
 
-class LevelMark(composer.Entity):
-    """A thin red bar along Y: how high water ought to stand. Attach it at the world frame."""
+class LevelMark(Mark):
+    """A thin red bar along Y: how high water ought to stand."""
 
     def _build(self, name: str = "level"):
-        self._mjcf_root = mjcf.RootElement(model=name)
-        self._mjcf_root.worldbody.add(
-            "geom", name="bar", type="box", size=[LEVEL_HALF] * 3, contype=0, conaffinity=0,
-            mass=0.0, rgba=LEVEL_COLOR,
-        )  # fmt: skip
-
-    @property
-    def mjcf_model(self) -> mjcf.RootElement:
-        """Its MJCF."""
-        return self._mjcf_root
-
-    def after_compile(self, physics, random_state):
-        self._model = physics.model.ptr
-        self._geom = self._model.geom(f"{self._mjcf_root.model}/bar").id
-        self._model.geom_sameframe[self._geom] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        self._add_boxes(name, ["bar"], [LEVEL_HALF] * 3, LEVEL_COLOR)
 
     def draw(self, x: float, z: float, width: float) -> None:
         """Puts the bar, `width` [m] long, at X, Z [m]."""
-        self._model.geom_pos[self._geom] = [x, 0.0, z]
-        self._model.geom_size[self._geom, 1] = width / 2
-        self._model.geom_rbound[self._geom] = width
+        self._model.geom_pos[self._geoms] = [x, 0.0, z]
+        self._model.geom_size[self._geoms, 1] = width / 2
+        self._model.geom_rbound[self._geoms] = width

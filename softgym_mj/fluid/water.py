@@ -1,7 +1,6 @@
 """`Water`: particles of a liquid, simulated by the engine plugin of this package."""
 
 import dataclasses
-from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -9,6 +8,7 @@ from dm_control import composer, mjcf
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.native.library import FLUID, load_plugin
+from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
@@ -68,7 +68,7 @@ def _check_particles(name: str, values: np.ndarray, shapes: tuple[tuple[int, ...
         raise InvalidArgumentError(name, bad, f"finite numbers in -{LARGEST:g}..{LARGEST:g}")
 
 
-class Water(composer.Entity):
+class Water(composer.Entity, Parametric):
     """Water in the world frame; bodies hold it back once `confine` has named them.
 
     Positions and velocities are plugin state, so they are part of mjSTATE_INTEGRATION. `mj_step`
@@ -110,7 +110,6 @@ class Water(composer.Entity):
         self._configure("flexes", str(flexes).lower())
         self._configure("rgba", *COLOR)
         self._set_resolution(resolution)
-        self._values = {parameter.name: parameter.nominal for parameter in self.parameters}
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -123,16 +122,12 @@ class Water(composer.Entity):
             shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
         )
 
-    def adjust(self, values: Mapping[str, float]) -> bool:
-        """Sets the domain parameters; True when the model changed and must be recompiled."""
-        if values == self._values:
-            return False
-        self._values = dict(values)
+    def _set_parameters(self) -> None:
+        values = self._values
         self._configure("viscosity", values["viscosity"])
         self._configure("cohesion", values["cohesion"])
         self._configure("friction", values["wall_friction"])
         self._configure("rgba", *turned(COLOR, values["hue"]))
-        return True
 
     def _configure(self, key: str, *values):
         text = " ".join(str(value) for value in values)
