@@ -9,7 +9,7 @@ import numpy as np
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.holding import MAX_DISPLACEMENT
+from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 from softgym_mj.robots.picker import Picker
 from softgym_mj.robots.workspace import Workspace
 

@@ -13,8 +13,7 @@ from softgym_mj.envs.load import load
 from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.observables import WRIST_RGB
 from softgym_mj.rendering.offscreen import camera_ids
-from softgym_mj.robots.gripper import HELD
-from softgym_mj.robots.holding import HoldingGripper
+from softgym_mj.robots.gripper import HELD, Gripper
 from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
@@ -71,7 +70,7 @@ def actions(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> Ite
             for name, task in tasks.items()
         ),
     )
-    if isinstance(env.task.actor, HoldingGripper):
+    if isinstance(env.task.actor, Gripper):
         low, high = env.task.actor.limits
         yield (
             f"A gripper is a picker or the hand of an arm. The workspace of a picker's centre is "

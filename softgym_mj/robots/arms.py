@@ -11,10 +11,10 @@ from dm_control import mjcf
 
 from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.robots import arm_bodies
-from softgym_mj.robots.cartesian import CartesianController
+from softgym_mj.robots.arm_actor import ArmActor
 from softgym_mj.robots.command_filter import CommandFilter
 from softgym_mj.robots.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, Grasp
-from softgym_mj.robots.holding import HoldingGripper
+from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.joint_servos import JointServos
 from softgym_mj.robots.models import ARMS, Arm
 from softgym_mj.robots.mounts import Mount, facing_each_other
@@ -23,7 +23,7 @@ from softgym_mj.robots.workspace import Workspace
 START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
 
 
-class Arms(HoldingGripper[Grasp]):
+class Arms(ArmActor, Gripper):
     """One or two arms of a kind that hold vertices of an object.
 
     The action is that of pickers: (dx, dy, dz) of the commanded tool point and grip. A commanded
@@ -31,10 +31,16 @@ class Arms(HoldingGripper[Grasp]):
     and no nearer to the other arm than some centimetres; the commanded point waits where the arm
     falls behind. Grips are those of the `Grasp`. Hands and open fingers push the object; the links
     of the arms pass through it.
+
+    Attributes:
+        mounts: where each arm stands.
+        pick_distance: largest distance [m] between a tool point and a vertex that the hand can
+            take.
     """
 
     least_distance = 0.15  # Measured: 0.14 m side by side (Franka), 0.08 m face to face.
-    hides_view = True
+    pick_distance = PICK_DISTANCE
+    _holding: Grasp
 
     def _build(
         self,
@@ -63,48 +69,23 @@ class Arms(HoldingGripper[Grasp]):
         check_name("grasp", grasp, GRASPS)
         if mounts is None:
             mounts = facing_each_other(num_arms, arm.distance, *arm.reach, height=base_height)
-        self._arm, self._mounts = arm, tuple(mounts)
+        self.arm, self.mounts = arm, tuple(mounts)
         self.name = f"{arm.name}/{grasp}"
         self._mjcf_root = mjcf.RootElement(model="arms")
         self._holding = GRASPS[grasp](num_arms)
         self.hold_height = self._holding.hold_height
         arm_bodies.add_arms(
-            self._mjcf_root, arm, self._mounts, self._holding.pad_contact,
+            self._mjcf_root, arm, self.mounts, self._holding.pad_contact,
             self._holding.least_pad, visual,
         )  # fmt: skip
         tips = AttachGrasp.tip_clearance - self._holding.tip_clearance
-        self._servos = JointServos(arm, self._mounts, arm_bodies.home(arm), tips)
+        self.servos = JointServos(arm, self.mounts, arm_bodies.home(arm), tips)
         self._filter = CommandFilter(num_arms)
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
-    @property
-    def arm(self) -> Arm:
-        """The kind of arm."""
-        return self._arm
-
-    @property
-    def mounts(self) -> tuple[Mount, ...]:
-        """Where each arm stands."""
-        return self._mounts
-
-    @property
-    def servos(self) -> JointServos:
-        """What moves the joints."""
-        return self._servos
-
-    @property
-    def controller(self) -> CartesianController:
-        """What leads the joints."""
-        return self._servos.controller
-
-    @property
-    def pick_distance(self) -> float:
-        """Largest distance [m] between a tool point and a vertex that the hand can take."""
-        return PICK_DISTANCE
-
     def after_compile(self, physics, random_state):
-        self._servos.bind(physics.model.ptr, physics.data.ptr, self._mjcf_root.model)
-        self._holding.use(self._servos.fingers)
+        super().after_compile(physics, random_state)
+        self._holding.use(self.servos.fingers)
 
     def within_reach(self, i: int, point: np.ndarray) -> np.ndarray:
         """Where arm `i` goes to when it is told to go to a point (3,) [m].
@@ -113,12 +94,12 @@ class Arms(HoldingGripper[Grasp]):
         straight towards the base at the same height. Joints may stop an arm before: a Franka 5 cm
         before, near the floor when its base is 0.5 m high.
         """
-        return self._mounts[i].clip(np.clip(point, self._low, self._high))
+        return self.mounts[i].clip(np.clip(point, self._low, self._high))
 
     @property
     def at_reach(self) -> int:
         """How many commanded points lie at the end of an arm's reach, and so may be clipped."""
-        points = zip(self._mounts, self._filter.commanded, strict=True)
+        points = zip(self.mounts, self._filter.commanded, strict=True)
         return sum(mount.at_end(point) for mount, point in points)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
@@ -136,15 +117,15 @@ class Arms(HoldingGripper[Grasp]):
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._holding.reset()
         self._set_workspace(workspace)
-        reached = [self.within_reach(i, point) for i, point in enumerate(positions)]
-        self.controller.reset(np.array(reached))
-        self._filter.start(self.controller.within_lead(np.array(reached)))
-        self._servos.reset()
+        reached = np.array([self.within_reach(i, point) for i, point in enumerate(positions)])
+        self.controller.reset(reached)
+        self._filter.start(self.controller.within_lead(reached))
+        self.servos.reset()
 
     def _set_workspace(self, workspace: Workspace):
-        self._workspace = workspace
+        super()._set_workspace(workspace)
         self._low, self._high = np.array(workspace.low), np.array(workspace.high)
-        self._low[2] = max(self._low[2], self._arm.pad_reach + self._holding.tip_clearance)
+        self._low[2] = max(self._low[2], self.arm.pad_reach + self._holding.tip_clearance)
 
     def take(self, vertices: Sequence[int]) -> None:
         for i, (vertex, tool) in enumerate(zip(vertices, self.positions(), strict=True)):
@@ -155,18 +136,18 @@ class Arms(HoldingGripper[Grasp]):
     def plan(self) -> None:
         """Moves the commanded points by the action, as far as they may go, and the arms after."""
         wanted = np.clip(self._filter.commanded + self._command.displacement, self._low, self._high)
-        for i, mount in enumerate(self._mounts):
+        for i, mount in enumerate(self.mounts):
             wanted[i] = mount.clip(wanted[i])
         self._filter.advance(wanted, self.controller.within_lead)
         self._holding.plan(self._command.closed, self.positions())
-        self._servos.plan(self._follow)
+        self.servos.plan(self._follow)
 
     def _follow(self, steps: int) -> None:
         # The filter is taken to go on as it does until the controller's next solution.
         self.controller.follow(self._filter.points + steps * self._filter.step)
 
     def move(self, fraction: float, timestep: float) -> None:
-        self._servos.move(fraction)
+        super().move(fraction, timestep)
         self._holding.move(self._ahead, timestep)
 
     def after_substep(self, physics, random_state):
@@ -177,11 +158,11 @@ class Arms(HoldingGripper[Grasp]):
 
         But for what the joints speed up by: 1 to 3 mm in a jerk.
         """
-        return self.positions() + timestep * self._servos.velocities()
+        return self.positions() + timestep * self.servos.velocities()
 
     def positions(self) -> np.ndarray:
         """Tool points (num_grippers, 3) [m], where they are, not where they are commanded to be."""
-        return self._servos.points()
+        return self.servos.points()
 
     def commanded_positions(self) -> np.ndarray:
         """Commanded tool points (num_grippers, 3) [m]."""
@@ -194,35 +175,5 @@ class Arms(HoldingGripper[Grasp]):
         """
         return self._filter.points.copy()
 
-    @property
-    def wrists(self) -> tuple[str, ...]:
-        return arm_bodies.wrists(self.num_grippers)
-
-    def proprioception(self) -> np.ndarray:
-        """What the arms sense of themselves (n (8 + 2 joints),), see `JointServos.sensed`."""
-        return self._servos.sensed()
-
-    @property
-    def senses(self) -> dict[str, int]:
-        return self._servos.senses
-
     def diagnostics(self) -> dict[str, float | int]:
-        return {
-            **super().diagnostics(),
-            "ik_failures": self.controller.failures,
-            "at_reach": self.at_reach,
-        }
-
-    # ------------------------------------------------------------------ snapshots
-
-    def get_state(self) -> dict[str, np.ndarray]:
-        return {
-            **super().get_state(),
-            **self._filter.get_state(),
-            **self._servos.get_state(),
-        }
-
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        super().set_state(state)
-        for part in (self._filter, self._servos):
-            part.set_state(state)
+        return {**super().diagnostics(), "at_reach": self.at_reach}

@@ -1,20 +1,33 @@
 """`Actor`: what turns an agent's action into motion. The environment knows this interface only."""
 
 import abc
+from typing import NamedTuple
 
 import numpy as np
 from dm_control import composer
 from dm_control.composer.observation import observable
 from dm_env import specs
 
+from softgym_mj.entities.entity import Entity
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.observables import wrist_observables
-from softgym_mj.robots.actions import ActionSpace
 from softgym_mj.robots.workspace import ToolStart
 
 SIM_STEP = 0.01  # [s] SoftGym's sim step: actions are applied once in each.
 BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.
+
+
+class ActionSpace(NamedTuple):
+    """The entries of an action, from -1 to 1 each.
+
+    Attributes:
+        entries: name, unit ("" for none) and what the ends mean, of each.
+        layout: the same in a few words, for messages.
+    """
+
+    entries: tuple[tuple[str, str, str], ...]
+    layout: str
 
 
 class Actor(abc.ABC):
@@ -105,10 +118,12 @@ class Actor(abc.ABC):
     @abc.abstractmethod
     def diagnostics(self) -> dict[str, float | int]:
         """Scalars for info about the last env step."""
+        return {}
 
     @abc.abstractmethod
     def get_state(self) -> dict[str, np.ndarray]:
         """What the actor remembers and mjData does not hold, for snapshots."""
+        return {}
 
     @abc.abstractmethod
     def set_state(self, state: dict[str, np.ndarray]) -> None:
@@ -145,3 +160,14 @@ class Actor(abc.ABC):
                 "clip the action first, for example with numpy.clip(action, -1, 1)."
             )
         return array
+
+
+class BodyActor(Entity, Actor):
+    """An actor with bodies in a model of its own."""
+
+    @property
+    def model_names(self) -> tuple[str, ...]:
+        return (self._mjcf_root.model,)
+
+    def join(self, arena: composer.Arena) -> None:
+        arena.attach(self)

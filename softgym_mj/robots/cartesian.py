@@ -7,6 +7,7 @@ arm's. The reference is a configuration of its own: what contact does to the rea
 back, so that a command is always the same whatever is held.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import mink
@@ -38,7 +39,12 @@ SOLVE_STEPS, SOLVE_PERIOD, SOLVED = 200, 0.1, 1e-4
 
 
 class CartesianController:
-    """Follows tool points of one or more arms."""
+    """Follows tool points of one or more arms.
+
+    Attributes:
+        home: the configuration (nq,) [rad] that is kept where nothing else matters.
+        failures: how often no solution was found since the last reset; the arms stood still then.
+    """
 
     def __init__(
         self,
@@ -63,28 +69,27 @@ class CartesianController:
         """
         low, high = model.jnt_range.T
         self._low, self._high = low + LIMIT_MARGIN, high - LIMIT_MARGIN
-        self._home = np.array(home, float)
-        self._configuration = Reference(model, self._home)
+        self.home = np.array(home, float)
+        self._configuration = Reference(model, self.home)
         self._sites = [model.site(name).id for name in tools]
-        rotations = self._configuration.data.site_xmat[self._sites].reshape(-1, 3, 3)
-        self._rotations = [mink.SO3.from_matrix(rotation) for rotation in rotations]
+        self.turn(self.rotations())
         self._frames = [
             ToolTask(name, "site", POSITION_COST, orientation_cost, lm_damping=TASK_DAMPING)
             for name in tools
         ]
         posture = mink.PostureTask(model, POSTURE_COST, gain=POSTURE_GAIN)
-        posture.set_target(self._home)
+        posture.set_target(self.home)
         self._tasks = [Summed(task) for task in (*self._frames, posture)]
         self._limits: list[mink.Limit] = [
             mink.ConfigurationLimit(model, gain=LIMIT_GAIN),
             mink.VelocityLimit(model, dict(velocity_limits)),
         ]
         if floor is not None:
-            self._keep_apart([shape for arm in shapes for shape in arm], [floor], FLOOR_CLEARANCE)
+            self._keep_apart(list(itertools.chain(*shapes)), [floor], FLOOR_CLEARANCE)
         if len(shapes) == 2:
             self._keep_apart(shapes[0], shapes[1], CLEARANCE)
         self._velocity = np.zeros(model.nv)
-        self._failures = 0
+        self.failures = 0
 
     def _keep_apart(self, first: Sequence[int], second: Sequence[int], distance: float) -> None:
         self._limits.append(
@@ -98,11 +103,6 @@ class CartesianController:
         )
 
     @property
-    def home(self) -> np.ndarray:
-        """The configuration (nq,) [rad] that is kept where nothing else matters, a fresh array."""
-        return self._home.copy()
-
-    @property
     def configuration(self) -> np.ndarray:
         """Joint angles (nq,) [rad] of the reference, a fresh array."""
         return self._configuration.q.copy()
@@ -111,11 +111,6 @@ class CartesianController:
     def velocity(self) -> np.ndarray:
         """Joint velocities (nq,) [rad/s] that led to the reference, a fresh array."""
         return self._velocity.copy()
-
-    @property
-    def failures(self) -> int:
-        """How often no solution was found since the last reset; the arms stood still then."""
-        return self._failures
 
     def points(self) -> np.ndarray:
         """Tool points (n, 3) [m] of the reference, a fresh array."""
@@ -135,13 +130,13 @@ class CartesianController:
 
     def reset(self, points: np.ndarray) -> None:
         """Puts the reference at rest where its tool points are nearest to `points` (n, 3) [m]."""
-        self._place(self._home)
+        self._place(self.home)
         for _ in range(SOLVE_STEPS):
             self.follow(points, SOLVE_PERIOD)
             if np.abs(self._velocity).max() * SOLVE_PERIOD < SOLVED:
                 break
         self._velocity[:] = 0.0
-        self._failures = 0
+        self.failures = 0
 
     def follow(self, points: np.ndarray, duration: float = PERIOD) -> None:
         """Moves the reference for `duration` [s] so that its tool points reach `points` (n, 3) [m].
@@ -152,16 +147,11 @@ class CartesianController:
             frame.set_target(mink.SE3.from_rotation_and_translation(rotation, point))
         try:
             self._velocity = mink.solve_ik(
-                self._configuration,
-                self._tasks,
-                duration,
-                "daqp",
-                damping=DAMPING,
-                limits=self._limits,
+                self._configuration, self._tasks, duration, "daqp", DAMPING, limits=self._limits
             )
         except mink.NoSolutionFound:
             self._velocity = np.zeros_like(self._velocity)
-            self._failures += 1
+            self.failures += 1
         self._place(self._configuration.integrate(self._velocity, duration))
 
     def _place(self, configuration: np.ndarray) -> None:
@@ -173,11 +163,11 @@ class CartesianController:
         return {
             "configuration": self.configuration,
             "velocity": self.velocity,
-            "failures": np.array(self._failures),
+            "failures": np.array(self.failures),
         }
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         """Restores what `get_state` returned."""
         self._configuration.update(state["configuration"])
         self._velocity[:] = state["velocity"]
-        self._failures = int(state["failures"])
+        self.failures = int(state["failures"])

@@ -9,7 +9,8 @@ from dm_control import composer, mjcf
 from softgym_mj.entities.cup import GRIP
 from softgym_mj.native.arithmetic import product
 from softgym_mj.robots import arm_bodies
-from softgym_mj.robots.cartesian import LEAD, CartesianController
+from softgym_mj.robots.arm_actor import ArmActor
+from softgym_mj.robots.cartesian import LEAD
 from softgym_mj.robots.command_filter import CommandFilter
 from softgym_mj.robots.cup_mover import CupMover, CupTool
 from softgym_mj.robots.joint_servos import JointServos
@@ -40,7 +41,7 @@ def clipped(points: np.ndarray, centres: np.ndarray, radius: float) -> np.ndarra
 UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 
 
-class CupArm(composer.Entity, CupMover):
+class CupArm(ArmActor, CupMover):
     """An arm, at the far side of the cup's way, with the cup's handle in its hand.
 
     The action is that of `CupMover`. The cup is fixed to the hand, which follows the commanded pose
@@ -48,9 +49,6 @@ class CupArm(composer.Entity, CupMover):
     Water pushes the cup, hence the joints.
     Nothing of the arm collides with anything.
     """
-
-    hides_view = True
-    ends_states = True
 
     def __init__(self, arm: Arm, tool: CupTool, visual: str = "primitive"):
         """Builds the arm around a cup.
@@ -64,45 +62,17 @@ class CupArm(composer.Entity, CupMover):
         composer.Entity.__init__(self, arm, tool.base_x, visual)
 
     def _build(self, arm: Arm, base_x: float, visual: str):
-        self._arm, self.name = arm, f"{arm.name}/cup"
+        self.arm, self.name = arm, f"{arm.name}/cup"
         self._mjcf_root = mjcf.RootElement(model="arms")
         mount = Mount((base_x, GRIP[1] + arm.standoff, 0.0), -math.pi / 2, *arm.reach)
         arm_bodies.add_arms(self._mjcf_root, arm, [mount], visual=visual)
         home = np.array(arm.home_cup)
-        self._servos = JointServos(arm, [mount], home, orientation_cost=ORIENTATION_COST)
-        self._controller = self._servos.controller
+        self.servos = JointServos(arm, [mount], home, orientation_cost=ORIENTATION_COST)
         self._filter = CommandFilter(1, clipped)
         (name,) = arm_bodies.names(arm, 1)
-        tool = self._mjcf_root.find("site", f"{name}/{arm.tcp_site}")
-        site = tool.parent.add("site", name="grip", pos=tool.pos, quat=_grip_quaternion(tool))
+        tcp = self._mjcf_root.find("site", f"{name}/{arm.tcp_site}")
+        site = tcp.parent.add("site", name="grip", pos=tcp.pos, quat=_grip_quaternion(tcp))
         self.cup.join_hand(self, site)
-
-    @property
-    def mjcf_model(self) -> mjcf.RootElement:
-        """Its MJCF."""
-        return self._mjcf_root
-
-    @property
-    def model_names(self) -> tuple[str, ...]:
-        return (self._mjcf_root.model,)
-
-    @property
-    def arm(self) -> Arm:
-        """The kind of arm."""
-        return self._arm
-
-    @property
-    def controller(self) -> CartesianController:
-        """What leads the joints."""
-        return self._controller
-
-    def join(self, arena: composer.Arena) -> None:
-        arena.attach(self)
-
-    def after_compile(self, physics, random_state):
-        self._servos.bind(physics.model.ptr, physics.data.ptr, self._mjcf_root.model)
-
-    # ------------------------------------------------------------------ motion
 
     @property
     def commanded_pose(self) -> np.ndarray:
@@ -111,7 +81,7 @@ class CupArm(composer.Entity, CupMover):
     @property
     def reference_pose(self) -> np.ndarray:
         """The pose (3,) of the cup in the hand of the controller's reference."""
-        (point,), (rotation,) = self._controller.points(), self._controller.rotations()
+        (point,), (rotation,) = self.controller.points(), self.controller.rotations()
         turn = product(rotation, UPRIGHT.T)
         theta = math.atan2(turn[0, 2], turn[0, 0])
         x, _, z = point - product(turned(theta), np.array(GRIP))
@@ -120,21 +90,21 @@ class CupArm(composer.Entity, CupMover):
     def place(self, pose: np.ndarray) -> None:
         self._rejected = 0
         self._aim(pose)
-        self._controller.reset(self._tool(pose)[None])
+        self.controller.reset(self._tool(pose)[None])
         self._filter.start((pose * TURNS_AS)[None])
-        self._servos.reset()
-        self._servos.fingers.put(0, HALF_HANDLE, HALF_HANDLE)
+        self.servos.reset()
+        self.servos.fingers.put(0, HALF_HANDLE, HALF_HANDLE)
 
     def _tool(self, pose: np.ndarray) -> np.ndarray:
         """The tool point (3,) [m] that gives the cup a pose."""
         return np.array([pose[0], 0.0, pose[1]]) + product(turned(pose[2]), np.array(GRIP))
 
     def _aim(self, pose: np.ndarray) -> None:
-        self._controller.turn(product(turned(pose[2]), UPRIGHT)[None])
+        self.controller.turn(product(turned(pose[2]), UPRIGHT)[None])
 
     def plan(self) -> None:
         self._filter.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
-        self._servos.plan(self._follow)
+        self.servos.plan(self._follow)
 
     def _within_lead(self, points: np.ndarray) -> np.ndarray:
         return clipped(points, (self.reference_pose * TURNS_AS)[None], LEAD)
@@ -143,39 +113,7 @@ class CupArm(composer.Entity, CupMover):
         # The filter is taken to go on as it does until the controller's next solution.
         pose = (self._filter.points + steps * self._filter.step)[0] / TURNS_AS
         self._aim(pose)
-        self._controller.follow(self._tool(pose)[None])
-
-    def move(self, fraction: float, timestep: float) -> None:
-        self._servos.move(fraction)
-
-    @property
-    def wrists(self) -> tuple[str, ...]:
-        return arm_bodies.wrists(1)
-
-    def proprioception(self) -> np.ndarray:
-        """What the arm senses of itself (8 + 2 joints,), see `JointServos.sensed`."""
-        return self._servos.sensed()
-
-    @property
-    def senses(self) -> dict[str, int]:
-        return self._servos.senses
-
-    def diagnostics(self) -> dict[str, float | int]:
-        return {**super().diagnostics(), "ik_failures": self._controller.failures}
-
-    # ------------------------------------------------------------------ snapshots
-
-    def get_state(self) -> dict[str, np.ndarray]:
-        return {
-            **super().get_state(),
-            **self._filter.get_state(),
-            **self._servos.get_state(),
-        }
-
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        super().set_state(state)
-        for part in (self._filter, self._servos):
-            part.set_state(state)
+        self.controller.follow(self._tool(pose)[None])
 
 
 def _grip_quaternion(tool: mjcf.Element) -> np.ndarray:

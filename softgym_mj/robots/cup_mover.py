@@ -9,8 +9,7 @@ from dm_control import composer
 
 from softgym_mj.entities.cup import Cup, overlap
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.robots.actions import ActionSpace
-from softgym_mj.robots.base import Actor
+from softgym_mj.robots.base import ActionSpace, Actor
 from softgym_mj.robots.workspace import ToolStart
 
 # [m] The bottom of an upright cup lies exactly on the limit of the ground test; rounding must not
@@ -73,6 +72,10 @@ class CupMover(Actor):
 
     The action has one entry for each coordinate of the pose that moves, a fraction of its largest
     step. The cup follows exactly: water cannot push it.
+
+    Attributes:
+        cup: what it moves.
+        max_step: largest change (3,) of x [m], z [m] and theta [rad] in a sim step.
     """
 
     name = "cup"
@@ -80,26 +83,16 @@ class CupMover(Actor):
 
     def __init__(self, tool: CupTool):
         """Binds the mover to what it moves."""
-        self._cup, self._rule = tool.cup, tool.rule
-        self._max_step = np.array(tool.max_step, float)
-        self._moving = np.flatnonzero(self._max_step)
+        self.cup, self._rule = tool.cup, tool.rule
+        self.max_step = np.array(tool.max_step, float)
+        self._moving = np.flatnonzero(self.max_step)
         self._start = self._goal = self._step = np.zeros(3)
         self._rejected = 0
 
     @property
-    def cup(self) -> Cup:
-        """What it moves."""
-        return self._cup
-
-    @property
-    def max_step(self) -> np.ndarray:
-        """Largest change (3,) of x [m], z [m] and theta [rad] in a sim step."""
-        return self._max_step.copy()
-
-    @property
     def commanded_pose(self) -> np.ndarray:
         """The pose (3,) that the cup is told to have, a fresh array: it has it."""
-        return self._cup.pose
+        return self.cup.pose
 
     @property
     def model_names(self) -> tuple[str, ...]:
@@ -109,13 +102,13 @@ class CupMover(Actor):
     @functools.cached_property
     def actions(self) -> ActionSpace:
         entries = tuple(
-            (NAMES[i], UNITS[i], f"±1 is {self._max_step[i]:g} {UNITS[i]} in a sim step")
+            (NAMES[i], UNITS[i], f"±1 is {self.max_step[i]:g} {UNITS[i]} in a sim step")
             for i in self._moving
         )
         return ActionSpace(entries, ", ".join(name for name, _, _ in entries))
 
     def join(self, arena: composer.Arena) -> None:
-        self._cup.join(arena)
+        self.cup.join(arena)
 
     def manipulate(self, target: FlexGroup) -> None:
         """It holds its cup."""
@@ -126,12 +119,12 @@ class CupMover(Actor):
 
     def place(self, pose: np.ndarray) -> None:
         """Starts an episode with the cup at a pose (x, z, theta)."""
-        self._cup.pose = pose
+        self.cup.pose = pose
         self._rejected = 0
 
     def command(self, action: np.ndarray) -> None:
         self._step = np.zeros(3)
-        self._step[self._moving] = self._max_step[self._moving] * action
+        self._step[self._moving] = self.max_step[self._moving] * action
         self._rejected = 0
 
     def _wanted(self) -> np.ndarray:
@@ -144,14 +137,14 @@ class CupMover(Actor):
         return goal
 
     def plan(self) -> None:
-        self._start, self._goal = self._cup.pose, self._wanted()
+        self._start, self._goal = self.cup.pose, self._wanted()
 
     def move(self, fraction: float, timestep: float) -> None:
-        self._cup.pose = self._goal - (1.0 - fraction) * (self._goal - self._start)
+        self.cup.pose = self._goal - (1.0 - fraction) * (self._goal - self._start)
 
     def proprioception(self) -> np.ndarray:
         """The pose of the cup (3,): x [m], z [m], theta [rad]."""
-        return self._cup.pose
+        return self.cup.pose
 
     @property
     def senses(self) -> dict[str, int]:

@@ -1,6 +1,5 @@
 """`Fingers`: those of the hands of arms in a compiled scene."""
 
-import dataclasses
 from collections.abc import Sequence
 
 import mujoco
@@ -13,7 +12,6 @@ from softgym_mj.robots.models import Arm
 OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
 
 
-@dataclasses.dataclass(frozen=True)
 class Fingers:
     """The fingers of n arms in a compiled scene.
 
@@ -25,27 +23,19 @@ class Fingers:
         pads: geoms (n, 2) of their pads.
     """
 
-    arm: Arm
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    positions_at: np.ndarray
-    speeds_at: np.ndarray
-    motors: np.ndarray
-    pads: np.ndarray
-
-    @classmethod
-    def find(
-        cls, arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, prefixes: Sequence[str]
-    ) -> "Fingers":
-        """The fingers in a scene, by the prefixes (n,) of the names of each arm's elements."""
+    def __init__(
+        self, arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, prefixes: Sequence[str]
+    ):
+        """Finds them in a scene, by the prefixes (n,) of the names of each arm's elements."""
 
         def ids(find, elements):
             return np.array([[find(f"{p}/{element}").id for element in elements] for p in prefixes])
 
+        self.arm, self.model, self.data = arm, model, data
         joints = ids(model.joint, arm.finger_joints)
-        positions_at, speeds_at = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-        motors, pads = ids(model.actuator, arm.finger_joints), ids(model.geom, arm.pad_geoms)
-        return cls(arm, model, data, positions_at, speeds_at, motors, pads)
+        self.positions_at, self.speeds_at = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self.motors = ids(model.actuator, arm.finger_joints)
+        self.pads = ids(model.geom, arm.pad_geoms)
 
     @property
     def openings(self) -> np.ndarray:

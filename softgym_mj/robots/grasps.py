@@ -88,14 +88,8 @@ class AttachGrasp(Grasp, Attachment):
     def plan(self, closed: np.ndarray, tools: np.ndarray) -> None:
         self.grips = self.grips._replace(centre=tools)
         self.step(GripCommand(np.zeros_like(tools), closed), ANYWHERE)
-        self._grip(closed, tools)
-
-    def _grip(self, closed: np.ndarray, tools: np.ndarray) -> None:
-        """Commands the fingers.
-
-        Closing fingers are not solid, as they would squeeze the object out; they are so again when
-        they have opened and what they have let go of is out of their way.
-        """
+        # Closing fingers are not solid, as they would squeeze the object out; they are so again
+        # when they have opened and what they have let go of is out of their way.
         fingers = self._fingers
         shut, opened = fingers.arm.finger_commands
         for i, grip in enumerate(closed):

@@ -1,27 +1,48 @@
 """`Gripper`: the actors that hold vertices of a flex."""
 
 import abc
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 from dm_control.composer.observation import observable
 
-from softgym_mj.robots.base import Actor
+from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.flex_group import FlexGroup
+from softgym_mj.robots.base import ActionSpace, BodyActor
+from softgym_mj.robots.grip import NONE, GripCommand
+from softgym_mj.robots.holding import Holding
 from softgym_mj.robots.workspace import ToolStart, Workspace
 
 HELD = "held"  # The observation: uint8 (grippers,), 1 for each gripper that holds something.
-
-
+MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 # [m] At the start, of grippers' centres above the object: a picker's radius and 1 cm.
 CLEARANCE = 0.06
 
 
-class Gripper(Actor):
+def gripper_actions(number: int, way: str, ends: str) -> ActionSpace:
+    """For each of `number` grippers a way along X, Y and Z, and grip.
+
+    Args:
+        number: of grippers.
+        way: what comes before the name of an axis.
+        ends: what the ends of a way mean.
+    """
+    entries = []
+    for i in range(number):
+        entries += [(f"gripper {i}, {way}{axis}", "m", ends) for axis in "xyz"]
+        entries.append((f"gripper {i}, grip", "", "above 0 closes, else opens"))
+    return ActionSpace(tuple(entries), f"{number} gripper(s) x 4")
+
+
+class Gripper(BodyActor):
     """One or more grippers that hold vertices of a deformable object.
 
-    Actors that move grippers by displacement use four entries of the action a gripper: (dx, dy, dz)
-    as a fraction of the largest displacement in a sim step along the world axes, and grip (> 0
-    closes, <= 0 opens).
+    They use four entries of the action a gripper: (dx, dy, dz) as a fraction of the largest
+    displacement in a sim step along the world axes, and grip (> 0 closes, <= 0 opens). They stay
+    within `limits`.
+
+    A subclass's `_build` sets `_mjcf_root`, `_holding` and, by `_set_workspace`, the workspace.
     """
 
     # [m] Of a gripper's centre above a vertex that hangs from it.
@@ -29,10 +50,38 @@ class Gripper(Actor):
     # [m] From which two grippers do not get into each other's way, whatever side they come from.
     least_distance = 0.0
 
+    _holding: Holding
+    _low: np.ndarray
+    _high: np.ndarray
+
     @property
-    @abc.abstractmethod
     def num_grippers(self) -> int:
         """Number of grippers."""
+        return len(self._holding.grips.held)
+
+    @functools.cached_property
+    def actions(self) -> ActionSpace:
+        ends = f"±1 is {MAX_DISPLACEMENT:g} m in a sim step"
+        return gripper_actions(self.num_grippers, "d", ends)
+
+    @property
+    def held(self) -> np.ndarray:
+        """Vertex index that each gripper holds, -1 where none: (num_grippers,) int."""
+        return np.maximum(self._holding.grips.held, NONE)
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest gripper centre (3,) [m] of the workspace; arms may not reach as far.
+
+        How far they do: `within_reach`.
+        """
+        return self._low, self._high
+
+    def manipulate(self, target: Flex | FlexGroup) -> None:
+        self._target = target
+        self._holding.manipulate(target)
+
+    # ------------------------------------------------------------------ start
 
     def begin(self, start: ToolStart, vertices: np.ndarray) -> None:
         """Starts an episode where a task wants it, with the object at `vertices` (n, 3) [m]."""
@@ -64,6 +113,16 @@ class Gripper(Actor):
     def default_positions(self, point: np.ndarray) -> np.ndarray:
         """Start positions (num_grippers, 3) [m] around a reset point (3,) [m]."""
 
+    def _set_workspace(self, workspace: Workspace) -> None:
+        """Notes a workspace, and in `_low` and `_high` the `limits` that follow."""
+        self._workspace = workspace
+
+    # ------------------------------------------------------------------ motion
+
+    def command(self, action: np.ndarray) -> None:
+        action = action.reshape(-1, 4)
+        self._command = GripCommand(MAX_DISPLACEMENT * action[:, :3], action[:, 3] > 0.0)
+
     @abc.abstractmethod
     def positions(self) -> np.ndarray:
         """Gripper centres (num_grippers, 3) [m]."""
@@ -84,14 +143,24 @@ class Gripper(Actor):
     def senses(self) -> dict[str, int]:
         return {f"gripper {i} (x, y, z) [m]": 3 for i in range(self.num_grippers)}
 
-    @property
-    @abc.abstractmethod
-    def held(self) -> np.ndarray:
-        """Vertex index that each gripper holds, -1 where none: (num_grippers,) int."""
-
     def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
         held = observable.Generic(lambda physics: (self.held >= 0).astype(np.uint8))
         return {**super().own_observables(height, width), HELD: held}
 
     def diagnostics(self) -> dict[str, float | int]:
-        return {"picks_held": int(np.count_nonzero(self.held >= 0))}
+        return {
+            "picks_held": int(np.count_nonzero(self.held >= 0)),
+            "dropped": int(self._holding.grips.dropped),
+            "yielded": self._holding.yielded,
+        }
+
+    # ------------------------------------------------------------------ snapshots
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        workspace = np.array([self._workspace.low, self._workspace.high])
+        return {**self._holding.get_state(), "workspace": workspace}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self._holding.set_state(state)
+        low, high = state["workspace"]
+        self._set_workspace(Workspace(tuple(low), tuple(high)))

@@ -1,20 +1,12 @@
-"""`Attachment`: the vertices of a flex that grippers hold, shared by pickers and arms."""
+"""`Holding`: what grippers hold of a flex, and `Attachment`, as pickers and arms do."""
 
-import functools
 import math
-from typing import Generic, TypeVar
 
 import numpy as np
-from dm_control import composer, mjcf
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.robots.actions import ActionSpace, gripper_actions
 from softgym_mj.robots.grip import NONE, SLIPPED, GripCommand, GripLimits, GripState, step_grips
-from softgym_mj.robots.gripper import Gripper
-from softgym_mj.robots.workspace import Workspace
-
-MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
 
 
 class Holding:
@@ -167,81 +159,3 @@ class Attachment(Holding):
         for vertex in self.vertices:
             if vertex >= 0:
                 self._target.hold(vertex)
-
-
-H = TypeVar("H", bound=Holding)
-
-
-class HoldingGripper(composer.Entity, Gripper, Generic[H]):
-    """Grippers in a model of their own that move by displacement within `limits` and hold vertices.
-
-    A subclass's `_build` sets `_mjcf_root` and `_holding`.
-    """
-
-    _mjcf_root: mjcf.RootElement
-    _holding: H
-    _workspace: Workspace
-    _low: np.ndarray
-    _high: np.ndarray
-
-    def _set_workspace(self, workspace: Workspace) -> None:
-        """Notes a workspace, and in `_low` and `_high` the `limits` that follow."""
-        raise NotImplementedError
-
-    @property
-    def mjcf_model(self) -> mjcf.RootElement:
-        """Its MJCF."""
-        return self._mjcf_root
-
-    @property
-    def model_names(self) -> tuple[str, ...]:
-        return (self._mjcf_root.model,)
-
-    @property
-    def num_grippers(self) -> int:
-        return len(self._holding.grips.held)
-
-    @functools.cached_property
-    def actions(self) -> ActionSpace:
-        ends = f"±1 is {MAX_DISPLACEMENT:g} m in a sim step"
-        return gripper_actions(self.num_grippers, "d", ends)
-
-    @property
-    def held(self) -> np.ndarray:
-        return np.maximum(self._holding.grips.held, NONE)
-
-    @property
-    def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest gripper centre (3,) [m] of the workspace; arms may not reach as far.
-
-        How far they do: `within_reach`.
-        """
-        return self._low, self._high
-
-    def join(self, arena: composer.Arena) -> None:
-        arena.attach(self)
-
-    def manipulate(self, target: Flex | FlexGroup) -> None:
-        self._target = target
-        self._holding.manipulate(target)
-
-    def command(self, action: np.ndarray) -> None:
-        action = action.reshape(-1, 4)
-        self._command = GripCommand(MAX_DISPLACEMENT * action[:, :3], action[:, 3] > 0.0)
-
-    def diagnostics(self) -> dict[str, float | int]:
-        holding = self._holding
-        return {
-            **super().diagnostics(),
-            "dropped": int(holding.grips.dropped),
-            "yielded": holding.yielded,
-        }
-
-    def get_state(self) -> dict[str, np.ndarray]:
-        workspace = np.array([self._workspace.low, self._workspace.high])
-        return {**self._holding.get_state(), "workspace": workspace}
-
-    def set_state(self, state: dict[str, np.ndarray]) -> None:
-        self._holding.set_state(state)
-        low, high = state["workspace"]
-        self._set_workspace(Workspace(tuple(low), tuple(high)))

@@ -20,6 +20,7 @@ class JointServos:
     """The joint servos of one or more arms, led from one solution of the controller to the next.
 
     Attributes:
+        number: of the arms.
         controller: what leads them.
         motors: their actuators in the scene (n joints,).
         positions_at, speeds_at: addresses (n joints,) of the joints in qpos and qvel.
@@ -44,7 +45,7 @@ class JointServos:
             orientation_cost: as in `CartesianController`.
         """
         number = len(mounts)
-        self._arm, self._number = arm, number
+        self._arm, self.number = arm, number
         self._names = names = arm_bodies.names(arm, number)
         tools = [f"{name}/{arm.tcp_site}" for name in names]
         limits = zip(arm.joints, arm.velocity_limits, strict=True)
@@ -71,7 +72,7 @@ class JointServos:
         """
         self._data = data
         prefixes = [f"{actor}/{name}" for name in self._names]
-        self.fingers = Fingers.find(self._arm, model, data, prefixes)
+        self.fingers = Fingers(self._arm, model, data, prefixes)
 
         def ids(find):
             return [find(f"{p}/{joint}").id for p in prefixes for joint in self._arm.joints]
@@ -148,22 +149,21 @@ class JointServos:
         The tool points (x, y, z each) [m]; then for each arm the quaternion (w, x, y, z) of its
         tool, its opening [m], the joint positions [rad] and velocities [rad/s].
         """
-        points = self.points()
-        number, quaternions = len(points), np.empty((len(points), 4))
+        points, quaternions = self.points(), np.empty((self.number, 4))
         for quaternion, rotation in zip(quaternions, self.rotations(), strict=True):
             mujoco.mju_mat2Quat(quaternion, rotation.ravel())
         own = [
             quaternions,
             self.fingers.openings[:, None],
-            self._data.qpos[self.positions_at].reshape(number, -1),
-            self._data.qvel[self.speeds_at].reshape(number, -1),
+            self._data.qpos[self.positions_at].reshape(self.number, -1),
+            self._data.qvel[self.speeds_at].reshape(self.number, -1),
         ]
         return np.concatenate([points.ravel(), np.hstack(own).ravel()])
 
     @property
     def senses(self) -> dict[str, int]:
         """How many of these numbers are what."""
-        number, joints = self._number, len(self._arm.joints)
+        number, joints = self.number, len(self._arm.joints)
         own = {
             "quaternion of the tool (w, x, y, z)": 4,
             "opening between the fingers [m]": 1,

@@ -9,8 +9,9 @@ from dm_control import composer
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.arithmetic import product
-from softgym_mj.robots.actions import ActionSpace, gripper_actions
+from softgym_mj.robots.base import ActionSpace
 from softgym_mj.robots.grip import GripCommand
+from softgym_mj.robots.gripper import gripper_actions
 from softgym_mj.robots.picker import Picker
 
 STEP = 0.01  # [m] Way of a picker in a sim step.

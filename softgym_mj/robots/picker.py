@@ -10,7 +10,8 @@ from dm_control import mjcf
 from softgym_mj.entities.flex import GRIPPER_CONTACT, slide_views
 from softgym_mj.exceptions import check_count
 from softgym_mj.robots.grip import GripLimits
-from softgym_mj.robots.holding import Attachment, HoldingGripper
+from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.holding import Attachment
 from softgym_mj.robots.workspace import Workspace
 
 # [kg] Pickers are driven by their velocity, which contacts then know of (a mocap body counts as
@@ -40,15 +41,20 @@ CLOTH_GEOMETRY = Geometry(0.05, 0.06125, friction=0.75)
 ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0)
 
 
-class Picker(HoldingGripper[Attachment]):
+class Picker(Gripper):
     """Any number of pickers with the semantics of SoftGym (facts 2.4), see `grip.step_grips`.
 
     A held vertex keeps its offset to the picker, except that it is never pushed below its resting
     height on the floor. Pickers that pull two vertices apart, further than the object stretches,
     lose the one that was taken later, see `Attachment`.
+
+    Attributes:
+        radius: of the spheres [m].
+        pick_distance: largest distance [m] between a picker's centre and a vertex it can take.
     """
 
     name = "picker"
+    _holding: Attachment
 
     def _build(
         self,
@@ -64,7 +70,7 @@ class Picker(HoldingGripper[Attachment]):
             name: model name.
         """
         check_count("num_pickers", num_pickers, 1)
-        self._radius, self._pick_distance = geometry.radius, geometry.pick_distance
+        self.radius, self.pick_distance = geometry.radius, geometry.pick_distance
         self._mjcf_root = mjcf.RootElement(model=name)
         for i in range(num_pickers):
             body = self._mjcf_root.worldbody.add("body", name=f"picker_{i}", gravcomp=1)
@@ -74,7 +80,7 @@ class Picker(HoldingGripper[Attachment]):
                 "geom",
                 name=f"picker_{i}",
                 type="sphere",
-                size=[self._radius],
+                size=[self.radius],
                 mass=MASS,
                 contype=GRIPPER_CONTACT,
                 conaffinity=0,
@@ -87,16 +93,6 @@ class Picker(HoldingGripper[Attachment]):
         self._step = np.zeros((num_pickers, 3))  # Displacement in the current sim step [m].
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
-    @property
-    def radius(self) -> float:
-        """Sphere radius [m]."""
-        return self._radius
-
-    @property
-    def pick_distance(self) -> float:
-        """Largest distance [m] between a picker's centre and a vertex it can take."""
-        return self._pick_distance
-
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
         bodies = [
@@ -108,7 +104,7 @@ class Picker(HoldingGripper[Attachment]):
         # Facts 2.3: a ring of radius 2 r sqrt(n - 1) from FleX's +z, which is -Y here.
         number = self.num_grippers
         angles = [2 * math.pi * i / number for i in range(number)]
-        ring = 2 * self._radius * math.sqrt(number - 1)
+        ring = 2 * self.radius * math.sqrt(number - 1)
         offsets = np.array([(math.sin(angle), -math.cos(angle), 0.0) for angle in angles])
         return np.asarray(point) + ring * offsets
 
@@ -120,11 +116,11 @@ class Picker(HoldingGripper[Attachment]):
         self._qvel[:] = 0.0
 
     def _set_workspace(self, workspace: Workspace):
-        self._workspace = workspace
-        self._low = np.asarray(workspace.low) + self._radius
-        self._high = np.asarray(workspace.high) - self._radius
+        super()._set_workspace(workspace)
+        self._low = np.asarray(workspace.low) + self.radius
+        self._high = np.asarray(workspace.high) - self.radius
         low, high = (np.tile(end, (self.num_grippers, 1)) for end in (self._low, self._high))
-        self._limits = GripLimits(low, high, self._pick_distance)
+        self._limits = GripLimits(low, high, self.pick_distance)
 
     @property
     def _centre(self) -> np.ndarray:

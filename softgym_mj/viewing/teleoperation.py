@@ -11,7 +11,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS, PICKERS
-from softgym_mj.robots.holding import MAX_DISPLACEMENT, HoldingGripper
+from softgym_mj.robots.gripper import MAX_DISPLACEMENT, Gripper
 from softgym_mj.robots.pick_and_place import RoutePicker
 
 GRIPPER_SPEED = 0.5  # [m/s] Half of what they can do: cloth and the eye still follow.
@@ -91,7 +91,7 @@ class GripperTeleoperation(Teleoperation):
     turns = False
     can_grip = True
     axes = (True, True, True)
-    _actor: HoldingGripper
+    _actor: Gripper
 
     def __init__(self, env: Environment):
         super().__init__(env)
@@ -184,7 +184,7 @@ def teleoperate(env: Environment) -> Teleoperation:
     actor = env.task.actor
     if isinstance(actor, CupMover):
         return CupTeleoperation(env)
-    if isinstance(actor, HoldingGripper) and not isinstance(actor, RoutePicker):
+    if isinstance(actor, Gripper) and not isinstance(actor, RoutePicker):
         return GripperTeleoperation(env)
     displaced = [
         name

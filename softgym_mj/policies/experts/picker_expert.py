@@ -9,7 +9,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.expert import Expert
-from softgym_mj.robots.holding import MAX_DISPLACEMENT
+from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
 OPEN, CLOSED = (False, False), (True, True)  # Grips of the two pickers.
 ARRIVED = 0.003  # [m] Distance along every axis at which a goal counts as reached.

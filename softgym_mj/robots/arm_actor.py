@@ -1,0 +1,62 @@
+"""`ArmActor`: what actors with robot arms have in common, whatever their hands do."""
+
+import numpy as np
+
+from softgym_mj.robots import arm_bodies
+from softgym_mj.robots.base import BodyActor
+from softgym_mj.robots.cartesian import CartesianController
+from softgym_mj.robots.command_filter import CommandFilter
+from softgym_mj.robots.joint_servos import JointServos
+from softgym_mj.robots.models import Arm
+
+
+class ArmActor(BodyActor):
+    """Robot arms whose joints follow a filtered command, whatever that is.
+
+    A subclass's `_build` sets `_mjcf_root`, the attributes and `_filter`.
+
+    Attributes:
+        arm: the kind of arm.
+        servos: what moves the joints.
+    """
+
+    hides_view = True
+    ends_states = True
+
+    arm: Arm
+    servos: JointServos
+    _filter: CommandFilter
+
+    @property
+    def controller(self) -> CartesianController:
+        """What leads the joints."""
+        return self.servos.controller
+
+    def after_compile(self, physics, random_state):
+        self.servos.bind(physics.model.ptr, physics.data.ptr, self._mjcf_root.model)
+
+    def move(self, fraction: float, timestep: float) -> None:
+        self.servos.move(fraction)
+
+    @property
+    def wrists(self) -> tuple[str, ...]:
+        return arm_bodies.wrists(self.servos.number)
+
+    def proprioception(self) -> np.ndarray:
+        """What the arms sense of themselves (n (8 + 2 joints),), see `JointServos.sensed`."""
+        return self.servos.sensed()
+
+    @property
+    def senses(self) -> dict[str, int]:
+        return self.servos.senses
+
+    def diagnostics(self) -> dict[str, float | int]:
+        return {**super().diagnostics(), "ik_failures": self.controller.failures}
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return {**super().get_state(), **self._filter.get_state(), **self.servos.get_state()}
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        super().set_state(state)  # type: ignore[safe-super]  # Of what it is mixed with.
+        self._filter.set_state(state)
+        self.servos.set_state(state)
