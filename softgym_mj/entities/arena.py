@@ -124,7 +124,10 @@ class Arena(composer.Arena, Parametric):
 
     Attributes:
         view: from where it is looked at.
+        parameters: domain parameters: the pose of the task's camera, the floor's colour.
     """
+
+    parameters = (*_SHIFTS, *_TURNS, _BRIGHTNESS)
 
     def _build(self, view: View | str = "cloth", arms: bool = False, name: str = "arena"):
         """Builds the scene.
@@ -149,17 +152,9 @@ class Arena(composer.Arena, Parametric):
         overview = dataclasses.replace(overview, position=tuple(overview.position + shift))
         for camera_name, pose in (("task", self._pose), ("overview", overview)):
             self._mjcf_root.worldbody.add(
-                "camera",
-                name=camera_name,
-                pos=pose.position,
-                quat=pose.quaternion,
+                "camera", name=camera_name, pos=pose.position, quat=pose.quaternion,
                 fovy=FIELD_OF_VIEW,
-            )
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Domain parameters: the pose of the task's camera, the floor's colour."""
-        return (*_SHIFTS, *_TURNS, _BRIGHTNESS)
+            )  # fmt: skip
 
     def _set_parameters(self) -> None:
         values = self._values

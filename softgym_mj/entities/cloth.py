@@ -1,6 +1,5 @@
 """`Cloth`: a rectangular sheet of woven fabric as a two-dimensional MuJoCo flex."""
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -8,14 +7,11 @@ import numpy as np
 from softgym_mj import metrics
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import InvalidArgumentError, check_name
-from softgym_mj.native.arithmetic import product
 
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
 PARTICLE_SPACING = 0.00625
 MIN_DIM, MAX_DIM = 10, 200  # Accepted sizes in particles: 0.06 m to 1.24 m.
 DEFAULT_DIMS = (96, 58)  # SoftGym's size when variations are off (facts 3.0).
-
-
 # Vertex spacing [m].
 FIDELITIES = {"fast": 0.04, "default": 0.03, "accurate": 0.02}
 
@@ -37,6 +33,15 @@ class Cloth(Sheet):
     This is SoftGym's order (index = row * columns + column, columns along x, rows along z) in
     z-up coordinates, where FleX's z is -Y. Its triangles are counter-clockwise from above when it
     is laid flat.
+
+    Attributes:
+        dims: size (dimx, dimy) in SoftGym particles.
+        shape: number of vertex (rows, columns).
+        arrays: what depends on the size, by name. Side lengths `size` (2,) [m], `triangles` (m, 3),
+            `corners` (4,) and the `grid` (rows, columns) of vertex indices; weights `by_row` (dimy,
+            rows) and `by_column` (dimx, columns) of SoftGym's particles; ones `rows` (dimy,) and
+            `columns` (dimx,); the columns of particles of the halves (dimx // 2,), mirror columns
+            in the same place, and ones, `pairs`, of these.
     """
 
     def _build(
@@ -63,24 +68,14 @@ class Cloth(Sheet):
         check_name("fidelity", fidelity, FIDELITIES)
         self._fidelity, self._marker = fidelity, marker
         colors = {"front": FRONT_COLOR, "back": BACK_COLOR}
-        self._start_sheet(name, Fabric() if fabric is None else fabric, colors)
-        self._dims = (0, 0)
+        self._start_sheet(name, fabric, colors)
+        self.dims = (0, 0)
         self.resize(dims)
-
-    @property
-    def dims(self) -> tuple[int, int]:
-        """Size (dimx, dimy) in SoftGym particles."""
-        return self._dims
 
     @property
     def size(self) -> tuple[float, float]:
         """Side lengths (along columns, along rows) [m]."""
-        return (self._dims[0] - 1) * PARTICLE_SPACING, (self._dims[1] - 1) * PARTICLE_SPACING
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of vertex (rows, columns)."""
-        return self._shape
+        return (self.dims[0] - 1) * PARTICLE_SPACING, (self.dims[1] - 1) * PARTICLE_SPACING
 
     @property
     def corners(self) -> np.ndarray:
@@ -88,31 +83,20 @@ class Cloth(Sheet):
 
         p1 = (row 0, column 0), p2 = (last row, column 0), p3 = (row 0, last column), p4 = last.
         """
-        rows, columns = self._shape
+        rows, columns = self.shape
         last = rows * columns - 1
         return np.array([0, last - columns + 1, columns - 1, last])
 
     def index(self, row: int, column: int) -> int:
         """Vertex index of a grid node; negative rows and columns count from the end."""
-        rows, columns = self._shape
+        rows, columns = self.shape
         if not (-rows <= row < rows and -columns <= column < columns):
-            raise InvalidArgumentError("(row, column)", (row, column), f"a grid of {self._shape}")
+            raise InvalidArgumentError("(row, column)", (row, column), f"a grid of {self.shape}")
         return (row % rows) * columns + column % columns
 
     def grid(self) -> np.ndarray:
         """Current vertex positions (rows, columns, 3) [m]."""
-        return self.points().reshape(*self._shape, 3)
-
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """What depends on the size, by name.
-
-        Side lengths `size` (2,) [m], `triangles` (m, 3), `corners` (4,) and the `grid` (rows,
-        columns) of vertex indices; weights `by_row` (dimy, rows) and `by_column` (dimx, columns) of
-        SoftGym's particles; ones `rows` (dimy,) and `columns` (dimx,); the columns of particles of
-        the halves (dimx // 2,), mirror columns in the same place, and ones, `pairs`, of these.
-        """
-        return self._arrays
+        return self.points().reshape(*self.shape, 3)
 
     def particles(self, vertices: np.ndarray | None = None) -> np.ndarray:
         """Positions (dimy, dimx, 3) [m] of SoftGym's particles on the mesh.
@@ -120,7 +104,7 @@ class Cloth(Sheet):
         Args:
             vertices: (num_points, 3) positions [m]; the current ones when None.
         """
-        return metrics.particles(self._arrays, self.points() if vertices is None else vertices)
+        return metrics.particles(self.arrays, self.points() if vertices is None else vertices)
 
     def flat(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
         """Vertex positions (num_points, 3) [m] of the cloth lying flat at its resting height.
@@ -129,20 +113,18 @@ class Cloth(Sheet):
             centre: (X, Y) of its centre [m].
             angle: rotation about +Z [rad].
         """
-        cosine, sine = math.cos(angle), math.sin(angle)
-        turn = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
-        return product(self._rest_points, turn) + np.array([*centre, self.radius])
+        return self._turned(self._rest_points, centre, angle)
 
     def resize(self, dims: tuple[int, int]) -> bool:
         """Gives the cloth another size; True when the model changed and must be recompiled."""
         if len(dims) != 2 or not all(MIN_DIM <= dim <= MAX_DIM for dim in dims):
             raise InvalidArgumentError("dims", dims, f"two sizes in {MIN_DIM}..{MAX_DIM} particles")
         dims = (int(dims[0]), int(dims[1]))
-        if dims == self._dims:
+        if dims == self.dims:
             return False
-        self._dims = dims
-        self._shape = grid_shape(dims, self._fidelity)
-        rows, columns = self._shape
+        self.dims = dims
+        self.shape = grid_shape(dims, self._fidelity)
+        rows, columns = self.shape
         width, depth = self.size
         x, y = np.meshgrid(
             np.linspace(-width / 2, width / 2, columns), np.linspace(depth / 2, -depth / 2, rows)
@@ -150,9 +132,9 @@ class Cloth(Sheet):
         points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
         self._set_mesh(points, _alternating_triangles(rows, columns))
         half = dims[0] // 2
-        self._arrays = {
+        self.arrays = {
             "size": np.array(self.size),
-            "triangles": self._triangles,
+            "triangles": self.triangles,
             "corners": self.corners,
             "grid": np.arange(rows * columns).reshape(rows, columns),
             "by_row": _interpolation(dims[1], rows),
@@ -170,22 +152,22 @@ class Cloth(Sheet):
 
     def _marked_quads(self) -> np.ndarray:
         """Columns of quads that the marker covers: 5 of SoftGym's from an eighth on, at least 1."""
-        first = (self._dims[0] - 1) // 8
-        ends = np.array([first, first + 5]) / (self._dims[0] - 1) * (self._shape[1] - 1)
+        first = (self.dims[0] - 1) // 8
+        ends = np.array([first, first + 5]) / (self.dims[0] - 1) * (self.shape[1] - 1)
         low, high = np.round(ends).astype(int)
         return np.arange(low, max(high, low + 1))
 
     def _skins(self) -> Iterator[tuple[str, str, np.ndarray]]:
-        up = np.ones(len(self._triangles), bool)
+        up = np.ones(len(self.triangles), bool)
         if self._marker:
-            quad = np.arange(len(self._triangles)) // 2 % (self._shape[1] - 1)
+            quad = np.arange(len(self.triangles)) // 2 % (self.shape[1] - 1)
             up = ~np.isin(quad, self._marked_quads())
-        down = self._triangles[:, ::-1]
+        down = self.triangles[:, ::-1]
         yield "front", "front", down[up]
-        yield "back", "back", self._triangles[up]
+        yield "back", "back", self.triangles[up]
         if self._marker:
             yield "marker_front", "back", down[~up]
-            yield "marker_back", "front", self._triangles[~up]
+            yield "marker_back", "front", self.triangles[~up]
 
 
 def _interpolation(particles: int, vertices: int) -> np.ndarray:

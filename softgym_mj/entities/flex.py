@@ -21,7 +21,7 @@ HELD_MASS = 10.0
 # only, neither with the floor nor with each other.
 OBJECT_CONTACT, GRIPPER_CONTACT = 1, 2
 
-_FLEX = "flex"  # Name of the flexcomp, hence of its vertex bodies: flex_0, flex_1, ...
+FLEX = "flex"  # Name of the flexcomp, hence of its vertex bodies: flex_0, flex_1, ...
 
 
 def slide_views(model, data, bodies: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
@@ -43,8 +43,17 @@ class Flex(Entity, Parametric):
     Attach it with `arena.attach` at the world frame: vertex positions are read straight from
     `qpos`, which is always current, even between a step and the next kinematics. The entity is
     bound to the physics it was last compiled into.
+
+    Attributes:
+        timestep: physics step [s].
+        radius: contact radius [m]: the height of the vertices of an object that lies on the floor.
+        vertex_ids: indices (num_points,) of the vertices among all flex vertices of the model.
+        edges: vertex indices (num_edges, 2) of the mesh edges.
+        arrays: what measures need to know that depends on the size, by name: nothing, but for a
+            `Cloth`.
     """
 
+    timestep = solver.TIMESTEP
     # By which share of their way along the mesh two held vertices may be moved further apart. Cloth
     # that hangs or is drawn taut stretches by some per cent, and keeps its holds. What two pickers
     # pull apart at 1 m/s each is stretched no more than by the jerk of one alone, not 20-fold.
@@ -62,39 +71,30 @@ class Flex(Entity, Parametric):
         option.integrator = "discrete"  # Implicit in the servos of arms; flexes do not mind.
         self._mjcf_root.size.memory = "16M"
         self._instance = solver.add_instance(self._mjcf_root)
+        self.arrays: dict[str, np.ndarray] = {}
         self._rest_points = np.zeros((0, 3))
-        self._radius = 0.0
+        self.radius = 0.0
         self._held: dict[int, np.ndarray] = {}
-        self._ways: dict[int, np.ndarray] = {}  # From held vertices to all others.
+        self._ways: dict[int, np.ndarray] = {}  # From held vertices to all others [m].
 
     @property
     def num_points(self) -> int:
         """Number of vertices."""
         return len(self._rest_points)
 
-    @property
-    def radius(self) -> float:
-        """Contact radius [m]: the height of the vertices of an object that lies on the floor."""
-        return self._radius
-
     def resting_height(self, index: int) -> float:
         """Height [m] of a vertex that rests on the floor."""
-        return self._radius
-
-    @property
-    def timestep(self) -> float:
-        """Physics step [s]."""
-        return solver.TIMESTEP
+        return self.radius
 
     def _add_flexcomp(
         self, points: np.ndarray, elements: np.ndarray, radius: float, **attributes
     ) -> mjcf.Element:
         """(Re)places the flexcomp by one with `points` (n, 3) [m] and `elements` (m, dim + 1)."""
         self._mjcf_root.worldbody.flexcomp.clear()
-        self._rest_points, self._radius = points, radius
+        self._rest_points, self.radius = points, radius
         flexcomp = self._mjcf_root.worldbody.add(
             "flexcomp",
-            name=_FLEX,
+            name=FLEX,
             type="direct",
             dim=elements.shape[1] - 1,
             point=points.ravel(),
@@ -123,18 +123,14 @@ class Flex(Entity, Parametric):
             "contact": {"friction": None if friction is None else friction.tolist()},
         }
 
-    def vertex_body(self, vertex: int) -> str:
-        """Name of the body of a vertex inside this entity's own model."""
-        return f"{_FLEX}_{vertex}"
-
     # ------------------------------------------------------------------ simulation
 
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
-        name = f"{self._mjcf_root.model}/{_FLEX}"
+        name = f"{self._mjcf_root.model}/{FLEX}"
         flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, name)
         first, count = model.flex_vertadr[flex], model.flex_vertnum[flex]
-        self._ids = np.arange(first, first + count)
+        self.vertex_ids = np.arange(first, first + count)
         bodies = model.flex_vertbodyid[first : first + count]
         self._dofs = np.array(model.body_dofadr[bodies])
         self._origin = np.array(model.body_pos[bodies])
@@ -143,14 +139,9 @@ class Flex(Entity, Parametric):
         self._model, self._data = model, data
         solver.forget_damping(model)
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
-        self._edges = np.array(model.flex_edge[edges])
+        self.edges = np.array(model.flex_edge[edges])
         self._rest_lengths = np.array(model.flexedge_length0[edges])
         self._held, self._ways = {}, {}
-
-    @property
-    def vertex_ids(self) -> np.ndarray:
-        """Indices (num_points,) of the vertices among all flex vertices of the model."""
-        return self._ids
 
     def points(self) -> np.ndarray:
         """Current vertex positions (num_points, 3) [m] in the world frame, a fresh array."""
@@ -178,20 +169,10 @@ class Flex(Entity, Parametric):
         self._qpos[:] = positions - self._origin
         self._qvel[:] = velocities
 
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """What measures need to know that depends on the size, by name: nothing."""
-        return {}
-
-    @property
-    def edges(self) -> np.ndarray:
-        """Vertex indices (num_edges, 2) of the mesh edges."""
-        return self._edges
-
     def edge_strain(self) -> np.ndarray:
         """Relative elongation (num_edges,) of every edge: 0 at rest, negative when compressed."""
         vertices = self.points()
-        difference = vertices[self._edges[:, 0]] - vertices[self._edges[:, 1]]
+        difference = vertices[self.edges[:, 0]] - vertices[self.edges[:, 1]]
         return np.linalg.norm(difference, axis=1) / self._rest_lengths - 1.0
 
     # ------------------------------------------------------------------ holding vertices
@@ -222,22 +203,18 @@ class Flex(Entity, Parametric):
         """
         start, end = min(first, second), max(first, second)  # Sums depend on the direction.
         if start not in self._ways:
-            self._ways[start] = self._ways_from(start)
+            shape = (self.num_points, self.num_points)
+            mesh = scipy.sparse.csr_array((self._rest_lengths, tuple(self.edges.T)), shape=shape)
+            self._ways[start] = scipy.sparse.csgraph.dijkstra(mesh, directed=False, indices=start)
         return (1.0 + self.hold_stretch) * float(self._ways[start][end])
 
     def holding_force(self, index: int) -> float:
         """The force [N] of a held vertex on its gripper, averaged over the last physics step."""
-        return solver.holding_force(self._model, self._data, int(self._ids[index]))
+        return solver.holding_force(self._model, self._data, int(self.vertex_ids[index]))
 
     def is_overpowered(self, index: int) -> bool:
         """Whether a held vertex pulls at its gripper with more than `hold_force`."""
         return self.holding_force(index) > self.hold_force
-
-    def _ways_from(self, index: int) -> np.ndarray:
-        """Shortest ways (num_points,) [m] from a vertex along the edges at rest."""
-        ends, number = self._edges.T, self.num_points
-        mesh = scipy.sparse.csr_array((self._rest_lengths, tuple(ends)), shape=(number, number))
-        return scipy.sparse.csgraph.dijkstra(mesh, directed=False, indices=index)
 
     def drive(self, index: int, target: np.ndarray, duration: float) -> None:
         """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s].

@@ -1,6 +1,5 @@
 """`Garment`: a sheet of any shape, read from a mesh file."""
 
-import math
 import os
 import pathlib
 from collections.abc import Iterator, Sequence
@@ -11,7 +10,6 @@ import numpy as np
 
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.native.arithmetic import product
 
 # Accepted lengths of edges in thicknesses. Below, layers would be thinner than they are drawn;
 # above, folds are coarse. Cloths have 2 to 4.
@@ -86,6 +84,9 @@ class Garment(Sheet):
 
     The shape in the file is the one in which no edge is stretched; bending forces flatten it. Parts
     that are not connected are allowed.
+
+    Attributes:
+        area: of all its triangles [m^2].
     """
 
     def _build(
@@ -113,21 +114,13 @@ class Garment(Sheet):
             InvalidArgumentError: if the file is missing, no mesh, or none that can be a sheet; for
                 a bad scale.
         """
-        fabric = Fabric() if fabric is None else fabric
         points, triangles = read_mesh(file, scale)
-        check_mesh(points, triangles, fabric.thickness)
+        self._start_sheet(name, fabric, dict(zip(("outside", "inside"), colors, strict=True)))
+        check_mesh(points, triangles, self._values["thickness"])
         corners = points[triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        self._area = float(np.linalg.norm(normals, axis=1).sum() / 2)
-        outside, inside = colors
-        sides = {"outside": outside, "inside": inside}
-        self._start_sheet(name, fabric, sides)
+        self.area = float(np.linalg.norm(normals, axis=1).sum() / 2)
         self._set_mesh(points, triangles)
-
-    @property
-    def area(self) -> float:
-        """Area [m^2] of all its triangles."""
-        return self._area
 
     def laid(self, centre: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> np.ndarray:
         """Vertex positions (num_points, 3) [m] in the shape of the file, on the floor.
@@ -137,14 +130,12 @@ class Garment(Sheet):
             angle: rotation about +Z [rad].
         """
         low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
-        cosine, sine = math.cos(angle), math.sin(angle)
-        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         upright = self._rest_points - [*(low + high)[:2] / 2, low[2]]
-        return product(upright, turn) + [*centre, self.radius]
+        return self._turned(upright, centre, angle)
 
     def _mass(self, density: float) -> float:
-        return density * self._area
+        return density * self.area
 
     def _skins(self) -> Iterator[tuple[str, str, np.ndarray]]:
-        yield "outside", "outside", self._triangles
-        yield "inside", "inside", self._triangles[:, ::-1]
+        yield "outside", "outside", self.triangles
+        yield "inside", "inside", self.triangles[:, ::-1]

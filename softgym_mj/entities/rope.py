@@ -7,7 +7,7 @@ import numpy as np
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import check_name
-from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
+from softgym_mj.variations.randomization import scaled, shifted, turned
 
 # [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
 LENGTH = 0.5
@@ -24,9 +24,7 @@ STRETCH_STIFFNESS = 800.0  # [N] It stretches by 0.06 % under its own weight.
 STRETCH_DAMPING = 5e-4  # [s]
 BEND_DAMPING = 0.01  # [s] With less, one tight knot in a thousand trembles for ever.
 FRICTION = 1.0  # SoftGym's friction of the rope against shapes and floor.
-
 COLOR = (0.0, 0.5, 1.0, 1.0)  # SoftGym's blue.
-
 
 PARAMETERS = (
     scaled("stretch_stiffness", "N", STRETCH_STIFFNESS, 1.4, 2.0, "force per strain"),
@@ -39,18 +37,19 @@ PARAMETERS = (
 
 
 class Rope(Flex):
-    """A rope; at rest it lies along +X, centred at the origin."""
+    """A rope; at rest it lies along +X, centred at the origin.
 
+    Attributes:
+        key_points: vertex indices (10,), evenly spaced from end to end; SoftGym's are 0, 4, ...,
+            32, 40.
+    """
+
+    parameters = PARAMETERS
     # Of a taut rope less than a cloth's: twice as much stretches pieces between two pickers by 8 %.
     hold_stretch = 0.05
     hold_force = 50.0  # [N] Which stretches it by as much as `hold_stretch` allows, and some more.
 
-    def _build(
-        self,
-        fidelity: str = "default",
-        color: Sequence[float] = COLOR,
-        name: str = "rope",
-    ):
+    def _build(self, fidelity: str = "default", color: Sequence[float] = COLOR, name: str = "rope"):
         """Builds the rope.
 
         Args:
@@ -71,12 +70,8 @@ class Rope(Flex):
         elements = np.column_stack([np.arange(count - 1), np.arange(1, count)])
         flexcomp = self._add_flexcomp(points, elements, radius=radius)
         flexcomp.contact.condim = 3
-        self._key_points = np.round(np.linspace(0, count - 1, NUM_KEY_POINTS)).astype(int)
+        self.key_points = np.round(np.linspace(0, count - 1, NUM_KEY_POINTS)).astype(int)
         self._set_parameters()
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return PARAMETERS
 
     def _set_parameters(self):
         values = self._values
@@ -96,11 +91,6 @@ class Rope(Flex):
     def ends(self) -> tuple[int, int]:
         """Vertex indices of the two ends."""
         return 0, self.num_points - 1
-
-    @property
-    def key_points(self) -> np.ndarray:
-        """Vertex indices (10,), evenly spaced from end to end; SoftGym's are 0, 4, ..., 32, 40."""
-        return self._key_points
 
     def straight(self) -> np.ndarray:
         """Vertex positions (num_points, 3) [m] of the straight rope on the floor."""

@@ -2,13 +2,15 @@
 
 import abc
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.flex import FLEX, Flex
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.native.arithmetic import product
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
 # [m] Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
@@ -18,19 +20,7 @@ THICKNESS = 0.01
 # bending length (B / (density g))^(1/3), 20 mm, is in the middle of those of 618 measured fabrics
 # (Feng et al., 2022: nine in ten of this weight have 14 mm and more), and it is what the tasks
 # handle. Limper ones are mostly knits, which stretch visibly.
-AREA_DENSITY = 0.128  # [kg/m^2]
-BEND_STIFFNESS = 1.03e-5  # [N m]
-# [N/m] A tenth of the real one, about what a sheet so light can have in substeps of 0.4 ms. Strain
-# stays below 3 % at 0.6 m/s.
-STRETCH_STIFFNESS = 400.0
-SHEAR = 0.3  # Real ones are ten times less; folds then keep their shape too badly at 3 cm.
-STRETCH_DAMPING = 1e-3  # [s]
-BEND_DAMPING = 0.05  # [s]
-DRAG = 1.2  # Of a plate across the flow.
-# On the floor. SoftGym has 0.75 and freezes what is slower than 2 cm/s; with 0.75 alone some heaps
-# spread by a fifth in 8 s of doing nothing.
-FRICTION = 1.0
-LAYER_FRICTION = 0.75
+AREA_DENSITY, BEND_STIFFNESS = 0.128, 1.03e-5  # [kg/m^2], [N m]
 
 FRONT_COLOR = (0.92, 0.29, 0.59, 1.0)  # SoftGym's pink-magenta.
 BACK_COLOR = (1.0, 0.40, 0.10, 1.0)  # SoftGym's orange.
@@ -59,16 +49,20 @@ class Fabric:
         InvalidArgumentError: unless all are finite and above 0.
     """
 
-    stretch_stiffness: float = STRETCH_STIFFNESS
-    shear: float = SHEAR
+    # A tenth of the real one, about what a sheet so light can have in substeps of 0.4 ms. Strain
+    # stays below 3 % at 0.6 m/s.
+    stretch_stiffness: float = 400.0
+    shear: float = 0.3  # Real ones are ten times less; folds keep their shape too badly at 3 cm.
     bend_stiffness: float = BEND_STIFFNESS
-    stretch_damping: float = STRETCH_DAMPING
-    bend_damping: float = BEND_DAMPING
+    stretch_damping: float = 1e-3
+    bend_damping: float = 0.05
     density: float = AREA_DENSITY
     thickness: float = THICKNESS
-    friction: float = FRICTION
-    layer_friction: float = LAYER_FRICTION
-    drag: float = DRAG
+    # SoftGym has 0.75 and freezes what is slower than 2 cm/s; with 0.75 alone some heaps spread by
+    # a fifth in 8 s of doing nothing.
+    friction: float = 1.0
+    layer_friction: float = 0.75
+    drag: float = 1.2  # Of a plate across the flow.
     added_mass: float = 0.0
 
     def __post_init__(self):
@@ -108,34 +102,29 @@ class Fabric:
 
 
 class Sheet(Flex):
-    """Triangles that stretch and bend, drawn as two skins: one for each side."""
+    """Triangles that stretch and bend, drawn as two skins: one for each side.
+
+    Attributes:
+        triangles: vertex indices (num_triangles, 3).
+    """
 
     def _start_sheet(
-        self, name: str, fabric: Fabric, colors: Mapping[str, Sequence[float]]
+        self, name: str, fabric: Fabric | None, colors: Mapping[str, Sequence[float]]
     ) -> None:
         """To be called first in a subclass's `_build`.
 
         Args:
             name: model name.
-            fabric: what it is made of.
+            fabric: what it is made of; None for a woven tablecloth.
             colors: (r, g, b, a) in 0..1 of materials by name.
         """
         self._colors = colors
-        self._parameters = fabric.parameters
+        self.parameters = (Fabric() if fabric is None else fabric).parameters
         self._start_model(name)
         for material, color in colors.items():
             self._mjcf_root.asset.add(
                 "material", name=material, rgba=color, specular=0.1, shininess=0.1
             )
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return self._parameters
-
-    @property
-    def triangles(self) -> np.ndarray:
-        """Vertex indices (num_triangles, 3)."""
-        return self._triangles
 
     def intersections(self) -> int:
         """Number of places where the sheet passes through itself now (some milliseconds)."""
@@ -143,7 +132,7 @@ class Sheet(Flex):
 
     def _set_mesh(self, points: np.ndarray, triangles: np.ndarray) -> None:
         """(Re)places the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""
-        self._triangles = triangles
+        self.triangles = triangles
         radius, rgba = self._values["thickness"] / 2.0, next(iter(self._colors.values()))
         flexcomp = self._add_flexcomp(points, triangles, radius=radius, rgba=rgba)
         # The flex itself is hidden (group 4): the skins below show its two sides.
@@ -151,14 +140,22 @@ class Sheet(Flex):
         flexcomp.group = 4
         self._mjcf_root.deformable.skin.clear()
         for name, material, faces in self._skins():
-            self._add_skin(name, material, points, faces)
+            skin = self._mjcf_root.deformable.add(
+                "skin", name=name, material=material, inflate=SKIN_OFFSET, vertex=points.ravel(),
+                face=faces.ravel(),
+            )  # fmt: skip
+            for vertex, point in enumerate(points):
+                skin.add(
+                    "bone", body=f"{FLEX}_{vertex}", bindpos=point, bindquat=[1, 0, 0, 0],
+                    vertid=[vertex], vertweight=[1.0],
+                )  # fmt: skip
         self._set_parameters()
 
     def _set_parameters(self):
         values = self._values
         flexcomp = self._mjcf_root.worldbody.flexcomp[0]
         flexcomp.mass = self._mass(values["density"])
-        flexcomp.radius = self._radius = values["thickness"] / 2.0
+        flexcomp.radius = self.radius = values["thickness"] / 2.0
         flexcomp.contact.friction = [values["friction"]]
         self._set_material(
             stretch=values["stretch_stiffness"],
@@ -186,21 +183,11 @@ class Sheet(Flex):
         A skin has one normal a vertex, so what is turned round is a skin of its own.
         """
 
-    def _add_skin(self, name: str, material: str, points: np.ndarray, faces: np.ndarray):
-        skin = self._mjcf_root.deformable.add(
-            "skin",
-            name=name,
-            material=material,
-            inflate=SKIN_OFFSET,
-            vertex=points.ravel(),
-            face=faces.ravel(),
-        )
-        for vertex, point in enumerate(points):
-            skin.add(
-                "bone",
-                body=self.vertex_body(vertex),
-                bindpos=point,
-                bindquat=[1, 0, 0, 0],
-                vertid=[vertex],
-                vertweight=[1.0],
-            )
+    def _turned(self, points: np.ndarray, centre: tuple[float, float], angle: float) -> np.ndarray:
+        """Points (n, 3) [m], turned about +Z by an angle [rad] and moved to where a sheet lies.
+
+        The origin goes to `centre` (X, Y) [m], at the resting height.
+        """
+        cosine, sine = math.cos(angle), math.sin(angle)
+        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        return product(points, turn) + [*centre, self.radius]

@@ -9,7 +9,7 @@ from dm_control import composer, mjcf
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.native.library import FLUID, load_plugin
 from softgym_mj.variations.parametric import Parametric
-from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
+from softgym_mj.variations.randomization import scaled, shifted, turned
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
 _INSTANCE = "water"
@@ -73,7 +73,14 @@ class Water(composer.Entity, Parametric):
 
     Positions and velocities are plugin state, so they are part of mjSTATE_INTEGRATION. `mj_step`
     advances them at its end, from the walls' poses of the last step to the current ones.
+
+    Attributes:
+        parameters: domain parameters: of the liquid, and its colour.
+        arrays: what measures need to know that depends on the size, by name: nothing.
+        timestep: physics step [s].
     """
+
+    timestep = TIMESTEP
 
     def _build(
         self,
@@ -99,6 +106,13 @@ class Water(composer.Entity, Parametric):
         """
         check_name("draw", draw, DRAW_MODES)
         load_plugin()
+        self.parameters = (
+            scaled("viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"),
+            scaled("cohesion", "m/s^2", liquid.cohesion, 1.4, 2.0, "attraction of particles"),
+            scaled("wall_friction", "", liquid.friction, 2.0, 5.0, "on the walls of the cups"),
+            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
+        )
+        self.arrays: dict[str, np.ndarray] = {}
         self._liquid, self._resolution = liquid, resolution
         self._mjcf_root = mjcf.RootElement(model=name)
         self._mjcf_root.option.timestep = TIMESTEP
@@ -110,17 +124,6 @@ class Water(composer.Entity, Parametric):
         self._configure("flexes", str(flexes).lower())
         self._configure("rgba", *COLOR)
         self._set_resolution(resolution)
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Domain parameters: of the liquid, and its colour."""
-        liquid = self._liquid
-        return (
-            scaled("viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"),
-            scaled("cohesion", "m/s^2", liquid.cohesion, 1.4, 2.0, "attraction of particles"),
-            scaled("wall_friction", "", liquid.friction, 2.0, 5.0, "on the walls of the cups"),
-            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
-        )
 
     def _set_parameters(self) -> None:
         values = self._values
@@ -149,11 +152,6 @@ class Water(composer.Entity, Parametric):
         return self._mjcf_root
 
     @property
-    def timestep(self) -> float:
-        """Physics step [s]."""
-        return TIMESTEP
-
-    @property
     def num_points(self) -> int:
         """Number of particles."""
         return self._resolution.count
@@ -162,11 +160,6 @@ class Water(composer.Entity, Parametric):
     def spacing(self) -> float:
         """Rest distance [m]: a particle stands for a volume of spacing^3."""
         return self._resolution.spacing
-
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """What measures need to know that depends on the size, by name: nothing."""
-        return {}
 
     @property
     def physical_parameters(self) -> dict[str, float]:

@@ -8,12 +8,13 @@ from softgym_mj.variations.randomization import Parameter
 
 
 class Parametric(abc.ABC):
-    """A part of a scene with domain parameters, an `Adjustable`."""
+    """A part of a scene with domain parameters, an `Adjustable`.
 
-    @property
-    @abc.abstractmethod
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Its domain parameters."""
+    Attributes:
+        parameters: its domain parameters.
+    """
+
+    parameters: tuple[Parameter, ...]
 
     @functools.cached_property
     def _values(self) -> dict[str, float]:
