@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from softgym_mj.robots import arm_bodies
 from softgym_mj.robots.base import BodyActor
 from softgym_mj.robots.cartesian import CartesianController
 from softgym_mj.robots.command_filter import CommandFilter
@@ -37,10 +36,6 @@ class ArmActor(BodyActor):
 
     def move(self, fraction: float, timestep: float) -> None:
         self.servos.move(fraction)
-
-    @property
-    def wrists(self) -> tuple[str, ...]:
-        return arm_bodies.wrists(self.servos.number)
 
     def proprioception(self) -> np.ndarray:
         """What the arms sense of themselves (n (8 + 2 joints),), see `JointServos.sensed`."""

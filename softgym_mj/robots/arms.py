@@ -70,7 +70,7 @@ class Arms(ArmActor, Gripper):
         if mounts is None:
             mounts = facing_each_other(num_arms, arm.distance, *arm.reach, height=base_height)
         self.arm, self.mounts = arm, tuple(mounts)
-        self.name = f"{arm.name}/{grasp}"
+        self.name, self.wrists = f"{arm.name}/{grasp}", arm_bodies.wrists(num_arms)
         self._mjcf_root = mjcf.RootElement(model="arms")
         self._holding = GRASPS[grasp](num_arms)
         self.hold_height = self._holding.hold_height

@@ -44,11 +44,10 @@ class Actor(abc.ABC):
     hides_view = False
     # Whether what it senses of itself ends the full and the reduced state.
     ends_states = True
-
-    @property
-    def sim_steps(self) -> int | None:
-        """Sim steps that the current command takes; None: as many as the task repeats actions."""
-        return None
+    # Sim steps that the current command takes; None: as many as the task repeats actions.
+    sim_steps: int | None = None
+    # Names of the cameras on its hands: none unless it is an arm.
+    wrists: tuple[str, ...] = ()
 
     @property
     @abc.abstractmethod
@@ -96,11 +95,6 @@ class Actor(abc.ABC):
 
         At its end `fraction` (0..1] of the sim step has passed.
         """
-
-    @property
-    def wrists(self) -> tuple[str, ...]:
-        """Names of the cameras on the actor's hands: none unless it is an arm."""
-        return ()
 
     def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
         """Further observables by name, with images of height x width pixels."""

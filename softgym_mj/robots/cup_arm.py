@@ -62,7 +62,7 @@ class CupArm(ArmActor, CupMover):
         composer.Entity.__init__(self, arm, tool.base_x, visual)
 
     def _build(self, arm: Arm, base_x: float, visual: str):
-        self.arm, self.name = arm, f"{arm.name}/cup"
+        self.arm, self.name, self.wrists = arm, f"{arm.name}/cup", arm_bodies.wrists(1)
         self._mjcf_root = mjcf.RootElement(model="arms")
         mount = Mount((base_x, GRIP[1] + arm.standoff, 0.0), -math.pi / 2, *arm.reach)
         arm_bodies.add_arms(self._mjcf_root, arm, [mount], visual=visual)

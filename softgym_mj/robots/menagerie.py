@@ -167,12 +167,11 @@ class _Copy:
             geom.material = self._material(model.geom_matid[shape])
 
     def _mesh(self, number: int) -> mjcf.Element:
-        name = f"{CLASS}_{self._source.mesh(number).name}"
         mesh = self._meshes[number]
         file = self._folder / mesh.file
-        return self._target.find("mesh", name) or self._target.asset.add(
+        return self._asset(
             "mesh",
-            name=name,
+            self._source.mesh(number).name,
             file=mjcf.Asset(file.read_bytes(), file.suffix),
             scale=mesh.scale,
             refpos=mesh.refpos,
@@ -183,13 +182,12 @@ class _Copy:
 
     def _material(self, number: int) -> mjcf.Element:
         material = self._source.material(number)
-        name = f"{CLASS}_{material.name}"
-        return self._target.find("material", name) or self._target.asset.add(
-            "material",
-            name=name,
-            rgba=material.rgba,
-            emission=material.emission[0],
-            specular=material.specular[0],
-            shininess=material.shininess[0],
-            reflectance=material.reflectance[0],
-        )
+        shares = ("emission", "specular", "shininess", "reflectance")
+        look = {share: getattr(material, share)[0] for share in shares}
+        return self._asset("material", material.name, rgba=material.rgba, **look)
+
+    def _asset(self, kind: str, name: str, **attributes: object) -> mjcf.Element:
+        """The target's asset of this kind and name, added with these attributes if it has none."""
+        name = f"{CLASS}_{name}"
+        asset = self._target.find(kind, name)
+        return asset or self._target.asset.add(kind, name=name, **attributes)

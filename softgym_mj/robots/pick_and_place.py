@@ -26,15 +26,12 @@ class RoutePicker(Picker):
     """A picker whose action is a route: it takes as many sim steps as that needs."""
 
     horizon = 20
+    sim_steps = 0
 
     def _build(self, *args, **kwargs):
         super()._build(*args, **kwargs)
         self._route: list[GripCommand] = []
-        self._next = self._sim_steps = 0
-
-    @property
-    def sim_steps(self) -> int:
-        return self._sim_steps
+        self._next = 0
 
     def _start(self) -> None:
         self._route, self._next = [], 0
@@ -52,7 +49,7 @@ class RoutePicker(Picker):
     def _stay(self, grips: Sequence[bool], steps: int = 1) -> None:
         """Adds sim steps of rest."""
         self._route += [GripCommand(np.zeros_like(self._end), np.array(grips))] * steps
-        self._sim_steps = len(self._route)
+        self.sim_steps = len(self._route)
 
     def plan(self) -> None:
         self._command = self._route[self._next]
@@ -64,7 +61,7 @@ class RoutePicker(Picker):
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         super().set_state(state)
-        self._sim_steps = int(state["sim_steps"])
+        self.sim_steps = int(state["sim_steps"])
 
     def diagnostics(self) -> dict[str, float | int]:
         return {**super().diagnostics(), "sim_steps": self.sim_steps}
