@@ -1,32 +1,23 @@
-"""Every task with every arm: contract, determinism, snapshots, segmentation, random episodes."""
+"""Every task with every arm: contract, snapshots, segmentation, random episodes."""
 
 import mujoco
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 import softgym_mj
 from softgym_mj.rendering.observables import LABELS
-from softgym_mj.robots.models import ARMS
 from tests.contract import test_contract, test_snapshots
 from tests.contract.test_contract import actions, make
+from tests.robots.arms import cases_of
 
-# Every arm does everything in one task of a kind; golden episodes have all tasks.
-OF_A_KIND = ("straighten_rope", "fold_cloth", "drop_cloth", "pour_water")
-CASES = [
-    pytest.param(case := f"{task}/{arm}", id=case, marks=() if usual else pytest.mark.slow)
-    for task in softgym_mj.TASKS
-    for arm in ARMS
-    for usual in [task in OF_A_KIND]
-]
-cases = pytest.mark.parametrize("case", CASES)
+# Golden episodes, too, have all tasks and arms.
+cases = cases_of(softgym_mj.TASKS, "straighten_rope/sawyer", "pour_water/franka")
 
 
 @cases
 def test_the_contract_of_every_task_holds(case):
     test_contract.test_specs_match_what_is_returned(case)
     test_contract.test_observations_share_no_memory(case)
-    test_contract.test_same_seed_and_actions_give_the_same_bits(case)
     test_contract.test_reward_is_the_sum_of_the_info_terms(case)
     test_contract.test_gymnasium_check_env(case)
 
@@ -69,8 +60,7 @@ def test_the_camera_shows_object_and_actor(case):
         assert np.mean(seen == LABELS.index(name)) > 0.001, name
 
 
-@pytest.mark.slow
-@cases
+@cases_of(softgym_mj.TASKS)
 def test_twenty_random_episodes_are_clean(case):
     env = make(case, observation="reduced")
     for variation in range(800, 820):

@@ -1,10 +1,8 @@
 """What docs/robots.md says of arms that stop at once and of the limits of their force."""
 
 import numpy as np
-import pytest
 
-from softgym_mj.robots.models import ARMS
-from tests.robots.test_cartesian import Scene, in_front
+from tests.robots.test_cartesian import Scene, cases, in_front
 
 PLACE = 0.7  # [m] Of a base from the middle.
 COMMAND = 25  # Sim steps of a command.
@@ -14,21 +12,19 @@ WIDENED = 1.4, 2.7
 BEYOND = {0.3: (6.0, 9.0), 0.6: (15.0, 25.0), 1.0: (35.0, 60.0)}
 
 
-@pytest.mark.parametrize("kind", ["cloth", "rope"])
-@pytest.mark.parametrize("arm", ARMS)
-def test_force_limits_are_wider_than_torque_limits(arm, kind):
-    scene = Scene.make(kind, arm)
+@cases
+def test_force_limits_are_wider_than_torque_limits(case):
+    scene = Scene.make(case)
     limits = scene.model.actuator_forcerange[scene.arms.servos.motors]
-    share = limits[:, 1] / ARMS[arm].torque_limits
+    share = limits[:, 1] / scene.arms.arm.torque_limits
     low, high = WIDENED
     assert low <= round(share.min(), 2) and share.max() <= high
     np.testing.assert_array_equal(limits[:, 0], -limits[:, 1])
 
 
-@pytest.mark.parametrize("kind", ["cloth", "rope"])
-@pytest.mark.parametrize("arm", ARMS)
-def test_a_hand_goes_too_far_when_a_command_ends(arm, kind):
-    scene = Scene.make(kind, arm)
+@cases
+def test_a_hand_goes_too_far_when_a_command_ends(case):
+    scene = Scene.make(case)
     for speed, (least, most) in BEYOND.items():
         beyond = []
         for way in ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):

@@ -8,24 +8,10 @@ import numpy as np
 import pytest
 
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
-from softgym_mj.robots.models import ARMS
 from tests.contract.test_contract import make
+from tests.robots.arms import cases_of, go, wait
 
-CASES = [f"{task}/{arm}" for task in ("fold_cloth", "straighten_rope") for arm in ARMS]
-cases = pytest.mark.parametrize("case", CASES)
-SIM_STEPS = 8  # Of an env step in these tasks.
-
-
-def go(env, goals, grips, speed=0.6, steps=30):
-    """Moves the commanded points to `goals` (2, 3) [m] at `speed` [m/s]; yields after env steps."""
-    actor = env.task.actor
-    for _ in range(steps):
-        way = (np.asarray(goals) - actor.commanded_positions()) / (0.01 * SIM_STEPS)
-        way *= speed / max(np.abs(way).max(), speed)
-        env.step(np.column_stack([way, np.where(grips, 1.0, -1.0)]).ravel())
-        yield
-        if np.abs(actor.positions() - goals).max() < 0.002:
-            return
+cases = cases_of(("fold_cloth", "straighten_rope"), "fold_cloth/franka", "straighten_rope/sawyer")
 
 
 def distance_to_target(env):
@@ -44,11 +30,19 @@ def shapes(env, i):
     ]
 
 
-def test_a_snapshot_of_other_arms_is_refused():
+@pytest.mark.parametrize(("arm", "grasp"), [("sawyer", "attach"), ("franka", "friction")])
+def test_a_snapshot_of_other_arms_or_grasps_is_refused(arm, grasp):
     env = make("straighten_rope/franka")
     env.reset(800)
     with pytest.raises(SnapshotError, match="actor"):
-        make("straighten_rope/sawyer").set_state(env.get_state())
+        make(f"straighten_rope/{arm}", grasp=grasp).set_state(env.get_state())
+
+
+def test_pickers_have_no_grasps_and_there_are_no_three_arms():
+    with pytest.raises(InvalidArgumentError, match="grasp"):
+        make("fold_cloth/picker", grasp="attach")
+    with pytest.raises(InvalidArgumentError, match="arms"):
+        make("straighten_rope/franka", arms=3)
 
 
 @cases
@@ -62,50 +56,42 @@ def test_what_is_taken_follows_and_is_released(case):
     sides = np.array([[0.0, -0.25, 0.0], [0.0, 0.25, 0.0]])
     taken = np.linalg.norm(vertices - sides[:, None], axis=2).argmin(axis=1)
     above = vertices[taken] * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.15]
-    for _ in go(env, above, (False, False)):
-        pass
+    go(env, above, False)
     down = target.points()[taken]
     down[:, 2] = actor.limits[0][2]
-    for _ in go(env, down, (False, False)):
-        pass
-    fingers = env.physics.data.qpos[actor.servos.fingers.positions_at]
-    np.testing.assert_allclose(fingers, actor.arm.finger_range[1], atol=1e-3)
+    go(env, down, False)
+    at, opened = actor.servos.fingers.positions_at, actor.arm.finger_range[1]
+    np.testing.assert_allclose(env.physics.data.qpos[at], opened, atol=1e-3)
     rest = actor.commanded_positions()
-    for _ in range(3):
-        env.step(np.tile([0.0, 0.0, 0.0, 1.0], 2))
+    wait(env, True, 3)
     assert np.all(actor.held >= 0) and actor.held[0] != actor.held[1]
     gap = np.linalg.norm(target.points()[actor.held] - vertices[taken], axis=1)
     assert np.all(gap < actor.pick_distance + 0.01)
-    assert env.physics.data.qpos[actor.servos.fingers.positions_at].max() < 0.002  # Closed.
+    assert env.physics.data.qpos[at].max() < 0.002  # Closed.
     assert distance_to_target(env).max() < 0.002
     held = actor.held
     lift, carry = np.array([0.0, 0.0, 0.2]), np.array([0.15, 0.0, 0.2])
     gaps, move = [], actor.move
 
     def observed_move(fraction, timestep):
+        np.testing.assert_array_equal(actor.held, held)
         gaps.append(distance_to_target(env))
         move(fraction, timestep)
 
     with mock.patch.object(actor, "move", observed_move):  # In every physics step.
         for goal in (rest + lift, rest + carry):
-            for _ in go(env, goal, (True, True)):
-                np.testing.assert_array_equal(actor.held, held)
+            go(env, goal, True)
     assert len(gaps) > 50
     assert np.mean(gaps) < 0.001
     assert np.quantile(gaps, 0.95) < 0.002
     assert np.max(gaps) < 0.006  # When a motion sets in.
-    for _ in range(6):
-        env.step(np.tile([0.0, 0.0, 0.0, -1.0], 2))
+    wait(env, False, 6)
     assert np.all(actor.held == -1)
     assert env.info()["dropped"] == 2
     np.testing.assert_array_equal(env.physics.model.dof_M0, mass)
     fallen = actor.positions()[:, 2] - target.points()[held][:, 2]
     assert fallen.min() > 0.05  # 0.10 to 0.16, as last bits of the goals have it.
-    np.testing.assert_allclose(
-        env.physics.data.qpos[actor.servos.fingers.positions_at],
-        actor.arm.finger_range[1],
-        atol=1e-3,
-    )
+    np.testing.assert_allclose(env.physics.data.qpos[at], opened, atol=1e-3)
 
 
 @cases
@@ -139,45 +125,38 @@ def test_random_episodes_are_clean(case):
     assert env.info()["ik_failures"] == 0
 
 
-@pytest.mark.parametrize("arm", ARMS)
-def test_one_arm_acts_alone(arm):
-    env = make(f"straighten_rope/{arm}", arms=1, observation=["reduced", "full"])
+def test_one_arm_acts_alone():
+    env = make("straighten_rope/franka", arms=1, observation=["reduced", "full"])
     step = env.reset(800)
     assert env.action_spec().shape == (4,)
     assert step.observation["reduced"].shape == (30 + 22,)
     start = env.task.actor.positions()[0]
     for _ in range(5):
-        step = env.step(np.array([0.5, 0.0, 0.5, -1.0]))
-    for _ in range(5):
-        step = env.step(np.array([0.0, 0.0, 0.0, -1.0]))
+        env.step(np.array([0.5, 0.0, 0.5, -1.0]))
+    wait(env, False, 4)
+    step = env.step(np.array([0.0, 0.0, 0.0, -1.0]))
     moved = step.observation["reduced"][30:33] - start
     np.testing.assert_allclose(moved, [0.2, 0.0, 0.2], atol=0.002)
-    with pytest.raises(InvalidArgumentError, match="arms"):
-        make(f"straighten_rope/{arm}", arms=3)
 
 
 @cases
 def test_info_says_where_the_reach_ends(case):
-    """Hand 0 is sent across the middle, to where hand 1 is; hand 1 waits."""
+    """Hand 0 is sent across the middle, too far; hand 1 waits."""
     env = make(case, horizon=1000)
     env.reset(800)
     actor = env.task.actor
     apart = actor.commanded_positions() + [[0.0, -0.1, 0.1], [0.25, 0.25, 0.1]]
-    for _ in go(env, apart, (False, False)):
-        pass
+    go(env, apart, False)
     assert env.info()["at_reach"] == actor.at_reach == 0
     beyond = apart.copy()
-    beyond[0] = 0.0, actor.limits[1][1], apart[0, 2]
-    for _ in range(12):
-        way = np.clip((beyond - actor.commanded_positions()) / (0.01 * SIM_STEPS), -0.6, 0.6)
-        env.step(np.column_stack([way, [-1.0, -1.0]]).ravel())
+    beyond[0, :2] = 0.0, 0.25
+    go(env, beyond, False, steps=25)
     assert env.info()["at_reach"] == 1
     np.testing.assert_allclose(
         actor.commanded_positions()[0], actor.within_reach(0, beyond[0]), atol=1e-3
     )
     state = env.get_state()
-    for _ in go(env, apart, (False, False)):
-        pass
+    go(env, apart, False)
     assert env.info()["at_reach"] == 0
     env.set_state(state)
     assert env.info()["at_reach"] == 1
@@ -189,9 +168,7 @@ def test_an_arm_that_is_sent_out_of_reach_goes_as_far_as_it_says():
     actor = env.task.actor
     far = np.array([-0.4, 0.6, 0.3])
     nearest = actor.within_reach(0, far)
-    for _ in range(60):
-        way = np.clip((far - actor.commanded_positions()[0]) / (0.01 * SIM_STEPS), -0.6, 0.6)
-        env.step(np.append(way, -1.0))
+    go(env, far, False)
     np.testing.assert_allclose(actor.within_reach(0, nearest), nearest, atol=1e-12)
     distance = np.linalg.norm((actor.positions()[0] - actor.mounts[0].base)[:2])
     assert distance == pytest.approx(actor.mounts[0].farthest(nearest[2]), abs=2e-3)

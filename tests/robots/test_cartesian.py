@@ -20,6 +20,7 @@ from softgym_mj.robots.command_filter import LEAD
 from softgym_mj.robots.models import ARMS
 from softgym_mj.robots.mounts import Mount, facing_each_other
 from softgym_mj.robots.workspace import Workspace
+from tests.robots.arms import cases_of, motor_torques
 
 SPEED = 0.6  # [m/s] Largest of the motions.
 WORKSPACE = Workspace((-0.7, -0.7, 0.0), (0.7, 0.7, 0.5))
@@ -27,7 +28,7 @@ WORKSPACE = Workspace((-0.7, -0.7, 0.0), (0.7, 0.7, 0.5))
 BOX = np.array([[0.3, -0.25, 0.03], [0.6, 0.25, 0.4]])
 
 arms_by_name = pytest.mark.parametrize("arm", ARMS)
-kinds = pytest.mark.parametrize("kind", ["cloth", "rope"])
+cases = cases_of(("cloth", "rope"), "cloth/franka", "rope/sawyer")
 
 
 @dataclasses.dataclass
@@ -39,7 +40,9 @@ class Scene:
     arms: Arms
 
     @classmethod
-    def make(cls, kind: str, arm: str, number: int = 1) -> "Scene":
+    def make(cls, case: str, number: int = 1) -> "Scene":
+        """With the object and the arms that a case "kind/arm" names."""
+        kind, arm = case.split("/")
         target = Cloth((20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
         arena, arms = Arena("cloth"), Arms(ARMS[arm], number)
         arena.attach(target)
@@ -68,13 +71,6 @@ class Scene:
         """One sim step in which the commanded points go to `points` (num_arms, 3) if they can."""
         way = (points - self.arms.commanded_positions()) / 0.01
         self.step(np.column_stack([way, np.full(len(way), grip)]))
-
-    def torque(self) -> np.ndarray:
-        """What the motors deliver (n,) [N m]: after the step, as the servos are implicit."""
-        motors, arms = self.arms.servos.motors, self.arms
-        kp, kv = self.model.actuator_gainprm[motors, 0], -self.model.actuator_biasprm[motors, 2]
-        gap = self.data.ctrl[motors] - self.data.qpos[arms.servos.positions_at]
-        return kp * gap - kv * self.data.qvel[arms.servos.speeds_at]
 
 
 def waypoints(seconds: float, distance: float) -> np.ndarray:
@@ -106,12 +102,11 @@ def in_front(points: np.ndarray, distance: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("motion", [waypoints, lissajous])
-@kinds
-@arms_by_name
-def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
-    scene, data = Scene.make(kind, arm), ARMS[arm]
-    arms = scene.arms
-    path = motion(4.0, ARMS[arm].distance)
+@cases
+def test_an_arm_tracks_smooth_motions_within_its_limits(case, motion):
+    scene = Scene.make(case)
+    arms, data = scene.arms, scene.arms.arm
+    path = motion(4.0, data.distance)
     speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / SIM_STEP
     assert SPEED * 0.8 < speeds.max() < SPEED * 1.01
     scene.start(path[0])
@@ -123,7 +118,9 @@ def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
         scene.towards(point[None])
         tool = arms.positions()[0]
         errors.append(np.linalg.norm(tool - point))
-        torques.append(np.abs(scene.torque()) / data.torque_limits)
+        torques.append(
+            np.abs(motor_torques(scene.model, scene.data, arms.servos)) / data.torque_limits
+        )
         velocities.append(np.abs(arms.controller.velocity) / data.velocity_limits)
         joints = scene.data.qpos[arms.servos.positions_at]
         assert np.all((low <= joints) & (joints <= high))
@@ -139,7 +136,7 @@ def test_an_arm_tracks_smooth_motions_within_its_limits(arm, kind, motion):
 
 @arms_by_name
 def test_an_unreachable_command_saturates_and_recovers(arm):
-    scene = Scene.make("rope", arm)
+    scene = Scene.make(f"rope/{arm}")
     start = in_front(np.array([[0.45, 0.0, 0.2]]), ARMS[arm].distance)
     scene.start(start)
     low, high = scene.model.jnt_range[scene.model.actuator_trnid[scene.arms.servos.motors, 0]].T
@@ -158,7 +155,7 @@ def test_an_unreachable_command_saturates_and_recovers(arm):
 
 @arms_by_name
 def test_the_start_is_where_it_is_wanted_and_at_rest(arm):
-    scene = Scene.make("rope", arm, 2)
+    scene = Scene.make(f"rope/{arm}", 2)
     distance = ARMS[arm].distance
     first = np.random.default_rng(1).uniform(BOX[0], BOX[1] - [0.1, 0.0, 0.0], (5, 3))
     for point in in_front(first, distance):
@@ -185,7 +182,7 @@ def test_another_arm_is_an_xml_and_a_record(monkeypatch, tmp_path):
     rest = {name: (*getattr(franka, name)[:2], *getattr(franka, name)[3:]) for name in fields}
     six = dataclasses.replace(franka, name="six", xml_path=str(path), **rest)
     monkeypatch.setitem(ARMS, "six", six)
-    scene = Scene.make("rope", "six", 2)
+    scene = Scene.make("rope/six", 2)
     points = np.array([[0.0, -0.2, 0.2], [0.0, 0.2, 0.2]])
     scene.start(points)
     goals = points + [0.1, 0.0, 0.1]
@@ -200,7 +197,7 @@ def test_another_arm_is_an_xml_and_a_record(monkeypatch, tmp_path):
 
 
 def test_without_a_solution_the_reference_stands_still(monkeypatch):
-    scene = Scene.make("rope", "franka")
+    scene = Scene.make("rope/franka")
     scene.start(np.array([0.0, -0.2, 0.3]))
     scene.towards(np.array([[0.1, -0.2, 0.3]]))
     before = scene.arms.controller.configuration
@@ -219,21 +216,26 @@ def test_without_a_solution_the_reference_stands_still(monkeypatch):
     np.testing.assert_allclose(scene.arms.positions()[0], [0.1, -0.2, 0.3], atol=1e-3)
 
 
+def controlled(arm):
+    """The kinematics of an arm, and what leads it."""
+    model = arm_bodies.kinematic_model(arm, [Mount((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
+    limits = zip(arm.joints, arm.velocity_limits, strict=True)
+    return model, cartesian.CartesianController(
+        model, [f"{arm.name}_0/tcp"], arm_bodies.home(arm),
+        {f"{arm.name}_0/{joint}": limit for joint, limit in limits},
+    )  # fmt: skip
+
+
 @arms_by_name
 def test_an_elbow_swings_home_slowly_and_the_tool_stays(arm):
     """Displaced along the null space, it comes back by the same share in each solution."""
-    record = ARMS[arm]
-    model = arm_bodies.kinematic_model(record, [Mount((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
-    names = zip(record.joints, record.velocity_limits, strict=True)
-    limits = {f"{arm}_0/{joint}": limit for joint, limit in names}
-    tool, home = f"{arm}_0/tcp", arm_bodies.home(record)
-    controller = cartesian.CartesianController(model, [tool], home, limits)
-    data = mujoco.MjData(model)
+    model, controller = controlled(ARMS[arm])
+    data, home = mujoco.MjData(model), controller.home
     data.qpos[:] = home
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     jacobian = np.empty((6, model.nv))
-    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], model.site(tool).id)
+    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], model.site(f"{arm}_0/tcp").id)
     swing = 0.05 * np.linalg.svd(jacobian)[2][-1]  # [rad]
     controller.set_state(controller.get_state() | {"configuration": home + swing})
     point, away = controller.points(), []
@@ -248,19 +250,14 @@ def test_an_elbow_swings_home_slowly_and_the_tool_stays(arm):
 
 
 def test_the_controller_clips_what_is_outside_the_limits():
-    arm = ARMS["franka"]
-    model = arm_bodies.kinematic_model(arm, [Mount((0.0, 0.0, 0.0), 0.0, 0.2, 0.8)])
-    limits = {f"franka_0/{j}": v for j, v in zip(arm.joints, arm.velocity_limits, strict=True)}
-    controller = cartesian.CartesianController(
-        model, ["franka_0/tcp"], arm_bodies.home(arm), limits
-    )
+    model, controller = controlled(ARMS["franka"])
     state = controller.get_state()
     controller._place(model.jnt_range[:, 1] + 0.1)
     assert np.all(controller.configuration < model.jnt_range[:, 1])
     controller.follow(np.array([[0.5, 0.0, 0.3]]))
     assert controller.failures == 0
     controller.set_state(state)
-    np.testing.assert_array_equal(controller.configuration, arm_bodies.home(arm))
+    np.testing.assert_array_equal(controller.configuration, controller.home)
 
 
 def test_mounts_clip_to_half_a_ring():

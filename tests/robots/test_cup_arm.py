@@ -6,37 +6,21 @@ import pytest
 
 from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots import cup_arm
-from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks.shared.carried_water import ARM_DENSITY
 from tests.contract.test_contract import actions, make
 from tests.policies.test_scripted import play
+from tests.robots.arms import arms_of, cases_of, motor_torques
 
 GRAVITY = 9.8  # [m/s^2]
-arms = pytest.mark.parametrize("arm", ARMS)
-water_tasks = pytest.mark.parametrize("task", ["transport_water", "pour_water"])
+cases = cases_of(("transport_water", "pour_water"), "transport_water/sawyer", "pour_water/franka")
 
 
-def motors(env):
-    """Addresses of the motors, their joint positions and speeds."""
-    model, arm = env.physics.model.ptr, env.task.actor.arm
-    names = [f"arms/{arm.name}_0/{joint}" for joint in arm.joints]
-    joints = [model.joint(name).id for name in names]
-    return (
-        np.array([model.actuator(name).id for name in names]),
-        model.jnt_qposadr[joints],
-        model.jnt_dofadr[joints],
-    )
+def delivered(env):
+    """Torques (7,) [N m] of the motors."""
+    return motor_torques(env.physics.model.ptr, env.physics.data.ptr, env.task.actor._servos)
 
 
-def torques(env):
-    """What the motors deliver (7,) [N m]: after the step, as the servos are implicit."""
-    model, data = env.physics.model.ptr, env.physics.data.ptr
-    motor, position, speed = motors(env)
-    kp, kv = model.actuator_gainprm[motor, 0], -model.actuator_biasprm[motor, 2]
-    return kp * (data.ctrl[motor] - data.qpos[position]) - kv * data.qvel[speed]
-
-
-@arms
+@arms_of("sawyer")
 def test_the_arm_carries_the_weight_of_the_water(arm):
     env = make(f"pour_water/{arm}", horizon=1000)
     env.reset(806)
@@ -54,11 +38,11 @@ def test_the_arm_carries_the_weight_of_the_water(arm):
     weight = ARM_DENSITY * env.task.start.variation(env.task.variation).volume * GRAVITY
     assert 5.0 < weight < 30.0  # [N]
     # The arm and the cup are compensated for: static torques are those of the water alone.
-    expected = weight * jacobian[2, motors(env)[2]]
-    np.testing.assert_allclose(torques(env), expected, atol=0.03 * np.abs(expected).max())
+    expected = weight * jacobian[2, env.task.actor._servos.speeds_at]
+    np.testing.assert_allclose(delivered(env), expected, atol=0.03 * np.abs(expected).max())
 
 
-@arms
+@arms_of("franka")
 def test_a_cup_out_of_reach_waits_and_comes_back(arm):
     env = make(f"transport_water/{arm}", horizon=1000)
     env.reset(800)
@@ -76,13 +60,12 @@ def test_a_cup_out_of_reach_waits_and_comes_back(arm):
     np.testing.assert_array_equal(actor.commanded_pose[1:], 0.0)
 
 
-@arms
-@water_tasks
-def test_reference_and_cup_follow_the_command(task, arm):
+@cases
+def test_reference_and_cup_follow_the_command_and_the_expert_solves_it(case):
     """On the expert's way: reach, lag and droop."""
-    env = make(f"{task}/{arm}")
+    env = make(case)
     act, timestep = make_policy(env), env.reset(806)
-    low, high = np.tile(env.task.actor.arm.torque_limits, (2, 1)) * [[-1.0], [1.0]]
+    largest = np.array(env.task.actor.arm.torque_limits)
     references, cups = [], []
     while not timestep.last():
         timestep = env.step(act(timestep))
@@ -91,21 +74,21 @@ def test_reference_and_cup_follow_the_command(task, arm):
         references.append(np.abs(actor.reference_pose - leader))
         cups.append(np.abs(actor.cup.pose - actor.reference_pose))
         # Torques within the limits, but for what contact adds in the very step.
-        assert np.all((torques(env) > 1.02 * low) & (torques(env) < 1.02 * high))
+        assert np.all(np.abs(delivered(env)) < 1.02 * largest)
     # The reference may be a solution (0.02 s) behind a filter of up to 0.8 m/s and 1 rad/s.
     assert np.max(references, axis=0)[:2].max() < 0.025
     assert np.max(cups, axis=0)[:2].max() < 0.02  # [m]: water of up to 1.6 kg weighs on it.
     assert np.mean(cups, axis=0)[:2].max() < 0.01
     assert np.max(cups, axis=0)[2] < 0.03  # [rad]
+    assert env.info()["normalized_performance"] > 0.97
 
 
-@arms
-@water_tasks
-def test_random_actions_are_clean(task, arm):
-    env = make(f"{task}/{arm}", observation="reduced")
+@cases
+def test_random_actions_are_clean(case):
+    env = make(case, observation="reduced")
     env.reset(801)
     actor = env.task.actor
-    for action in actions(env, 40):
+    for action in actions(env, 20):
         env.step(action)
         assert np.all(np.abs(actor.controller.velocity) <= np.add(actor.arm.velocity_limits, 1e-9))
         off = np.abs(actor.cup.pose - actor.reference_pose)
@@ -114,15 +97,7 @@ def test_random_actions_are_clean(task, arm):
     assert env.info()["physics_warnings"] == 0
 
 
-@arms
-@water_tasks
-def test_the_expert_solves_it_with_an_arm(task, arm):
-    info = play(task, 806, actor=arm, fidelity="fast")
-    assert info["normalized_performance"] > 0.97
-
-
-@pytest.mark.slow
-@arms
+@arms_of()
 @pytest.mark.parametrize("task", ["transport_water", "pour_water", "pour_water_amount"])
 def test_the_experts_do_as_well_with_arms(task, arm):
     for_arm = [play(task, v, actor=arm)["normalized_performance"] for v in range(800, 820)]
