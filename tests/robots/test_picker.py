@@ -1,6 +1,7 @@
-"""The picker against SoftGym's semantics (facts 2.1 to 2.4), worked out by hand or by brute force.
+"""The picker against SoftGym's semantics (facts 2.1 to 2.4), worked out by hand.
 
-Most tests take one sim step per env step (`action_repeat=1`), so that every step can be followed.
+Which vertex is taken is in test_grip.py. Most tests take one sim step per env step
+(`action_repeat=1`), so that every step can be followed.
 """
 
 import dataclasses
@@ -109,7 +110,6 @@ def test_two_pickers_at_reset(facts):
     height = top + 0.06 if facts is CLOTH else facts.reset_height
     expected = [[x, y - half, height], [x, y + half, height]]
     np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)
-    assert half == pytest.approx(2 * facts.radius)
     assert scene.held() == [-1, -1]
 
 
@@ -127,13 +127,6 @@ def test_one_and_three_pickers_at_reset():
     ]
     np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-9)
     assert scene.held() == [-1, -1, -1]
-
-
-@BOTH
-def test_geometry(facts):
-    actor = make_scene(facts).actor
-    assert actor.radius == facts.radius
-    assert actor.pick_distance == facts.pick_distance
 
 
 @pytest.mark.parametrize("action_repeat", [1, 8])
@@ -164,57 +157,16 @@ def test_workspace_limits(facts):
         np.testing.assert_allclose(scene.actor.positions(), [corner, corner], atol=1e-12)
 
 
-def test_clipping_one_axis_leaves_the_others():
-    scene = make_scene(ROPE)
-    scene.place([0.326, 0.0, 0.022], [0.0, -0.329, 0.27])
-    scene.step([1, 0.5, -1, OFF], [-1, -1, 1, OFF])
-    expected = [[0.33, 0.005, 0.02], [-0.01, -0.33, 0.28]]
-    np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)
-    scene.step([-1, 0.5, 1, OFF], [-1, 1, -1, OFF])  # The clipped part is not made up for.
-    expected = [[0.32, 0.01, 0.03], [-0.02, -0.32, 0.27]]
-    np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)
-
-
 # ---------------------------------------------------------------- which vertex is taken
 
 
-@pytest.mark.parametrize(
-    ("grip", "holds"), [(-1.0, False), (-1e-3, False), (0.0, False), (1e-3, True), (1.0, True)]
-)
+@pytest.mark.parametrize(("grip", "holds"), [(0.0, False), (1e-3, True)])
 def test_grip_threshold(grip, holds):
     scene = make_scene(ROPE, num_pickers=1)
     scene.lay()
     scene.place([0.0, 0.0, 0.04])
     scene.step([0, 0, 0, grip])
     assert scene.held() == [20 if holds else -1]
-    scene.place([0.0, 0.0, 0.04])
-    scene.step([0, 0, 0, ON])
-    scene.step([0, 0, 0, grip])
-    assert scene.held() == [20 if holds else -1]
-
-
-@BOTH
-def test_nearest_vertex_within_reach_by_brute_force(facts):
-    scene = make_scene(facts, num_pickers=1)
-    state = scene.env.get_state()
-    random = np.random.default_rng(0)
-    found = set()
-    for _ in range(40):
-        scene.env.set_state(state)
-        vertices = scene.target.points()
-        near = vertices[random.integers(len(vertices))]
-        centre = near + random.normal(0.0, 0.9 * facts.pick_distance, 3)
-        scene.place(centre)
-        best, shortest = -1, facts.pick_distance
-        for index, vertex in enumerate(vertices):
-            distance = float(np.linalg.norm(vertex - centre))
-            if distance < shortest:
-                best, shortest = index, distance
-        scene.actor.command(np.array([0.0, 0.0, 0.0, ON]))
-        scene.actor.plan()
-        assert scene.held() == [best]
-        found.add(best)
-    assert -1 in found and len(found) > 10
 
 
 @BOTH
@@ -236,66 +188,7 @@ def test_pick_distance(facts, direction):
         assert scene.held() == [index if taken else -1]
 
 
-def hairpin() -> np.ndarray:
-    """The rope as a U on the floor: vertices 10 and 29 lie at x = 0 and opposite y."""
-    spacing = 0.0125
-    radius = spacing / (2 * np.sin(np.pi / 10))  # The turn has five segments.
-    first = [((i - 10) * spacing, radius) for i in range(18)]
-    turn = [
-        (7 * spacing + radius * np.sin(angle), radius * np.cos(angle))
-        for angle in np.pi * np.arange(1, 5) / 5
-    ]
-    last = [((7 - i) * spacing, -radius) for i in range(19)]
-    vertices = np.array(first + turn + last)
-    return np.column_stack([vertices, np.full(41, 0.00625)])
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_first_index_wins_a_tie(side):
-    scene = make_scene(ROPE, num_pickers=1)
-    vertices = scene.lay(hairpin() * [1.0, side, 1.0])
-    distances = np.linalg.norm(vertices - [0.0, 0.0, 0.03], axis=1)
-    assert distances[10] == distances[29] == distances.min()  # A tie to the last bit.
-    scene.place([0.0, 0.0, 0.03])
-    scene.step([0, 0, 0, ON])
-    assert scene.held() == [10]
-
-
-def test_distance_is_measured_from_the_old_centre_and_the_vertex_moves_at_once():
-    scene = make_scene(ROPE, num_pickers=1)
-    vertices = scene.lay()
-    scene.place([0.001, 0.0, 0.04])
-    scene.step([1, 0, 0, ON])  # The new centre is nearest to vertex 21.
-    assert scene.held() == [20]
-    expected = vertices[20] + [FULL, 0.0, 0.0]
-    np.testing.assert_allclose(scene.target.vertex(20), expected, atol=1e-3)
-
-
 # ---------------------------------------------------------------- two pickers
-
-
-def test_contention():
-    scene = make_scene(ROPE)
-    scene.lay()
-    # Vertex 20 lies 1 mm away, 21 next (11.5 mm), then 19 (13.5 mm).
-    scene.place([0.001, 0.0, 0.04], [0.001, 0.0, 0.04])
-    scene.step([0, 0, 0, ON], [0, 0, 0, ON])
-    assert scene.held() == [20, 21]
-    scene.lay()
-    scene.place([0.001, 0.0, 0.04], [0.001, 0.0, 0.04])
-    scene.step([0, 0, 0, OFF], [0, 0, 0, ON])
-    assert scene.held() == [-1, 20]
-    scene.step([0, 0, 0, ON], [0, 0, 0, ON])  # Late: takes what is left.
-    assert scene.held() == [21, 20]
-
-
-def test_contention_for_the_only_vertex_in_reach():
-    scene = make_scene(ROPE)
-    scene.lay()
-    beyond = [0.25 + 0.042, 0.0, 0.02]  # 44 mm from the end, 56 mm from the vertex before it.
-    scene.place(beyond, beyond)
-    scene.step([0, 0, 0, ON], [0, 0, 0, ON])
-    assert scene.held() == [40, -1]
 
 
 @pytest.mark.parametrize(("holder", "taker"), [(0, 1), (1, 0)])
@@ -310,6 +203,9 @@ def test_released_vertex_can_be_taken_in_the_same_sim_step(holder, taker):
     scene.step([0, 0, 0, grips[1]], [0, 0, 0, grips[0]])
     assert scene.actor.held[taker] == 20
     assert scene.actor.held[holder] == -1
+    before = scene.target.vertex(20)
+    scene.step(*[[0, 0, 1, grip] for grip in grips[::-1]])
+    np.testing.assert_allclose(scene.target.vertex(20) - before, [0, 0, FULL], atol=1e-3)
 
 
 def test_three_pickers_share_what_is_there():
@@ -356,27 +252,11 @@ def test_offset_is_kept_at_full_speed(facts, action_repeat):
     assert np.quantile(away, 0.9) < 1e-3 and max(away) < (1e-3 if facts is ROPE else 5e-3)
 
 
-def test_three_pickers_move_on_their_own():
-    scene = make_scene(ROPE, num_pickers=3)
-    vertices = scene.lay()
-    indices = [0, 20, 40]
-    offset = np.array([0.0, 0.0, 0.04])
-    scene.place(*(vertices[indices] + offset))
-    moves = ([1, 0, 0.5, ON], [0, 1, 1, ON], [-1, 0, 0.2, ON])
-    for _ in range(10):
-        scene.step(*moves)
-    assert scene.held() == indices
-    expected = vertices[indices] + 0.1 * np.array(moves)[:, :3]
-    np.testing.assert_allclose(scene.target.points()[indices], expected, atol=1e-3)
-    scene.step([0, 0, 0, ON], [0, 0, 0, OFF], [0, 0, 0, ON])
-    assert scene.held() == [0, -1, 40]
-
-
 def test_one_picker_holds_exactly_one_vertex():
     scene = make_scene(ROPE, num_pickers=1)
     vertices = scene.lay()
     scene.place(vertices[0] + [0.0, 0.0, 0.04])
-    for _ in range(50):  # Past all other vertices.
+    for _ in range(50):  # Past all others.
         scene.step([1, 0, 0, ON])
         assert scene.held() == [0]
     for _ in range(10):
@@ -411,17 +291,13 @@ def test_held_vertex_stays_above_the_floor(facts):
 def test_retry_while_moving():
     # From y = -0.09 towards the rope at y = 0, 3 cm above the floor: 5 cm are reached between
     # y = -0.05 and y = -0.04, which is the old centre in the sixth of eight sim steps.
-    for grip in (ON, OFF):
-        scene = make_scene(ROPE, num_pickers=1, action_repeat=8)
-        scene.lay()
-        scene.place([0.0, -0.09, 0.03])
-        scene.step([0, 1, 0, grip])
-        assert scene.actor.positions()[0, 1] == pytest.approx(-0.01)
-        if grip == ON:
-            assert scene.held() == [20]
-            assert scene.target.vertex(20)[1] == pytest.approx(3 * FULL, abs=1e-3)
-        else:
-            assert scene.held() == [-1]
+    scene = make_scene(ROPE, num_pickers=1, action_repeat=8)
+    scene.lay()
+    scene.place([0.0, -0.09, 0.03])
+    scene.step([0, 1, 0, ON])
+    assert scene.actor.positions()[0, 1] == pytest.approx(-0.01)
+    assert scene.held() == [20]
+    assert scene.target.vertex(20)[1] == pytest.approx(3 * FULL, abs=1e-3)
 
 
 # ---------------------------------------------------------------- release
@@ -474,7 +350,10 @@ def test_reset_and_place_open_the_grippers():
 # ---------------------------------------------------------------- solid spheres
 
 
-@pytest.mark.parametrize(("speed", "moved"), [(1.0, 0.005), (0.2, 0.01), (0.05, 0.015)])
+@pytest.mark.parametrize(
+    ("speed", "moved"),
+    [(1.0, 0.005), (0.2, 0.01), pytest.param(0.05, 0.015, marks=pytest.mark.slow)],
+)
 def test_solid_picker_pushes_the_rope(speed, moved):
     scene = make_scene(ROPE, num_pickers=1)
     scene.lay()
@@ -491,15 +370,3 @@ def test_solid_picker_pushes_the_rope(speed, moved):
     assert distances.min() > ROPE.radius + 0.0018
     assert scene.held() == [-1]
     assert scene.target.vertex(20)[1] > moved
-
-
-def test_picker_at_rest_moves_nothing():
-    scene = make_scene(ROPE)
-    scene.lay()
-    scene.place([0.0, -0.2, 0.02], [0.0, 0.2, 0.1])
-    for _ in range(20):
-        scene.step([0, 0, 0, OFF], [0, 0, 0, OFF])
-    before = scene.target.points()
-    for _ in range(50):
-        scene.step([0, 0, 0, OFF], [0, 0, 0, OFF])
-    np.testing.assert_allclose(scene.target.points(), before, atol=1e-4)
