@@ -10,31 +10,9 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots.models import ARMS
+from tests.robots.arms import arms_of
+from tests.robots.test_arm_models import FRAMES
 
-# Published kinematics: body, joint, position [m], quaternion in the parent.
-SIDE, BACK = "0.70710678 -0.70710678 0 0", "0.70710678 0.70710678 0 0"
-PANDA = [
-    ("link0", None, "0 0 0", "1 0 0 0"),
-    ("link1", "joint1", "0 0 0.333", "1 0 0 0"),
-    ("link2", "joint2", "0 0 0", SIDE),
-    ("link3", "joint3", "0 -0.316 0", BACK),
-    ("link4", "joint4", "0.0825 0 0", BACK),
-    ("link5", "joint5", "-0.0825 0.384 0", SIDE),
-    ("link6", "joint6", "0 0 0", BACK),
-    ("link7", "joint7", "0.088 0 0", BACK),
-    ("link8", None, "0 0 0.107", "1 0 0 0"),
-    ("hand", None, "0 0 0", "0.9238795 0 0 -0.3826834"),
-]
-SAWYER = [
-    ("base", None, "0 0 0", "1 0 0 0"),
-    ("right_l0", "right_j0", "0 0 0.08", "1 0 0 0"),
-    ("right_l1", "right_j1", "0.081 0.05 0.237", "0.5 -0.5 0.5 0.5"),
-    ("right_l2", "right_j2", "0 -0.14 0.1425", BACK),
-    ("right_l3", "right_j3", "0 -0.042 0.26", SIDE),
-    ("right_l4", "right_j4", "0 -0.125 -0.1265", BACK),
-    ("right_l5", "right_j5", "0 0.031 0.275", SIDE),
-    ("right_l6", "right_j6", "0 -0.11 0.1053", "0.0616248 0.06163 -0.704416 0.704416"),
-]
 FINGERS = """
   <body name="left_finger" pos="0 0 0.0584">
     <joint name="finger_joint1" class="finger"/> {shapes}
@@ -73,25 +51,33 @@ MODEL = """<mujoco>
   <worldbody>{bodies}</worldbody>
 </mujoco>"""
 FOLDERS = {
-    "franka": ("franka_emika_panda", "panda.xml", PANDA, FINGERS.format(shapes=SHAPES)),
-    "sawyer": ("rethink_robotics_sawyer", "sawyer.xml", SAWYER, ""),
+    "franka": ("franka_emika_panda", "panda.xml", FINGERS.format(shapes=SHAPES)),
+    "sawyer": ("rethink_robotics_sawyer", "sawyer.xml", ""),
 }
-arms = pytest.mark.parametrize("arm", ARMS)
+
+
+def links(arm):
+    """Those that Menagerie has; its Sawyer lacks the head and the gripper."""
+    return [name for name in FRAMES[arm] if name not in ("head", "right_hand", "tcp")]
+
+
+def numbers(values):
+    return " ".join(map(str, values))
 
 
 @pytest.fixture(autouse=True)
 def root(tmp_path, monkeypatch):
     """A folder like a checkout of Menagerie."""
-    for folder, file, links, fingers in FOLDERS.values():
+    for arm, (folder, file, fingers) in FOLDERS.items():
         assets = tmp_path / folder / "assets"
         assets.mkdir(parents=True)
         (assets / "wedge.obj").write_text(OBJ)
         bodies = fingers
-        for name, joint, position, quaternion in reversed(links):
-            start = f'<body name="{name}" pos="{position}" quat="{quaternion}">'
+        for name in reversed(links(arm)):
+            _, position, quaternion, joint = FRAMES[arm][name]
+            start = f'<body name="{name}" pos="{numbers(position)}" quat="{numbers(quaternion)}">'
             hinge = "" if joint is None else f'<joint name="{joint}"/>'
-            shapes = "" if name == "link8" else SHAPES
-            bodies = f"{start}{hinge}{shapes}{bodies}</body>\n"
+            bodies = f"{start}{hinge}{SHAPES}{bodies}</body>\n"
         bodies = bodies.replace("<body ", '<body childclass="robot" ', 1)
         (tmp_path / folder / file).write_text(MODEL.format(bodies=bodies))
     monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
@@ -122,18 +108,15 @@ def placed_vertices(model, geom):
     return model.mesh_vert[first : first + number] @ turn.reshape(3, 3).T + model.geom_pos[geom]
 
 
-@arms
+@pytest.mark.parametrize("arm", ARMS)
 def test_links_are_drawn_as_in_menagerie(arm):
     env = make(arm)
     model = env.physics.model.ptr
     turn = np.empty(9)
     mujoco.mju_quat2Mat(turn, QUATERNION)
-    *_, links, _ = FOLDERS[arm]
-    bodies = [name for name, *_ in links if name != "link8"]
-    if arm == "franka":
-        bodies += ["left_finger", "right_finger"]
+    fingers = ["left_finger", "right_finger"] if arm == "franka" else []
     for i in (0, 1):
-        for body in bodies:
+        for body in links(arm) + fingers:
             wedge, stretched, box = shown(model, f"arms/{arm}_{i}/{body}")
             expected = VERTICES @ turn.reshape(3, 3).T + POSITION
             np.testing.assert_allclose(placed_vertices(model, wedge), expected, atol=1e-6)
@@ -164,7 +147,7 @@ def test_what_menagerie_lacks_keeps_our_looks():
         np.testing.assert_array_equal(ours.geom_pos[before], dressed.geom_pos[after])
 
 
-@arms
+@arms_of("franka")
 def test_nothing_but_looks_changes(arm):
     """A fold up to when the cloth is carried, and all that dynamics depends on."""
     paths, models = [], []
@@ -199,20 +182,14 @@ def edit(root, arm, old, new):
 @pytest.mark.parametrize(
     ("arm", "old", "new", "reason"),
     [
-        (
-            "franka",
-            'pos="0 -0.316 0"',
-            'pos="0 -0.318 0"',
-            "body 'link3' is 2.0 mm and 0.0000 rad from",
-        ),
-        (
-            "franka",
-            '0.9238795 0 0 -0.3826834"',
-            '1 0 0 0"',
-            "body 'hand' is 0.0 mm and 0.7854 rad from",
-        ),
+        ("franka", 'pos="0 -0.316 0"', 'pos="0 -0.318 0"', "'link3' is 2.0 mm and 0.0000 rad from"),
         ("franka", '<joint axis="0 1 0"', '<joint axis="0 -1 0"', "joint 'finger_joint1' is"),
-        ("sawyer", '"right_j0"', '"right_j0" axis="0 0 -1"', "'right_j0' is 0.0 mm and 3.1416 rad"),
+        (
+            "sawyer",
+            '0.08" quat="1 0 0 0"',
+            '0.08" quat="0 0 0 1"',
+            "'right_l0' is 0.0 mm and 3.1416",
+        ),
         ("sawyer", '"right_j3"', '"elbow"', "no body 'right_l3' with a joint 'right_j3'"),
         ("sawyer", '"right_l3"', '"elbow"', "no body 'right_l3' with a joint 'right_j3'"),
         ("sawyer", "</mujoco>", "", "XML"),
@@ -249,7 +226,6 @@ def test_a_missing_package_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)  # Cannot be imported.
     with pytest.raises(UnavailableError, match=r"pip install softgym_mj\[menagerie\]"):
         make()
-    make(visual="primitive")
 
 
 def test_other_looks_are_refused():

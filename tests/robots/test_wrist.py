@@ -94,6 +94,9 @@ def test_gymnasium_renders_and_observes_wrists():
 def test_actors_without_hands_have_no_wrists(task, actor):
     with pytest.raises(InvalidArgumentError, match=r"observation='wrist_rgb'.*'proprioception'"):
         make(f"{task}/{actor}", observation=WRIST_RGB)
+    (env := make(f"{task}/{actor}")).reset(800)
+    with pytest.raises(InvalidArgumentError, match=r"camera='wrist_0'.*'task', 'overview'"):
+        CameraView("wrist_0", SIZE, SIZE).rgb(env.physics)
 
 
 def test_one_arm_has_one_wrist():
