@@ -62,55 +62,41 @@ def test_a_port_that_is_taken_is_an_error():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        port = taken.getsockname()[1]
-        wanted = rf"127\.0\.0\.1:{port}.*--port"
-        with (
-            pytest.raises(UnavailableError, match=wanted),
-            browser.open_server(port=port),
-        ):
-            pass
+        refuses(UnavailableError, r"127\.0\.0\.1:\d+: .*--port", port=taken.getsockname()[1])
 
 
-@pytest.mark.parametrize("port", [-1, 65536])
-def test_a_port_that_does_not_exist_is_an_error(port):
-    with (
-        pytest.raises(InvalidArgumentError, match=f"port={port} .*65535"),
-        browser.open_server(port=port),
-    ):
+def test_an_address_that_does_not_exist_is_an_error():
+    refuses(InvalidArgumentError, "port=65536 .*65535", port=65536)
+    refuses(UnavailableError, r"203\.0\.113\.7:.*--host", host="203.0.113.7", port=0)
+
+
+def refuses(error, words, **address):
+    with pytest.raises(error, match=words), browser.open_server(**address):
         pass
 
 
-def test_a_host_that_does_not_exist_is_an_error():
-    with (
-        pytest.raises(UnavailableError, match=r"203\.0\.113\.7:.*--host"),
-        browser.open_server(host="203.0.113.7", port=0),
-    ):
-        pass
-
-
-def test_every_task_is_shown_and_driven(monkeypatch):
+@pytest.mark.parametrize(
+    ("task", "actor", "parts"),
+    [("fold_cloth", "picker", 2), ("rope_configuration", "franka", 2), ("pour_water", "cup", 1)],
+)
+def test_tasks_are_shown_and_driven(monkeypatch, task, actor, parts):
     """Without a browser: an episode in which everything is rebuilt once."""
     monkeypatch.setattr(browser, "PICTURE_INTERVAL", 0.0)
-    for task, actor, parts in (
-        ("fold_cloth", "picker", 2),
-        ("rope_configuration", "franka", 2),
-        ("pour_water_amount", "cup", 1),
-    ):
-        with browser.open_server(port=0) as server:
-            session = unhurried(task, actor=actor, fidelity="fast")
-            shown = browser.Browser(session, server)
-            session.advance()
-            shown._drag(parts - 1, session.teleoperation.targets[-1] + [0.05, 0, 0.02, 0], "end")
-            shown._frame()
-            gizmo = shown._gizmos[-1]
-            np.testing.assert_allclose(gizmo.position, session.teleoperation.targets[-1, :3])
-            before = shown._scene
-            session.play_next()
-            shown._frame()
-            assert shown._scene is not before  # Sizes, marks or water differ.
-            session.play("scripted")
-            shown._frame()
-            assert shown._gizmos == []
+    with browser.open_server(port=0) as server:
+        session = unhurried(task, actor=actor, fidelity="fast")
+        shown = browser.Browser(session, server)
+        session.advance()
+        shown._drag(parts - 1, session.teleoperation.targets[-1] + [0.05, 0, 0.02, 0], "end")
+        shown._frame()
+        gizmo = shown._gizmos[-1]
+        np.testing.assert_allclose(gizmo.position, session.teleoperation.targets[-1, :3])
+        before = shown._scene
+        session.play_next()
+        shown._frame()
+        assert shown._scene is not before  # Sizes, marks or water differ.
+        session.play("scripted")
+        shown._frame()
+        assert shown._gizmos == []
 
 
 # ---------------------------------------------------------------------- pictures
@@ -212,6 +198,7 @@ def test_chromium_shows_what_mujoco_draws(page, task, ranges, likeness):
         chromium.wait_until(alike, LOAD_TIME)
 
 
+@pytest.mark.slow
 @with_chromium
 def test_chromium_drives(page):
     """A gizmo is dragged, a grip closed, the next variation chosen, time stopped."""

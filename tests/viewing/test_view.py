@@ -247,9 +247,8 @@ def test_the_command_tells_of_the_keys_and_opens_the_window(monkeypatch):
         assert key.label in result.output and key.use in result.output
 
 
-@pytest.mark.parametrize("variation", ["-1", "1000"])
-def test_a_variation_that_does_not_exist_is_an_error(variation):
-    result = CliRunner().invoke(commands.app, ["view", "pour_water", "--variation", variation])
+def test_a_variation_that_does_not_exist_is_an_error():
+    result = CliRunner().invoke(commands.app, ["view", "pour_water", "--variation", "1000"])
     assert isinstance(result.exception, InvalidArgumentError)
 
 
