@@ -70,21 +70,38 @@ class Edge(Task):
         return Measures(0.0, {"nothing": 0.0})
 
 
-def go(env: Environment, goal: np.ndarray, grip: bool, speed: float) -> None:
-    """Moves the commanded point to `goal` (3,) [m] at `speed` [m/s] along each axis."""
+def go(
+    env: Environment, goals: np.ndarray, closed: bool, speed: float = 0.6, steps: int = 60
+) -> None:
+    """Moves the commanded points to `goals` (n, 3) [m], at up to `speed` [m/s] along each axis."""
     actor = env.task.actor
-    for _ in range(60):
-        way = (goal - actor.commanded_positions()[0]) / ENV_STEP
+    for _ in range(steps):
+        way = (goals - actor.commanded_positions()) / ENV_STEP
         way *= speed / max(np.abs(way).max(), speed)
-        env.step(np.append(way, 1.0 if grip else -1.0))
-        if np.abs(actor.positions()[0] - goal).max() < 0.002:
+        env.step(np.column_stack([way, np.full(len(way), 1.0 if closed else -1.0)]).ravel())
+        if np.abs(actor.positions() - goals).max() < 0.002:
             return
 
 
-def wait(env: Environment, grip: bool, steps: int) -> None:
+def wait(env: Environment, closed: bool, steps: int) -> None:
     """Stands still for env steps."""
     for _ in range(steps):
-        env.step(np.array([0.0, 0.0, 0.0, 1.0 if grip else -1.0]))
+        env.step(np.tile([0.0, 0.0, 0.0, 1.0 if closed else -1.0], env.task.actor.num_grippers))
+
+
+def close_at(env: Environment, place: np.ndarray) -> None:
+    """Comes down at `place` (2,) [m] with open fingers and closes them."""
+    go(env, np.array([*place, 0.15]), False, 0.6)
+    go(env, np.array([*place, env.task.actor.limits[0][2]]), False, 0.2)
+    wait(env, True, CLOSING)
+
+
+def lift_and_carry(env: Environment) -> None:
+    """Lifts what is pinched by 0.2 m and carries it by 0.3 m towards the middle."""
+    at = env.task.actor.commanded_positions()[0]
+    up = at + [0.0, 0.0, 0.2]
+    go(env, up, True, 0.3)
+    go(env, up + [-np.copysign(0.3, at[0]), 0.0, 0.0], True, 0.6)
 
 
 def edge_place(env: Environment) -> np.ndarray:
@@ -110,20 +127,14 @@ def pinch_edge(arm: str, variation: int, fabric: str, stiffness: float) -> dict[
     env = Environment(Edge(arm, variation, fabric, stiffness), name="edge", horizon=1000)
     env.reset(variation)
     actor, cloth = env.task.actor, env.task.cloth
-    low = actor.limits[0][2]
 
     def offset(vertex):
         return cloth.vertex(vertex) - actor.positions()[0]
 
-    place = edge_place(env)
-    go(env, np.array([*place, 0.15]), False, 0.6)
-    go(env, np.array([*place, low]), False, 0.2)
-    wait(env, True, CLOSING)
+    close_at(env, edge_place(env))
     vertex = int(np.linalg.norm(cloth.offsets(actor.positions()[0]), axis=1).argmin())
-    pinched, at = offset(vertex), actor.commanded_positions()[0]
-    up = at + [0.0, 0.0, 0.2]
-    go(env, up, True, 0.3)
-    go(env, up + [-np.copysign(0.3, at[0]), 0.0, 0.0], True, 0.6)
+    pinched = offset(vertex)
+    lift_and_carry(env)
     start = time.thread_time(), env.physics.data.time
     wait(env, True, round(1.0 / ENV_STEP))
     cost = 1e3 * (time.thread_time() - start[0]) / (env.physics.data.time - start[1]) * 0.01

@@ -1,7 +1,6 @@
 """Cartesian control of the arms against motions of known speed, at the tasks' physics steps."""
 
 import dataclasses
-import itertools
 import math
 from xml.etree import ElementTree
 
@@ -10,22 +9,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from softgym_mj.entities.arena import Arena
-from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.rope import Rope
+from benchmarks import tracking
 from softgym_mj.robots import arm_bodies, cartesian
 from softgym_mj.robots.arms import Arms
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.command_filter import LEAD
 from softgym_mj.robots.models import ARMS
 from softgym_mj.robots.mounts import Mount, facing_each_other
-from softgym_mj.robots.workspace import Workspace
 from tests.robots.arms import cases_of, motor_torques
-
-SPEED = 0.6  # [m/s] Largest of the motions.
-WORKSPACE = Workspace((-0.7, -0.7, 0.0), (0.7, 0.7, 0.5))
-# The box that the motions fill, in front of the base: forward, left, up [m].
-BOX = np.array([[0.3, -0.25, 0.03], [0.6, 0.25, 0.4]])
 
 arms_by_name = pytest.mark.parametrize("arm", ARMS)
 cases = cases_of(("cloth", "rope"), "cloth/franka", "rope/sawyer")
@@ -42,20 +33,10 @@ class Scene:
     @classmethod
     def make(cls, case: str, number: int = 1) -> "Scene":
         """With the object and the arms that a case "kind/arm" names."""
-        kind, arm = case.split("/")
-        target = Cloth((20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
-        arena, arms = Arena("cloth"), Arms(ARMS[arm], number)
-        arena.attach(target)
-        arms.join(arena)
-        arms.manipulate(target)
-        physics = arena.compile(target.timestep, target, arms)
-        vertices = target.points() + [2.0, 0.0, 0.0]
-        vertices[:, 2] = target.radius
-        target.set_points(vertices)
-        return cls(physics.model.ptr, physics.data.ptr, arms)
+        return cls(*tracking.scene(*case.split("/"), number))
 
     def start(self, points: np.ndarray) -> None:
-        self.arms.place(np.reshape(points, (-1, 3)), WORKSPACE)
+        self.arms.place(np.reshape(points, (-1, 3)), tracking.WORKSPACE)
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, action: np.ndarray) -> None:
@@ -73,42 +54,20 @@ class Scene:
         self.step(np.column_stack([way, np.full(len(way), grip)]))
 
 
-def waypoints(seconds: float, distance: float) -> np.ndarray:
-    """Straight minimum-jerk ways between random points of the box (n, 3), one a sim step."""
-    random = np.random.default_rng(0)
-    points, rows = random.uniform(*BOX, (100, 3)), []
-    for start, end in itertools.pairwise(points):
-        # A minimum-jerk way has a peak speed of 1.875 times its mean speed.
-        steps = math.ceil(1.875 * np.linalg.norm(end - start) / SPEED / SIM_STEP)
-        s = (np.arange(steps) + 1.0)[:, None] / steps
-        rows.append(start + (10 * s**3 - 15 * s**4 + 6 * s**5) * (end - start))
-    return in_front(np.concatenate(rows)[: round(seconds / SIM_STEP)], distance)
-
-
-def lissajous(seconds: float, distance: float) -> np.ndarray:
-    """A curve that fills the box, at up to `SPEED` (n, 3), one point a sim step, from rest."""
-    steps = np.arange(round(seconds / SIM_STEP))
-    time = np.cumsum(np.minimum(steps / 50, 1.0))[:, None] * SIM_STEP
-    middle, half = BOX.mean(axis=0), (BOX[1] - BOX[0]) / 2
-    rate = np.array([1.5, 0.9, 1.2])
-    rate *= SPEED / np.linalg.norm(rate * half)
-    return in_front(middle + half * np.sin(rate * time + [0.0, 0.5, 1.0]), distance)
-
-
 def in_front(points: np.ndarray, distance: float) -> np.ndarray:
     """Points in the frame of an arm that stands at -Y and faces +Y, in the world frame."""
     forward, left, up = points.T
     return np.column_stack([-left, forward - distance, up])
 
 
-@pytest.mark.parametrize("motion", [waypoints, lissajous])
+@pytest.mark.parametrize("motion", [tracking.waypoints, tracking.lissajous])
 @cases
 def test_an_arm_tracks_smooth_motions_within_its_limits(case, motion):
     scene = Scene.make(case)
     arms, data = scene.arms, scene.arms.arm
-    path = motion(4.0, data.distance)
+    path = in_front(motion(400), data.distance)
     speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / SIM_STEP
-    assert SPEED * 0.8 < speeds.max() < SPEED * 1.01
+    assert 0.8 < speeds.max() / tracking.SPEED < 1.01
     scene.start(path[0])
     for _ in range(10):
         scene.towards(path[:1])
@@ -157,7 +116,7 @@ def test_an_unreachable_command_saturates_and_recovers(arm):
 def test_the_start_is_where_it_is_wanted_and_at_rest(arm):
     scene = Scene.make(f"rope/{arm}", 2)
     distance = ARMS[arm].distance
-    first = np.random.default_rng(1).uniform(BOX[0], BOX[1] - [0.1, 0.0, 0.0], (5, 3))
+    first = np.random.default_rng(1).uniform(tracking.LOW, tracking.HIGH - [0.1, 0.0, 0.0], (5, 3))
     for point in in_front(first, distance):
         points = np.array([point, -point * [1.0, 1.0, -1.0]])
         scene.start(points)
