@@ -1,7 +1,6 @@
 """Cloth and cords hold water back: against the numpy twin, and physically."""
 
 import re
-import threading
 
 import mujoco
 import numpy as np
@@ -408,55 +407,6 @@ def test_friction_on_a_slope_is_coulombs(friction):
 
 
 # ---------------------------------------------------------------------- part of MuJoCo
-
-
-def moving_scene():
-    """Water on a cloth that is moved about with its frame, after some steps."""
-    sheet = cloth(9, 0.04, corners(9))
-    scene = FlexScene(
-        f'<body name="frame" pos="0 0 0.4" gravcomp="1">{SLIDES}{sheet}</body>', (4, 4), 4, 0.43
-    )
-    drive(scene.model, scene.data, range(20))
-    return scene
-
-
-def drive(model, data, steps):
-    states = []
-    for step in steps:
-        data.qvel[:3] = [0.5 * np.sin(0.3 * step), 0, 0.5 * np.cos(0.2 * step)]
-        mujoco.mj_step(model, data)
-        states.append(np.concatenate([data.plugin_state, data.qpos]))
-    return np.array(states)
-
-
-def polluted(model):
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0.2
-    mujoco.mj_step(model, data, 5)
-    return data
-
-
-def test_snapshots_continue_bit_by_bit():
-    scene = moving_scene()
-    state = np.empty(mujoco.mj_stateSize(scene.model, FULL))
-    mujoco.mj_getState(scene.model, scene.data, state, FULL)
-    set_state, copied, threaded = (polluted(scene.model) for _ in range(3))
-    mujoco.mj_setState(scene.model, set_state, state, FULL)
-    mujoco.mj_copyData(copied, scene.model, scene.data)
-    mujoco.mj_setState(scene.model, threaded, state, FULL)
-    steps = range(20, 50)
-    expected = drive(scene.model, scene.data, steps)
-    assert not np.array_equal(expected[0], expected[-1])
-    results = {}
-    thread = threading.Thread(
-        target=lambda: results.update(thread=drive(scene.model, threaded, steps))
-    )
-    thread.start()
-    results["setState"] = drive(scene.model, set_state, steps)
-    results["copyData"] = drive(scene.model, copied, steps)
-    thread.join()
-    for result in results.values():
-        np.testing.assert_array_equal(result, expected)
 
 
 @pytest.mark.parametrize("pos", ["0 0 0.3", "0 0 50"])

@@ -1,156 +1,12 @@
-"""The plugin as a part of MuJoCo: state, threads, poses, errors, drawing."""
+"""The plugin as a part of MuJoCo: poses, errors, walls, drawing."""
 
-import copy
-import pickle
 import re
-import subprocess
-import sys
 
 import mujoco
 import numpy as np
 import pytest
-from dm_control import mujoco as dm_mujoco
-from mujoco import rollout
 
 from benchmarks.fluid_cup import MOCAP, SPACING, FluidCup
-
-STEPS = 60
-FULL = mujoco.mjtState.mjSTATE_INTEGRATION
-
-
-def make_cup(**kwargs):
-    """A cup that sloshes, after some steps."""
-    cup = FluidCup((5, 5), 6, two_way="true", **kwargs)
-    drive(cup.model, cup.data, range(20))
-    return cup
-
-
-def drive(model, data, steps):
-    """Moves and tilts the cup; returns the states."""
-    states = []
-    for step in steps:
-        angle = 0.4 * np.sin(0.1 * step)
-        data.mocap_pos[0] = [0.05 * np.sin(0.2 * step), 0, 0.1 * (1 - np.cos(0.1 * step))]
-        data.mocap_quat[0] = [np.cos(angle / 2), 0, np.sin(angle / 2), 0]
-        mujoco.mj_step(model, data)
-        states.append(data.plugin_state.copy())
-    return np.array(states)
-
-
-def polluted(model):
-    """An mjData in which other water has been stepped."""
-    data = mujoco.MjData(model)
-    data.mocap_pos[0] = [3, 2, 1]
-    mujoco.mj_step(model, data, 7)
-    return data
-
-
-def test_get_and_set_state_continue_bit_by_bit():
-    cup = make_cup()
-    state = np.empty(mujoco.mj_stateSize(cup.model, FULL))
-    mujoco.mj_getState(cup.model, cup.data, state, FULL)
-    expected = drive(cup.model, cup.data, range(20, 20 + STEPS))
-    assert not np.array_equal(expected[0], expected[-1])
-    other = polluted(cup.model)
-    mujoco.mj_setState(cup.model, other, state, FULL)
-    np.testing.assert_array_equal(drive(cup.model, other, range(20, 20 + STEPS)), expected)
-
-
-@pytest.mark.parametrize("method", ["mj_copyData", "copy", "deepcopy", "pickle"])
-def test_copies_continue_bit_by_bit(method):
-    cup = make_cup()
-    if method == "mj_copyData":
-        other = polluted(cup.model)
-        mujoco.mj_copyData(other, cup.model, cup.data)
-    elif method == "pickle":
-        other = pickle.loads(pickle.dumps(cup.data))
-    else:
-        other = getattr(copy, method)(cup.data)
-    expected = drive(cup.model, cup.data, range(20, 20 + STEPS))
-    np.testing.assert_array_equal(drive(cup.model, other, range(20, 20 + STEPS)), expected)
-
-
-_OTHER_PROCESS = """
-import pickle, sys
-from softgym_mj.native.library import load_plugin
-load_plugin()
-from tests.fluid.test_plugin import drive, STEPS
-model, data = pickle.load(sys.stdin.buffer)
-sys.stdout.buffer.write(drive(model, data, range(20, 20 + STEPS)).tobytes())
-"""
-
-
-def test_a_pickle_continues_in_another_process():
-    cup = make_cup()
-    result = subprocess.run(
-        [sys.executable, "-c", _OTHER_PROCESS],
-        input=pickle.dumps((cup.model, cup.data)),
-        capture_output=True,
-        check=True,
-    )
-    expected = drive(cup.model, cup.data, range(20, 20 + STEPS))
-    assert result.stdout == expected.tobytes()
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_rollouts_agree_with_a_loop(threads):
-    """A cup on joints, as a rollout cannot move a mocap body."""
-    joints = '<joint name="x" type="slide" axis="1 0 0"/><joint name="t" axis="0 1 0"/>'
-    actuator = (
-        '<actuator><position joint="x" kp="4000" kv="400"/>'
-        '<position joint="t" kp="400" kv="40"/></actuator>'
-    )
-    cup = FluidCup(
-        (5, 5), 6, body="", joint=joints, actuator=actuator, two_way="true",
-        option='integrator="implicitfast"',
-    )  # fmt: skip
-    model = cup.model
-    controls = 0.05 * np.random.default_rng(0).normal(size=(4, STEPS, 2))
-    initial = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-    mujoco.mj_getState(model, cup.data, initial, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    expected = []
-    for control in controls:
-        data = mujoco.MjData(model)
-        for row in control:
-            data.ctrl[:] = row
-            mujoco.mj_step(model, data)
-        state = np.empty_like(initial)
-        mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        expected.append(state)
-    datas = [polluted_joints(model) for _ in range(threads)]
-    states, _ = rollout.rollout(model, datas, np.tile(initial, (4, 1)), controls)
-    np.testing.assert_array_equal(states[:, -1], expected)
-    assert np.abs(states[:, -1, 1:3]).min() > 1e-4  # qpos: the cups have moved.
-
-
-def polluted_joints(model):
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0.2
-    mujoco.mj_step(model, data, 7)
-    return data
-
-
-def moved(physics):
-    """States of a dm_control physics while its cup moves and tilts."""
-    states = []
-    for step in range(STEPS):
-        angle = 0.4 * np.sin(0.1 * step)
-        physics.data.mocap_pos[0, 0] = 0.05 * np.sin(0.2 * step)
-        physics.data.mocap_quat[0] = [np.cos(angle / 2), 0, np.sin(angle / 2), 0]
-        physics.step()
-        states.append(physics.get_state())
-    return np.array(states)
-
-
-def test_dm_control_snapshots_restore_the_water():
-    cup = make_cup()
-    physics = dm_mujoco.Physics.from_xml_string(cup.xml)
-    physics.step(20)
-    state = physics.get_state()
-    expected = moved(physics)
-    physics.set_state(state)
-    np.testing.assert_array_equal(moved(physics), expected)
-    assert not np.array_equal(expected[0], expected[-1])
 
 
 def take_a_step(cup, stepping):
@@ -224,15 +80,6 @@ def test_the_first_move_after_a_reset_is_swept():
         cup.data.mocap_pos[0, 0] += 0.03
         cup.step()
         assert cup.escaped().any() == (not forward)
-
-
-def test_reset_restores_the_lattice():
-    cup = make_cup()
-    mujoco.mj_resetData(cup.model, cup.data)
-    fresh = mujoco.MjData(cup.model)
-    np.testing.assert_array_equal(cup.state, fresh.plugin_state)
-    assert cup.positions[:, 2].min() == pytest.approx(SPACING / 2, abs=1e-4)
-    assert not cup.velocities.any()
 
 
 def test_a_lattice_may_have_more_columns_than_fit_into_an_int():
