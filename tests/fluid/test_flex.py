@@ -13,7 +13,6 @@ from softgym_mj.native.library import load_plugin
 from tests.fluid.test_physics import wall_poses
 from tests.oracles import fluid, fluid_flexes
 
-FULL = mujoco.mjtState.mjSTATE_INTEGRATION
 CONTACT = fluid.CONTACT * SPACING  # Beyond the flex's radius.
 RADIUS = 0.005
 NEAR = 2e-5  # [m] What single precision leaves of a distance.
@@ -25,7 +24,6 @@ SLIDES = (
 )
 
 
-MOVERS = pytest.mark.parametrize("mover", ["mujoco", "plugin"])
 # As soft as the other; what hangs in the air does not swing up and down for long.
 SOFT = {"stretch": 100, "stretch_damping": 0.01, "drag": 1.2}
 PLUGIN = '<plugin plugin="softgym_mj.cloth"><instance name="cloth">{}</instance></plugin>'.format(
@@ -191,10 +189,8 @@ def test_lone_particles_are_stopped_where_they_touch(speed):
             np.testing.assert_allclose(scene.velocities[0], -0.1 * direction, atol=1e-3)
 
 
-@pytest.mark.parametrize("simd", ["scalar", "avx2"])
-def test_a_step_is_that_of_the_reference(simd, monkeypatch):
+def test_a_step_is_that_of_the_reference():
     """A cloth and a cord that move, a plane; viscosity, cohesion and friction; a jet meets them."""
-    monkeypatch.setenv("SOFTGYM_MJ_SIMD", simd)
     settings = {"viscosity": 3e-4, "cohesion": 1.5, "friction": 0.2}
     world = (
         '<geom type="plane" size="1 1 1" contype="0" conaffinity="1"/>'
@@ -206,12 +202,12 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
     scene.velocities[:, 2] = -2.0
     random = np.random.default_rng(0)
     touched = 0
-    for step in range(25):
+    for step in range(16):
         scene.data.qvel[:] += random.normal(0, 0.3, scene.model.nv)
         start, x, v = scene.points(), scene.positions.copy(), scene.velocities.copy()
         (plane,) = wall_poses(scene)
         scene.step()
-        if step % 6:
+        if step % 6 != 3:
             continue
         flexes = scene.flexes(start, scene.points())
         walls = [fluid.Wall("plane", np.ones(3), plane, plane)]
@@ -227,8 +223,7 @@ def test_a_step_is_that_of_the_reference(simd, monkeypatch):
 # ---------------------------------------------------------------------- nothing gets through
 
 
-@MOVERS
-@pytest.mark.parametrize("radius", [0.005, 0.001])
+@pytest.mark.parametrize(("radius", "mover"), [(0.005, "mujoco"), (0.001, "plugin")])
 def test_a_jet_does_not_get_through_a_pinned_cloth(radius, mover):
     """3 m/s, on a cloth that is pinned at its rim and sags."""
     world = cloth(12, 0.05, rim(12), radius=radius, pos="0 0 0.4", mover=mover)
@@ -246,9 +241,8 @@ def test_a_jet_does_not_get_through_a_pinned_cloth(radius, mover):
     assert scene.points()[:, 2].min() < 0.399  # It moves under its weight.
 
 
-@MOVERS
-def test_a_jet_does_not_get_through_a_cloth_on_the_floor(mover):
-    world = '<geom type="plane" size="1 1 1"/>' + cloth(10, 0.04, pos="0 0 0.006", mover=mover)
+def test_a_jet_does_not_get_through_a_cloth_on_the_floor():
+    world = '<geom type="plane" size="1 1 1"/>' + cloth(10, 0.04, pos="0 0 0.006", mover="plugin")
     scene = FlexScene(world, (5, 5), 12, 0.05)
     scene.velocities[:, 2] = -3.0
     for _ in range(40):
@@ -258,26 +252,20 @@ def test_a_jet_does_not_get_through_a_cloth_on_the_floor(mover):
         assert scene.positions[inside, 2].min() > RADIUS + CONTACT
 
 
-@MOVERS
-def test_a_jet_does_not_get_through_a_cloth_that_hangs_by_its_corners(mover):
-    scene = FlexScene(cloth(10, 0.05, corners(10), pos="0 0 0.4", mover=mover), (5, 5), 12, 0.43)
+def test_a_jet_does_not_get_through_a_cloth_that_hangs_by_its_corners():
+    scene = FlexScene(cloth(10, 0.05, corners(10), pos="0 0 0.4", mover="plugin"), (5, 5), 12, 0.43)
     scene.velocities[:, 2] = -3.0
-    before = None
-    for step in range(50):
-        scene.step()
-        if step % 4:
-            continue
+    for _ in range(12):
+        scene.step(4)
         near = np.abs(scene.positions[:, :2]).max(axis=1) < 0.15
         distance, side = scene.nearest(scene.positions)
-        if before is not None:  # A change of side is a way around the rim, 7 cm away.
-            assert not (near & (side < 0) & (distance < 0.1)).any()
+        # A change of side is a way around the rim, 7 cm away.
+        assert not (near & (side < 0) & (distance < 0.1)).any()
         assert distance.min() > RADIUS + CONTACT - 1e-3
-        before = side
     assert (near & (side > 0)).sum() > 50
 
 
-@pytest.mark.parametrize(("young", "mass"), [(2e5, 0.05), (1e3, 0.02)])
-@pytest.mark.parametrize("radius", [0.005, 0.001])
+@pytest.mark.parametrize(("radius", "young", "mass"), [(0.005, 2e5, 0.05), (0.001, 1e3, 0.02)])
 def test_nothing_gets_through_a_cloth_shaken_at_2_m_s(radius, young, mass):
     """It is the floor of a tall box; taut, and so soft that it flutters."""
     count, half = 9, 0.05
@@ -294,7 +282,7 @@ def test_nothing_gets_through_a_cloth_shaken_at_2_m_s(radius, young, mass):
         scene.step()
         x = scene.positions - scene.data.qpos[:3] - [0, 0, 1]
         assert (np.abs(x[:, :2]) < half).all()
-        if step % 5 == 0:
+        if step % 10 == 0:
             _, side = scene.nearest(scene.positions)
             assert (side > 0).all()
     assert np.isfinite(scene.data.plugin_state).all()
@@ -307,10 +295,9 @@ def test_triangles_may_be_far_larger_than_the_water_is_apart():
     np.testing.assert_allclose(scene.positions[:, 2], -0.4 + RADIUS + CONTACT, atol=1e-3)
 
 
-@MOVERS
-def test_water_caught_under_a_falling_cloth_stays_below_it(mover):
+def test_water_caught_under_a_falling_cloth_stays_below_it():
     """It does not come through, and nothing explodes where there is no room."""
-    world = '<geom type="plane" size="1 1 1"/>' + cloth(8, 0.04, pos="0 0 0.12", mover=mover)
+    world = '<geom type="plane" size="1 1 1"/>' + cloth(8, 0.04, pos="0 0 0.12", mover="plugin")
     scene = FlexScene(world, (5, 5), 2, 0.02)
     for step in range(80):
         scene.step()
@@ -362,10 +349,9 @@ def test_water_stands_on_a_cloth_as_on_a_floor():
     assert deviations[1] == pytest.approx(deviations[0], abs=0.3 * SPACING)
 
 
-@MOVERS
-def test_a_cloth_that_hangs_by_its_corners_is_a_bag(mover):
+def test_a_cloth_that_hangs_by_its_corners_is_a_bag():
     """It holds water for seconds, which comes to rest in it."""
-    scene = FlexScene(cloth(12, 0.04, corners(12), pos="0 0 0.5", mover=mover), (5, 5), 6, 0.5)
+    scene = FlexScene(cloth(12, 0.04, corners(12), pos="0 0 0.5", mover="plugin"), (5, 5), 6, 0.5)
     scene.step(150)
     held = scene.positions[:, 2] > 0.2
     assert held.sum() > 60
@@ -395,10 +381,8 @@ def test_friction_on_a_slope_is_coulombs(friction):
     angle = np.deg2rad(30)
     board = cloth(2, 1.0, range(4), euler="0 30 0")
     scene = FlexScene(board, (1, 1), 1, 0, friction=friction, viscosity=0)
-    normal, down = (
-        np.array([np.sin(angle), 0, np.cos(angle)]),
-        np.array([np.cos(angle), 0, -np.sin(angle)]),
-    )
+    normal = np.array([np.sin(angle), 0, np.cos(angle)])
+    down = np.array([np.cos(angle), 0, -np.sin(angle)])
     scene.positions[0] = (RADIUS + CONTACT) * normal
     scene.step(20)
     expected = 9.81 * (np.sin(angle) - friction * np.cos(angle)) * 0.2
