@@ -16,6 +16,7 @@ ROPE, CLOTH = "straighten_rope", "spread_cloth"
 # [m] Of the picker centres above the vertices: the spheres just touch these.
 ABOVE = {ROPE: 0.03, CLOTH: 0.055}
 SECONDS = 0.32  # Of pulling.
+NEIGHBOURS = (180, 181)  # Vertices in the middle of the cloth, along X.
 
 
 def lay(task, **settings):
@@ -43,6 +44,10 @@ def moves(*ways, grips=None):
     return np.column_stack([np.array(ways, float), grips]).ravel()
 
 
+STILL = moves([0, 0, 0], [0, 0, 0])
+OPEN = moves([0, 0, 0], [0, 0, 0], grips=[-1, -1])
+
+
 def apart(env):
     """An action that moves both grippers away from each other along X, at 1 m/s each."""
     first, second = env.task.actor.positions()
@@ -50,24 +55,20 @@ def apart(env):
     return moves(-way, way)
 
 
-def middle(env):
-    """Two neighbouring vertices in the middle of the object, along X."""
-    if env.name == ROPE:
-        return [20, 21]
-    rows, columns = env.task.cloth.shape
-    centre = env.task.cloth.index(rows // 2, columns // 2)
-    return [centre, centre + 1]
-
-
 # Without holds that yield, neighbours are pulled 45 and 18 times as far apart as they belong. What
-# is left is the jerk with which the other picker goes on: 22 and 49 %.
-@pytest.mark.parametrize(("task", "strain"), [(ROPE, 0.35), (CLOTH, 1.0)])
-def test_neighbours_that_are_pulled_apart_hardly_stretch(task, strain):
+# is left is the jerk with which the other picker goes on.
+@pytest.mark.parametrize(
+    ("task", "vertices", "strain"),
+    [(ROPE, (20, 21), 0.1), (ROPE, (15, 25), 0.1), (ROPE, (0, 40), 0.1),
+     (CLOTH, NEIGHBOURS, 0.35), (CLOTH, (178, 183), 0.35), (CLOTH, (0, 18), 0.35)],
+)  # fmt: skip
+def test_what_is_pulled_apart_hardly_stretches(task, vertices, strain):
     env = lay(task)
-    hold(env, middle(env))
+    hold(env, vertices)
     target, largest = env.task.objects[0], 0.0
     env.step(apart(env))
-    assert env.task.actor.held.tolist() == [middle(env)[0], -1]  # Before the first step.
+    if vertices[1] - vertices[0] < 18:  # Otherwise there is a little slack.
+        assert env.task.actor.held.tolist() == [vertices[0], -1]  # Before the first step.
     for _ in range(round(SECONDS / 0.01)):
         env.step(apart(env))
         largest = max(largest, target.edge_strain().max())
@@ -75,9 +76,12 @@ def test_neighbours_that_are_pulled_apart_hardly_stretch(task, strain):
     info = env.info()
     assert info["yielded"] == info["dropped"] == info["picks_held"] == 1
     for _ in range(100):
-        env.step(moves([0, 0, 0], [0, 0, 0], grips=[-1, -1]))
-    assert np.abs(target.velocities()).max() < 0.3
-    assert info["physics_warnings"] == 0
+        env.step(OPEN)
+    before = target.points()
+    env.step(OPEN)
+    assert np.abs(target.points() - before).max() < 1e-6  # [m] In 0.01 s.
+    assert target.points()[:, 2].min() > 0.8 * target.radius
+    assert env.info()["physics_warnings"] == 0
 
 
 def test_a_rope_that_two_pickers_draw_taut_stays_held():
@@ -98,9 +102,8 @@ def test_the_later_hold_yields(first):
     actor.place(env.task.objects[0].points()[[16, 24]] + [0.0, 0.0, 0.03], WIDE)
     grips = np.array([-1.0, -1.0])
     grips[first] = 1.0
-    still = [0.0, 0.0, 0.0]
-    env.step(moves(still, still, grips=grips))
-    env.step(moves(still, still))
+    env.step(moves([0, 0, 0], [0, 0, 0], grips=grips))
+    env.step(STILL)
     assert actor.held.tolist() == [16, 24]
     env.step(apart(env))
     assert (actor.held >= 0).tolist() == [first == 0, first == 1]
@@ -110,23 +113,22 @@ def test_a_gripper_takes_nothing_after_a_slip_until_it_has_been_open():
     env = lay(ROPE)
     hold(env, [20, 21])
     env.step(apart(env))
-    still = [0.0, 0.0, 0.0]
     for _ in range(5):
-        env.step(moves(still, still))
+        env.step(STILL)
     assert env.task.actor.held[1] == -1
-    env.step(moves(still, still, grips=[1, -1]))
-    env.step(moves(still, still))
+    env.step(moves([0, 0, 0], [0, 0, 0], grips=[1, -1]))
+    env.step(STILL)
     assert env.task.actor.held[1] >= 0
     env.reset()
     hold(env, [20, 21])
     env.step(apart(env))
     hold(env, [20, 24])  # As a new episode does: forgotten.
     assert env.info()["yielded"] == 0
-    env.step(moves(still, still, grips=[1, 1]))
+    env.step(STILL)
     assert env.task.actor.held.tolist() == [20, 24]
 
 
-@pytest.mark.parametrize("steps", [0, 4, 10])
+@pytest.mark.parametrize("steps", [4, 10])
 def test_snapshots_before_and_after_a_slip_continue_bit_equal(steps):
     def start(**settings):
         return lay(ROPE, observation="full", **settings)
@@ -139,8 +141,7 @@ def test_snapshots_before_and_after_a_slip_continue_bit_equal(steps):
     assert env.task.actor._holding.yielded == (steps == 10)
     snapshot = pickle.loads(pickle.dumps(env.get_state()))
     # Ends what is left of the pull, opens, takes again what is near, and pulls once more.
-    still = [0.0, 0.0, 0.0]
-    later = [*pull[steps:], moves(still, still, grips=[1, -1]), moves(still, still), *pull]
+    later = [*pull[steps:], moves([0, 0, 0], [0, 0, 0], grips=[1, -1]), STILL, *pull]
     expected = trace(env, later)
     info = env.info()
     assert info["yielded"] > 0
@@ -172,7 +173,7 @@ def stretched(env, variation):
     for _ in range(4):
         env.step(moves(way, -way))
     while not timestep.last():
-        timestep = env.step(moves([0, 0, 0], [0, 0, 0], grips=[-1, -1]))
+        timestep = env.step(OPEN)
     return env.info()["normalized_performance"]
 
 
@@ -203,21 +204,20 @@ def test_arms_lose_what_they_pull_apart():
     snapshot = env.get_state()
     assert (snapshot.task["actor"]["held"] == SLIPPED).tolist() == [False, True]
     for _ in range(20):
-        env.step(moves([0, 0, 0], [0, 0, 0]))
+        env.step(STILL)
     assert actor.held[1] == -1
 
 
 def test_a_vertex_that_pulls_too_hard_slips(monkeypatch):
     env = lay(CLOTH)
-    vertices = middle(env)
+    vertices = NEIGHBOURS
     hold(env, vertices)
-    still = [0.0, 0.0, 0.0]
     limit = env.task.objects[0].hold_force
     forces = {vertices[0]: limit + 0.1, vertices[1]: limit - 0.1}
     monkeypatch.setattr(env.task.objects[0], "holding_force", forces.__getitem__)
-    env.step(moves(still, still))
+    env.step(STILL)
     assert env.task.actor.held.tolist() == [-1, vertices[1]]
-    env.step(moves(still, still))
+    env.step(STILL)
     assert env.info()["yielded"] == env.info()["picks_held"] == 1
 
 
@@ -260,12 +260,18 @@ def test_what_is_held_comes_to_lie_on_the_layers_below():
     assert cloth.vertex(corner)[2] == pytest.approx(3.0 * cloth.radius, abs=1.5e-3)
 
 
-@pytest.mark.parametrize("task", ["spread_cloth", "fold_cloth", "fold_crumpled_cloth"])
+def push_case(task, seed):
+    """A case with its marks."""
+    usual = (task, seed) == ("fold_crumpled_cloth", 11)
+    return pytest.param(task, seed, marks=[] if usual else [pytest.mark.slow])
+
+
 @pytest.mark.parametrize(
-    "seed", [11, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(20) if seed != 11)]
-)
+    ("task", "seed"),
+    [push_case(task, seed) for task in ("spread_cloth", "fold_cloth", "fold_crumpled_cloth")
+     for seed in range(20)],
+)  # fmt: skip
 def test_random_pickers_push_no_layer_through_another(task, seed):
-    """Actions at full range that change every fourth step, most of them with closed grips."""
     random = np.random.default_rng(seed)
     env = softgym_mj.load(task, observation="reduced", split="all")
     env.reset(200 + (seed * 37) % 600)
