@@ -179,11 +179,6 @@ def test_a_hanging_strip_pulls_with_its_weight(fabric):
 # ------------------------------------------------------------------ air
 
 
-def terminal_speed(fabric: Fabric) -> float:
-    """At which drag bears the weight [m/s]."""
-    return float(np.sqrt(2 * fabric.density * GRAVITY / (AIR_DENSITY * fabric.drag)))
-
-
 def falling(fabric: Fabric) -> FlexScene:
     """A sheet that is too stiff to bend, high above."""
     made_of = dataclasses.replace(fabric, drag=1.2, bend_stiffness=1e-2)
@@ -194,7 +189,7 @@ def falling(fabric: Fabric) -> FlexScene:
 def test_a_flat_sheet_falls_at_its_terminal_speed(fabric):
     scene = falling(fabric)
     scene.step(200)
-    expected = terminal_speed(dataclasses.replace(fabric, drag=1.2))
+    expected = np.sqrt(2 * fabric.density * GRAVITY / (AIR_DENSITY * 1.2))  # Drag bears the weight.
     assert -scene.velocities()[:, 2].mean() == pytest.approx(expected, rel=0.02)
 
 
@@ -360,8 +355,8 @@ def folded(name: str, size: int) -> np.ndarray:
 @pytest.mark.parametrize("name", FABRICS)
 @pytest.mark.parametrize(
     ("mass", "size"),
-    [(0.1, SMALL), (1.0, SMALL), *(pytest.param(mass, USUAL, marks=pytest.mark.slow)
-                                   for mass in (0.1, 0.3, 1.0, 3.0))],
+    [(1.0, SMALL), *(pytest.param(mass, USUAL, marks=pytest.mark.slow)
+                     for mass in (0.1, 0.3, 1.0, 3.0))],
 )  # fmt: skip
 def test_a_box_rests_on_a_folded_cloth(mass, size, name):
     """What it presses with, the floor bears: it sinks less than 2 mm, and stays where it is."""
@@ -396,8 +391,8 @@ HEIGHT = 0.5  # [m] Of the solids' middle.
 KINDS = ("cylinder", "capsule", "board", "narrow")
 FALLS = {0.06: 0.0, 0.5: 0.05, 5.0: 0.0, 60.0: 0.05}  # [m]; how far off the middle [m].
 FAST_CASES = (
-    ("cylinder", 0.004, 5.0), ("cylinder", 0.025, 0.5), ("capsule", 0.008, 0.5),
-    ("board", 0.004, 60.0), ("narrow", 0.004, 5.0), ("narrow", 0.015, 60.0),
+    ("cylinder", 0.004, 5.0), ("capsule", 0.025, 0.5), ("board", 0.004, 60.0),
+    ("narrow", 0.008, 60.0),
 )  # fmt: skip
 ALL_CASES = [(kind, half, height) for kind in KINDS for half in (0.004, 0.008, 0.015, 0.025)
              for height in FALLS]  # fmt: skip

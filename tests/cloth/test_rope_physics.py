@@ -127,7 +127,7 @@ def least_distance(points: np.ndarray, apart: int = 4) -> float:
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))]
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 10))]
 )
 def test_coils_laid_on_each_other_never_cross(seed):
     random = np.random.default_rng(seed)

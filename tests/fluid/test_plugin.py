@@ -47,28 +47,22 @@ def test_walls_are_where_the_mocap_body_is(stepping):
         assert np.abs(x).max() <= cup.length / 2 - 0.29 * SPACING
 
 
-def test_a_teleport_is_not_swept():
-    """A cup that jumps 1 m leaves its water behind; one that moves 5 cm takes it along."""
-    for jump, taken in ((1.0, False), (0.05, True)):
-        cup = FluidCup((5, 5), 5)
-        cup.step(50)
-        before = cup.positions[:, 0].mean()
-        cup.data.mocap_pos[0, 0] += jump
-        cup.step()
-        shift = cup.positions[:, 0].mean() - before
-        assert (shift > 0.02) == taken
-        assert np.abs(cup.velocities).max() < 10
+@pytest.mark.parametrize(
+    ("jump", "known", "taken"), [(1.0, 1, False), (0.05, 1, True), (0.05, 0, False)]
+)
+def test_a_teleport_is_not_swept(jump, known, taken):
+    """A cup that jumps 1 m leaves its water behind; one that moves 5 cm takes it along.
 
-
-def test_clearing_the_first_entry_makes_any_move_a_teleport():
+    With the first entry of the state cleared, any move is a teleport.
+    """
     cup = FluidCup((5, 5), 5)
     cup.step(50)
-    before = cup.positions.copy()
-    cup.data.mocap_pos[0, 0] += 0.05
-    cup.positions[:, 0] += 0.05
-    cup.state[0] = 0
+    before = cup.positions[:, 0].mean()
+    cup.state[0] = known
+    cup.data.mocap_pos[0, 0] += jump
     cup.step()
-    np.testing.assert_allclose(cup.positions[:, 0], before[:, 0] + 0.05, atol=0.002)
+    assert (cup.positions[:, 0].mean() - before > 0.02) == taken
+    assert np.abs(cup.velocities).max() < 10
 
 
 def test_the_first_move_after_a_reset_is_swept():
@@ -90,13 +84,10 @@ def test_a_lattice_may_have_more_columns_than_fit_into_an_int():
 
 BAD = [
     ({"count": "0"}, "count"),
-    ({"count": "many"}, "count"),
     ({"count": ""}, "count (number of particles, 1 or more) is missing"),
     ({"spacing": "-0.01"}, "spacing"),
-    ({"spacing": "nan"}, "spacing"),
     ({"spacing": "0.018 m"}, "spacing"),
     ({"columns": "3"}, "2 whole numbers"),
-    ({"columns": "3 3 3"}, "2 whole numbers"),
     ({"corner": "0 0 inf"}, "3 numbers"),
     ({"viscosity": "-1"}, "viscosity"),
     ({"viscosity": "1"}, "expected at most 0.22"),
