@@ -23,20 +23,28 @@ def actions(count, seed=0):
     return np.random.default_rng(seed).uniform(-1, 1, (count, NUM_ENVS, 8)).astype(np.float32)
 
 
+@pytest.fixture(name="envs", scope="module")
+def _envs():
+    """Reset before each use."""
+    envs = make()
+    yield envs
+    envs.close()
+
+
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-@pytest.mark.parametrize("taken", [0, 1, HORIZON])
-def test_a_new_one_continues(mode, taken):
+def test_a_new_one_continues(mode):
     """From any step of an episode through the next: what ended is reset, to the same variation."""
     envs, twin = make(autoreset_mode=mode), make(autoreset_mode=mode)
-    last = envs.reset(seed=SEED)
-    for action in actions(taken):
-        last = envs.step(action)
-    states = pickle.loads(pickle.dumps(envs.get_state()))
-    observations, infos = twin.set_state(states)
-    assert same(observations, last[0])
-    assert all(same(infos[key], last[-1][key]) for key in ("variation", "performance"))
-    for action in actions(2 * HORIZON + 1, seed=1):
-        assert same(envs.step(action), twin.step(action))
+    for taken in (0, 1, HORIZON):
+        last = envs.reset(seed=SEED)
+        for action in actions(taken):
+            last = envs.step(action)
+        states = pickle.loads(pickle.dumps(envs.get_state()))
+        observations, infos = twin.set_state(states)
+        assert same(observations, last[0])
+        assert all(same(infos[key], last[-1][key]) for key in ("variation", "performance"))
+        for action in actions(2 * HORIZON + 1, seed=1):
+            assert same(envs.step(action), twin.step(action))
     envs.close(), twin.close()
 
 
@@ -55,9 +63,9 @@ def test_an_ended_one_waits_for_its_reset():
     envs.close(), twin.close()
 
 
-def test_states_of_single_environments():
+def test_states_of_single_environments(envs):
     """Go into a vector environment and come out of it."""
-    envs, singles = make(), [SoftGymEnv("straighten_rope") for _ in range(NUM_ENVS)]
+    singles = [SoftGymEnv("straighten_rope") for _ in range(NUM_ENVS)]
     for i, env in enumerate(singles):
         env.reset(seed=i)
         env.step(actions(1)[0, i])
@@ -68,13 +76,10 @@ def test_states_of_single_environments():
         observation, reward, *_ = env.step(act[i])
         assert np.array_equal(observations[i], observation) and rewards[i] == reward
         env.set_state(envs.get_state()[i])
-    envs.close()
 
 
-def test_bad_states():
-    envs, cloth = make(), SoftGymEnv("spread_cloth", fidelity="fast")
-    with pytest.raises(LifecycleError, match="call reset"):
-        envs.get_state()
+def test_bad_states(envs):
+    cloth = SoftGymEnv("spread_cloth", fidelity="fast")
     envs.reset(seed=SEED), cloth.reset(seed=SEED)
     states = envs.get_state()
     for bad, message in (
@@ -88,20 +93,17 @@ def test_bad_states():
             envs.set_state(bad)
     with pytest.raises(InvalidArgumentError, match=r"seed=\[7, 8, 9\] is out .*None, as the state"):
         envs.reset(seed=[7, 8, 9], options={"state": states})
-    envs.close()
 
 
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
-def test_no_copies(copied):
-    envs = make()
+def test_no_copies(envs, copied):
     with pytest.raises(LifecycleError, match=r"other.set_state\(envs.get_state\(\)\)"):
         copied(envs)
-    envs.close()
 
 
 @pytest.mark.parametrize("given", [list, tuple, np.array])
-def test_chosen_variations(given):
-    envs, single = make(), SoftGymEnv("straighten_rope")
+def test_chosen_variations(envs, given):
+    single = SoftGymEnv("straighten_rope")
     observations, infos = envs.reset(seed=SEED, options={"variation": given([812, 813, 5])})
     assert infos["variation"].tolist() == [812, 813, 5]
     for observation, variation in zip(observations, (812, 813, 5), strict=True):
@@ -117,12 +119,10 @@ def test_chosen_variations(given):
     ):
         with pytest.raises(InvalidArgumentError, match=message):
             envs.reset(options={"variation": bad})
-    envs.close()
 
 
-def test_seeds():
+def test_seeds(envs):
     """Whole numbers of numpy are as good as Python's."""
-    envs = make()
     expected = envs.reset(seed=SEED)
     seeds = np.arange(SEED, SEED + NUM_ENVS)
     for seed in (seeds[0], seeds, seeds.tolist(), tuple(seeds)):
@@ -130,19 +130,24 @@ def test_seeds():
     for bad in (1.5, [1, 2], [1, 2, "3"], "abc"):
         with pytest.raises(InvalidArgumentError, match="a whole number, or 3 of them"):
             envs.reset(seed=bad)
-    envs.close()
+    with pytest.raises(
+        InvalidArgumentError, match="'smell' is unknown; valid choices: 'variation'"
+    ):
+        envs.reset(options={"smell": 1})
 
 
-@pytest.mark.parametrize("bad", [1.5, -1.5, np.nan, np.inf])
-def test_a_bad_action_steps_nobody(bad):
-    envs = make()
+def test_a_bad_action_steps_nobody(envs):
     envs.reset(seed=SEED)
     before = envs.get_state()
     (act,) = actions(1)
-    act[1, 6] = bad
-    message = rf"actions\[1, 6\] = {bad}, of environment 1, must be finite and within \[-1, 1\]"
-    with pytest.raises(InvalidArgumentError, match=message):
-        envs.step(act)
+    for bad in (1.5, -1.5, np.nan, np.inf):
+        act[1, 6] = bad
+        message = rf"actions\[1, 6\] = {bad}, of environment 1, must be finite and within \[-1, 1\]"
+        with pytest.raises(InvalidArgumentError, match=message):
+            envs.step(act)
+    for few in (np.zeros(8), act[:2], 0.0):
+        with pytest.raises(InvalidArgumentError, match="each of the 3 environments"):
+            envs.step(few)
     for wrong in (act[:, :7], act.astype(str), [[0.0] * 8, [0.0] * 8, "up"]):
         with pytest.raises(InvalidArgumentError):
             envs.step(wrong)
@@ -150,4 +155,3 @@ def test_a_bad_action_steps_nobody(bad):
         assert one[0].step_count == other[0].step_count == 0
         assert np.array_equal(one[0].physics, other[0].physics)
     envs.step(np.full((NUM_ENVS, 8), 1 + 5e-7))  # Rounding, not a mistake.
-    envs.close()
