@@ -1,6 +1,7 @@
 """Variations by index: draws and splits against known values."""
 
 import hashlib
+import re
 
 import numpy as np
 import pytest
@@ -50,21 +51,6 @@ def test_draws_do_not_depend_on_what_was_drawn_before():
     np.testing.assert_array_equal(indices.generator("a", 3).random(4), first)
 
 
-def test_names_and_indices_give_different_draws():
-    draws = [
-        indices.generator(name, index).bit_generator.random_raw()
-        for name in ("a", "b", "a1", "twisted_rope")
-        for index in range(1000)
-    ]
-    assert len(set(draws)) == 4000
-
-
-@pytest.mark.parametrize("index", [-1, 1000, 0.0, True, "0"])
-def test_generator_checks_its_index(index):
-    with pytest.raises(InvalidArgumentError):
-        indices.generator("a", index)
-
-
 # ---------------------------------------------------------------- splits and indices
 
 
@@ -75,17 +61,12 @@ def test_splits():
     train, evaluate = set(indices.SPLITS["train"]), set(indices.SPLITS["evaluate"])
     assert not train & evaluate
     assert train | evaluate == set(indices.SPLITS["all"])
+    for split in ("Train", "", None, 0):
+        with pytest.raises(InvalidArgumentError, match=r"split=.*'train', 'evaluate', 'all'"):
+            indices.split_indices(split)
 
 
-@pytest.mark.parametrize("split", ["Train", "test", "", None, 0])
-def test_unknown_split(split):
-    with pytest.raises(InvalidArgumentError, match=r"split=.*'train', 'evaluate', 'all'"):
-        indices.split_indices(split)
-
-
-@pytest.mark.parametrize(
-    "index", [0, 999, np.int32(5), np.int64(999), np.uint8(200)], ids=lambda i: type(i).__name__
-)
+@pytest.mark.parametrize("index", [0, 999, np.int32(5), np.uint8(200)], ids=repr)
 def test_good_variations(index):
     checked = indices.check_variation(index)
     assert type(checked) is int
@@ -93,12 +74,10 @@ def test_good_variations(index):
 
 
 @pytest.mark.parametrize(
-    "index", [-1, 1000, 10**9, 3.5, 3.0, np.float64(3), True, np.True_, "a", "3", None, [3]]
+    "index", [-1, 1000, 3.0, np.float64(3), True, np.True_, "3", None, [3]], ids=repr
 )
 def test_bad_variations(index):
-    with pytest.raises(InvalidArgumentError) as error:
-        indices.check_variation(index)
-    assert isinstance(error.value, ValueError)
-    assert "variation=" in str(error.value)
-    assert str(index) in str(error.value)
-    assert "0..999" in str(error.value)
+    message = re.escape(f"variation={index!r} ") + r".*0\.\.999"
+    for check in (indices.check_variation, lambda index: indices.generator("a", index)):
+        with pytest.raises(InvalidArgumentError, match=message):
+            check(index)

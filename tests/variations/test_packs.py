@@ -33,13 +33,12 @@ def test_write_and_read(tmp_path):
     assert [path.name for path in file.parent.iterdir()] == ["states.npz"]
 
 
-def test_same_input_gives_the_same_bytes(tmp_path, monkeypatch):
-    packs.write_pack(tmp_path / "now", some_states(), SPECIFICATION)
+def test_same_input_gives_the_same_bytes(file, tmp_path, monkeypatch):
     # Zip entries can hold a time of day; another day must give the same file.
     monkeypatch.setattr(time, "localtime", lambda *_: time.gmtime(2_000_000_000))
     monkeypatch.setattr(time, "time", lambda: 2e9)
     packs.write_pack(tmp_path / "later", some_states(), SPECIFICATION)
-    assert (tmp_path / "now").read_bytes() == (tmp_path / "later").read_bytes()
+    assert file.read_bytes() == (tmp_path / "later").read_bytes()
 
 
 def assert_corrupt(file: pathlib.Path, specification: str = SPECIFICATION) -> None:
@@ -63,23 +62,13 @@ def test_truncated_at_any_length(file):
         assert_corrupt(file)
 
 
-@pytest.mark.parametrize(
-    "content",
-    [b"", b"no zip file at all", b"PK\x03\x04", b"PK\x05\x06" + bytes(18), bytes(1000)],
-    ids=("empty", "text", "head", "empty zip", "zeros"),
-)
-def test_not_a_store(file, content):
-    file.write_bytes(content)
-    assert_corrupt(file)
-
-
-def test_another_numpy_file(file):
+def test_another_file(file):
+    for content in (b"no zip file at all", b"PK\x05\x06" + bytes(18), bytes(1000)):
+        file.write_bytes(content)
+        assert_corrupt(file)
     with open(file, "wb") as stream:
         np.save(stream, np.arange(12.0))
     assert_corrupt(file)
-
-
-def test_npz_without_the_entries(file):
     np.savez(file, vertices=np.zeros((3, 3)))
     assert_corrupt(file)
 
@@ -100,25 +89,20 @@ def test_one_altered_byte_of_an_entry(file, entry):
     assert_corrupt(file)
 
 
-@pytest.mark.parametrize("mask", [0x01, 0xFF], ids=hex)
+@pytest.mark.parametrize("mask", [0x01, pytest.param(0xFF, marks=pytest.mark.slow)], ids=hex)
 def test_any_altered_byte_of_the_file_is_seen_or_harmless(file, mask):
     content, states = file.read_bytes(), some_states()
-    escaped = {}
     for position in range(len(content)):
         damaged = bytearray(content)
         damaged[position] ^= mask
         file.write_bytes(bytes(damaged))
         try:
             found = packs.read_pack(file, SPECIFICATION)
-        except StoreError:
-            continue
-        except Exception as error:  # Any other type is the failure.
-            escaped[position] = repr(error)
+        except StoreError:  # Any other type is a failure.
             continue
         # Some bytes mean nothing: time stamps, attributes, the version that wrote the file.
         assert len(found) == len(states)
         assert all(map(np.array_equal, found, states)), position
-    assert not escaped, f"{len(escaped)} bytes, the first: {list(escaped.items())[:3]}"
 
 
 # ---------------------------------------------------------------- the shipped set
@@ -157,8 +141,9 @@ def test_pack_needs_all_variations(store, tmp_path, monkeypatch):
     assert not (tmp_path / "packed.npz").exists()
 
 
-def test_shipped_states_are_used_first(packed, store, initializer):
-    assert packed.exists()
+@pytest.mark.usefixtures("packed")
+def test_shipped_states_are_used_first(store, initializer):
+    store.load(0)[:] = 0.0  # It belongs to the caller.
     for index in (5, 0):
         expected = initializer.points(index).astype(np.float32)
         np.testing.assert_array_equal(store.load(index), expected)
@@ -167,14 +152,8 @@ def test_shipped_states_are_used_first(packed, store, initializer):
         store.load(6)
 
 
-def test_loaded_states_belong_to_the_caller(packed, store, initializer):
-    assert packed.exists()
-    store.load(2)[:] = 0.0
-    np.testing.assert_array_equal(store.load(2), initializer.points(2).astype(np.float32))
-
-
-def test_shipped_states_of_other_parameters_are_ignored(packed, initializer):
-    assert packed.exists()
+@pytest.mark.usefixtures("packed")
+def test_shipped_states_of_other_parameters_are_ignored(initializer):
     other = VariationStore(dataclasses.replace(initializer, scale=3.0))
     np.testing.assert_array_equal(other.load(1), (3.0 * initializer.points(1)).astype(np.float32))
     assert initializer.calls() == [1]

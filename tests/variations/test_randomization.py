@@ -5,6 +5,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import softgym_mj
 from softgym_mj.entities import Fabric
@@ -97,24 +98,23 @@ def test_numbers_and_pairs():
 
 
 @pytest.mark.parametrize(
-    ("setting", "error", "words"),
+    ("setting", "words"),
     [
-        ("usual", InvalidArgumentError, ("domain='usual'", "in_distribution", "weight, offset")),
-        (3, InvalidArgumentError, ("domain=3", "out_of_distribution")),
-        ({"mass": 1.0}, InvalidArgumentError, ("domain parameter='mass'", "'weight', 'offset'")),
-        ({"weight": 7.0}, InvalidArgumentError, ("weight=7.0", "6.0", "kg")),
-        ({"weight": (3.0, 2.0)}, InvalidArgumentError, ("weight=(3.0, 2.0)",)),
-        ({"weight": (1.0, 2.0, 3.0)}, InvalidArgumentError, ("weight=(1.0, 2.0, 3.0)",)),
-        ({"weight": math.nan}, InvalidArgumentError, ("weight=nan",)),
-        ({"weight": None}, InvalidArgumentError, ("weight=None",)),
-        ({"weight": "light"}, InvalidArgumentError, ("weight='light'", "nominal")),
+        ("usual", ("domain='usual'", "in_distribution", "weight, offset")),
+        (3, ("domain=3", "out_of_distribution")),
+        ({"mass": 1.0}, ("domain parameter='mass'", "'weight', 'offset'")),
+        ({"weight": 7.0}, ("weight=7.0", "6.0", "kg")),
+        ({"weight": (3.0, 2.0)}, ("weight=(3.0, 2.0)",)),
+        ({"weight": (1.0, 2.0, 3.0)}, ("weight=(1.0, 2.0, 3.0)",)),
+        ({"weight": math.nan}, ("weight=nan",)),
+        ({"weight": None}, ("weight=None",)),
+        ({"weight": "light"}, ("weight='light'", "nominal")),
     ],
 )
-def test_bad_settings_say_what_is_valid(setting, error, words):
-    with pytest.raises(error) as raised:
+def test_bad_settings_say_what_is_valid(setting, words):
+    with pytest.raises(InvalidArgumentError) as raised:
         DomainRandomization(setting, [Part()])
-    for word in words:
-        assert word in str(raised.value)
+    assert all(word in str(raised.value) for word in words)
 
 
 def test_turned_colours():
@@ -124,11 +124,10 @@ def test_turned_colours():
 
 @pytest.mark.parametrize("task", TASKS)
 def test_a_nominal_domain_changes_no_bit(task):
-    plain, nominal = load(task), load(task, domain={"hue": 0.0, "camera_x": (0.0, 0.0)})
-    random = np.random.default_rng(0)
-    plain.reset(801), nominal.reset(801)
-    for _ in range(3):
-        action = random.uniform(-1, 1, plain.action_spec().shape)
+    domain = {"hue": 0.0, "camera_x": (0.0, 0.0)}
+    plain, nominal = load(task, fidelity="fast"), load(task, fidelity="fast", domain=domain)
+    plain.reset(800), nominal.reset(800)
+    for action in np.random.default_rng(0).uniform(-1, 1, (3, *plain.action_spec().shape)):
         plain.step(action), nominal.step(action)
     assert plain.physics.data.qpos.tobytes() == nominal.physics.data.qpos.tobytes()
     assert plain.task.points().tobytes() == nominal.task.points().tobytes()
@@ -214,7 +213,7 @@ def test_the_rope_has_what_was_drawn():
 def test_viscous_water_comes_to_rest_sooner():
     speeds = []
     for viscosity in (2e-4, 5e-3):
-        env = load("pour_water", domain={"viscosity": viscosity})
+        env = load("pour_water", domain={"viscosity": viscosity}, fidelity="fast")
         env.reset(803)
         for _ in range(3):
             env.step(np.array([1.0, 0.0, 0.0]))
@@ -237,20 +236,8 @@ def test_the_camera_moves_and_turns_as_told():
     before, after = (e.physics.data.ptr.camera("task") for e in (plain, env))
     np.testing.assert_allclose(after.xpos - before.xpos, [0.05, 0.0, -0.02], atol=1e-12)
     # The rope's camera looks down with its axes along the world's: tilt about X, then roll.
-    tilt, roll = np.deg2rad(2.0), np.deg2rad(3.0)
-    about_x = [
-        [1.0, 0.0, 0.0],
-        [0.0, np.cos(tilt), -np.sin(tilt)],
-        [0.0, np.sin(tilt), np.cos(tilt)],
-    ]
-    about_z = [
-        [np.cos(roll), -np.sin(roll), 0.0],
-        [np.sin(roll), np.cos(roll), 0.0],
-        [0.0, 0.0, 1.0],
-    ]
-    np.testing.assert_allclose(
-        after.xmat.reshape(3, 3), np.array(about_x) @ np.array(about_z), atol=1e-9
-    )
+    turn = Rotation.from_euler("XZ", [2.0, 3.0], degrees=True).as_matrix()
+    np.testing.assert_allclose(after.xmat.reshape(3, 3), turn, atol=1e-9)
 
 
 def test_snapshots_restore_the_domain_and_refuse_another_one():
@@ -268,8 +255,13 @@ def test_snapshots_restore_the_domain_and_refuse_another_one():
         load("straighten_rope").set_state(env.get_state())
 
 
-@pytest.mark.parametrize("preset", ["in_distribution", "out_of_distribution"])
-@pytest.mark.parametrize("task", softgym_mj.TASKS)
+@pytest.mark.parametrize(
+    "preset", ["out_of_distribution", pytest.param("in_distribution", marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize(
+    "task",
+    [pytest.param(t, marks=[] if t in TASKS else pytest.mark.slow) for t in softgym_mj.TASKS],
+)
 def test_random_actions_stay_finite_in_every_domain(task, preset):
     env = load(task, domain=preset, observation=["full", "rgb"], image_size=(32, 32))
     random = np.random.default_rng(0)
