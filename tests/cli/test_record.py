@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import softgym_mj
 from softgym_mj.cli import commands
-from softgym_mj.policies.episodes import play
 
 
 @pytest.fixture(autouse=True)
@@ -19,12 +17,12 @@ def _own_datasets(tmp_path, monkeypatch):
 
 
 def test_the_command_line_records():
-    command = "record straighten_rope --policy random --episodes 2 --seed 3"
-    output = CliRunner().invoke(commands.app, command.split())
+    command = "record straighten_rope --policy random --episodes 2 --seed 3 --settings"
+    output = CliRunner().invoke(commands.app, [*command.split(), '{"horizon": 5}'])
     assert output.exit_code == 0, output.output
     dataset = minari.load_dataset("softgym_mj/straighten_rope/random-v0")
     first, second = dataset.iterate_episodes()
-    assert len(first) == len(second) == 75
+    assert len(first) == len(second) == 5
     assert not np.array_equal(first.actions, second.actions)
 
 
@@ -41,22 +39,10 @@ def test_the_command_line_chooses(capsys, monkeypatch):
     command += """ --successful-only --author me --settings '{"num_pickers": 2, "horizon": 20}'"""
     assert run(command, monkeypatch) == 0
     dataset = minari.load_dataset("rope-v0")
-    played = []
-    for variation in (892, 893, 894):
-        env = softgym_mj.load("straighten_rope", horizon=20)
-        episode = play(env, "scripted", variation, camera=None)
-        if episode.info["success"][-1]:
-            played.append((variation, episode.info["normalized_performance"][-1]))
-    assert 0 < len(played) < 3
-    found = [
-        (
-            int(episode.infos["variation"][0]),
-            pytest.approx(episode.infos["normalized_performance"][-1]),
-        )
-        for episode in dataset
-    ]
-    assert found == played
-    assert f"dropped {3 - len(played)} without success" in capsys.readouterr().out
+    assert 0 < len(dataset) < 3
+    assert all(episode.infos["success"][-1] for episode in dataset)
+    assert {int(episode.infos["variation"][0]) for episode in dataset} < {892, 893, 894}
+    assert f"dropped {3 - len(dataset)} without success" in capsys.readouterr().out
     settings = {"num_pickers": 2, "horizon": 20, "observation": "reduced", "split": "evaluate"}
     assert dataset.env_spec.kwargs == {"task": "straighten_rope", **settings}
     assert dataset.storage.metadata["author"] == {"me"}
@@ -65,7 +51,6 @@ def test_the_command_line_chooses(capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("record straighten_rope --episodes 801", r"episodes=801 .*1\.\.800"),
         ("record straighten_rope --episodes 0", r"episodes=0 .*1\.\.800"),
         (
             "record straighten_rope --start 795 --episodes 6",
@@ -75,10 +60,10 @@ def test_the_command_line_chooses(capsys, monkeypatch):
         ("record straighten_rope --split every", "split='every'"),
         ("record straighten_rope --settings [1]", "settings='.1.' .*a JSON object"),
         ("""record straighten_rope --settings '{"seed": 1}'""", "settings=.*not 'seed'"),
-        ("rollout straighten_rope --episodes 201", r"episodes=201 .*1\.\.200"),
         ("oracle straighten_rope --split train --episodes 801", r"episodes=801 .*1\.\.800"),
         ("evaluate straighten_rope --episodes 201", r"201 .*1\.\.200"),
         ("generate straighten_rope --start 999 --num 2", r"variation=1000 .*0\.\.999"),
+        ("rollout nonsense", "task='nonsense' .*'spread_cloth'"),
         ("demo --variation 1000", r"variation=1000 .*0\.\.999"),
     ],
 )

@@ -20,17 +20,18 @@ def written(folder, **changes):
     return folder
 
 
-@pytest.fixture
-def three(tmp_path):
+@pytest.fixture(scope="module")
+def three(tmp_path_factory):
     """Results of a policy and of a planner with two horizons."""
+    folder = tmp_path_factory.mktemp("results")
     return [
-        written(tmp_path / "zero"),
-        written(tmp_path / "long", policy="cem", planning={"horizon": 15, "budget": 1}),
-        written(tmp_path / "short", policy="cem", planning={"horizon": 5, "budget": 1}),
+        written(folder / "zero"),
+        written(folder / "long", policy="cem", planning={"horizon": 15, "budget": 1}),
+        written(folder / "short", policy="cem", planning={"horizon": 5, "budget": 1}),
     ]
 
 
-def test_labels_tell_results_of_a_task_apart(tmp_path, three):
+def test_labels_tell_results_of_a_task_apart(three):
     read = comparison.read_results(three)
     assert comparison.labels(read) == ["zero", "cem horizon=15", "cem horizon=5"]
     episodes = read[0]["episodes"]
@@ -63,10 +64,9 @@ def test_a_table_has_what_the_results_have(tmp_path, three):
     )
 
 
-def test_results_of_other_protocols_are_not_mixed(tmp_path):
-    results = [written(tmp_path / "new"), written(tmp_path / "old", protocol=0)]
+def test_results_of_other_protocols_are_not_mixed(tmp_path, three):
     with pytest.raises(StoreError, match=r"protocol versions \[0, 1\]"):
-        comparison.read_results(results)
+        comparison.read_results([three[0], written(tmp_path / "old", protocol=0)])
     (tmp_path / "x.json").write_text("{}")
     with pytest.raises(StoreError, match="not the result of an evaluation"):
         comparison.read_results([tmp_path / "x.json"])
@@ -104,16 +104,10 @@ def test_the_command_line_plots(tmp_path, three, monkeypatch):
     assert page.output.startswith(comparison.markdown(comparison.read_results(three)))
 
 
-@pytest.mark.parametrize(
-    ("text", "indices"),
-    [("800", (800,)), ("800,803,810-812", (800, 803, 810, 811, 812)), ("0-1", (0, 1))],
-)
-def test_indices_as_text(text, indices):
-    assert parsed("variations", text) == indices
-    assert as_text(reversed(indices)) == text
-
-
-@pytest.mark.parametrize("text", ["", "3-x", "3,,4", "-3", "1-2-3"])
-def test_what_are_no_indices(text):
-    with pytest.raises(InvalidArgumentError, match=r"variations=.*810-819"):
-        parsed("variations", text)
+def test_indices_as_text():
+    for text, indices in (("800,803,810-812", (800, 803, 810, 811, 812)), ("0-1", (0, 1))):
+        assert parsed("variations", text) == indices
+        assert as_text(reversed(indices)) == text
+    for text in ("", "3-x", "3,,4", "-3", "1-2-3"):
+        with pytest.raises(InvalidArgumentError, match=r"variations=.*810-819"):
+            parsed("variations", text)

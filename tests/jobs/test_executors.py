@@ -75,12 +75,10 @@ def test_the_error_of_a_call_comes_after_what_had_begun(executor: Executor, tmp_
     assert executor.all(square, [(4,)]) == [16]  # They are still good.
 
 
-@pytest.mark.parametrize("kind", ["processes", "ray"])
-def test_a_killed_worker_is_replaced_and_nothing_counts_twice(kind, tmp_path):
-    with ProcessExecutor(2) if kind == "processes" else RayExecutor(number=2) as executor:
-        calls = [(str(tmp_path), i) for i in range(8)]
-        found = list(executor.results(die_once, calls))
-        assert sorted(found) == [(i, 10 * i) for i in range(8)]
+@pytest.mark.parametrize("executor", ["processes", "ray"], indirect=True)
+def test_a_killed_worker_is_replaced_and_nothing_counts_twice(executor: Executor, tmp_path):
+    found = executor.results(die_once, [(str(tmp_path), i) for i in range(8)])
+    assert sorted(found) == [(i, 10 * i) for i in range(8)]
     assert len(list(tmp_path.glob("3_*"))) == 2  # The lost call was made again.
 
 

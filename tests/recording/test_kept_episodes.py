@@ -80,19 +80,18 @@ def local_datasets():
         return list(minari.list_local_datasets())
 
 
+def metadata(dataset):
+    """Of the dataset but for its id, and of its episodes."""
+    episodes = dataset.storage.get_episode_metadata(range(len(dataset)))
+    return {**dataset.storage.metadata, "dataset_id": None}, list(episodes)
+
+
 def assert_same(one, other):
     """Two datasets have the same bits, and metadata but for the id."""
     for first, second in zip(one.iterate_episodes(), other.iterate_episodes(), strict=True):
         for part in ("observations", "actions", "rewards", "terminations", "truncations", "infos"):
             np.testing.assert_equal(getattr(first, part), getattr(second, part))
-    infos = [
-        list(dataset.storage.get_episode_metadata(range(len(dataset)))) for dataset in (one, other)
-    ]
-    assert infos[0] == infos[1]
-    metadata = [dict(dataset.storage.metadata) for dataset in (one, other)]
-    for content in metadata:
-        del content["dataset_id"]
-    assert metadata[0] == metadata[1]
+    assert metadata(one) == metadata(other)
 
 
 def test_who_stops_while_the_dataset_is_written_plays_nothing_again(played, monkeypatch):

@@ -23,7 +23,7 @@ def _own_datasets(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("task", "variations", "settings"),
     [
-        ("straighten_rope", range(800, 810), {"observation": "reduced"}),
+        ("straighten_rope", (800, 801), {"observation": "reduced"}),
         ("transport_water", (800, 805), {"observation": ["reduced", "rgb"], "image_size": (16, 16),
                                          "fidelity": "fast", "horizon": 8}),
     ],
@@ -57,12 +57,13 @@ def test_a_taken_name_and_bad_input_are_refused():
     record("straighten_rope", (800,), "zero", dataset="mine/rope-v0", horizon=3)
     with pytest.raises(StoreError, match=r"dataset='mine/rope-v0' exists.*minari delete"):
         record("straighten_rope", (800,), "zero", dataset="mine/rope-v0", horizon=3)
-    with pytest.raises(InvalidArgumentError, match="task='fly'"):
-        record("fly", (800,))
-    with pytest.raises(InvalidArgumentError, match="policy='best'"):
-        record("straighten_rope", (800,), "best")
-    with pytest.raises(InvalidArgumentError, match="variation=1000"):
-        record("straighten_rope", (1000,))
+    for bad, message in (
+        (("fly", (800,)), "task='fly'"),
+        (("straighten_rope", (800,), "best"), "policy='best'"),
+        (("straighten_rope", (1000,)), "variation=1000"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=message):
+            record(*bad)
 
 
 def test_default_ids_tell_what_acts():
@@ -79,18 +80,15 @@ def test_default_ids_tell_what_acts():
     [((0, 799), "train"), ((800, 999), "evaluate"), ((799, 800), "all")],
 )
 def test_recovered_environments_draw_from_their_splits(variations, split):
-    dataset = record("straighten_rope", variations, "zero", horizon=3)
+    dataset = record("straighten_rope", variations, "zero", horizon=1)
     for settings, name in (({}, split), ({"eval_env": True}, "evaluate")):
         env = dataset.recover_environment(**settings)
         assert list(env.unwrapped.dm_env.variations) == list(SPLITS[name])
-        drawn = [env.reset(seed=seed)[1]["variation"] for seed in range(100)]
-        assert set(drawn) <= set(SPLITS[name])
+        assert env.reset(seed=0)[1]["variation"] in SPLITS[name]
         assert env.reset(options={"variation": 900})[1]["variation"] == 900  # Any can be asked for.
 
 
-@pytest.mark.parametrize(
-    "name", ["bad name", "rope/expert", "a/b-v0", "../rope-v0", "rope-v0/", ""]
-)
+@pytest.mark.parametrize("name", ["bad name", "rope/expert", "../rope-v0", ""])
 def test_a_bad_id_is_refused_before_anything_is_played(name, tmp_path):
     with pytest.raises(
         InvalidArgumentError, match=re.escape(f"dataset={name!r}") + ".*'rope/expert-v0'"
@@ -111,16 +109,13 @@ def test_only_successful_episodes():
     def on_episode(info):
         flags[int(info["variation"])] = bool(info["success"])
 
-    variations = range(892, 896)
+    variations = (892, 893, 894)
     dataset = record(
         "straighten_rope", variations, successful_only=True, on_episode=on_episode, horizon=20
     )
-    scores = {}
     env = softgym_mj.load("straighten_rope", horizon=20)
-    for variation in variations:
-        scores[variation] = play(env, "scripted", variation, camera=None).info[
-            "normalized_performance"
-        ]
+    played = {variation: play(env, "scripted", variation, camera=None) for variation in variations}
+    scores = {v: episode.info["normalized_performance"] for v, episode in played.items()}
     threshold = env.task.success
     expected = [variation for variation in variations if scores[variation][-1] >= threshold]
     assert 0 < len(expected) < len(variations)
@@ -128,7 +123,7 @@ def test_only_successful_episodes():
     assert [int(episode.infos["variation"][0]) for episode in dataset] == expected
     assert [episode.id for episode in dataset] == list(range(len(expected)))
     assert dataset.storage.metadata["description"].endswith(
-        f" straight. {len(expected)} of 4 episodes, those with success."
+        f" straight. {len(expected)} of 3 episodes, those with success."
     )
     # The score of an episode is in the infos; returns have no reference scores. Recorded actions
     # are of single precision.
