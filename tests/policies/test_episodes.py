@@ -54,12 +54,13 @@ def test_policies_are_played_by_name(env):
     assert first.frames.shape == (0, 240, 240, 3) and first._repr_html_() is None
     with pytest.raises(InvalidArgumentError, match="frames="):
         _ = first.video
-    with pytest.raises(InvalidArgumentError, match="'scripted'"):
-        play(env, "best")
-    with pytest.raises(InvalidArgumentError, match=r"camera='side'.*'overview'"):
-        play(env, camera="side")
-    with pytest.raises(InvalidArgumentError, match="size=0"):
-        play(env, size=0)
+    for settings, message in (
+        ({"policy": "best"}, "'scripted'"),
+        ({"camera": "side"}, r"camera='side'.*'overview'"),
+        ({"size": 0}, "size=0"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=message):
+            play(env, **settings)
 
 
 def test_a_video_has_its_frames_in_order(tmp_path):

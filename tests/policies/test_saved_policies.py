@@ -47,9 +47,13 @@ def acted(weights, observation):
     return np.clip(weight @ observation + bias, -1.0, 1.0)
 
 
-def test_an_exported_policy_acts_on_the_observation(tmp_path):
+@pytest.fixture(name="env", scope="module")
+def _env():
+    return softgym_mj.load("straighten_rope", split="all", **SHORT)
+
+
+def test_an_exported_policy_acts_on_the_observation(env, tmp_path):
     file = tmp_path / "policy.pt2"
-    env = softgym_mj.load("straighten_rope", split="all", **SHORT)
     timestep = env.reset(800)
     weights = exported(file)
     expected = acted(weights, timestep.observation["reduced"])
@@ -89,9 +93,8 @@ def test_an_exported_policy_acts_on_images(tmp_path):
         make_policy(str(file), both)(both.reset(800))
 
 
-def test_seeds_choose_files(tmp_path):
+def test_seeds_choose_files(env, tmp_path):
     weights = [exported(tmp_path / f"run_{seed}.pt2", seed=seed) for seed in range(2)]
-    env = softgym_mj.load("straighten_rope", split="all")
     timestep = env.reset(800)
     name = str(tmp_path / "run_{seed}.pt2")
     for seed, own in enumerate(weights):
@@ -100,11 +103,7 @@ def test_seeds_choose_files(tmp_path):
         np.testing.assert_allclose(action, expected, atol=1e-5)
     with pytest.raises(InvalidArgumentError, match=r"run_2\.pt2.*no such file"):
         make_policy(name, env, 2)
-
-
-def test_seeds_are_passed_on_to_functions():
-    env = softgym_mj.load("straighten_rope", split="all")
-    assert np.all(make_policy(f"{__name__}:constant", env, 3)(None) == 0.3)
+    assert np.all(make_policy(f"{__name__}:constant", env, 3)(None) == 0.3)  # And functions.
 
 
 @pytest.mark.parametrize(
@@ -148,16 +147,11 @@ def test_the_content_of_a_policy_is_known_by_its_hash(tmp_path):
         ("builtins:bool", "not a function of time steps"),
         ("json:dumps", "TypeError: Object of type Environment is not JSON serializable"),
         (f"{__name__}:broken", r"AttributeError: .*no_such_attribute.*test_saved_policies\.py:\d"),
+        (f"{__name__}:picky", "^env=.*another one"),
     ],
 )
-def test_what_is_no_policy(name, message, tmp_path, monkeypatch):
+def test_what_is_no_policy(name, message, env, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pathlib.Path("text.pt2").write_text("hello")
-    env = softgym_mj.load("straighten_rope")
     with pytest.raises(InvalidArgumentError, match=message):
         make_policy(name, env)
-
-
-def test_errors_of_the_package_stay_what_they_are():
-    with pytest.raises(InvalidArgumentError, match="another one"):
-        make_policy(f"{__name__}:picky", softgym_mj.load("straighten_rope"))

@@ -22,28 +22,31 @@ def test_every_task_has_an_expert():
     assert set(EXPERTS) == set(softgym_mj.TASKS)
 
 
-def test_straighten_rope_is_solved_on_the_evaluation_variations():
-    scores = [play("straighten_rope", v)["normalized_performance"] for v in range(800, 820)]
-    assert sum(scores) / len(scores) >= 0.95
-
-
 @pytest.mark.parametrize("actor", ["franka", "sawyer"])
-@pytest.mark.parametrize("variation", [906, 927, 977])
+@pytest.mark.parametrize(
+    "variation", [906, *(pytest.param(v, marks=pytest.mark.slow) for v in (927, 977))]
+)
 def test_arms_take_ends_of_a_rope_that_lie_close_together(actor, variation):
     # 1 to 3 cm apart, where two hands do not fit: done at once, it scores 0.3 at most.
     assert play("straighten_rope", variation, actor=actor)["success"]
 
 
-@pytest.mark.parametrize("actor", ["franka", "sawyer"])
-def test_arms_fold_a_cloth_whose_corner_is_out_of_reach(actor):
-    info = play("fold_cloth", 819, actor=actor, fidelity="fast")
+@pytest.mark.parametrize(
+    ("task", "variation", "actor"),
+    [
+        ("fold_cloth", 819, "franka"),  # A corner is out of reach.
+        pytest.param("fold_cloth", 819, "sawyer", marks=pytest.mark.slow),
+        pytest.param("drop_cloth", 801, "franka", marks=pytest.mark.slow),
+        ("drop_cloth", 801, "sawyer"),  # Has to be swung out.
+    ],
+)
+def test_arms_handle_cloth(task, variation, actor):
+    info = play(task, variation, actor=actor, fidelity="fast")
     assert info["normalized_performance"] > 0.8
 
 
-@pytest.mark.parametrize("actor", ["franka", "sawyer"])
-def test_arms_swing_a_cloth_out(actor):
-    info = play("drop_cloth", 801, actor=actor, fidelity="fast")
-    assert info["normalized_performance"] > 0.8
+def test_straighten_rope_is_solved():
+    assert play("straighten_rope", 801)["normalized_performance"] > 0.95
 
 
 def test_spread_cloth_is_spread():
@@ -53,7 +56,7 @@ def test_spread_cloth_is_spread():
 
 
 def test_water_is_carried_to_the_goal_without_a_drop():
-    for variation in (800, 806, 817):
+    for variation in (800, 806):
         info = play("transport_water", variation, fidelity="fast")
         assert info["spilled"] == 0.0 and info["distance_to_target"] < 1e-3
         assert info["normalized_performance"] > 0.99 and info["success"]
@@ -61,7 +64,7 @@ def test_water_is_carried_to_the_goal_without_a_drop():
 
 def test_a_reckless_driver_spills():
     env = softgym_mj.load("transport_water", split="evaluate", fidelity="fast")
-    for variation in (800, 806, 817):
+    for variation in (800, 806):
         timestep = env.reset(variation)
         while not timestep.last():
             way = 1.2 - timestep.observation["reduced"][0]
@@ -72,7 +75,7 @@ def test_a_reckless_driver_spills():
 
 
 def test_water_is_poured():
-    scores = [play("pour_water", v, fidelity="fast") for v in (801, 804, 813)]
+    scores = [play("pour_water", v, fidelity="fast") for v in (801, 804)]
     assert all(info["fraction_in_cup"] < 0.01 for info in scores)
     assert min(info["normalized_performance"] for info in scores) > 0.85
 
