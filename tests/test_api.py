@@ -42,18 +42,14 @@ def _found(owner, key):
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_everything_has_a_docstring(name):
+def test_everything_has_a_docstring_and_arrays_have_shapes(name):
+    """What returns an array says its shape, or where to find it, in brackets."""
     module = importlib.import_module(name)
     assert module.__doc__ and module.__doc__.strip()
     assert [symbol for symbol, _, text in public(module) if not text] == []
-
-
-@pytest.mark.parametrize("name", MODULES)
-def test_arrays_have_shapes(name):
-    """What returns an array says its shape, or where to find it, in brackets."""
     shapeless = [
         symbol
-        for symbol, function, text in public(importlib.import_module(name))
+        for symbol, function, text in public(module)
         if inspect.isfunction(function)
         and inspect.get_annotations(function).get("return") is np.ndarray
         and not re.search(r"\(.+\)", text, re.DOTALL)

@@ -17,7 +17,7 @@ KEY_POINTS = {
 @pytest.mark.parametrize("name", compat.names())
 def test_an_old_training_loop_runs(name):
     env = compat.make(
-        name, observation_mode="key_point", num_variations=2, horizon=3, render=True,
+        name, observation_mode="key_point", num_variations=1, horizon=2, render=True,
         headless=True, camera_name="default_camera",
     )  # fmt: skip
     env.seed(0)
@@ -28,7 +28,7 @@ def test_an_old_training_loop_runs(name):
             assert observation in env.observation_space
             observation, reward, done, info = env.step(env.action_space.sample())
             steps += 1
-        assert steps == 3
+        assert steps == 2
         assert reward == env.compute_reward() and np.isfinite(info["normalized_performance"])
 
 
@@ -62,7 +62,7 @@ def test_the_last_fifth_of_the_variations_is_for_evaluation():
     env.seed(1)
     drawn: dict[bool, set[int]] = {False: set(), True: set()}
     for env.eval_flag, seen in drawn.items():
-        for _ in range(60):
+        for _ in range(40):
             env.reset()
             seen.add(env.current_config_id)
     assert drawn == {False: set(range(8)), True: {8, 9}}
@@ -112,25 +112,17 @@ def test_pick_and_place_has_its_twenty_actions():
 
 
 @pytest.mark.parametrize(
-    ("kwargs", "error", "message"),
+    ("kwargs", "message"),
     [
-        ({"name": "ClothSpread"}, InvalidArgumentError, r"name='ClothSpread'.*'ClothFlatten'"),
-        (
-            {"observation_mode": "state"},
-            InvalidArgumentError,
-            r"'key_point', 'point_cloud', 'cam_rgb'",
-        ),
-        ({"action_mode": "sawyer"}, InvalidArgumentError, "action_mode='sawyer'"),
-        ({"num_variations": 0}, InvalidArgumentError, "num_variations=0"),
-        (
-            {"fps": 3},
-            InvalidArgumentError,
-            "argument='fps'.*'horizon', .*'num_picker', .*'headless'",
-        ),
+        ({"name": "ClothSpread"}, r"name='ClothSpread'.*'ClothFlatten'"),
+        ({"observation_mode": "state"}, r"'key_point', 'point_cloud', 'cam_rgb'"),
+        ({"action_mode": "sawyer"}, "action_mode='sawyer'"),
+        ({"num_variations": 0}, "num_variations=0"),
+        ({"fps": 3}, "argument='fps'.*'horizon', .*'num_picker', .*'headless'"),
     ],
 )
-def test_bad_arguments_name_the_choices(kwargs, error, message):
-    with pytest.raises(error, match=message):
+def test_bad_arguments_name_the_choices(kwargs, message):
+    with pytest.raises(InvalidArgumentError, match=message):
         compat.make(**{"name": "RopeFlatten", **kwargs})
 
 

@@ -11,8 +11,6 @@ NOTEBOOKS = sorted((pathlib.Path(__file__).parents[2] / "notebooks").glob("*.ipy
 assert NOTEBOOKS
 
 notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
-
-
 TRAINING_STEPS = 320  # Of the agent in 07_training, which learns from 20,000.
 
 
@@ -21,26 +19,17 @@ def test_notebook_runs(file, monkeypatch):
     monkeypatch.setenv("SOFTGYM_MJ_NOTEBOOK_STEPS", str(TRAINING_STEPS))
     notebook = nbformat.read(file, as_version=4)
     nbclient.NotebookClient(notebook, timeout=300).execute()
-    pictures = [
-        output
-        for cell in notebook.cells
-        if cell.cell_type == "code"
-        for output in cell.outputs
-        if "image/png" in output.get("data", {})
-    ]
-    assert len(pictures) >= 3
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    outputs = [output for cell in cells for output in cell.outputs]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) >= 3
 
 
 @notebooks
-def test_notebook_is_committed_without_outputs(file):
-    for cell in nbformat.read(file, as_version=4).cells:
+def test_notebook_is_committed_without_outputs_and_links_lead_to_files(file):
+    cells = nbformat.read(file, as_version=4).cells
+    for cell in cells:
         if cell.cell_type == "code":
             assert cell.outputs == [] and cell.execution_count is None
-
-
-@notebooks
-def test_links_lead_to_files(file):
-    cells = nbformat.read(file, as_version=4).cells
     text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
     for target in re.findall(r"\]\((?!http)([^)#]+)\)", text):
         assert (file.parent / target).exists(), target
