@@ -17,7 +17,7 @@ cases = cases_of(("transport_water", "pour_water"), "transport_water/sawyer", "p
 
 def delivered(env):
     """Torques (7,) [N m] of the motors."""
-    return motor_torques(env.physics.model.ptr, env.physics.data.ptr, env.task.actor._servos)
+    return motor_torques(env.physics.model.ptr, env.physics.data.ptr, env.task.actor.servos)
 
 
 @arms_of("sawyer")
@@ -38,7 +38,7 @@ def test_the_arm_carries_the_weight_of_the_water(arm):
     weight = ARM_DENSITY * env.task.start.variation(env.task.variation).volume * GRAVITY
     assert 5.0 < weight < 30.0  # [N]
     # The arm and the cup are compensated for: static torques are those of the water alone.
-    expected = weight * jacobian[2, env.task.actor._servos.speeds_at]
+    expected = weight * jacobian[2, env.task.actor.servos.speeds_at]
     np.testing.assert_allclose(delivered(env), expected, atol=0.03 * np.abs(expected).max())
 
 
