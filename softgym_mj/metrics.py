@@ -41,6 +41,11 @@ class Measures:
         return sum(self.rewards.values())
 
 
+def namespace(array: Array) -> Any:
+    """The array API of what an array is of; NumPy's is known by its type, ten times as fast."""
+    return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
+
+
 def normalize(performance: Array, lower: Array, upper: Array) -> Array:
     """(s - lower) / (upper - lower), facts 1.8; 0 when the bounds coincide."""
     span = upper - lower
@@ -49,33 +54,33 @@ def normalize(performance: Array, lower: Array, upper: Array) -> Array:
 
 def mean(values: Array, counts: Array) -> Array:
     """Means (...) over the last axis of values (..., n), of those with counts (..., n) of 1."""
-    xp = array_api_compat.array_namespace(values)
+    xp = namespace(values)
     return xp.sum(values * counts, axis=-1) / xp.sum(counts, axis=-1)
 
 
 def distance(first: Array, second: Array) -> Array:
     """Distances (...) [m] of points (..., 3), of NumPy as `math.dist` rounds them."""
     if array_api_compat.is_torch_array(first):
-        return array_api_compat.array_namespace(first).linalg.vector_norm(first - second, axis=-1)
+        return namespace(first).linalg.vector_norm(first - second, axis=-1)
     rows = zip(first.reshape(-1, 3).tolist(), second.reshape(-1, 3).tolist(), strict=True)
     return np.array([math.dist(a, b) for a, b in rows]).reshape(first.shape[:-1])[()]
 
 
 def lengths(vectors: Array) -> Array:
     """Lengths (...) of vectors (..., 3)."""
-    return array_api_compat.array_namespace(vectors).linalg.vector_norm(vectors, axis=-1)
+    return namespace(vectors).linalg.vector_norm(vectors, axis=-1)
 
 
 def columns(*values: Array) -> Array:
     """Values (...) side by side (..., n)."""
-    return array_api_compat.array_namespace(*values).stack(values, axis=-1)
+    return namespace(values[0]).stack(values, axis=-1)
 
 
 def taken(points: Array, indices: Array) -> Array:
     """Points (..., k, 3) out of points (..., n, 3) by their indices (..., k)."""
     if indices.ndim == 1:  # Of one simulation: ten times as fast.
         return points[indices]
-    xp = array_api_compat.array_namespace(points)
+    xp = namespace(points)
     return xp.take_along_axis(points, indices[..., None], axis=-2)
 
 
@@ -169,7 +174,7 @@ def _covered_areas(vertices, triangles, lines: int):
 
 def _crossing(level, x0, y0, x1, y1):
     """X where the segments (x0, y0)-(x1, y1) meet Y = level; x0 for a level segment."""
-    xp = array_api_compat.array_namespace(level)
+    xp = namespace(level)
     height = y1 - y0
     safe = xp.where(height > 0.0, height, 1.0)
     return x0 + (x1 - x0) * xp.clip((level - y0) / safe, 0.0, 1.0)
@@ -182,7 +187,7 @@ def particles(shape: Mapping[str, Array], points: Array) -> Array:
         shape: of the cloth, as in `Cloth.shape_arrays`.
         points: (..., n, 3) positions of its vertices [m].
     """
-    xp = array_api_compat.array_namespace(points)
+    xp = namespace(points)
     grid = shape["grid"]
     flat = grid.reshape((*grid.shape[:-2], -1))
     sheet = taken(points, flat).reshape((*grid.shape, 3))
@@ -230,7 +235,7 @@ def _columns(sheet: Array, indices: Array) -> Array:
     """Columns (..., rows, k, 3) of a sheet (..., rows, columns, 3) by their indices (..., k)."""
     if indices.ndim == 1:
         return sheet[:, indices]
-    xp = array_api_compat.array_namespace(sheet)
+    xp = namespace(sheet)
     return xp.take_along_axis(sheet, indices[..., None, :, None], axis=-2)
 
 
@@ -249,7 +254,7 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
         pose: (..., 7) of the cup, or longer: x, y, z [m], quaternion (w, x, y, z).
         size: (..., 4) its inner length, width, height and wall [m].
     """
-    xp = array_api_compat.array_namespace(points)
+    xp = namespace(points)
     away = points - pose[..., None, :3]
     w, x, y, z = (pose[..., i, None] for i in range(3, 7))
     axes = (  # Of the cup, in the world.
@@ -269,13 +274,13 @@ def inside(points: Array, pose: Array, size: Array) -> Array:
 
 def fraction(marks: Array, present: Array) -> Array:
     """Share (...) of the points (..., n) that are there that have a mark (..., n) bool."""
-    xp = array_api_compat.array_namespace(marks)
+    xp = namespace(marks)
     return mean(xp.astype(marks, xp.float64), xp.astype(present, xp.float64))
 
 
 def highest(points: Array, present: Array) -> Array:
     """Height (...) [m] of the highest of the points (..., n, 3) that are there (..., n) bool."""
-    xp = array_api_compat.array_namespace(points)
+    xp = namespace(points)
     return xp.max(xp.where(present, points[..., 2], -math.inf), axis=-1)
 
 
@@ -284,7 +289,7 @@ def matched_distance(points: Array, goal: Array) -> Array:
 
     They are matched so that it is smallest (Jonker and Volgenant, 1987), on the CPU.
     """
-    xp = array_api_compat.array_namespace(points)
+    xp = namespace(points)
     apart = lengths(points[..., :, None, :] - goal[..., None, :, :])
     number = points.shape[-2]
     found = []
@@ -293,45 +298,3 @@ def matched_distance(points: Array, goal: Array) -> Array:
         rows, columns = (xp.asarray(index) for index in linear_sum_assignment(cost))
         found.append(xp.mean(matrix[rows, columns]))
     return xp.stack(found).reshape(points.shape[:-2])[()]
-
-
-def count_intersections(vertices: np.ndarray, edges: np.ndarray, triangles: np.ndarray) -> int:
-    """Number of (edge, triangle) pairs of a mesh that cross without sharing a vertex.
-
-    Args:
-        vertices: (n, 3) positions [m].
-        edges: (k, 2) vertex indices.
-        triangles: (m, 3) vertex indices.
-    """
-    count = 0
-    corners = vertices[triangles]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    ends = vertices[edges]
-    edge_low, edge_high = ends.min(axis=1), ends.max(axis=1)
-    for block in np.array_split(np.arange(len(edges)), max(1, len(edges) // 256)):
-        near = np.all(edge_low[block, None] <= high, axis=2) & np.all(
-            edge_high[block, None] >= low, axis=2
-        )
-        edge, triangle = np.nonzero(near)
-        edge = block[edge]
-        shared = np.any(edges[edge][:, :, None] == triangles[triangle][:, None, :], axis=(1, 2))
-        edge, triangle = edge[~shared], triangle[~shared]
-        count += int(np.count_nonzero(_segment_hits(ends[edge], corners[triangle])))
-    return count
-
-
-def _segment_hits(segments: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Whether each segment (n, 2, 3) crosses the triangle (n, 3, 3) of the same row."""
-    start, direction = segments[:, 0], segments[:, 1] - segments[:, 0]
-    side_a, side_b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    # Moeller and Trumbore (1997): solve start + t direction = corner + u side_a + v side_b.
-    p = np.cross(direction, side_b)
-    determinant = np.einsum("ij,ij->i", side_a, p)
-    parallel = np.abs(determinant) < 1e-14
-    inverse = 1.0 / np.where(parallel, 1.0, determinant)
-    offset = start - corners[:, 0]
-    u = np.einsum("ij,ij->i", offset, p) * inverse
-    q = np.cross(offset, side_a)
-    v = np.einsum("ij,ij->i", direction, q) * inverse
-    t = np.einsum("ij,ij->i", side_b, q) * inverse
-    return ~parallel & (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1)

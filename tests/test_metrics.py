@@ -5,6 +5,7 @@ import pytest
 import shapely
 
 from softgym_mj import metrics
+from softgym_mj.entities.intersections import count_intersections
 
 RHO = 0.00625  # FleX particle spacing [m].
 SQUARE_CELLS = 100  # SoftGym's covered-area grid has 100 x 100 cells.
@@ -285,7 +286,7 @@ def test_normalize(performance, lower, upper, expected):
 
 
 def count(vertices: np.ndarray, triangles: np.ndarray) -> int:
-    return metrics.count_intersections(vertices, make_edges(triangles), triangles)
+    return count_intersections(vertices, make_edges(triangles), triangles)
 
 
 BASE = np.array([[-1.0, -1.0, 0.0], [2.0, -1.0, 0.0], [-1.0, 2.0, 0.0]])
@@ -403,7 +404,7 @@ def test_counts_agree_with_the_slow_loop(vertices, triangles, least):
     edges = make_edges(triangles)
     expected = slow_count(vertices, edges, triangles)
     assert expected > least  # The case is not an empty one.
-    assert metrics.count_intersections(vertices, edges, triangles) == expected
+    assert count_intersections(vertices, edges, triangles) == expected
 
 
 def test_order_of_edges_and_triangles_does_not_matter():
@@ -411,14 +412,14 @@ def test_order_of_edges_and_triangles_does_not_matter():
     vertices, triangles = crumpled(seed=1, noise=0.01, folds=2, n=21, m=22), make_triangles(21, 22)
     edges = make_edges(triangles)
     random = np.random.default_rng(0)
-    expected = metrics.count_intersections(vertices, edges, triangles)
+    expected = count_intersections(vertices, edges, triangles)
     assert len(edges) > 1000 and expected > 0
     parts = [
-        metrics.count_intersections(vertices, edges[i : i + 30], triangles)
+        count_intersections(vertices, edges[i : i + 30], triangles)
         for i in range(0, len(edges), 30)
     ]
     assert sum(parts) == expected
-    shuffled = metrics.count_intersections(
+    shuffled = count_intersections(
         vertices, random.permutation(edges)[:, ::-1], random.permutation(triangles)[:, [2, 0, 1]]
     )
     assert shuffled == expected

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from softgym_mj import metrics
 from softgym_mj.entities.flex import FLEX, Flex
+from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.arithmetic import product
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
@@ -128,7 +128,7 @@ class Sheet(Flex):
 
     def intersections(self) -> int:
         """Number of places where the sheet passes through itself now (some milliseconds)."""
-        return metrics.count_intersections(self.points(), self.edges, self.triangles)
+        return count_intersections(self.points(), self.edges, self.triangles)
 
     def _set_mesh(self, points: np.ndarray, triangles: np.ndarray) -> None:
         """(Re)places the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj import metrics
 from softgym_mj.cloth import solver
+from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.native.library import load_plugin
 
@@ -238,7 +238,7 @@ class FlexScene:
 
     def count_hits(self) -> int:
         """Intersections of edges and triangles now."""
-        return metrics.count_intersections(self.positions(), self.edges, self.triangles)
+        return count_intersections(self.positions(), self.edges, self.triangles)
 
     def hold(self, *vertices: int) -> None:
         """Holds vertices where they are."""

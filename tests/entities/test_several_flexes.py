@@ -4,9 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from softgym_mj import assets, metrics
+from softgym_mj import assets
 from softgym_mj.entities import Arena, Cloth, Fabric, Garment, Rope
 from softgym_mj.entities.flex_group import FlexGroup
+from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.picker import ROPE_GEOMETRY, Picker
@@ -68,7 +69,7 @@ class Scene:
                 triangles.append(flex.triangles + first)
             first += flex.num_points
         edges, triangles = np.concatenate(edges), np.concatenate(triangles)
-        return metrics.count_intersections(self.group.points(), edges, triangles)
+        return count_intersections(self.group.points(), edges, triangles)
 
     def rope_speed(self):
         """Of its fastest vertex [m/s], mean of 0.1 s: single substeps are faster."""

@@ -6,6 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
@@ -33,7 +34,7 @@ def test_shipped_states_are_free_of_intersections(indices):
         vertices = store.load(index)
         cloth, edges = mesh(CrumpledCloth().dims(index))
         assert vertices.shape == (cloth.num_points, 3)
-        assert metrics.count_intersections(vertices, edges, cloth.triangles) == 0
+        assert count_intersections(vertices, edges, cloth.triangles) == 0
         assert vertices[:, 2].min() > 0.004 and vertices[:, 2].max() < 0.5
         lengths = [
             np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)

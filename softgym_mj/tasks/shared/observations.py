@@ -4,11 +4,10 @@ import collections
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
-from array_api_compat import array_namespace
 from dm_control.composer.observation import observable
 
 from softgym_mj.exceptions import InvalidArgumentError, check_image_size
-from softgym_mj.metrics import Array
+from softgym_mj.metrics import Array, namespace
 from softgym_mj.rendering.observables import TaskCamera
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.tasks.shared.state import Episode, State
@@ -33,7 +32,7 @@ def full(task: Any, state: State, episode: Episode) -> Array:
     lead = state.sensed.shape[:-1]
     points = _joined(state.points.values(), lead)
     missing = 3 * task.max_points - points.shape[-1]
-    padding = array_namespace(points).zeros((*lead, missing))
+    padding = namespace(points).zeros((*lead, missing))
     beside = task.beside(state, episode).values()
     return _joined([points, padding, *beside, *_sensed(task, state)], lead)
 
@@ -42,7 +41,7 @@ def full_mask(task: Any, state: State, episode: Episode) -> Array:
     """1 for each of the points of `full` that exists, else 0: (..., max_points) uint8."""
     lead = state.sensed.shape[:-1]
     present = _joined(state.present.values(), lead)
-    xp = array_namespace(present)
+    xp = namespace(present)
     missing = task.max_points - present.shape[-1]
     whole = xp.concat([present, xp.zeros((*lead, missing), dtype=present.dtype)], axis=-1)
     return xp.astype(whole, xp.uint8)
@@ -61,7 +60,7 @@ def _sensed(task: Any, state: State) -> list[Array]:
 def _joined(arrays: Iterable[Array], lead: tuple[int, ...]) -> Array:
     """All numbers of some arrays in one (..., n)."""
     parts = [array.reshape((*lead, -1)) for array in arrays]
-    return array_namespace(*parts).concat(parts, axis=-1)
+    return namespace(parts[0]).concat(parts, axis=-1)
 
 
 # Positions are in metres, in the world frame.
