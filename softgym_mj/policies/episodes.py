@@ -1,7 +1,7 @@
 """Plays an episode and keeps what is to be looked at: pictures, rewards, scores."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 
@@ -16,8 +16,8 @@ class Episode:
     """What happened in n env steps; a notebook shows it as a video.
 
     Attributes:
-        frames: pictures (n + 1, size, size, 3) uint8, of the start and after each env step;
-            (0, size, size, 3) if none were taken.
+        frames: pictures (m, size, size, 3) uint8 of the start and after each env step, or of those
+            that were asked for; none without a camera.
         rewards: of the env steps (n,).
         info: the entries of `Environment.info` over time, (n + 1,) each, from the start on.
         fps: env steps in a second of simulated time.
@@ -49,6 +49,7 @@ def play(
     seed: int = 0,
     camera: str | None = "task",
     size: int = 240,
+    pictures: Collection[int] | None = None,
     on_step: Callable[[], object] = lambda: None,
 ) -> Episode:
     """Plays an episode.
@@ -62,6 +63,7 @@ def play(
         camera: of the pictures, "task", "overview" or another of the model; None to take none,
             which is much faster.
         size: side of the pictures [pixels].
+        pictures: env steps after which one is taken, 0 for the start; None for all.
         on_step: called after each env step.
 
     Raises:
@@ -74,15 +76,19 @@ def play(
     check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
     view = None if camera is None else CameraView(camera, size, size)
     timestep = env.reset(variation)
-    frames, rewards, infos = [], [], [env.info()]
-    if view:
-        frames.append(view.rgb(env.physics))
+    frames: list[np.ndarray] = []
+    rewards, infos = [], [env.info()]
+
+    def look() -> None:
+        if view is not None and (pictures is None or env.step_count in pictures):
+            frames.append(view.rgb(env.physics))
+
+    look()
     while not timestep.last():
         timestep = env.step(act(timestep))
         rewards.append(timestep.reward)
         infos.append(env.info())
-        if view:
-            frames.append(view.rgb(env.physics))
+        look()
         on_step()
     return Episode(
         frames=np.array(frames, np.uint8).reshape(-1, size, size, 3),

@@ -46,6 +46,8 @@ def test_an_episode_is_what_a_loop_over_its_steps_sees(env):
     np.testing.assert_array_equal(episode.frames, frames)
     assert episode.fps == pytest.approx(12.5)  # 8 sim steps of 0.01 s.
     assert counted == [1, 2, 3, 4]
+    some = play(env, act, 803, size=48, pictures=(0, 3))
+    np.testing.assert_array_equal(some.frames, [frames[0], frames[3]])
 
 
 def test_policies_are_played_by_name(env):
