@@ -141,7 +141,9 @@ class Arena(composer.Arena, Parametric):
             InvalidArgumentError: for no view.
         """
         if not isinstance(view, View):
-            check_name("view", view, VIEWS)
+            if view not in tuple(VIEWS):
+                names = ", ".join(map(repr, VIEWS))
+                raise InvalidArgumentError("view", view, f"a View, or one of {names}")
             view = VIEWS[view]
         overview = view.overview_with_arms if arms else view.overview
         self._pose = view.with_arms if arms and view.with_arms is not None else view.camera

@@ -49,16 +49,17 @@ def labels(results: Sequence[Mapping]) -> list[str]:
         StoreError: if nothing does.
     """
     names = []
-    for result in results:
+    details = [_details(result) for result in results]
+    for result, own in zip(results, details, strict=True):
         # Horizons differ from task to task; what counts is whether they do within one.
         rivals = [
-            _details(other)
-            for other in results
+            theirs
+            for other, theirs in zip(results, details, strict=True)
             if (other["task"], other["policy"]) == (result["task"], result["policy"])
         ]
         telling = [
             f"{key[1]}={value}"
-            for key, value in _details(result).items()
+            for key, value in own.items()
             if any(theirs.get(key) != value for theirs in rivals)
         ]
         names.append(" ".join([result["policy"], *telling]))

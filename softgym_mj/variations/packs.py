@@ -74,8 +74,8 @@ def read_pack(file: pathlib.Path, specification: str) -> list[np.ndarray]:
     Raises:
         StoreError: if it is truncated, altered or of another specification.
     """
-    found, checksum = map(str, _read(file, "specification", "checksum"))
-    counts, vertices = _read(file, "counts", "vertices")
+    stored = _read(file, "specification", "checksum", "counts", "vertices")
+    found, checksum, counts, vertices = str(stored[0]), str(stored[1]), *stored[2:]
     if found != specification:
         raise corrupt(file, f"it holds {found}, expected {specification}")
     actual = _checksum(found, counts, vertices)

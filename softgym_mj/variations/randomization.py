@@ -1,4 +1,4 @@
-"""DomainRandomization parameters: what a variation may change besides the initial state.
+"""Domain parameters: what a variation may change besides the initial state.
 
 A task's `domain` says which numbers of its scene vary, and how far. Each is drawn anew for every
 variation, from a generator seeded with the parameter's name and the variation's index: the same

@@ -1,4 +1,4 @@
-"""DomainRandomization parameters: what is drawn, and that the compiled scene has it."""
+"""Domain parameters: what is drawn, and that the compiled scene has it."""
 
 import math
 

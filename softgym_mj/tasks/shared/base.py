@@ -116,7 +116,7 @@ class Task(composer.Task, abc.ABC):
             InvalidArgumentError: for an argument of a wrong type, a bad name or number.
         """
         checks.check_objects(objects, tool is not None)
-        checks.check_class_data(self.view, self.workspace)
+        checks.check_workspace(self.workspace)
         if start is None and type(self).arrange is Task.arrange:
             raise InvalidArgumentError("start", start, "a Start, or a method `arrange` of the task")
         self.start = start
@@ -257,9 +257,9 @@ class Task(composer.Task, abc.ABC):
         """All points (n, 3) [m] of what deforms or flows."""
         return np.concatenate(list(self.scene.points().values()))
 
-    def _new_episode(self) -> Episode:
+    def _new_episode(self, points: dict[str, np.ndarray]) -> Episode:
         # As stored: what is read back from the model differs in the last bit.
-        points = {**self.scene.points(), **self._stored}
+        points = {**points, **self._stored}
         goal = self.goal(self._variation, points)
         return Episode(self._variation, points, self.scene.shapes(), goal, 0.0)
 
@@ -268,7 +268,7 @@ class Task(composer.Task, abc.ABC):
         points = self.scene.points()
         checks.check_points(points, self.scene.arena)
         self.actor.begin(self.tool_start(points), self.flexes.points())
-        self._episode = self._new_episode()
+        self._episode = self._new_episode(points)
         self.show(self._episode.goal)
         self._measures = self._measured()
         initial = self._measures.performance
@@ -319,7 +319,7 @@ class Task(composer.Task, abc.ABC):
     def episode(self) -> Episode:
         """What the episode started with; before, what is there: specifications are read off it."""
         if self._episode is None:
-            self._episode = self._new_episode()
+            self._episode = self._new_episode(self.scene.points())
         return self._episode
 
     @property

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from softgym_mj.entities.arena import VIEWS, Arena, View
+from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import InvalidArgumentError
@@ -37,10 +37,8 @@ def check_objects(objects: object, has_tool: bool) -> None:
         raise InvalidArgumentError("objects", names, "a different `name` for each of them")
 
 
-def check_class_data(view: object, workspace: object) -> None:
-    """Raises `InvalidArgumentError` for attributes of a task's class that are wrong."""
-    if not isinstance(view, View) and view not in VIEWS:
-        raise InvalidArgumentError("view", view, f"a View, or one of {', '.join(map(repr, VIEWS))}")
+def check_workspace(workspace: object) -> None:
+    """Raises `InvalidArgumentError` unless it is one."""
     if not isinstance(workspace, Workspace):
         raise InvalidArgumentError("workspace", workspace, "a Workspace((x, y, z), (x, y, z))")
 

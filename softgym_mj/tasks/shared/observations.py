@@ -94,9 +94,7 @@ GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can 
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 
 
-def enabled_names(
-    observation: str | Sequence[str], available: Iterable[str] = OBSERVATIONS
-) -> tuple[str, ...]:
+def enabled_names(observation: str | Sequence[str], available: Iterable[str]) -> tuple[str, ...]:
     """The observation names that a setting asks for.
 
     Args:
