@@ -20,6 +20,7 @@ from softgym_mj import registry
 from softgym_mj.envs.environment import Environment, Snapshot
 from softgym_mj.envs.load import load
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.kinds import typed
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.variations.indices import NUM_VARIATIONS
 
@@ -42,6 +43,7 @@ def names() -> dict[str, str]:
     return {c.softgym_name: name for name, c in classes.items() if c.softgym_name is not None}
 
 
+@typed
 def make(
     name: str,
     observation_mode: str = "cam_rgb",

@@ -5,6 +5,8 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+_SHOWN = 200  # Characters of a wrong value in a message.
+
 
 class SoftGymError(Exception):
     """Base class of every error this package raises on purpose."""
@@ -32,10 +34,13 @@ class InvalidArgumentError(SoftGymError, ValueError):
         argument, value, valid = self.args
         if not valid:
             return argument
+        shown = repr(value)
+        if len(shown) > _SHOWN:
+            shown = f"{shown[:_SHOWN]}..."
         if isinstance(valid, str):
-            return f"{argument}={value!r} is out of range; valid: {valid}."
+            return f"{argument}={shown} is refused; valid: {valid}."
         choices = ", ".join(repr(name) for name in valid)
-        return f"{argument}={value!r} is unknown; valid choices: {choices}."
+        return f"{argument}={shown} is unknown; valid choices: {choices}."
 
 
 class UnexpectedArgumentError(SoftGymError, TypeError):
@@ -68,9 +73,9 @@ class SimulationError(SoftGymError, RuntimeError):
 
 
 def check_name(argument: str, value: object, valid: Iterable[object]) -> None:
-    """Raises `InvalidArgumentError` unless `value` is one of `valid`."""
+    """Raises `InvalidArgumentError` unless `value` is one of `valid`: names, or None."""
     valid = tuple(valid)
-    if value not in valid:
+    if not isinstance(value, str | None) or value not in valid:
         raise InvalidArgumentError(argument, value, valid)
 
 

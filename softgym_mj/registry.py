@@ -6,7 +6,7 @@ import pathlib
 import pkgutil
 import re
 import typing
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -17,6 +17,7 @@ from softgym_mj.exceptions import (
     check_count,
     check_name,
 )
+from softgym_mj.kinds import check_kind
 
 if TYPE_CHECKING:
     from softgym_mj.tasks import Task
@@ -84,36 +85,39 @@ class TaskRecord:
         return self._overrides.get("tags", (task_class.difficulty, task_class.material))
 
     @property
-    def arguments(self) -> tuple[str, ...]:
-        """Names of the class' keyword arguments, those of its `**settings` included."""
-        names: dict[str, None] = {}
+    def arguments(self) -> dict[str, Any]:
+        """Annotations of the class' keyword arguments by name, those of its `**settings` too."""
+        found: dict[str, Any] = {}
         for parameter in inspect.signature(self.resolve(), eval_str=True).parameters.values():
             if parameter.kind is inspect.Parameter.VAR_KEYWORD:
-                names |= dict.fromkeys(typing.get_type_hints(_unpacked(parameter)))
+                found |= typing.get_type_hints(_unpacked(parameter))
             else:
-                names[parameter.name] = None
-        return tuple(names)
+                found[parameter.name] = parameter.annotation
+        return found
 
-    def check_arguments(self, names: Iterable[str], others: Sequence[str] = ()) -> None:
-        """Raises unless all names are the class'.
+    def check_arguments(self, arguments: Mapping[str, object], others: Sequence[str] = ()) -> None:
+        """Raises unless all arguments are the class', of the kind that it says.
 
         Args:
-            names: of keyword arguments.
+            arguments: keyword arguments.
             others: names that the caller takes besides, for the message.
 
         Raises:
             UnexpectedArgumentError: for another name.
+            InvalidArgumentError: for a value of another kind.
         """
-        for key in names:
-            if key not in self.arguments:
-                choices = ", ".join(repr(name) for name in (*self.arguments, *others))
+        own = self.arguments
+        for name, value in arguments.items():
+            if name not in own:
+                choices = ", ".join(repr(other) for other in (*own, *others))
                 raise UnexpectedArgumentError(
-                    f"{self.name} got an unexpected keyword argument {key!r}; "
+                    f"{self.name} got an unexpected keyword argument {name!r}; "
                     f"valid choices: {choices}."
                 )
+            check_kind(name, value, own[name])
 
     def build(self, **task_kwargs) -> "Task":
-        """Builds the task; an unknown keyword argument is an `UnexpectedArgumentError`."""
+        """Builds the task; errors as of `check_arguments`: nothing else comes in from outside."""
         self.check_arguments(task_kwargs)
         if task_kwargs.get("action_repeat") is None and "action_repeat" in self._overrides:
             task_kwargs["action_repeat"] = self._overrides["action_repeat"]

@@ -5,7 +5,7 @@ import pathlib
 # Each folder or root module imports only from floors below its own.
 FLOORS = [
     {"assets", "exceptions", "metrics"},
-    {"native"},
+    {"native", "kinds"},
     {"jobs"},
     {"rendering", "variations", "cloth"},
     {"fluid"},

@@ -21,12 +21,13 @@ from softgym_mj.cli.console import (
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.registry import find
+from softgym_mj.variations.indices import NUM_VARIATIONS
 
 
 def generate(
     task: Task,
     start: Annotated[int, typer.Option(help="First variation.")] = 0,
-    num: Annotated[int, typer.Option(help="Number of variations.", min=1)] = 1000,
+    num: Annotated[int, typer.Option(help="Number of variations.", min=1)] = NUM_VARIATIONS,
     jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
     ray: Ray = None,
     fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
@@ -38,6 +39,9 @@ def generate(
     record = find(task)
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
     store = record.build(**settings).store
+    if pack is not None and (start, num) != (0, NUM_VARIATIONS):
+        valid = f"with all {NUM_VARIATIONS} variations: without --start and --num"
+        raise InvalidArgumentError("pack", str(pack), valid)
     if store is None:
         raise InvalidArgumentError("task", record.name, "a task that keeps its initial states")
     with make_executor(jobs, ray) as executor, progress_bar() as progress:

@@ -50,7 +50,7 @@ def evaluate(
     variations: Annotated[
         str | None, typer.Option(help="Instead of a split: such as 800,803,810-819.")
     ] = None,
-    seeds: Annotated[int, typer.Option(help="Seeds 0.. of the policy.", min=1)] = 1,
+    seeds: Annotated[int, typer.Option(help="Seeds 0.. of the policy.", min=1, max=1000)] = 1,
     horizon: Annotated[
         int | None, typer.Option(help="Env steps that a plan looks ahead; the task's if not given.")
     ] = None,

@@ -10,10 +10,12 @@ from scipy.spatial.transform import Rotation
 from softgym_mj import assets
 from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
 from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.kinds import typed
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, shifted
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class CameraPose:
     """Pose of a fixed camera in the world frame: position [m], quaternion (w, x, y, z)."""
@@ -46,6 +48,7 @@ OVERVIEW = CameraPose((0.8, -0.9, 0.65), (0.7948, 0.4920, 0.1870, 0.3022))
 FAR_OVERVIEW = CameraPose((1.28, -1.53, 1.18), (0.7927, 0.5051, 0.1834, 0.2879))
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class View:
     """From where a scene is looked at.

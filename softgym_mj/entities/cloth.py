@@ -7,6 +7,7 @@ import numpy as np
 from softgym_mj import metrics
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.kinds import typed
 
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
 PARTICLE_SPACING = 0.00625
@@ -44,6 +45,7 @@ class Cloth(Sheet):
             in the same place, and ones, `pairs`, of these.
     """
 
+    @typed
     def _build(
         self,
         dims: tuple[int, int] = DEFAULT_DIMS,

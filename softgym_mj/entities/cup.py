@@ -11,6 +11,7 @@ from dm_control import composer, mjcf
 from softgym_mj import metrics
 from softgym_mj.entities.entity import Entity
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
 
 # SoftGym's light grey; so translucent that the water level shows through the walls.
@@ -25,6 +26,7 @@ _THICK, _TALL, _END = 0.02, 0.05, 0.015
 HELD_WALL_MASS = 0.06  # [kg] Of each of five walls of a cup that an arm holds: hard foam.
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class CupSize:
     """Measures of a cup [m].
@@ -43,7 +45,7 @@ class CupSize:
 
     def __post_init__(self):
         values = dataclasses.astuple(self)
-        if not (np.all(np.isfinite(values)) and min(values) > 0.0 and self.height > self.wall / 2):
+        if min(values) <= 0.0 or self.height <= self.wall / 2:
             raise InvalidArgumentError("cup size", values, "positive lengths, height > wall / 2")
 
     @property
@@ -65,6 +67,7 @@ class Cup(Entity):
         size: its inner measures; `resize` changes them.
     """
 
+    @typed
     def _build(self, size: CupSize, name: str = "cup"):
         """Builds the cup upright at the origin.
 

@@ -21,6 +21,7 @@ HELD_MASS = 10.0
 # only, neither with the floor nor with each other.
 OBJECT_CONTACT, GRIPPER_CONTACT = 1, 2
 
+Color = tuple[float, float, float, float]  # (r, g, b, a) in 0..1.
 FLEX = "flex"  # Name of the flexcomp, hence of its vertex bodies: flex_0, flex_1, ...
 
 

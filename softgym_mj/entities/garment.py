@@ -2,14 +2,16 @@
 
 import os
 import pathlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from xml.sax.saxutils import quoteattr
 
 import mujoco
 import numpy as np
 
+from softgym_mj.entities.flex import Color
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import typed
 
 # Accepted lengths of edges in thicknesses. Below, layers would be thinner than they are drawn;
 # above, folds are coarse. Cloths have 2 to 4.
@@ -23,6 +25,7 @@ _READER = """<mujoco><worldbody>
 <edge equality="true"/></flexcomp></worldbody></mujoco>"""
 
 
+@typed
 def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """The vertices (n, 3) [m] and triangles (m, 3) of a mesh file, as MuJoCo reads it.
 
@@ -36,8 +39,8 @@ def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, 
     Raises:
         InvalidArgumentError: if there is no such file or it has no triangles; for a bad scale.
     """
-    if not 0.0 < scale < np.inf:
-        raise InvalidArgumentError("scale", scale, "finite and above 0")
+    if scale <= 0.0:
+        raise InvalidArgumentError("scale", scale, "above 0")
     path = pathlib.Path(file).resolve()
     if not path.is_file():
         raise InvalidArgumentError(
@@ -89,13 +92,14 @@ class Garment(Sheet):
         area: of all its triangles [m^2].
     """
 
+    @typed
     def _build(
         self,
         file: str | os.PathLike,
         *,
         scale: float = 1.0,
         fabric: Fabric | None = None,
-        colors: tuple[Sequence[float], Sequence[float]] = (FRONT_COLOR, BACK_COLOR),
+        colors: tuple[Color, Color] = (FRONT_COLOR, BACK_COLOR),
         name: str = "garment",
     ):
         """Builds the garment.

@@ -13,6 +13,7 @@ from dm_control import mjcf
 
 from softgym_mj.entities.entity import Entity
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import typed
 
 LINE_COLOR = (0.95, 0.35, 0.1, 0.6)
 LINE_HALF = (0.003, 0.001)  # [m] Half of its width and of its height; half of that shows.
@@ -47,6 +48,7 @@ class GoalLine(Mark):
     It is made of flat boxes, which a software renderer draws much faster than capsules.
     """
 
+    @typed
     def _build(self, num_points: int, name: str = "goal"):
         """Builds the line.
 

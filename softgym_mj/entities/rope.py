@@ -1,12 +1,12 @@
 """`Rope`: a cord of 0.5 m as a one-dimensional MuJoCo flex."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.flex import Color, Flex
 from softgym_mj.exceptions import check_name
+from softgym_mj.kinds import typed
 from softgym_mj.variations.randomization import scaled, shifted, turned
 
 # [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
@@ -49,7 +49,8 @@ class Rope(Flex):
     hold_stretch = 0.05
     hold_force = 50.0  # [N] Which stretches it by as much as `hold_stretch` allows, and some more.
 
-    def _build(self, fidelity: str = "default", color: Sequence[float] = COLOR, name: str = "rope"):
+    @typed
+    def _build(self, fidelity: str = "default", color: Color = COLOR, name: str = "rope"):
         """Builds the rope.
 
         Args:

@@ -10,6 +10,7 @@ import numpy as np
 from softgym_mj.entities.flex import FLEX, Flex
 from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
@@ -28,6 +29,7 @@ BACK_COLOR = (1.0, 0.40, 0.10, 1.0)  # SoftGym's orange.
 SKIN_OFFSET = 0.0015
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class Fabric:
     """What a sheet is made of; the defaults are a woven tablecloth.
@@ -67,7 +69,7 @@ class Fabric:
 
     def __post_init__(self):
         for name, value in dataclasses.asdict(self).items():
-            if not (0.0 < value < np.inf or (name in ("drag", "added_mass") and value == 0.0)):
+            if not (value > 0.0 or (name in ("drag", "added_mass") and value == 0.0)):
                 raise InvalidArgumentError(name, value, "finite and above 0")
 
     @property

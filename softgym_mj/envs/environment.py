@@ -81,12 +81,10 @@ class Environment(composer.Environment):
         if not isinstance(task, Task):
             raise InvalidArgumentError("task", task, "a softgym_mj.tasks.Task")
         check_count("horizon", horizon, 1)
+        if not isinstance(random_state, np.random.RandomState | None):
+            check_count("random_state", random_state, 0, 2**32 - 1)
         if not isinstance(random_state, np.random.RandomState):
-            try:
-                random_state = np.random.RandomState(random_state)
-            except (TypeError, ValueError):
-                valid = "None, a seed in 0..4294967295 or a numpy RandomState"
-                raise InvalidArgumentError("random_state", random_state, valid) from None
+            random_state = np.random.RandomState(random_state)
         self.name, self.horizon, self.variations = name, horizon, split_indices(split)
         self.started: int | None = None
         self.step_count = 0

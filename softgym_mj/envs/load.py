@@ -15,6 +15,7 @@ _OF_LOAD = ("split", "horizon", "random_state")
 
 def load(
     task: str | TaskRecord,
+    /,
     *,
     split: str | Sequence[int] = "train",
     horizon: int | None = None,

@@ -12,6 +12,7 @@ import numpy as np
 import softgym_mj
 from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
+from softgym_mj.kinds import typed
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import BUDGET, CEM, ITERATIONS, PLANNERS, make_planner
 from softgym_mj.policies.saved import SEED, is_saved, sha256
@@ -22,6 +23,7 @@ PROTOCOL = 1
 POLICIES = (*SIMPLE, *PLANNERS)
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class Planning:
     """How a planner looks for actions: see `policies.planners`.
@@ -44,6 +46,7 @@ class Planning:
         return make_planner(name, task, self.horizon, **limits)
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class Configuration:
     """What is evaluated.

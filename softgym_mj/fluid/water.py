@@ -7,17 +7,20 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.kinds import typed
 from softgym_mj.native.library import FLUID, load_plugin
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import scaled, shifted, turned
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
 _INSTANCE = "water"
+MOST_PARTICLES = 200_000  # Of the plugin: a step of as many takes a tenth of a second.
 LARGEST = 1e4  # [m], [m/s]: single precision still resolves a millimetre there.
 COLOR = (0.16, 0.5, 0.78, 1.0)
 DRAW_MODES = ("surface", "fine", "particles", "none")
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class Liquid:
     """What is poured.
@@ -35,6 +38,7 @@ class Liquid:
     density: float = 1000.0
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class Resolution:
     """How many particles there are.
@@ -51,10 +55,9 @@ class Resolution:
     columns: tuple[int, int]
 
     def __post_init__(self):
-        check_count("count", self.count, 1)
-        for number in self.columns:
-            check_count("columns", number, 1)
-        if not 0.0 < self.spacing < np.inf:
+        for number in (self.count, *self.columns):
+            check_count("count, columns", number, 1, MOST_PARTICLES)
+        if self.spacing <= 0.0:
             raise InvalidArgumentError("spacing", self.spacing, "a length above 0 [m]")
 
 
@@ -82,6 +85,7 @@ class Water(composer.Entity, Parametric):
 
     timestep = TIMESTEP
 
+    @typed
     def _build(
         self,
         liquid: Liquid,

@@ -18,6 +18,7 @@ from typing import Any
 
 from softgym_mj.exceptions import SimulationError, check_count, import_extra
 
+MOST_PROCESSES = 512  # Each takes a tenth of a GiB.
 MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
 
 
@@ -76,8 +77,8 @@ class ProcessExecutor(Executor):
     """Processes on this machine. They end with their parent, even if it is killed."""
 
     def __init__(self, number: int):
-        """Starts `number` processes, 1 or more, when they are first needed."""
-        self.number = check_count("jobs", number, 1)
+        """Starts `number` processes, 1..`MOST_PROCESSES`, when they are first needed."""
+        self.number = check_count("jobs", number, 1, MOST_PROCESSES)
         self._pool: concurrent.futures.ProcessPoolExecutor | None = None
 
     def results(self, function, calls):
@@ -200,7 +201,7 @@ def make_executor(jobs: int = 1, ray: str | None = None) -> Executor:
         ray: None; "local" for a Ray cluster of `jobs` cores on this machine, or the address of a
             running cluster.
     """
-    check_count("jobs", jobs, 1)
+    check_count("jobs", jobs, 1, MOST_PROCESSES)
     if ray is not None:
         return RayExecutor(None, jobs) if ray == "local" else RayExecutor(ray)
     return SerialExecutor() if jobs == 1 else ProcessExecutor(jobs)

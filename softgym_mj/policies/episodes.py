@@ -7,6 +7,7 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_count, check_name
+from softgym_mj.kinds import typed
 from softgym_mj.policies.factory import Policy, make_policy
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, Video, camera_ids
 
@@ -41,6 +42,7 @@ class Episode:
         return self.video._repr_html_() if len(self.frames) else None
 
 
+@typed
 def play(
     env: Environment,
     policy: str | Policy = "scripted",

@@ -13,6 +13,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.registry import find
 
 BUDGET = 21_000  # Env steps for a decision, all iterations together (paper).
+MOST_BUDGET = 10_000_000  # A population of as many has a GiB.
 ITERATIONS = 10  # Paper.
 ELITES = 0.1  # Fraction of a population that the next distribution is fitted to (paper).
 MIN_POPULATION = 10  # With fewer sequences there is not even one elite.
@@ -69,7 +70,7 @@ class CEM:
         """
         check_count("horizon", horizon, 1)
         check_count("iterations", iterations, 1)
-        check_count("budget", budget, 1)
+        check_count("budget", budget, 1, MOST_BUDGET)
         if not 0.0 < variance <= 1.0:
             raise InvalidArgumentError("variance", variance, "above 0, at most 1")
         self.horizon, self.iterations, self.variance = horizon, iterations, variance

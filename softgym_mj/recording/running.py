@@ -17,6 +17,7 @@ from softgym_mj import registry
 from softgym_mj.evaluation.configuration import check_settings
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.store import ARRAYS, Store
+from softgym_mj.kinds import typed
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import is_saved, sha256
 from softgym_mj.recording import datasets
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     import minari
 
 
+@typed
 def record(
     task: str,
     variations: Sequence[int],

@@ -18,6 +18,7 @@ from softgym_mj.robots.workspace import Workspace
 # standing still: it runs through a rope instead of pushing it). Their mass is so large that nothing
 # pushes them out of their way: with 1 t and more the cloth solver counts a body as driven.
 MASS = 1e4
+MOST_PICKERS = 32  # More stand in a ring that is wider than any workspace.
 COLOR = (0.32, 0.36, 0.42, 1.0)  # SoftGym's 0.9 grey vanishes on its own 0.9 grey floor.
 
 
@@ -66,10 +67,10 @@ class Picker(Gripper):
 
         Args:
             geometry: `CLOTH_GEOMETRY` or `ROPE_GEOMETRY`.
-            num_pickers: number of pickers, 1 or more.
+            num_pickers: number of pickers, 1..`MOST_PICKERS`.
             name: model name.
         """
-        check_count("num_pickers", num_pickers, 1)
+        check_count("num_pickers", num_pickers, 1, MOST_PICKERS)
         self.radius, self.pick_distance = geometry.radius, geometry.pick_distance
         self._mjcf_root = mjcf.RootElement(model=name)
         for i in range(num_pickers):

@@ -4,7 +4,10 @@ import dataclasses
 
 import numpy as np
 
+from softgym_mj.kinds import typed
 
+
+@typed
 @dataclasses.dataclass(frozen=True)
 class Workspace:
     """Axis-aligned box [m] that the bodies (not the centres) of the grippers stay in."""
@@ -20,6 +23,7 @@ class Workspace:
         )
 
 
+@typed
 @dataclasses.dataclass(frozen=True)
 class ToolStart:
     """Where an actor is when an episode starts.

@@ -115,7 +115,7 @@ def test_chosen_variations(envs, given):
     assert envs.reset(options={"variation": 4})[1]["variation"].tolist() == [4] * NUM_ENVS
     for bad, message in (
         (given([1, 2]), "an index, or one for each of the 3 environments"),
-        (given([1, 2, 1000]), r"variation=1000 is out of range; valid: a whole number in 0\.\.999"),
+        (given([1, 2, 1000]), r"variation=1000 is refused; valid: a whole number in 0\.\.999"),
     ):
         with pytest.raises(InvalidArgumentError, match=message):
             envs.reset(options={"variation": bad})

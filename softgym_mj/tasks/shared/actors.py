@@ -8,6 +8,8 @@ from softgym_mj.robots.base import Actor
 from softgym_mj.robots.cup_mover import CupTool
 from softgym_mj.robots.factory import make_actor
 
+MOST_REPEATED = 1000  # Sim steps of an env step: ten seconds.
+
 
 def make(
     task_class: Any, actor: str | Actor | None, tool: CupTool | None, settings: Mapping[str, Any]
@@ -44,7 +46,8 @@ def checked_repeat(actor: Actor, action_repeat: int | None, usual: int) -> int:
         InvalidArgumentError: if there cannot be as many.
     """
     if actor.sim_steps is None:
-        return check_count("action_repeat", usual if action_repeat is None else action_repeat, 1)
+        repeat = usual if action_repeat is None else action_repeat
+        return check_count("action_repeat", repeat, 1, MOST_REPEATED)
     if action_repeat not in (None, 1):
         raise InvalidArgumentError("action_repeat", action_repeat, f"1 with actor={actor.name!r}")
     return 1

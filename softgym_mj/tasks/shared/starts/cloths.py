@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from softgym_mj.entities.cloth import Cloth, grid_shape
-from softgym_mj.exceptions import SimulationError
+from softgym_mj.entities.cloth import MAX_DIM, MIN_DIM, Cloth, grid_shape
+from softgym_mj.exceptions import InvalidArgumentError, SimulationError
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.tasks.shared.starts.settling import (
     MIN_SETTLE_STEPS,
@@ -41,6 +41,12 @@ class _SizedCloth:
     size_range: tuple[int, int] = SIZE_RANGE  # Of the sides [particles], the upper end exclusive.
     name: str = ""
     _version: ClassVar[int] = 2
+
+    def __post_init__(self):
+        low, high = self.size_range
+        if not MIN_DIM <= low < high <= MAX_DIM + 1:
+            valid = f"(low, high) with {MIN_DIM} <= low < high <= {MAX_DIM + 1} particles"
+            raise InvalidArgumentError("sizes", self.size_range, valid)
 
     @property
     def parameters(self) -> dict[str, object]:
