@@ -14,7 +14,7 @@ from softgym_mj import registry
 from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import open_folder
-from softgym_mj.evaluation.statistics import methods, summary
+from softgym_mj.evaluation.statistics import methods, quality, summary
 from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.jobs.files import write_json
 from softgym_mj.jobs.store import Store
@@ -56,8 +56,8 @@ def evaluate(
         progress: told of episodes and decisions.
 
     Returns:
-        The content of the result: configuration, machines on which it was evaluated, `summary` and
-        `methods` of its `statistics`, episodes.
+        The content of the result: configuration, machines on which it was evaluated, `summary`,
+        `quality` and `methods` of its `statistics`, episodes.
 
     Raises:
         StoreError: if the folder belongs to another configuration or holds a damaged file.
@@ -85,6 +85,7 @@ def evaluate(
         **written,
         "machines": machines,
         "summary": summary(ordered),
+        "quality": quality(ordered),
         "methods": methods(ordered),
         "episodes": ordered,
     }
@@ -145,4 +146,5 @@ def _play(env, policy, variation: int, seed: int) -> dict:
         "performance": info["performance"],
         "success": info["success"],
         "return": total,
+        "quality": env.task.last_quality,
     }

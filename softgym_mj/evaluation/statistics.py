@@ -47,6 +47,14 @@ def summary(episodes: Sequence[Mapping]) -> dict[str, float]:
     }
 
 
+def quality(episodes: Sequence[Mapping]) -> dict[str, float]:
+    """Means over all episodes of the tasks' measures of quality at the last step, by name."""
+    return {
+        name: float(np.mean([episode["quality"][name] for episode in episodes]))
+        for name in episodes[0]["quality"]
+    }
+
+
 def methods(episodes: Sequence[Mapping]) -> dict[str, str]:
     """What the numbers of `summary` are, in words."""
     return {

@@ -21,7 +21,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart
-from softgym_mj.tasks.shared import entries, hanging
+from softgym_mj.tasks.shared import entries, hanging, quality
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import HangingCloth
@@ -48,8 +48,9 @@ class DropFoldCloth(Task):
         return hanging.held_by_corners(self.cloth)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """SoftGym's particles (dimy, dimx, 3) [m] of the flat cloth in its place."""
-        return {"particles": hanging.laid_down(self.cloth)}
+        """SoftGym's particles (dimy, dimx, 3) [m] of the cloth in its place, and its outline."""
+        particles = hanging.laid_down(self.cloth)
+        return {"particles": particles, "outline": quality.outline(particles, folded=True)}
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]
@@ -57,6 +58,9 @@ class DropFoldCloth(Task):
 
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return episode.initial_performance, 0.0
+
+    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
+        return quality.laying(state, episode, folded=True)
 
     def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
         return entries.corners(state, episode)

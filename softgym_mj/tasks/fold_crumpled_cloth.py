@@ -22,7 +22,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import Workspace
-from softgym_mj.tasks.shared import entries
+from softgym_mj.tasks.shared import entries, quality
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth
@@ -45,8 +45,9 @@ class FoldCrumpledCloth(Task):
         super().__init__([self.cloth], CrumpledCloth(fidelity), **settings)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """SoftGym's particles (dimy, dimx, 3) [m] of the flat cloth at the origin."""
-        return {"particles": self.cloth.particles(self.cloth.flat())}
+        """SoftGym's particles (dimy, dimx, 3) [m] of the cloth at the origin, and its outline."""
+        particles = self.cloth.particles(self.cloth.flat())
+        return {"particles": particles, "outline": quality.outline(particles, folded=True)}
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]
@@ -54,6 +55,9 @@ class FoldCrumpledCloth(Task):
 
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return episode.initial_performance, 0.0
+
+    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
+        return quality.laying(state, episode, folded=True)
 
     def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
         return entries.corners(state, episode)

@@ -27,6 +27,7 @@ from softgym_mj.metrics import Array, Measures
 from softgym_mj.rendering.observables import CameraObservable
 from softgym_mj.rendering.offscreen import CameraView, refresh_poses
 from softgym_mj.robots.workspace import ToolStart, Workspace
+from softgym_mj.tasks.shared import quality
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.letters import LETTERS, letter
 from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
@@ -125,6 +126,9 @@ class RopeConfiguration(Task):
 
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return episode.initial_performance, 0.0
+
+    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
+        return quality.point_error(state.points["rope"], episode.goal["rope"])
 
     def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
         keys, places = self.rope.key_points, {"rope": state.points, "goal": episode.goal}

@@ -55,9 +55,9 @@ def flattened(measured) -> dict[str, Any]:
 
 
 def measured(task, state: State, episode: Episode) -> dict[str, Any]:
-    return flattened(
-        (task.measure(state, episode), task.bounds(episode), task.reduced(state, episode))
-    )
+    measures = task.measure(state, episode)
+    further = task.reduced(state, episode) | task.quality(state, episode, measures)
+    return flattened((measures, task.bounds(episode), further))
 
 
 @pytest.mark.parametrize("task", softgym_mj.TASKS)

@@ -220,6 +220,10 @@ class Task(composer.Task, abc.ABC):
         """What the full state lists between the points and what the actor senses, as `reduced`."""
         return {}
 
+    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
+        """Further scalars (...) for info and results, as other work has them; only read there."""
+        return {}
+
     def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
         """Further observables by name, with images of height x width pixels."""
         return {}
@@ -276,8 +280,8 @@ class Task(composer.Task, abc.ABC):
         checks.check_bounds(self.bounds(self._episode))
         if not self._named:
             checks.check_reduced(self.reduced(self.state(), self._episode))
-            groups = self._measures.info, self.diagnostics(), self.actor.diagnostics()
-            checks.check_names(groups)
+            further = self.last_quality, self.diagnostics(), self.actor.diagnostics()
+            checks.check_names((self._measures.info, *further))
             self._named = True
 
     def state(self) -> State:
@@ -343,11 +347,18 @@ class Task(composer.Task, abc.ABC):
             "success": bool(normalized >= self.success),
             **{f"reward_{name}": value for name, value in measures.rewards.items()},
             **measures.info,
+            **self.last_quality,
             **self.diagnostics(),
             **self.actor.diagnostics(),
             **{f"domain_{name}": self.domain.values[name] for name in self.domain.varying},
             "variation": self._variation,
         }
+
+    @property
+    def last_quality(self) -> dict[str, float]:
+        """What `quality` says of the state after the last env step or reset."""
+        found = self.quality(self.state(), self.episode, self.last_evaluation)
+        return {name: float(value) for name, value in found.items()}
 
     # ------------------------------------------------------------------ snapshots
 

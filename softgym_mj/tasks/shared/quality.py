@@ -1,0 +1,87 @@
+"""How good an outcome is, in the measures that other work on cloth and rope reports.
+
+Functions of arrays, of one simulation or of many; they go into info and results.
+"""
+
+import numpy as np
+
+from softgym_mj import metrics
+from softgym_mj.metrics import Array
+from softgym_mj.tasks.shared.state import Episode, State
+
+LINES = 64  # On which covered areas are measured: within 0.1 % here, in half the usual time.
+
+
+def flattening(area: Array, start: Array, flat: Array) -> dict[str, Array]:
+    """Normalised coverage and normalised improvement (Lin et al., 2021, VCD; Ha and Song, 2021).
+
+    Args:
+        area: (...) that the cloth covers in top view.
+        start: (...) that it covered at the start.
+        flat: (...) that it covers when it lies flat.
+    """
+    return {
+        "normalized_coverage": area / flat,
+        "normalized_improvement": metrics.normalize(area, start, flat),
+    }
+
+
+def outline(particles: np.ndarray, folded: bool) -> np.ndarray:
+    """Corners (4, 3) [m] of what a cloth ought to cover: of its last column, then opposite.
+
+    Args:
+        particles: (dimy, dimx, 3) [m] SoftGym's particles of the flat cloth in its place.
+        folded: whether the first half ought to lie on the second; else it lies flat.
+    """
+    middle = (particles.shape[1] - 1) / 2 if folded else 0.0
+    columns = [int(np.floor(middle)), int(np.ceil(middle))]
+    opposite = particles[:, columns].mean(axis=1)
+    return np.stack([*particles[[0, -1], -1], *opposite[[0, -1]]])
+
+
+def laying(state: State, episode: Episode, folded: bool) -> dict[str, Array]:
+    """How a cloth lies in its place: that is `episode.goal["outline"]`, as `outline` returns it.
+
+    Returns:
+        Mean distance of the corners from their places in top view [m]; intersection over union of
+        what it covers and ought to cover in top view; by how much its highest point is above
+        its upper layer [m].
+    """
+    points, shape, goal = state.points["cloth"], episode.shapes["cloth"], episode.goal["outline"]
+    xp, count = metrics.namespace(points), points.shape[-2]
+    places = [0, 1, 0, 1] if folded else [2, 3, 0, 1]  # Of the corners p1 p2 p3 p4.
+    away = metrics.taken(points, shape["corners"]) - goal[..., places, :]
+    sides = [goal[..., i, :2] - goal[..., 0, :2] for i in (1, 2)]
+    target = abs(sides[0][..., 0] * sides[1][..., 1] - sides[0][..., 1] * sides[1][..., 0])
+    triangles = shape["triangles"]
+    both = xp.zeros((*triangles.shape[:-2], 2, 3), dtype=triangles.dtype)
+    both = both + xp.asarray([[0, 1, 2], [1, 3, 2]], dtype=triangles.dtype) + count
+    everything = xp.concat([points, goal], axis=-2), xp.concat([triangles, both], axis=-2)
+    union = metrics.covered_area(*everything, LINES)
+    common = xp.clip(metrics.covered_area(points, triangles, LINES) + target - union, 0.0, None)
+    rest = xp.mean(goal[..., 2], axis=-1)  # Of a single layer: half its thickness.
+    upper = (3.0 if folded else 1.0) * rest
+    highest = metrics.highest(points, state.present["cloth"])
+    return {
+        "mean_corner_distance": xp.mean(metrics.lengths(away[..., :2]), axis=-1),
+        "outline_iou": common / union,
+        "wrinkle_height": xp.clip(highest - upper, 0.0, None),
+    }
+
+
+def point_error(points: Array, goal: Array) -> dict[str, Array]:
+    """Mean distance [m] of a rope's points (..., n, 3) from theirs, from the better end."""
+    xp = metrics.namespace(points)
+    ways = (goal, xp.flip(goal, axis=-2))
+    errors = [xp.mean(metrics.lengths(points - way), axis=-1) for way in ways]
+    return {"mean_point_error": xp.minimum(*errors)}
+
+
+def straight(points: Array, length: float) -> Array:
+    """The straight rope (..., n, 3) [m] of a length with the middle and direction of the ends."""
+    xp, count = metrics.namespace(points), points.shape[-2]
+    first, last = points[..., :1, :], points[..., -1:, :]
+    along = last - first
+    distance = metrics.lengths(along)[..., None]
+    places = xp.asarray(np.linspace(-0.5, 0.5, count)[:, None], dtype=points.dtype)
+    return (first + last) / 2 + length * places * along / (distance + (distance == 0.0))

@@ -1,0 +1,233 @@
+"""Whatever comes in ends well: it works, or is refused by a typed error or a usage message."""
+
+import contextlib
+import functools
+import os
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import softgym_mj
+from tests.contract.subject import Subject
+
+TASKS = list(softgym_mj.TASKS)
+QUICK = ["straighten_rope", "transport_water", "spread_cloth"]
+
+# ---------------------------------------------------------------- values
+
+TEXTS = st.one_of(
+    st.text(max_size=8),
+    st.sampled_from(["", " ", "a" * 5000, "a/b", "../x", "é\x00", "nan", "None", "1", "all"]),
+)
+NUMBERS = st.one_of(
+    st.integers(-2, 3),
+    st.sampled_from([10**9, 10**11, -(2**70), 10**400, 1e308, np.int64(3), np.float64("nan")]),
+    st.floats(),
+)
+PLAIN = st.one_of(st.none(), st.booleans(), NUMBERS, TEXTS)
+ANYTHING = st.one_of(
+    PLAIN,
+    st.lists(PLAIN, max_size=3),
+    st.lists(PLAIN, max_size=3).map(tuple),
+    st.dictionaries(TEXTS, PLAIN, max_size=2),
+    st.sampled_from(
+        [b"x", object, 1j, {1, 2}, range(3), range(10**11), np.zeros((2, 2)), [[1], []]]
+    ),
+)
+GOOD = {
+    "actor": ["picker", "pick_and_place", "pixel_pick_and_place", "franka", "sawyer", "cup", None],
+    "observation": ["full", "reduced", ["full", "full_mask"], "proprioception", "rgb"],
+    "image_size": [(8, 8), [64, 32], (1, 1)],
+    "action_repeat": [1, 4, None],
+    "domain": ["nominal", "in_distribution", "out_of_distribution", {"hue": 5.0}, {"hue": (1, 2)}],
+    "num_pickers": [1, 2, 3, None],
+    "arms": [1, 2, None],
+    "grasp": ["attach", "friction", None],
+    "visual": ["primitive", None],
+    "count_intersections": [True, False],
+    "sizes": [(60, 70), (60, 61)],
+    "draw": ["none", "particles"],
+    "split": ["all", "train", [3], (800, 3)],
+    "horizon": [1, 3, None],
+    "random_state": [0, None],
+    "render_mode": ["rgb_array", "depth_array", None],
+    "render_size": [(10, 10), [64, 48]],
+    "camera": ["task", "overview"],
+    "random": [0, None],
+}
+STRAY = st.sampled_from(["", "task", "self", "env", "settings", "num_envs", "é", "a" * 5000])
+
+
+def keywords(task: str, *others: str) -> st.SearchStrategy[dict]:
+    """Keyword arguments of a task, of which about half are what they should be."""
+
+    def value(name: str) -> st.SearchStrategy:
+        good = GOOD.get(name)
+        return st.one_of(st.sampled_from(good), ANYTHING) if good else ANYTHING
+
+    names = [name for name in (*softgym_mj.TASKS[task].arguments, *others) if name != "fidelity"]
+    drawn = st.lists(st.sampled_from(names), max_size=3, unique=True).flatmap(
+        lambda chosen: st.fixed_dictionaries({name: value(name) for name in chosen})
+    )
+    # States of other fidelities than this take long to make.
+    common = st.one_of(
+        st.just({"fidelity": "fast"}), st.builds(lambda v: {"fidelity": v}, ANYTHING)
+    )
+    stray = st.one_of(st.just({}), st.dictionaries(STRAY, PLAIN, max_size=1))
+    return st.builds(
+        lambda *parts: functools.reduce(lambda a, b: a | b, parts), stray, common, drawn
+    )
+
+
+NAMES = st.one_of(st.sampled_from(QUICK * 3 + TASKS), ANYTHING)
+
+
+def of(task: object) -> str:
+    """The task whose arguments are drawn for whatever is named."""
+    return task if isinstance(task, str) and task in TASKS else QUICK[0]
+
+
+LOADED = NAMES.flatmap(
+    lambda task: st.tuples(st.just(task), keywords(of(task), "split", "horizon", "random_state"))
+)
+MADE = st.sampled_from(TASKS).flatmap(
+    lambda task: st.tuples(
+        st.just(softgym_mj.TASKS[task].gymnasium_id),
+        keywords(task, "split", "horizon", "render_mode", "render_size", "camera"),
+    )
+)
+SUITED = st.sampled_from(TASKS).flatmap(
+    lambda task: st.tuples(
+        st.just(task),
+        st.one_of(st.none(), keywords(task, "split", "horizon", "random")),
+        st.one_of(st.none(), keywords(task)),
+        st.one_of(st.booleans(), ANYTHING),
+    )
+)
+
+# ---------------------------------------------------------------- command lines
+
+WORDS = [
+    "", " ", "a" * 5000, "é", "-1", "0", "1", "3", "10000000000", "9" * 23, "1.5", "nan", "1e9",
+    "None", "[]", "{}", "{", '{"a": 1}', '{"actor": NaN}', '{"observation": 3}', '{"": 1}',
+    '{"fidelity": ["fast"]}', '{"split": "all"}', '{"horizon": "3"}', '{"image_size": [1e9, 1]}',
+    "train", "evaluate", "picker", "franka", "attach", "reduced", "full,rgb", ",", "800-", "3-1",
+    "0-100000000000", "800,800", "file", "/proc/x/y", "/dev/null", "/dev/zero", "fifo",
+    "file/below", "nowhere/x", "policies:short", "policies:nan", "policies:raises", "policies:none",
+    "policies:word", "policies:number", "policies:nothing", "broken:x", "nomodule:x", ":", "a:",
+    ":b", "bad.pt2", "folder.pt2", "none.pt2", "empty.json", "list.json", "nan.json", "results",
+    "scripted", "zero", "random", "cem", "straighten_rope", "--", "-", "--help", "x.png", "x.xyz",
+    "horizon", "70000", "fast",
+]  # fmt: skip
+# Options of each command that keep it short, and all that it has.
+COMMANDS: dict[str, tuple[dict[str, str], list[str]]] = {
+    "rollout": ({"--episodes": "1", "--policy": "zero"},
+                ["--policy", "--actor", "--grasp", "--split", "--episodes", "--seed", "--video"]),
+    "oracle": ({"--episodes": "1"}, ["--actor", "--grasp", "--split", "--episodes", "--out"]),
+    "evaluate": ({"--episodes": "1", "--policy": "zero"},
+                 ["--policy", "--actor", "--grasp", "--split", "--episodes", "--variations",
+                  "--seeds", "--horizon", "--budget", "--iterations", "--replan-every",
+                  "--settings", "--jobs", "--out"]),
+    "plot": ({"--out": "x.png"}, ["--x", "--out", "--csv"]),
+    "generate": ({"--num": "1", "--start": "3", "--fidelity": "fast"},
+                 ["--start", "--num", "--jobs", "--fidelity", "--pack"]),
+    "record": ({"--episodes": "1", "--policy": "zero"},
+               ["--policy", "--actor", "--grasp", "--split", "--episodes", "--start",
+                "--observation", "--settings", "--seed", "--dataset", "--author"]),
+    "view": ({"--browser": "", "--port": "70000"},  # A port that there is not: it would not end.
+             ["--policy", "--actor", "--grasp", "--variation", "--host"]),
+    "demo": ({"--variation": "-1"}, ["--out", "--size"]),
+    "list": ({}, []),
+    "": ({}, []),
+    "nope": ({}, []),
+}  # fmt: skip
+POLICIES = """
+import numpy as np
+
+number = 3
+
+def short(env):
+    return lambda timestep: np.zeros(3)
+
+def nan(env):
+    return lambda timestep: np.full(env.action_spec().shape, np.nan)
+
+def word(env):
+    return lambda timestep: "up"
+
+def none(env):
+    return None
+
+def raises(env):
+    def act(timestep):
+        raise KeyError("of the policy's own")
+    return act
+"""
+
+FILES = {
+    "file": "x", "empty.json": "", "list.json": "[1, 2]", "nan.json": '{"a": NaN}',
+    "bad.pt2": "PK\x03\x04", "policies.py": POLICIES, "broken.py": "1/0",
+    "results/result.json": '{"task": "x"}',
+}  # fmt: skip
+
+
+def command_line(command: str) -> st.SearchStrategy[list[str]]:
+    """A command, mostly with a task, and up to three options of any value."""
+    usual, options = COMMANDS[command]
+    words = st.sampled_from(WORDS)
+    task = st.one_of(st.just("straighten_rope"), st.sampled_from(["transport_water", *WORDS]))
+    first = (
+        st.lists(words, max_size=2) if command == "plot" else st.lists(task, min_size=1, max_size=1)
+    )
+    chosen = st.dictionaries(st.sampled_from(options or ["--help"]), words, max_size=3)
+
+    def joined(arguments: list[str], given: dict[str, str]) -> list[str]:
+        options = [part for pair in (usual | given).items() for part in pair if part]
+        return [command, *([] if command in ("demo", "list") else arguments), *options]
+
+    return st.builds(joined, first, chosen)
+
+
+LINES = st.sampled_from(list(COMMANDS)).flatmap(command_line)
+
+# ---------------------------------------------------------------- tests
+
+DOORS = {
+    "load": (LOADED, 150),
+    "make": (MADE, 100),
+    "suite": (SUITED, 100),
+    "command": (LINES, 150),
+}
+CASES = [
+    pytest.param(door, strategy, factor * number, id=f"{door}-{factor * number}", marks=marks)
+    for door, (strategy, number) in DOORS.items()
+    for factor, marks in ((1, ()), (20, pytest.mark.slow))
+]
+
+
+@pytest.fixture(name="subject", scope="module")
+def _subject(tmp_path_factory):
+    """What takes the input, in a folder with files that are not what they should be."""
+    folder = tmp_path_factory.mktemp("input")
+    for name, text in FILES.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    (folder / "folder.pt2").mkdir()
+    os.mkfifo(folder / "fifo")
+    with contextlib.closing(Subject(folder)) as subject:
+        yield subject
+
+
+@pytest.mark.parametrize(("door", "strategy", "number"), CASES)
+def test_what_comes_in_ends_well(subject, door, strategy, number):
+    quiet = [HealthCheck.too_slow, HealthCheck.data_too_large]
+
+    @settings(max_examples=number, deadline=None, derandomize=True, suppress_health_check=quiet)
+    @given(strategy)
+    def run(arguments):
+        outcome = subject(door, arguments)
+        assert outcome.kind != "leaked", f"{door} {arguments!r}\n{outcome.text}"
+
+    run()
