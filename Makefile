@@ -30,9 +30,10 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/clang-format --dry-run --Werror $$(git ls-files 'softgym_mj/*.h' 'softgym_mj/*.cc')
 
 bench: $(VENV)/.installed
-	$(BIN)/python benchmarks/throughput.py --out benchmarks/throughput.json
-	$(BIN)/python benchmarks/fluid.py --out benchmarks/fluid.json
-	$(BIN)/python benchmarks/cloth.py --out benchmarks/cloth.json
+	$(BIN)/python -m benchmarks.throughput --out benchmarks/throughput.json
+	$(BIN)/python -m benchmarks.vector --out benchmarks/vector.json
+	$(BIN)/python -m benchmarks.fluid --out benchmarks/fluid.json
+	$(BIN)/python -m benchmarks.cloth --out benchmarks/cloth.json
 
 # Writes the tasks' data sheets, docs/tasks, and the tables of scores anew: after a change to a task.
 sheets: $(VENV)/.installed-dev

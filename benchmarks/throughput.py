@@ -1,4 +1,4 @@
-"""Env steps per second of every task on one core, what `env.step` adds to MuJoCo, image rate.
+"""Env steps per second of every task on one core, with arms too, what Python adds, image rate.
 
 A stored state in the middle of a random episode is replayed, so that runs time the same physics.
 Rates are all steps over all seconds; the mean of the variations' own rates is given beside.
@@ -6,24 +6,28 @@ SoftGym's own figure, for comparison: 46 env steps/s with rendering on a 2080Ti.
 
     python benchmarks/throughput.py --out new.json
     python benchmarks/throughput.py --compare old.json new.json
-    python benchmarks/throughput.py --actors franka sawyer
+
+The yardstick is the speed of dm_control's humanoid on the same core, between the tasks.
 """
 
 import argparse
 import json
 import pathlib
-import platform
+import statistics
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from typing import Any
 from unittest import mock
 
 import mujoco
 import numpy as np
 
 import softgym_mj
+from benchmarks.cloth import machine, measure_yardstick
 from softgym_mj.envs.environment import Environment
 from softgym_mj.rendering import framebuffer
 from softgym_mj.rendering.offscreen import CameraView
+from softgym_mj.robots.models import ARMS
 
 SOFTGYM = 46.0  # Env steps/s, facts 6.
 # Env steps timed per variation, and evaluation variations.
@@ -32,7 +36,6 @@ FEW = range(800, 805)
 MANY = range(800, 820)  # Few steps each of many: they have 224 to 8788 particles.
 VARIATIONS = {"rope": FEW, "cloth": FEW, "water": MANY}
 IMAGES = 60
-USUAL = "usual actor"
 
 
 class _TimedMujoco:
@@ -75,22 +78,22 @@ def _random_actions(task: str, actor: str | None) -> Iterator[tuple]:
         yield env, random.uniform(-1, 1, (steps, *env.action_spec().shape))
 
 
-def compare(task: str, actors: Sequence[str]) -> dict[str, float]:
-    """Rates [1/s] with random actions of the usual actor and of others, turn by turn.
+def shares(task: str) -> dict[str, float]:
+    """Env steps/s of every arm as a share of the usual actor's, turn by turn.
 
     Every actor plays a variation before the next one comes, so that all find the machine alike.
     """
-    rates: dict[str, list[float]] = {}
-    for turns in zip(*(_random_actions(task, actor) for actor in (None, *actors)), strict=True):
-        for actor, (env, actions) in zip((USUAL, *actors), turns, strict=True):
-            start = time.perf_counter()
+    seconds: dict[str | None, float] = {}
+    for turns in zip(*(_random_actions(task, actor) for actor in (None, *ARMS)), strict=True):
+        for actor, (env, actions) in zip((None, *ARMS), turns, strict=True):
+            start = time.thread_time()
             for action in actions:
                 env.step(action)
-            rates.setdefault(actor, []).append((time.perf_counter() - start) / len(actions))
-    return {actor: 1.0 / float(np.mean(seconds)) for actor, seconds in rates.items()}
+            seconds[actor] = seconds.get(actor, 0.0) + time.thread_time() - start
+    return {actor: seconds[None] / seconds[actor] for actor in ARMS}
 
 
-def measure(task: str) -> dict[str, float]:
+def measure(task: str) -> dict[str, Any]:
     """Rates of one task with random actions."""
     env = _env(task, None)
     random = np.random.default_rng(0)
@@ -102,10 +105,10 @@ def measure(task: str) -> dict[str, float]:
         env.reset(variation)
         actions = random.uniform(-1, 1, (steps, *env.action_spec().shape))
         snapshot = env.get_state()
-        start = time.perf_counter()
+        start = time.thread_time()
         for action in actions:
             env.step(action)
-        plain.append(time.perf_counter() - start)
+        plain.append(time.thread_time() - start)
         env.set_state(snapshot)
         clock = _TimedMujoco()
         with mock.patch.object(framebuffer, "mujoco", clock):
@@ -133,31 +136,28 @@ def measure(task: str) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", nargs="+", choices=softgym_mj.TASKS, default=softgym_mj.TASKS)
-    parser.add_argument("--actors", nargs="+", default=[], help="compared with the usual one")
     parser.add_argument("--out", type=pathlib.Path)
     parser.add_argument("--compare", type=pathlib.Path, nargs=2, metavar=("OLD", "NEW"))
     arguments = parser.parse_args()
     if arguments.compare:
         old, new = (json.loads(file.read_text())["tasks"] for file in arguments.compare)
         for task in old.keys() & new.keys():
+            old[task].pop("arms")
             for name, value in old[task].items():
                 print(f"{task:18} {name:24} {value:9.3f} -> {new[task][name]:9.3f} "
                       f"({new[task][name] / value:.2f} x)")  # fmt: skip
         return
-    results = {}
-    if arguments.actors:
-        for task in arguments.tasks:
-            rates = compare(task, arguments.actors)
-            usual = rates.pop(USUAL)
-            shares = {actor: f"{rate:.1f}/s, {rate / usual:.2f}" for actor, rate in rates.items()}
-            print(f"{task:20} {USUAL} {usual:.1f}/s", shares, flush=True)
-        return
+    results, yardsticks = {}, []
     for task in arguments.tasks:
-        results[task] = measure(task)
-        print(task, {name: round(value, 3) for name, value in results[task].items()}, flush=True)
+        yardsticks.append(measure_yardstick()["mj_steps/s"])
+        results[task] = {**measure(task), "arms": shares(task)}
+        print(task, results[task], flush=True)
+    where = {**machine(), "mujoco": mujoco.__version__,
+             "humanoid_mj_steps_per_second": statistics.median(yardsticks)}  # fmt: skip
+    print(where)
     if arguments.out:
-        machine = {"processor": platform.processor(), "mujoco": mujoco.__version__}
-        arguments.out.write_text(json.dumps({"machine": machine, "tasks": results}, indent=2))
+        content = {"machine": where, "tasks": results}
+        arguments.out.write_text(json.dumps(content, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ import gymnasium
 import numpy as np
 
 import softgym_mj
+from benchmarks.cloth import machine, measure_yardstick
 
 TASKS = ("straighten_rope", "spread_cloth", "transport_water")
 OBSERVATIONS = ("reduced", "rgb")
@@ -87,7 +88,9 @@ def main() -> None:
                 print(json.dumps(row), flush=True)
                 crowd.envs.close()
     if arguments.out:
-        arguments.out.write_text(json.dumps(rows, indent=1))
+        speed = measure_yardstick()["mj_steps/s"]
+        where = {**machine(), "humanoid_mj_steps_per_second": speed}
+        arguments.out.write_text(json.dumps({"machine": where, "rows": rows}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

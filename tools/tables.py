@@ -1,27 +1,30 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/experts.json, docs/throughput.json and docs/results.
+That is docs/experts.json, docs/throughput.json, docs/vector.json, docs/sac.json and docs/results.
 """
 
 import json
 import pathlib
 import re
+from collections.abc import Callable
 
-import softgym_mj
 from benchmarks import experts
 from softgym_mj.evaluation import comparison, plots
+from softgym_mj.registry import TASKS
+from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.randomization import Parameter
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-README, DOMAIN, ROBOTS, VALIDATION, RESULTS = (
+README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES = (
     ROOT / "README.md",
     DOCS / "domain.md",
     DOCS / "robots.md",
     DOCS / "validation.md",
     DOCS / "results.md",
+    DOCS / "recipes.md",
 )
-PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS)
+PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES)
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -52,14 +55,14 @@ def with_table(text: str, new: str) -> str:
 
 def env_steps(result: dict) -> int:
     """That a planner makes in an episode."""
-    planning, steps = result["planning"], softgym_mj.TASKS[result["task"]].horizon
+    planning, steps = result["planning"], TASKS[result["task"]].horizon
     return -(-steps // planning["replan_every"]) * planning["budget"]
 
 
 def budgets(results: list[dict]) -> str:
     """What the planners may spend."""
     rows = []
-    for task in softgym_mj.TASKS:
+    for task in TASKS:
         (result,) = (r for r in results if (r["task"], r["policy"]) == (task, "cem"))
         keys = ("horizon", "budget", "iterations", "replan_every")
         numbers = [result["planning"][key] for key in keys] + [env_steps(result)]
@@ -81,21 +84,74 @@ def read(ablations: bool) -> list[dict]:
     """The results of docs/results, by task and policy: those of the horizons, or the others."""
     files = sorted((DOCS / "results").glob("*.json"))
     found = comparison.read_results([f for f in files if ("ablation" in f.name) == ablations])
-    tasks = list(softgym_mj.TASKS)
+    tasks = list(TASKS)
     return sorted(found, key=lambda r: (tasks.index(r["task"]), POLICIES.index(r["policy"])))
+
+
+def measured(name: str) -> dict:
+    """A file of docs that a benchmark wrote."""
+    return json.loads((DOCS / f"{name}.json").read_text())
+
+
+def on(machine: dict) -> str:
+    """What something was measured on, with the yardstick."""
+    rate = machine["humanoid_mj_steps_per_second"]
+    return f"{machine['processor']}; dm_control's humanoid makes {rate:,.0f} mj_steps/s on a core."
+
+
+def materials() -> str:
+    """Speeds by material, from the least to the most of its tasks."""
+    found = measured("throughput")
+    figures: dict[str, tuple[Callable[[dict], float], str]] = {
+        "env steps/s": (lambda rates: rates["env_steps_per_second"], ".0f"),
+        "128 x 128 images/s": (lambda rates: rates["images_128_per_second"], ".0f"),
+        **{
+            f"share of that with `{arm}`": (lambda rates, arm=arm: rates["arms"][arm], ".2f")
+            for arm in ARMS
+        },
+    }
+    rows = []
+    for title, (figure, form) in figures.items():
+        row = [title]
+        for kind in ("rope", "cloth", "water"):
+            own = [figure(r) for name, r in found["tasks"].items() if kind in TASKS[name].tags]
+            row.append(f"{min(own):{form}} to {max(own):{form}}")
+        rows.append(f"| {' | '.join(row)} |")
+    return f"{table('| | rope | cloth | water |', rows)}\n\n{on(found['machine'])}"
+
+
+def learning() -> str:
+    """What SAC learns."""
+    rows = []
+    for run in measured("sac"):
+        last = run["curve"][max(run["curve"], key=int)]
+        means = [sum(scores) / len(scores) for scores in (run["random"], last)]
+        rows.append(f"| {run['seed']} | {means[0]:.2f} | {means[1]:.2f} | {min(last):.2f} |")
+    head = "| seed | random actions, mean | after 20,000 env steps, mean | least |"
+    return table(head, rows)
+
+
+def processes() -> str:
+    """What vector environments gain by a second process."""
+    found, rows = measured("vector"), []
+    for one, two in zip(found["rows"][::2], found["rows"][1::2], strict=True):
+        rates = " | ".join(f"{row['env_steps_per_second']:.0f}" for row in (one, two))
+        rows.append(f"| `{one['task']}` | `{one['observation']}` | {rates} | {two['gain']:.2f} |")
+    head = "| task | observation | one process, env steps/s | two | gain |"
+    return f"{table(head, rows)}\n\n{on(found['machine'])}"
 
 
 def overview(scores: experts.Scores) -> str:
     """The README's tables of the tasks: pictures, goals, scores, speeds."""
-    rates = json.loads((DOCS / "throughput.json").read_text())["tasks"]
+    rates = measured("throughput")["tasks"]
     lines = []
-    every = list(softgym_mj.TASKS)
+    every = list(TASKS)
     for names in (every[i : i + 5] for i in range(0, len(every), 5)):
         lines.append(f"| {' | '.join(f'![{n}](docs/gifs/{n}.gif)' for n in names)} |")
         lines.append(f"| {' | '.join(f'`{n}`' for n in names)} |")
     lines.insert(1, "|" + ":-:|" * 5)
     rows = []
-    for name, record in softgym_mj.TASKS.items():
+    for name, record in TASKS.items():
         score = cells(scores[name])[0] if name in scores else "not yet played"
         rate = f"{rates[name]['env_steps_per_second']:.0f}" if name in rates else "not yet measured"
         page = f"[`{name}`](docs/tasks/{name}.md)"
@@ -107,12 +163,12 @@ def overview(scores: experts.Scores) -> str:
 def parameters() -> str:
     """The domain parameters of all tasks, and which tasks have them."""
     tasks: dict[Parameter, list[str]] = {}
-    for name, record in softgym_mj.TASKS.items():
+    for name, record in TASKS.items():
         for parameter in record.build().domain.parameters:
             tasks.setdefault(parameter, []).append(name)
-    groups = {"all": list(softgym_mj.TASKS)}
+    groups = {"all": list(TASKS)}
     for kind in ("cloth", "rope", "water"):
-        groups[kind] = [name for name, record in softgym_mj.TASKS.items() if kind in record.tags]
+        groups[kind] = [name for name, record in TASKS.items() if kind in record.tags]
     rows = []
     for p, names in tasks.items():
         label = next((group for group, members in groups.items() if members == names), None)
@@ -132,13 +188,19 @@ def between(text: str, name: str, new: str) -> str:
 
 def pages() -> dict[pathlib.Path, str]:
     """The pages as they should be."""
-    scores: experts.Scores = json.loads((DOCS / "experts.json").read_text())
+    scores: experts.Scores = measured("experts")
     texts = {path: path.read_text() for path in PAGES}
+    rates = measured("throughput")
     for task, actors in scores.items():
-        found = cells(actors)
-        row = rf"(\| `{task}` \|[^|]*\|) .* \|\n"
-        texts[ROBOTS] = replaced(texts[ROBOTS], row, rf"\1 {' | '.join(found)} |\n")
+        shares = " / ".join(f"{share:.2f}" for share in rates["tasks"][task]["arms"].values())
+        row = " | ".join([f"| `{task}`", shares, *cells(actors)])
+        pattern = rf"\| `{task}` \| [.\d]+ / [.\d]+ \| .* \|\n"
+        texts[ROBOTS] = replaced(texts[ROBOTS], pattern, f"{row} |\n")
+    texts[ROBOTS] = between(texts[ROBOTS], "speed", on(rates["machine"]))
     texts[README] = between(texts[README], "tasks", overview(scores))
+    texts[README] = between(texts[README], "speed", materials())
+    texts[README] = between(texts[README], "processes", processes())
+    texts[RECIPES] = with_table(texts[RECIPES], learning())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
     results = read(False)

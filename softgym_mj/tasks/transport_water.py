@@ -5,7 +5,8 @@ a sim step, within [-0.25, 1.4] m; 75 env steps of 8 sim steps. SoftGym lets the
 these limits by a step; here the move is clipped first.
 
 Reward = performance: -|1.2 - x| - 10 * (fraction of particles outside the cup's box) [m].
-Bounds: lower = -1.2 (the start), upper = 0.
+Bounds: lower = -1.2 (the start), upper = 0. Who drives on to the end stop gets 0.833: a policy that
+learns may settle there.
 Reduced state, 7 entries: cup x, its inner length, width and height, height of the highest particle
 [m], fraction in the cup, fraction outside. The goal is the same in every variation.
 Full state: all particles (x, y, z each [m]), zeros up to the largest sample of this fidelity (8788
