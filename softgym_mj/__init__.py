@@ -22,6 +22,7 @@ the keyword arguments of one, and the docstring of its module, in `softgym_mj.ta
 from softgym_mj import exceptions, registry
 from softgym_mj.envs import suite
 from softgym_mj.envs.load import load
+from softgym_mj.native import library
 from softgym_mj.registry import TASKS, register
 from softgym_mj.rendering import offscreen
 from softgym_mj.vector.make import make_vec
@@ -34,6 +35,7 @@ def __dir__() -> list[str]:
     return __all__  # Completion offers what is public.
 
 
+library.check_release()
 offscreen.choose_backend()
 suite.register()
 registry.add_gymnasium_ids()

@@ -3,8 +3,8 @@
 # OpenGL libraries come from apt when this runs as root; otherwise it says what to run.
 set -eu
 
-if ! "$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
-    echo "error: '$PYTHON' is not Python 3.11 or newer; run: make PYTHON=/path/to/python3.11" >&2
+if ! "$PYTHON" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; then
+    echo "error: '$PYTHON' is not Python 3.11 or 3.12; run: make PYTHON=/path/to/python3.11" >&2
     exit 1
 fi
 

@@ -1,10 +1,9 @@
 """Loads the library with the engine plugins into MuJoCo."""
 
+import importlib.metadata
 import pathlib
 import sys
 import threading
-
-import mujoco
 
 from softgym_mj.exceptions import UnavailableError
 
@@ -23,6 +22,8 @@ _lock = threading.Lock()
 
 def _is_registered() -> bool:
     """Whether MuJoCo knows the plugins, from whatever file."""
+    import mujoco
+
     try:
         mujoco.MjSpec.from_string(_USER)
     except ValueError:
@@ -48,6 +49,15 @@ def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
     )
 
 
+def check_release() -> None:
+    """Raises `UnavailableError` if MuJoCo is of a release that the plugins were not built for.
+
+    Without importing MuJoCo: dm_control cannot be imported with every release.
+    """
+    if any(_FOLDER.glob(f"{_STEM}*")):
+        _find(_FOLDER, importlib.metadata.version("mujoco"))
+
+
 def load_plugin() -> pathlib.Path:
     """Makes the plugins known to MuJoCo, once per process; returns the library's file.
 
@@ -57,6 +67,8 @@ def load_plugin() -> pathlib.Path:
     Raises:
         UnavailableError: if the library is missing, of another MuJoCo version or broken.
     """
+    import mujoco
+
     with _lock:
         file = _find(_FOLDER, mujoco.__version__)
         if not _is_registered():

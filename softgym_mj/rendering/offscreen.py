@@ -23,6 +23,11 @@ _OTHER_THREAD = "already current on another thread"  # In dm_control's message.
 _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
 _QUALITY = 8  # Of videos, 0..10: no blocks are seen on the cloth.
 _BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
+_LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # Of the values of MUJOCO_GL, the better first.
+_REMEDY = (
+    "Install software OpenGL with `apt-get install -y libegl1 libgl1-mesa-dri`, unset MUJOCO_GL "
+    "(or set it to egl, osmesa or glfw) and start Python again."
+)
 _FLEX_GROUP = 4  # Of flexes that are drawn by their skins (group 0): it stays hidden.
 
 
@@ -37,16 +42,19 @@ def choose_backend() -> None:
     """Sets MUJOCO_GL on a machine without display; a value that is already set is kept.
 
     To be called before dm_control is imported: it reads the variable only then.
+
+    Raises:
+        UnavailableError: if the library of that value is missing: dm_control cannot be imported.
     """
-    if "MUJOCO_GL" in os.environ or has_display():
-        return
-    if ctypes.util.find_library("EGL"):
-        os.environ["MUJOCO_GL"] = "egl"
-    elif ctypes.util.find_library("OSMesa"):
-        os.environ["MUJOCO_GL"] = "osmesa"
-    else:
-        # States still work; a render then says what to install.
-        os.environ["MUJOCO_GL"] = "disable"
+    chosen = os.environ.get("MUJOCO_GL")
+    if chosen in _LIBRARIES and not ctypes.util.find_library(_LIBRARIES[chosen]):
+        raise UnavailableError(
+            f"MUJOCO_GL={chosen!r}, and lib{_LIBRARIES[chosen]} is missing. {_REMEDY}"
+        )
+    if chosen is None and not has_display():
+        found = (name for name, file in _LIBRARIES.items() if ctypes.util.find_library(file))
+        # States still work without; a render then says what to install.
+        os.environ["MUJOCO_GL"] = next(found, "disable")
 
 
 def has_rendered() -> bool:
@@ -155,9 +163,7 @@ class CameraView:
                 ) from error
             raise UnavailableError(
                 "off-screen rendering failed with "
-                f"MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r}: {error}. Install software OpenGL "
-                "with `apt-get install -y libegl1 libgl1-mesa-dri`, unset MUJOCO_GL (or set it to "
-                "egl, osmesa or glfw) and start Python again."
+                f"MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r}: {error}. {_REMEDY}"
             ) from error
 
 

@@ -415,6 +415,20 @@ def test_without_opengl():
     assert lines[3] == "goes on"
 
 
+@pytest.mark.parametrize("backend", ["egl", "osmesa"])
+def test_a_missing_opengl_library_is_named(backend):
+    code = """
+import ctypes.util
+ctypes.util.find_library = lambda name: None
+try:
+    import softgym_mj
+except ImportError as error:
+    print(type(error).__name__, error)
+"""
+    said = run(code, MUJOCO_GL=backend)
+    assert said.startswith("UnavailableError") and "libegl1" in said and repr(backend) in said
+
+
 SLOW_MODULES = ("torch", "mink", "matplotlib", "dm_control", "OpenGL", "glfw")
 
 

@@ -30,6 +30,19 @@ def test_workflows_name_what_exists(path):
         assert extra in extras
 
 
+def test_all_say_the_same_of_python():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    listed = [text.split()[-1] for text in project["classifiers"] if "Python ::" in text]
+    first, last = listed[0], listed[-1]
+    above = f"{last.split('.')[0]}.{int(last.split('.')[1]) + 1}"
+    assert project["requires-python"] == f">={first},<{above}"
+    workflows = {path.stem: yaml.safe_load(path.read_text()) for path in WORKFLOWS}
+    assert workflows["ci"]["jobs"]["test"]["strategy"]["matrix"]["python"] == listed
+    built = (ROOT / ".github" / "workflows" / "wheels.yml").read_text()
+    assert " ".join(f"cp{name.replace('.', '')}-*" for name in listed) in built
+    assert f"Python {first} or {last}" in (ROOT / "README.md").read_text()
+
+
 def test_the_pinned_mujoco_is_the_one_installed_and_can_be_replaced():
     text = (ROOT / "pyproject.toml").read_text()
     assert mujoco_version.pinned(text) == importlib.metadata.version("mujoco")

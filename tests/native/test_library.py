@@ -31,6 +31,20 @@ def test_loading_twice_is_loading_once():
     assert mujoco.__version__ in first.name
 
 
+def test_another_mujoco_is_named_at_once(tmp_path):
+    """By its metadata: what dm_control makes of it would come first."""
+    metadata = tmp_path / "mujoco-4.0.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: mujoco\nVersion: 4.0.0\n")
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    process = subprocess.run(
+        [sys.executable, "-c", "import softgym_mj"],
+        env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    last = process.stderr.strip().splitlines()[-1]
+    assert f"pip install mujoco=={mujoco.__version__}" in last and "4.0.0 is installed" in last
+
+
 def test_another_mujoco_is_named(unloaded, monkeypatch):
     monkeypatch.setattr(mujoco, "__version__", "9.9.9")
     with pytest.raises(UnavailableError, match=r"built for MuJoCo 3\.17\.0, but 9\.9\.9"):
