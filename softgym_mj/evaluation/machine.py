@@ -1,4 +1,4 @@
-"""The machine that computes: what bits depend on besides versions."""
+"""The machine that computes: what the bits of a user's own policy may depend on."""
 
 import pathlib
 import platform
