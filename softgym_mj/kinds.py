@@ -78,7 +78,7 @@ def _is_of(value: Any, kind: Any) -> bool:
         return any(_is_of(value, part) for part in parts)
     if origin in (tuple, list, collections.abc.Sequence):
         return _are_of(value, origin, parts)
-    if origin is collections.abc.Mapping:
+    if origin in (dict, collections.abc.Mapping):
         known = isinstance(value, Mapping)
         return known and all(_is_of(k, parts[0]) and _is_of(v, parts[1]) for k, v in value.items())
     return not isinstance(kind, type) or kind in (_EMPTY, Any) or isinstance(value, kind)

@@ -2,7 +2,7 @@
 
 import copy
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import dm_env
 import mujoco
@@ -10,6 +10,7 @@ import numpy as np
 from dm_control import composer
 
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError, check_count
+from softgym_mj.kinds import check_kind
 from softgym_mj.rendering.framebuffer import SizedPhysics
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
@@ -201,26 +202,60 @@ class Environment(composer.Environment):
         """
         if not isinstance(snapshot, Snapshot):
             raise SnapshotError(f"expected what `get_state` returned, not {snapshot!r}")
-        if snapshot.task_name != self.name:
-            raise SnapshotError(
-                f"the snapshot is of task {snapshot.task_name!r}, this one is {self.name!r}"
-            )
-        theirs, ours = snapshot.key, self._snapshot_key
-        if theirs != ours:
-            differ = ", ".join(
-                f"{name}={theirs.get(name)!r} against {ours.get(name)!r}"
-                for name in {**theirs, **ours}
-                if theirs.get(name) != ours.get(name)
-            )
-            raise SnapshotError(f"the snapshot is of an environment with other settings: {differ}")
-        if snapshot.task["variation"] != self.started:
-            self._start(snapshot.task["variation"])
+        self._check_origin(snapshot)
+        before = None if self.started is None else self.get_state()
+        try:
+            if snapshot.task["variation"] != self.started:
+                self._start(check_variation(snapshot.task["variation"]))
+            self._check_content(snapshot)
+        except (LookupError, TypeError, ValueError) as error:
+            if before is not None and before.task["variation"] != self.started:
+                self.set_state(before)
+            raise SnapshotError(f"the snapshot is damaged: {error}") from error
         mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
         self._task.set_state(copy.deepcopy(snapshot.task))
         self.step_count = snapshot.step_count
         self._reset_next_step = snapshot.ended
         self._random_state.set_state(snapshot.random_state)
         self._observation_updater.reset(self._physics_proxy, self._random_state)
+
+    def _check_origin(self, snapshot: Snapshot) -> None:
+        """Raises unless a snapshot is of the same task with the same settings."""
+        try:
+            for field in dataclasses.fields(Snapshot):
+                check_kind(field.name, getattr(snapshot, field.name), field.type)
+        except InvalidArgumentError as error:
+            raise SnapshotError(f"the snapshot is damaged: {error}") from error
+        if snapshot.task_name != self.name:
+            raise SnapshotError(
+                f"the snapshot is of task {snapshot.task_name!r}, this one is {self.name!r}"
+            )
+        theirs, ours = snapshot.key, self._snapshot_key
+        differ = [
+            f"{name}={theirs.get(name)!r} against {ours.get(name)!r}"
+            for name in {**theirs, **ours}
+            if repr(theirs.get(name)) != repr(ours.get(name))
+        ]
+        if differ:
+            raise SnapshotError(
+                f"the snapshot is of an environment with other settings: {', '.join(differ)}"
+            )
+
+    def _check_content(self, snapshot: Snapshot) -> None:
+        """Raises a ValueError unless a snapshot has what those of the running variation have."""
+        state, own = snapshot.task, self._task.get_state()
+        size = (mujoco.mj_stateSize(self._model, _STATE),)
+        if snapshot.physics.shape != size or not np.isfinite(snapshot.physics).all():
+            raise ValueError(f"physics is expected to be {size} finite numbers")
+        check_kind("initial_performance", state["initial_performance"], float)
+        check_kind("actor", state["actor"], Mapping[str, np.ndarray])
+        found, expected = (
+            {name: (a.shape, a.dtype.kind) for name, a in actor.items()}
+            for actor in (state["actor"], own["actor"])
+        )
+        if found != expected or state.keys() != own.keys():
+            raise ValueError(f"{[*state]}, {found}; expected {[*own]}, {expected}")
+        np.random.RandomState(0).set_state(snapshot.random_state)
 
     def observation(self) -> dict[str, np.ndarray]:
         """The current observation (of `observation_spec()`), for example after `set_state`."""

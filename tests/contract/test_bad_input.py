@@ -310,6 +310,53 @@ def test_no_snapshot_at_all(env, snapshot):
     assert_refused(env, snapshot, "get_state", repr(snapshot))
 
 
+def parts(value, path=()):
+    """The places in a snapshot: fields, entries of dicts."""
+    if dataclasses.is_dataclass(value):
+        value = vars(value)
+    if isinstance(value, dict):
+        for name, part in value.items():
+            yield from ((*path, name), *parts(part, (*path, name)))
+
+
+def mangled(value, path, part):
+    """A snapshot with something else in a place."""
+    name, *rest = path
+    if dataclasses.is_dataclass(value):
+        return dataclasses.replace(value, **{name: mangled(getattr(value, name), rest, part)}
+                                   if rest else {name: part})  # fmt: skip
+    return {**value, name: mangled(value[name], rest, part) if rest else part}
+
+
+JUNK = [None, -1, 1.5, "x", [], {}, {"a": 1}, np.zeros(3), np.nan, (1, 2), 10**9, object()]
+
+
+@pytest.mark.parametrize(
+    ("task", "settings"),
+    [(ROPE, {}), (WATER, {}), ("fold_cloth", {"actor": "franka"}), (ROPE, {"num_pickers": 3})],
+    ids=str,
+)
+def test_a_mangled_snapshot_is_refused_or_works(task, settings):
+    """Whatever is in whichever place; and what is refused changes nothing."""
+    env = softgym_mj.load(task, fidelity="fast", split="all", **settings)
+    env.reset(3)
+    action = np.zeros(env.action_spec().shape)
+    env.step(action)
+    snapshot = env.get_state()
+    refused = 0
+    for path in parts(snapshot):
+        for junk in JUNK:
+            try:
+                env.set_state(mangled(snapshot, path, junk))
+            except exceptions.SnapshotError:
+                refused += 1
+                assert_same_state(env.get_state(), snapshot)
+            else:
+                env.step(action)
+                env.set_state(snapshot)
+    assert refused > 9 * len(list(parts(snapshot)))
+
+
 # ---------------------------------------------------------------- order of calls
 
 
