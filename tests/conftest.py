@@ -10,6 +10,14 @@ import gymnasium
 import pytest
 
 import softgym_mj  # Chooses the OpenGL backend.
+from tests.disks import Disk
+
+
+@pytest.fixture(name="disk")
+def _disk(tmp_path):
+    """A `Disk` of 1 MB."""
+    with Disk(tmp_path / "disk") as disk:
+        yield disk
 
 
 @pytest.fixture(name="register")

@@ -20,15 +20,18 @@ from softgym_mj.cli.console import (
     Actor,
     Grasp,
     Task,
+    Trust,
     acting,
     console,
     first_variations,
     progress_bar,
 )
 from softgym_mj.exceptions import SoftGymError
+from softgym_mj.jobs.files import write_json
 from softgym_mj.policies.episodes import Episode, play
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import TaskRecord, find
+from softgym_mj.rendering.offscreen import write_picture
 
 app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
 app.command()(evaluation.evaluate)
@@ -116,6 +119,7 @@ def rollout(
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
     episodes: Annotated[int, typer.Option(min=1)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
+    trust: Trust = False,
     video: Annotated[
         pathlib.Path | None, typer.Option(help="Folder for a video of every episode.")
     ] = None,
@@ -124,7 +128,7 @@ def rollout(
     record, variations = find(task), first_variations(split, episodes)
     env = _load(record, split, filmed=video is not None, **acting(actor, grasp))
     for index in variations:
-        episode = _filmed(env, policy, index, video is not None, seed)
+        episode = _filmed(env, policy, index, video is not None, seed=seed, trust=trust)
         if video is not None:
             _write(episode, video / f"{record.name}_{index:04d}.mp4")
         line = {"task": record.name, "actor": actor, "grasp": grasp, "policy": policy,
@@ -165,17 +169,17 @@ def oracle(
                "min": min(values), "max": max(values),
                "normalized_performance": scores}  # fmt: skip
     file = out / f"{name}.json"
-    file.write_text(json.dumps(summary, indent=2))
+    write_json(file, summary)
     console.print(
         f"{record.name}: mean {summary['mean']:.3f}, min {min(values):.3f}, "
         f"max {max(values):.3f} of {len(values)}; wrote {file} and {out / name}.mp4"
     )
 
 
-def _filmed(env, policy: str, variation: int, filmed: bool, seed: int = 0) -> Episode:
+def _filmed(env, policy: str, variation: int, filmed: bool, **settings: Any) -> Episode:
     """Plays an episode; pictures, which take most of the time, only if they are wanted."""
     camera = "task" if filmed else None
-    return play(env, policy, variation, seed=seed, camera=camera, size=_VIDEO_SIZE)
+    return play(env, policy, variation, camera=camera, size=_VIDEO_SIZE, **settings)
 
 
 def _score(episode: Episode) -> float:
@@ -185,21 +189,17 @@ def _score(episode: Episode) -> float:
 
 def _write(episode: Episode, file: pathlib.Path) -> None:
     """Writes the video, and the last picture as a PNG beside it."""
-    import imageio.v2 as imageio
-
     episode.video.write(file)
-    imageio.imwrite(file.with_suffix(".png"), episode.frames[-1])
+    write_picture(episode.frames[-1], file.with_suffix(".png"))
 
 
 def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:
     """Writes strips in two columns, half as large."""
-    import imageio.v2 as imageio
-
     strips = strips + [np.full_like(strips[0], 255)] * (len(strips) % 2)
     rows = [np.hstack(pair) for pair in zip(strips[::2], strips[1::2], strict=True)]
     sheet = np.vstack(rows)
     quarters = [sheet[i::2, j::2].astype(int) for i in range(2) for j in range(2)]
-    imageio.imwrite(file, (np.sum(quarters, axis=0) // 4).astype(np.uint8))
+    write_picture((np.sum(quarters, axis=0) // 4).astype(np.uint8), file)
 
 
 def main() -> None:

@@ -28,6 +28,10 @@ Actor = Annotated[
 Grasp = Annotated[
     str | None, typer.Option(help="How arms hold: attach or friction; else the task's own.")
 ]
+Trust = Annotated[
+    bool,
+    typer.Option("--trust", help="Load FILE.pt2, which can run any code: whose it is, you trust."),
+]
 Settings = Annotated[
     str,
     typer.Option(

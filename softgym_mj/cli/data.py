@@ -12,6 +12,7 @@ from softgym_mj.cli.console import (
     Ray,
     Settings,
     Task,
+    Trust,
     acting,
     console,
     first_variations,
@@ -72,6 +73,7 @@ def record(
     ] = None,
     settings: Settings = "{}",
     seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
+    trust: Trust = False,
     successful_only: Annotated[
         bool, typer.Option("--successful-only", help="Leave out episodes without success.")
     ] = False,
@@ -111,6 +113,7 @@ def record(
                 policy,
                 dataset=dataset,
                 seed=seed,
+                trust=trust,
                 successful_only=successful_only,
                 author=author,
                 author_email=author_email,

@@ -16,6 +16,7 @@ from softgym_mj.cli.console import (
     Ray,
     Settings,
     Task,
+    Trust,
     acting,
     console,
     parsed_settings,
@@ -40,6 +41,7 @@ def evaluate(
             "for a file of each seed."
         ),
     ] = "scripted",
+    trust: Trust = False,
     actor: Actor = None,
     grasp: Grasp = None,
     split: Annotated[str | None, typer.Option(help="evaluate, if not given, train or all.")] = None,
@@ -79,7 +81,7 @@ def evaluate(
     )
     try:
         with _progress(configuration) as progress, make_executor(jobs, ray) as executor:
-            result = evaluation.evaluate(configuration, out, executor, progress)
+            result = evaluation.evaluate(configuration, out, executor, progress, trust=trust)
     except KeyboardInterrupt:
         console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
         raise typer.Exit(130) from None

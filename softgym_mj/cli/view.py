@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from softgym_mj.cli.console import Actor, Grasp, Task, acting, console
+from softgym_mj.cli.console import Actor, Grasp, Task, Trust, acting, console
 from softgym_mj.exceptions import UnavailableError
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import find
@@ -18,6 +18,7 @@ def view(
     policy: Annotated[
         str, typer.Option(help=f"{TELEOPERATE}, {', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
     ] = TELEOPERATE,
+    trust: Trust = False,
     actor: Actor = None,
     grasp: Grasp = None,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
@@ -35,7 +36,7 @@ def view(
         from softgym_mj.viewing.browser import Browser, open_server
 
         with open_server(host, port) as server:
-            session = Session(task, policy, variation, **settings)
+            session = Session(task, policy, variation, trust=trust, **settings)
             console.print("Ctrl+C ends it")
             Browser(session, server).run()
         return
@@ -48,7 +49,7 @@ def view(
     from softgym_mj.viewing.keys import keys_of
     from softgym_mj.viewing.window import Window, check_display
 
-    session = Session(task, policy, variation, **settings)
+    session = Session(task, policy, variation, trust=trust, **settings)
     check_display()
     for key in keys_of(session.teleoperation):
         console.print(f"{key.label:>10}  {key.use}")

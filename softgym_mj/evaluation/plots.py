@@ -1,5 +1,6 @@
 """Figures: pictures beside each other; of results, bars of policies and curves over a setting."""
 
+import io
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 from softgym_mj.evaluation.comparison import labels
 from softgym_mj.evaluation.statistics import quartiles_over
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name, import_extra
+from softgym_mj.jobs.files import write_whole
 
 AXES = ("horizon", "budget", "replan_every")
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
@@ -137,7 +139,8 @@ def new_figure(width: float, height: float) -> Any:
 def _save(figure, file: pathlib.Path) -> None:
     kinds = [f".{kind}" for kind in sorted(figure.canvas.get_supported_filetypes())]
     check_name("kind of picture", file.suffix.lower(), kinds)
-    file.parent.mkdir(parents=True, exist_ok=True)
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(file, dpi=_DPI, bbox_inches="tight")
+    content = io.BytesIO()
+    figure.savefig(content, format=file.suffix[1:], dpi=_DPI, bbox_inches="tight")
+    write_whole(file, content.getvalue())

@@ -42,6 +42,8 @@ def evaluate(
     folder: str | os.PathLike[str],
     executor: Executor | None = None,
     progress: Progress | None = None,
+    *,
+    trust: bool = False,
 ) -> dict:
     """Plays all episodes that `folder` does not hold yet, and writes `folder`/result.json.
 
@@ -54,6 +56,7 @@ def evaluate(
             file has changed is refused.
         executor: where it is simulated; None for this process.
         progress: told of episodes and decisions.
+        trust: whether the file of a policy may be loaded, as in `make_policy`.
 
     Returns:
         The content of the result: configuration, machines on which it was evaluated, `summary`,
@@ -78,7 +81,7 @@ def evaluate(
     else:
         task = sent_to(executor, configuration.task)
         settings = json.dumps(dict(configuration.settings), sort_keys=True)
-        play = functools.partial(play_episode, task, settings, configuration.policy)
+        play = functools.partial(play_episode, task, settings, configuration.policy, trust)
     store.run(configuration.episodes, play, executor, add)
     ordered = [episodes[key] for key in configuration.episodes]
     result = {
@@ -111,7 +114,7 @@ def _planned(
             rollouts,
             seed=seed,
             replan_every=planning.replan_every,
-            journal=store.file((variation, seed)).with_suffix(".jsonl"),
+            journal=store.journal((variation, seed)),
             on_decision=progress.on_decision,
         )
         return _play(env, policy, variation, seed)
@@ -120,17 +123,23 @@ def _planned(
 
 
 def play_episode(
-    task: registry.TaskRecord | bytes, settings: str, policy: str, variation: int, seed: int
+    task: registry.TaskRecord | bytes,
+    settings: str,
+    policy: str,
+    trust: bool,
+    variation: int,
+    seed: int,
 ) -> dict:
     """Plays an episode of a policy that does not plan; returns its scores.
 
     Args:
         task: as `rollouts.sent_to` returns it.
         settings: keyword arguments of the task as JSON.
-        policy, variation, seed: of the episode.
+        policy, trust: as in `make_policy`.
+        variation, seed: of the episode.
     """
     env = kept_environment(task, settings)
-    return _play(env, make_policy(policy, env, seed), variation, seed)
+    return _play(env, make_policy(policy, env, seed, trust=trust), variation, seed)
 
 
 def _play(env, policy, variation: int, seed: int) -> dict:

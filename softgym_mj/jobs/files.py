@@ -1,33 +1,100 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all; what cannot be read or written is a `StoreError`."""
 
+import contextlib
+import fcntl
 import json
 import os
 import pathlib
 import secrets
-from collections.abc import Mapping
+import stat
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from softgym_mj.exceptions import StoreError
+from softgym_mj.exceptions import SoftGymError, StoreError
 
 PARTIAL = ".{}.{}.partial"  # Name of a file while it is written.
 
 
-def write_whole(file: pathlib.Path, content: bytes) -> None:
-    """Writes a file, with the folders around it; whoever is killed leaves the old one or none."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(PARTIAL.format(file.name, secrets.token_hex(8)))
+@contextlib.contextmanager
+def naming(path: str | os.PathLike[str], action: str) -> Iterator[None]:
+    """Raises what the system has against reading or writing files as a `StoreError`.
+
+    Args:
+        path: what the error names.
+        action: "read" or "written".
+    """
     try:
-        with open(partial, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(partial, file)
+        yield
+    except SoftGymError:
+        raise
+    except (OSError, ValueError, RuntimeError) as error:  # The latter of odd paths and HDF5.
+        reason = getattr(error, "strerror", None) or error
+        raise StoreError(f"{path} cannot be {action}: {reason}") from error
+
+
+def read_whole(file: str | os.PathLike[str]) -> bytes:
+    """The content of a file.
+
+    Raises:
+        StoreError: if there is none, or something else: a pipe or a device may never end.
+    """
+    with (
+        naming(file, "read"),
+        open(file, "rb", opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)) as stream,
+    ):
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            raise OSError("it is not a file")
+        return stream.read()
+
+
+@contextlib.contextmanager
+def whole(file: pathlib.Path) -> Iterator[pathlib.Path]:
+    """Gives a path to write to, which becomes `file` in the end; makes the folders around it.
+
+    Whoever is killed leaves the old file or none; the next one to write there tidies up.
+
+    Raises:
+        StoreError: if it cannot be written, or something else is there: it would be replaced.
+    """
+    partial = file.with_name(PARTIAL.format(file.name, secrets.token_hex(8)))
+    with naming(file, "written"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if file.exists() and not file.is_file():
+            raise OSError("it is not a file")
+        with _among_writers(file.parent):
+            try:
+                yield partial
+                with open(partial, "rb") as stream:
+                    os.fsync(stream.fileno())
+                os.replace(partial, file)
+            finally:
+                partial.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _among_writers(folder: pathlib.Path) -> Iterator[None]:
+    """Shares a lock, which ends with its process: who has it alone removes what the killed left."""
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):  # Somebody writes, or this file system has no locks.
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for partial in folder.glob(PARTIAL.format("*", "*")):
+                partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            fcntl.flock(lock, fcntl.LOCK_SH)
+        yield
     finally:
-        partial.unlink(missing_ok=True)
+        os.close(lock)
+
+
+def write_whole(file: pathlib.Path, content: bytes) -> None:
+    """Writes a file as `whole` does."""
+    with whole(file) as partial:
+        partial.write_bytes(content)
 
 
 def write_json(file: pathlib.Path, content: Mapping[str, Any]) -> None:
-    """Writes a JSON object as `write_whole` does."""
+    """Writes a JSON object as `whole` does."""
     write_whole(file, (json.dumps(content, indent=2) + "\n").encode())
 
 
@@ -37,10 +104,8 @@ def read_json(file: pathlib.Path) -> dict[str, Any]:
     Raises:
         StoreError: if it is no JSON object.
     """
-    try:
-        content = json.loads(file.read_text())
-    except (OSError, ValueError) as error:
-        raise StoreError(f"{file} cannot be read: {error}") from error
-    if not isinstance(content, dict):
-        raise StoreError(f"{file} is not a result")
+    with naming(file, "read"):
+        content = json.loads(read_whole(file))
+        if not isinstance(content, dict):
+            raise ValueError("it is no JSON object")
     return content

@@ -8,8 +8,8 @@ settings or lies in the place of another key.
 import hashlib
 import io
 import json
+import os
 import pathlib
-import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -17,11 +17,11 @@ import numpy as np
 
 from softgym_mj.exceptions import SoftGymError, StoreError
 from softgym_mj.jobs.executors import Executor, SerialExecutor
-from softgym_mj.jobs.files import PARTIAL, read_json, write_json, write_whole
+from softgym_mj.jobs.files import read_json, read_whole, write_json, write_whole
+from softgym_mj.jobs.journal import Journal
 
 Key = int | str | tuple[int | str, ...]
 
-_ABANDONED = 3600.0  # Age [s] of a partial file that a killed process left.
 _SHOWN = 300  # Bytes of a wrong header in a message.
 
 
@@ -113,7 +113,7 @@ class Store:
 
     def has(self, key: Key) -> bool:
         """Whether there is a file of this key, whatever is in it."""
-        return self.file(key).exists()
+        return os.path.lexists(self.file(key))
 
     def get(self, key: Key) -> Any:
         """The value of a key.
@@ -124,12 +124,9 @@ class Store:
                 or key.
         """
         file = self.file(key)
-        if not file.exists():
+        if not self.has(key):
             raise FileNotFoundError(file)
-        try:
-            header, _, content = file.read_bytes().partition(b"\n")
-        except OSError as error:
-            raise self._damaged(file, repr(error)) from error
+        header, _, content = read_whole(file).partition(b"\n")
         expected = self._header(key, content)
         if header != expected:
             shown = header[:_SHOWN].decode(errors="replace")
@@ -142,6 +139,11 @@ class Store:
             self.claim()
         content = self._codec.encode(value)
         write_whole(self.file(key), self._header(key, content) + b"\n" + content)
+
+    def journal(self, key: Key) -> Journal:
+        """The journal of a value that is being made; the folder is this specification's."""
+        owner = {"specification": self.digest, "key": key}
+        return Journal(self.file(key).with_suffix(".jsonl"), json.dumps(owner))
 
     def _header(self, key: Key, content: bytes) -> bytes:
         checksum = hashlib.sha256(content).hexdigest()
@@ -170,9 +172,6 @@ class Store:
         Returns:
             How many values were made.
         """
-        for file in self.folder.glob(PARTIAL.format("*", "*")):
-            if time.time() - file.stat().st_mtime > _ABANDONED:
-                file.unlink(missing_ok=True)
         absent = (FileNotFoundError, SoftGymError) if replace else FileNotFoundError
         missing: list[Key] = []
         for key in keys:

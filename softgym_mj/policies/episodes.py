@@ -49,6 +49,7 @@ def play(
     variation: int | None = None,
     *,
     seed: int = 0,
+    trust: bool = False,
     camera: str | None = "task",
     size: int = 240,
     pictures: Collection[int] | None = None,
@@ -61,7 +62,7 @@ def play(
         policy: a function from a time step to an action, or a name for `make_policy`: "scripted",
             "random", "zero", a file or "module:function".
         variation: index 0..999; drawn from the environment's split when None.
-        seed: of the random policy.
+        seed, trust: of the policy, as in `make_policy`.
         camera: of the pictures, "task", "overview" or another of the model; None to take none,
             which is much faster.
         size: side of the pictures [pixels].
@@ -73,7 +74,7 @@ def play(
             exist.
         UnavailableError: if pictures are wanted and there is no OpenGL.
     """
-    act = make_policy(policy, env, seed) if isinstance(policy, str) else policy
+    act = make_policy(policy, env, seed, trust=trust) if isinstance(policy, str) else policy
     check_count("size", size, 1, LARGEST_IMAGE)
     check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
     view = None if camera is None else CameraView(camera, size, size)

@@ -20,7 +20,7 @@ def depends_on_seed(name: str) -> bool:
     return takes_seed(name) if is_saved(name) else name not in ("scripted", "zero")
 
 
-def make_policy(name: str, env: Environment, seed: int = 0) -> Policy:
+def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = False) -> Policy:
     """A policy that does not plan.
 
     Args:
@@ -31,13 +31,16 @@ def make_policy(name: str, env: Environment, seed: int = 0) -> Policy:
             steps.
         env: what it acts in.
         seed: of the random policy and of functions; replaces "{seed}" in the name of a file.
+        trust: whether a file may be loaded, which runs whatever code is in it; a function is code
+            in any case, that of the module that is named.
 
     Raises:
-        InvalidArgumentError: if there is no such policy; for a file or function that is none; if
-            the task has no scripted expert.
+        InvalidArgumentError: if there is no such policy; for a file or function that is none, or a
+            file without `trust`; if the task has no scripted expert.
+        StoreError: for a file that cannot be read.
     """
     if is_saved(name):
-        return make_saved(name, env, seed)
+        return make_saved(name, env, seed, trust)
     check_name("policy", name, SIMPLE)
     if name == "scripted":
         from softgym_mj.policies import experts

@@ -1,15 +1,13 @@
 """`ModelPredictivePolicy`: plans by sampling, executes the first actions, plans again."""
 
-import json
-import os
-import pathlib
 from collections.abc import Callable
 
 import dm_env
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import StoreError, check_count
+from softgym_mj.exceptions import check_count
+from softgym_mj.jobs.journal import Journal
 from softgym_mj.policies.planners import CEM, Plan
 from softgym_mj.policies.rollouts import Rollouts
 
@@ -31,7 +29,7 @@ class ModelPredictivePolicy:
         *,
         seed: int = 0,
         replan_every: int = 1,
-        journal: pathlib.Path | None = None,
+        journal: Journal | None = None,
         on_decision: Callable[[Plan], None] = lambda plan: None,
     ):
         """Binds the policy.
@@ -42,7 +40,7 @@ class ModelPredictivePolicy:
             rollouts: plays sequences in copies of `env`.
             seed: of the samples.
             replan_every: env steps for which a plan is executed, at most the planner's horizon.
-            journal: file with one line a decision, for one episode.
+            journal: of the decisions of one episode of these settings.
             on_decision: called with every plan.
 
         Raises:
@@ -57,12 +55,14 @@ class ModelPredictivePolicy:
     def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
         """The action for a time step of the environment."""
         if timestep.first():
-            self._decided = self._written()
+            written = [] if self._journal is None else self._journal.read()
+            self._decided = [np.array(actions) for actions in written]
         decision, step = divmod(self._env.step_count, self._replan_every)
         if decision == len(self._decided):
             plan = self._plan()
             self._decided.append(plan.actions)
-            self._write(plan.actions)
+            if self._journal is not None:
+                self._journal.append(plan.actions.tolist())
             self._on_decision(plan)
         return self._decided[decision][step]
 
@@ -77,34 +77,3 @@ class ModelPredictivePolicy:
         return self._planner.plan(
             lambda sequences: self._rollouts.returns(snapshot, sequences), guess, random
         )
-
-    def _written(self) -> list[np.ndarray]:
-        """The decisions in the journal; a last line that was not finished is cut off."""
-        if self._journal is None or not self._journal.exists():
-            return []
-        shape = self._planner.horizon, self._env.task.actor.action_size
-        content = self._journal.read_bytes()
-        whole = content[: content.rfind(b"\n") + 1]
-        if whole != content:
-            self._journal.write_bytes(whole)
-        decided = []
-        for line in whole.splitlines():
-            try:
-                actions = np.array(json.loads(line), float)
-            except ValueError as error:
-                raise StoreError(f"{self._journal} is damaged: {error}; delete it") from error
-            if actions.shape != shape:
-                raise StoreError(
-                    f"{self._journal} has plans of shape {actions.shape}, expected {shape}: it is "
-                    "of other settings; delete it"
-                )
-            decided.append(actions)
-        return decided
-
-    def _write(self, actions: np.ndarray) -> None:
-        if self._journal is not None:
-            self._journal.parent.mkdir(parents=True, exist_ok=True)
-            with open(self._journal, "a") as file:
-                file.write(json.dumps(actions.tolist()) + "\n")  # repr of floats is exact.
-                file.flush()
-                os.fsync(file.fileno())

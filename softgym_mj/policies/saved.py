@@ -1,9 +1,14 @@
-"""Policies of yours: files that `torch.export.save` wrote, functions of modules."""
+"""Policies of yours: files that `torch.export.save` wrote, functions of modules.
+
+Both are code. A module is imported by the name that the user gives. A file may look like data but
+can hold pickles, and in the JSON of its graph expressions, guards and names, all of which PyTorch
+executes when it loads it: there is no way to load one that cannot run code, so the user says so.
+"""
 
 import hashlib
 import importlib
 import inspect
-import pathlib
+import io
 import traceback
 import zipfile
 from collections.abc import Callable
@@ -14,6 +19,7 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, SoftGymError, import_extra
+from softgym_mj.jobs.files import read_whole
 
 Policy = Callable[[dm_env.TimeStep], np.ndarray]
 
@@ -47,42 +53,44 @@ def sha256(name: str, seed: int) -> dict[str, str]:
     Empty for a function that no file has, such as one of a notebook.
 
     Raises:
-        InvalidArgumentError: for a file that is missing or a function that cannot be imported.
+        StoreError: for a file that cannot be read.
+        InvalidArgumentError: for a function that cannot be imported.
     """
     if name.endswith(SUFFIX):
-        file = _existing(name, seed)
-        return {str(file): hashlib.sha256(file.read_bytes()).hexdigest()}
+        name = name.replace(SEED, str(seed))
+        return {name: hashlib.sha256(read_whole(name)).hexdigest()}
     _function(name)
     source = getattr(importlib.import_module(name.split(":", 1)[0]), "__file__", None)
     if source is None:
         return {}
-    return {name: hashlib.sha256(pathlib.Path(source).read_bytes()).hexdigest()}
+    return {name: hashlib.sha256(read_whole(source)).hexdigest()}
 
 
-def make_saved(name: str, env: Environment, seed: int) -> Policy:
+def make_saved(name: str, env: Environment, seed: int, trust: bool) -> Policy:
     """The policy of a file or a function; see `policies.make_policy`."""
-    return _exported(name, env, seed) if name.endswith(SUFFIX) else _imported(name, env, seed)
+    if name.endswith(SUFFIX):
+        return _exported(name.replace(SEED, str(seed)), env, trust)
+    return _imported(name, env, seed)
 
 
-def _existing(name: str, seed: int) -> pathlib.Path:
-    file = pathlib.Path(name.replace(SEED, str(seed)))
-    if not file.is_file():
-        raise InvalidArgumentError(f"policy={str(file)!r}: there is no such file")
-    return file
-
-
-def _exported(name: str, env: Environment, seed: int) -> Policy:
-    file = _existing(name, seed)
-    if not zipfile.is_zipfile(file):
+def _exported(file: str, env: Environment, trust: bool) -> Policy:
+    content = read_whole(file)
+    if not zipfile.is_zipfile(io.BytesIO(content)):
         raise InvalidArgumentError(
-            f"policy={str(file)!r} is not what torch.export.save(torch.export.export(module, "
+            f"policy={file!r} is not what torch.export.save(torch.export.export(module, "
             "(observation,)), file) writes"
+        )
+    if trust is not True:
+        raise InvalidArgumentError(
+            f"policy={file!r} is not loaded: such a file can run any code on this machine, with "
+            "all your rights, as soon as it is loaded. If you trust whoever made it, say so: "
+            "trust=True, or --trust on the command line"
         )
     torch = import_extra("torch", "PyTorch", "rl")
     try:
-        module = torch.export.load(file).module()
+        module = torch.export.load(io.BytesIO(content)).module()
     except Exception as error:  # torch raises whatever its reader happens to meet.
-        raise InvalidArgumentError(f"policy={str(file)!r} cannot be loaded: {error}") from error
+        raise InvalidArgumentError(f"policy={file!r} cannot be loaded: {error}") from error
     size = env.task.actor.action_size
 
     def act(timestep: dm_env.TimeStep) -> np.ndarray:
@@ -93,25 +101,25 @@ def _exported(name: str, env: Environment, seed: int) -> Policy:
             except (RuntimeError, AssertionError, ValueError, TypeError) as error:
                 shape = tuple(batch.shape)
                 raise InvalidArgumentError(
-                    f"policy={str(file)!r} does not take an observation of shape {shape}, "
+                    f"policy={file!r} does not take an observation of shape {shape}, "
                     f"{batch.dtype}: {error}; export it with an example like this: "
                     f"torch.export.export(module, (torch.zeros({shape}, dtype={batch.dtype}),))"
                 ) from error
         action = np.asarray(action, float).reshape(-1)
         if action.shape != (size,):
             raise InvalidArgumentError(
-                f"policy={str(file)!r} gives {action.size} numbers; an action has {size}"
+                f"policy={file!r} gives {action.size} numbers; an action has {size}"
             )
         return np.clip(action, -1.0, 1.0)
 
     return act
 
 
-def _single(file: pathlib.Path, timestep: dm_env.TimeStep) -> np.ndarray:
+def _single(file: str, timestep: dm_env.TimeStep) -> np.ndarray:
     """The only observation, as Gymnasium's environment gives it: images uint8, others float32."""
     if len(timestep.observation) != 1:
         raise InvalidArgumentError(
-            f"policy={str(file)!r} takes one observation; the settings ask for "
+            f"policy={file!r} takes one observation; the settings ask for "
             f"{', '.join(timestep.observation)}"
         )
     (observation,) = timestep.observation.values()

@@ -36,6 +36,7 @@ def record(
     *,
     dataset: str | None = None,
     seed: int = 0,
+    trust: bool = False,
     successful_only: bool = False,
     author: str | None = None,
     author_email: str | None = None,
@@ -56,7 +57,7 @@ def record(
         variations: indices, in the order of the episodes.
         policy: of `policies.factory`.
         dataset: id of the dataset; None for `dataset_name` of task, policy, actor and grasp.
-        seed: of the policy.
+        seed, trust: of the policy, as in `make_policy`.
         successful_only: leaves out episodes whose last `info["success"]` is false.
         author, author_email, code_permalink: of the dataset; what is None, it does not say.
         on_episode: called with the last info of each episode.
@@ -112,7 +113,8 @@ def record(
         for variation in variations:
             if not store.has(variation):
                 # A policy of its own, which cannot depend on what was played before.
-                act = make_policy(policy, env.unwrapped.dm_env, seed)  # type: ignore[attr-defined]
+                inner = env.unwrapped.dm_env  # type: ignore[attr-defined]
+                act = make_policy(policy, inner, seed, trust=trust)
                 store.put(variation, play(env, act, variation))
             infos = nested(store.get(variation))["infos"]
             last = {name: values[-1] for name, values in infos.items()}

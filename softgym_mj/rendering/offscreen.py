@@ -5,7 +5,9 @@ import ctypes.util
 import dataclasses
 import os
 import pathlib
+import subprocess
 import sys
+import tempfile
 from typing import Any
 
 import numpy as np
@@ -16,12 +18,13 @@ from softgym_mj.exceptions import (
     check_image_size,
     check_name,
 )
+from softgym_mj.jobs.files import whole, write_whole
 
 LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
 _MAX_GEOMS = 20000  # In a scene: the surface of water is drawn as some thousand triangles.
 _OTHER_THREAD = "already current on another thread"  # In dm_control's message.
 _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
-_QUALITY = 8  # Of videos, 0..10: no blocks are seen on the cloth.
+_CRF = 10  # Quality of videos, 51 (bad) to 0: no blocks are seen on the cloth.
 _BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
 _LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # Of the values of MUJOCO_GL, the better first.
 _REMEDY = (
@@ -167,6 +170,17 @@ class CameraView:
             ) from error
 
 
+def write_picture(picture: np.ndarray, file: pathlib.Path) -> None:
+    """Writes (height, width, 3) uint8 as a PNG, whole or not at all; makes its folder.
+
+    Raises:
+        StoreError: if it cannot be written.
+    """
+    import imageio.v3 as imageio
+
+    write_whole(file, imageio.imwrite("<bytes>", picture, extension=".png"))
+
+
 @dataclasses.dataclass(frozen=True)
 class Video:
     """Pictures as a video; a notebook shows it inline.
@@ -191,23 +205,34 @@ class Video:
         object.__setattr__(self, "frames", frames)
 
     def write(self, file: pathlib.Path | str) -> None:
-        """Writes `file.mp4` (H.264); makes its folder."""
-        encoded = self.encoded()  # First: if it fails, no file is made.
-        file = pathlib.Path(file)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(encoded)
+        """Writes `file.mp4` (H.264), whole or not at all; makes its folder.
 
-    def encoded(self) -> bytes:
-        """The bytes of an mp4 file."""
-        import imageio.v2 as imageio
+        Raises:
+            StoreError: if it cannot be written.
+        """
+        with whole(pathlib.Path(file)) as partial:
+            self._encode(partial)
 
-        return imageio.mimwrite(
-            "<bytes>", list(self.frames), "mp4", fps=self.fps, quality=_QUALITY,
-            macro_block_size=_BLOCK,
-        )  # fmt: skip
+    def _encode(self, file: pathlib.Path) -> None:
+        """Writes an mp4 file; imageio's own writer overlooks that a disk is full."""
+        import imageio_ffmpeg
+
+        height, width = self.frames.shape[1:3]
+        sides = (-(-side // _BLOCK) * _BLOCK for side in (width, height))
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error"]
+        command += f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {self.fps} -i -".split()
+        command += f"-vf scale={':'.join(map(str, sides))} -f mp4 -c:v libx264".split()
+        command += f"-pix_fmt yuv420p -crf {_CRF}".split()
+        done = subprocess.run(
+            [*command, "-y", file], input=self.frames.tobytes(), capture_output=True, check=False
+        )
+        if done.returncode:
+            raise OSError(done.stderr.decode(errors="replace").strip().splitlines()[-1])
 
     def _repr_html_(self) -> str:
-        data = base64.b64encode(self.encoded()).decode()
+        with tempfile.TemporaryDirectory() as folder:
+            self._encode(file := pathlib.Path(folder) / "video.mp4")
+            data = base64.b64encode(file.read_bytes()).decode()
         height, width = self.frames.shape[1:3]
         return (
             f'<video controls autoplay loop muted playsinline width="{width}" height="{height}" '

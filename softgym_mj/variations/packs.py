@@ -12,7 +12,7 @@ import numpy as np
 
 from softgym_mj import assets
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import write_whole
+from softgym_mj.jobs.files import read_whole, write_whole
 
 # What numpy and zipfile raise on a file that is not a whole npz of ours.
 _UNREADABLE = (
@@ -31,8 +31,9 @@ def shipped(name: str, specification: str) -> list[np.ndarray] | None:
 
 
 def _read(file: pathlib.Path, *names: str) -> list[np.ndarray]:
+    found = read_whole(file)
     try:
-        with np.load(file, allow_pickle=False) as content:
+        with np.load(io.BytesIO(found), allow_pickle=False) as content:
             return [content[name] for name in names]
     except _UNREADABLE as error:
         raise corrupt(file, repr(error)) from error

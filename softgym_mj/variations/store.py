@@ -72,10 +72,9 @@ class VariationStore(Store):
         """
         try:
             super().put(key, {"points": value.astype(np.float32)})
-        except OSError as error:
+        except StoreError as error:
             raise StoreError(
-                f"{self.file(key)} cannot be written: {error}. Let {CACHE_VARIABLE} name a "
-                "folder with space that can be written."
+                f"{error}. Let {CACHE_VARIABLE} name a folder with space that can be written."
             ) from error
 
     def generate_missing(
@@ -104,6 +103,16 @@ class VariationStore(Store):
         )
 
     def pack(self, file: pathlib.Path) -> None:
-        """Writes all variations into one file, as shipped in the package."""
+        """Writes all variations into one file, as shipped in the package.
+
+        Raises:
+            StoreError: if one is missing or damaged; if the file cannot be written.
+        """
+        missing = [index for index in range(NUM_VARIATIONS) if not self.has(index)]
+        if missing:
+            raise StoreError(
+                f"{self.file(missing[0])} is missing, and {len(missing) - 1} others of "
+                f"{NUM_VARIATIONS}: generate them first"
+            )
         states = [self.get(index) for index in range(NUM_VARIATIONS)]
         packs.write_pack(file, states, self.text)

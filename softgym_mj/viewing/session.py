@@ -113,6 +113,7 @@ class Session:
         policy: str = TELEOPERATE,
         variation: int = 800,
         pace: Pace | None = None,
+        trust: bool = False,
         **settings: Any,
     ):
         """Starts an episode.
@@ -122,12 +123,13 @@ class Session:
             policy: "teleoperate" for a person, or as in `make_policy`.
             variation: index 0..999.
             pace: what holds back simulated time; None for real time.
+            trust: whether a policy's file may be loaded, as in `make_policy`.
             **settings: of the task, as in `load`.
 
         Raises:
             InvalidArgumentError: for a bad argument.
         """
-        self._task, self._settings = task, settings
+        self._task, self._settings, self._trust = task, settings, trust
         self._pace = Pace() if pace is None else pace
         self._posted: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._envs: dict[bool, Environment] = {}
@@ -155,7 +157,7 @@ class Session:
             if policy == TELEOPERATE:
                 self.teleoperation = teleoperate(self.env)
             else:
-                self._act = make_policy(policy, self.env)
+                self._act = make_policy(policy, self.env, trust=self._trust)
             self._policy = policy
         self._timestep = self.env.reset(variation)
         if self.teleoperation is not None:

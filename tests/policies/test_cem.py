@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.executors import SerialExecutor
+from softgym_mj.jobs.journal import Journal
 from softgym_mj.policies import planners
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
@@ -170,12 +171,10 @@ def _env():
 
 def test_a_journal_continues_an_episode_exactly(env, tmp_path):
     expected = play(env, make_policy(env), 9)
-    journal = tmp_path / "episode.jsonl"
+    journal = Journal(tmp_path / "episode.jsonl", "episode 801")
     plans = []
     play(env, make_policy(env, journal=journal, on_decision=plans.append), 3)
-    assert len(plans) == 2 and len(journal.read_text().splitlines()) == 2
-    with open(journal, "a") as file:
-        file.write("[[0.1, 0.")  # Killed while it wrote.
+    assert len(plans) == len(journal.read()) == 2
     plans.clear()
     found = play(env, make_policy(env, journal=journal, on_decision=plans.append), 9)
     np.testing.assert_array_equal(found, expected)
@@ -186,12 +185,7 @@ def test_a_journal_continues_an_episode_exactly(env, tmp_path):
     assert len({row.tobytes() for row in expected}) == 9
 
 
-def test_a_journal_of_something_else_is_an_error(env, tmp_path):
-    for content, message in (("[[0.5]]\n", "shape"), ("nonsense\n", "damaged")):
-        journal = tmp_path / "episode.jsonl"
-        journal.write_text(content)
-        with pytest.raises(StoreError, match=message):
-            play(env, make_policy(env, journal=journal), 1)
+def test_a_plan_is_executed_for_as_long_as_it_is(env):
     with pytest.raises(InvalidArgumentError, match="replan_every=5"):
         make_policy(env, replan_every=5)
 

@@ -136,7 +136,7 @@ def test_pack_holds_all_variations(packed, initializer):
 def test_pack_needs_all_variations(store, tmp_path, monkeypatch):
     monkeypatch.setattr(store_module, "NUM_VARIATIONS", 4)
     store.generate_missing((0, 1, 3))
-    with pytest.raises(FileNotFoundError, match=r"0002\.value"):
+    with pytest.raises(StoreError, match=r"0002\.value is missing"):
         store.pack(tmp_path / "packed.npz")
     assert not (tmp_path / "packed.npz").exists()
 
