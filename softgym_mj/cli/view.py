@@ -27,6 +27,10 @@ def view(
         str, typer.Option(help="Address for browsers; 0.0.0.0 lets other machines in.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port for browsers; 0 for any free one.")] = 8080,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option(help="Of a proxy that shows the page: https://NAME; may be given again."),
+    ] = None,
 ) -> None:
     """Shows a task in MuJoCo's viewer or in a browser; you play it by hand, or a policy does."""
     find(task)
@@ -35,7 +39,7 @@ def view(
     if browser:
         from softgym_mj.viewing.browser import Browser, open_server
 
-        with open_server(host, port) as server:
+        with open_server(host, port, allow_origin or ()) as server:
             session = Session(task, policy, variation, trust=trust, **settings)
             console.print("Ctrl+C ends it")
             Browser(session, server).run()

@@ -3,7 +3,7 @@
 import contextlib
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from softgym_mj.entities.arena import FIELD_OF_VIEW
 from softgym_mj.exceptions import UnavailableError, check_count, import_extra
 from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.viewing.camera import orbit, pose
+from softgym_mj.viewing.origins import check_origins, guarded
 from softgym_mj.viewing.scene import EXTRA, Scene
 from softgym_mj.viewing.session import TELEOPERATE, Session
 
@@ -23,19 +24,24 @@ YOU = "you"  # What the panel calls who teleoperates.
 
 
 @contextlib.contextmanager
-def open_server(host: str = "127.0.0.1", port: int = 8080) -> Iterator[Any]:
+def open_server(
+    host: str = "127.0.0.1", port: int = 8080, allow_origin: Sequence[str] = ()
+) -> Iterator[Any]:
     """A `viser.ViserServer` that is stopped in the end.
 
     Args:
         host: address to listen at; "0.0.0.0" for all of this machine's.
         port: 1..65535, or 0 for any free one.
+        allow_origin: where else its page may come from, as a proxy's "https://hub.example.com":
+            see `viewing.origins`.
 
     Raises:
         UnavailableError: if it cannot listen there; if viser is missing.
-        InvalidArgumentError: for a port that does not exist.
+        InvalidArgumentError: for a port that does not exist, or an origin that is none.
     """
     viser = import_extra("viser", "viser", EXTRA)
     check_count("port", port, 0, 65535)
+    allowed = check_origins(allow_origin)
     # viser would take the next free port instead, unnoticed behind a tunnel.
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -47,7 +53,8 @@ def open_server(host: str = "127.0.0.1", port: int = 8080) -> Iterator[Any]:
                 "choose another --port, 0 for any free one, or --host"
             ) from error
         port = probe.getsockname()[1]
-    server = viser.ViserServer(host=host, port=port, label="softgym_mj", verbose=False)
+    with guarded(host, allowed):
+        server = viser.ViserServer(host=host, port=port, label="softgym_mj", verbose=False)
     try:
         yield server
     finally:
@@ -157,7 +164,8 @@ class Browser:
         self._grip_folder = gui.add_folder("grips")
 
         def play_as(name: str) -> None:
-            session.play(TELEOPERATE if name == YOU else name)
+            if name in players:  # Who connects may send any name, and some name code.
+                session.play(TELEOPERATE if name == YOU else name)
 
         self._player.on_update(self._posting(play_as))
         self._pause.on_click(self._posting(lambda _: self._toggle_pause()))
