@@ -4,6 +4,7 @@ import functools
 import json
 import os
 import pathlib
+import signal
 import sys
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ import rich.console
 import rich.progress
 import rich.table
 import typer
+import typer.core
 
 import softgym_mj
 from softgym_mj.cli import data, evaluation, view
@@ -33,7 +35,19 @@ from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import TaskRecord, find
 from softgym_mj.rendering.offscreen import write_picture
 
-app = typer.Typer(help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
+class _Commands(typer.core.TyperGroup):
+    """Ends with one line and exit status 130 when it is interrupted."""
+
+    def invoke(self, ctx):
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interrupt:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)  # Once more, and it ends at once.
+            typer.echo("; ".join(["interrupted", *map(str, interrupt.args)]), err=True)
+            raise typer.Exit(130) from None
+
+
+app = typer.Typer(cls=_Commands, help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
 app.command()(evaluation.evaluate)
 app.command()(evaluation.plot)
 app.command()(data.generate)

@@ -122,11 +122,10 @@ def record(
                 **chosen,
             )
     except KeyboardInterrupt:
-        console.print(
-            f"interrupted; {len(finished)} episodes are kept: the same command goes on from them; "
+        raise KeyboardInterrupt(
+            f"{len(finished)} episodes are kept: the same command goes on from them; "
             f"with --episodes {len(finished)} it makes a dataset of them"
-        )
-        raise typer.Exit(130) from None
+        ) from None
     dropped = f"; dropped {len(finished) - made.total_episodes} without success"
     console.print(
         f"recorded {made.total_episodes} episodes, {made.total_steps} steps"

@@ -83,8 +83,8 @@ def evaluate(
         with _progress(configuration) as progress, make_executor(jobs, ray) as executor:
             result = evaluation.evaluate(configuration, out, executor, progress, trust=trust)
     except KeyboardInterrupt:
-        console.print(f"interrupted; {out} keeps what is done: the same command goes on from it")
-        raise typer.Exit(130) from None
+        message = f"{out} keeps what is done: the same command goes on from it"
+        raise KeyboardInterrupt(message) from None
     numbers = result["summary"]
     console.print(
         f"{configuration.task}, {policy}: mean {numbers['mean']:.3f} "

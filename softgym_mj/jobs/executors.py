@@ -10,6 +10,7 @@ import contextlib
 import itertools
 import multiprocessing
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -105,10 +106,15 @@ class ProcessExecutor(Executor):
             self._pool = concurrent.futures.ProcessPoolExecutor(
                 self.number,
                 multiprocessing.get_context("spawn"),
-                initializer=_exit_with_parent,
+                initializer=_start,
                 initargs=(os.getpid(),),
             )
-        futures = {self._pool.submit(function, *call): index for index, call in calls.items()}
+        # What comes before a worker can handle it, at `_start`, would give a traceback.
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            futures = {self._pool.submit(function, *call): index for index, call in calls.items()}
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         failure = None
         try:
             for future in concurrent.futures.as_completed(futures):
@@ -216,8 +222,10 @@ def _call(function: Callable, arguments: tuple[Any, ...]) -> Any:
     return function(*arguments)
 
 
-def _exit_with_parent(parent: int) -> None:
-    """Ends a worker whose parent was killed; it would wait for work for ever."""
+def _start(parent: int) -> None:
+    """Has a worker end at Ctrl-C, without a word, and when its parent was killed."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
     def watch():
         while os.getppid() == parent:

@@ -1,5 +1,6 @@
 """Minari's side of a recording: ids, folders, a dataset from episodes."""
 
+import os
 import pathlib
 import re
 import shutil
@@ -9,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, import_extra
+from softgym_mj.jobs.files import naming
 
 if TYPE_CHECKING:
     import minari
 
+EPISODES = ".episodes"  # In the folder of a dataset that is not finished.
 _NO_LETTER = re.compile(r"[^-\w]")  # What an id cannot have.
 
 
@@ -28,13 +31,16 @@ def dataset_name(task: str, policy: str, actor: str | None = None, grasp: str | 
     return f"softgym_mj/{task}/{'-'.join(filter(None, (policy, actor, grasp)))}-v0"
 
 
-def check_new(name: str) -> None:
-    """Raises unless `name` can be the id of a new dataset.
+def unfinished_folder(name: str) -> pathlib.Path:
+    """Where a new dataset is made; beside the datasets, hidden from Minari.
+
+    Its episodes are in `EPISODES`, until it is moved to its place and these are removed. Who was
+    killed in between finds them there and goes on, with all of them.
 
     Raises:
         UnavailableError: if Minari is missing.
         InvalidArgumentError: if it is not an id of Minari's.
-        StoreError: if the dataset exists.
+        StoreError: if the dataset exists; if the folders cannot be written.
     """
     minari = import_extra("minari", "Minari", "datasets")
     try:
@@ -45,51 +51,65 @@ def check_new(name: str) -> None:
             "has two or more of them, can have parts (a/b/c) and can be left out"
         )
         raise InvalidArgumentError("dataset", name, valid) from None
-    if _folder(name).exists():
+    place, unfinished = _place(name), _place() / f".{name.replace('/', '.')}.unfinished"
+    if (place / EPISODES).exists():
+        with naming(place, "written"):
+            place.rename(unfinished)
+    elif os.path.lexists(place):
         raise StoreError(
             f"dataset={name!r} exists; choose another id, or remove it: `minari delete {name}`"
         )
+    return unfinished  # No id has a point in it.
 
 
-def unfinished_folder(name: str) -> pathlib.Path:
-    """Where episodes are kept until they are a dataset; beside the datasets, hidden from Minari."""
-    return _folder() / f".{name.replace('/', '.')}.unfinished"  # No id has a point in it.
-
-
-def _folder(name: str | None = None) -> pathlib.Path:
+def _place(name: str | None = None) -> pathlib.Path:
     storage = import_extra("minari.storage", "Minari", "datasets")
-    return storage.get_dataset_path(name)
+    with naming(os.environ.get("MINARI_DATASETS_PATH", "the folder of Minari"), "written"):
+        return storage.get_dataset_path(name)
 
 
 def write_dataset(
-    name: str, env: gymnasium.Env, episodes: Iterable[dict[str, Any]], metadata: Mapping[str, Any]
+    name: str,
+    unfinished: pathlib.Path,
+    env: gymnasium.Env,
+    episodes: Iterable[dict[str, Any]],
+    metadata: Mapping[str, Any],
 ) -> "minari.MinariDataset":
     """Writes a dataset, one episode after the other; it is there whole or not at all.
 
     Args:
-        name: its id, which passes `check_new`.
+        name: its id.
+        unfinished: its `unfinished_folder`.
         env: where the episodes were played.
         episodes: keyword arguments of Minari's `EpisodeBuffer`.
         metadata: of the dataset, as Minari names it.
+
+    Raises:
+        StoreError: if it cannot be written; what was there of it is removed.
     """
     minari = import_extra("minari", "Minari", "datasets")
-    whole = unfinished_folder(name) / "dataset"
-    shutil.rmtree(whole, ignore_errors=True)  # What a killed process left.
-    whole.mkdir(parents=True)
-    # Not `create_dataset_from_buffers`, which wants all episodes at once and the final folder.
-    storage = minari.dataset.minari_storage.MinariStorage.new(
-        whole / "data",
-        observation_space=env.observation_space,
-        action_space=env.action_space,
-        env_spec=env.spec,
-        jpeg_encoding=False,  # It would change images.
-    )
-    versions = {"dataset_id": name, "minari_version": minari.__version__}
-    storage.update_metadata({**versions, **metadata})
-    for number, episode in enumerate(episodes):
-        storage.update_episodes([minari.data_collector.EpisodeBuffer(id=number, **episode)])
-    namespace = minari.dataset.minari_dataset.parse_dataset_id(name)[0]
-    if namespace is not None and namespace not in minari.namespace.list_local_namespaces():
-        minari.namespace.create_namespace(namespace)
-    whole.rename(_folder(name))
+    place, data = _place(name), unfinished / "data"
+    shutil.rmtree(data, ignore_errors=True)  # What a killed process left.
+    try:
+        with naming(place, "written"):
+            # Not `create_dataset_from_buffers`, which wants all episodes and the final folder.
+            storage = minari.dataset.minari_storage.MinariStorage.new(
+                data,
+                observation_space=env.observation_space,
+                action_space=env.action_space,
+                env_spec=env.spec,
+                jpeg_encoding=False,  # It would change images.
+            )
+            versions = {"dataset_id": name, "minari_version": minari.__version__}
+            storage.update_metadata({**versions, **metadata})
+            for number, episode in enumerate(episodes):
+                storage.update_episodes([minari.data_collector.EpisodeBuffer(id=number, **episode)])
+            namespace = minari.dataset.minari_dataset.parse_dataset_id(name)[0]
+            if namespace is not None and namespace not in minari.namespace.list_local_namespaces():
+                minari.namespace.create_namespace(namespace)
+            unfinished.rename(place)
+            shutil.rmtree(place / EPISODES)
+    except BaseException:
+        shutil.rmtree(data, ignore_errors=True)
+        raise
     return minari.load_dataset(name)

@@ -4,7 +4,6 @@ Every episode is a pure function of the configuration and its variation.
 """
 
 import copy
-import shutil
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -65,8 +64,8 @@ def record(
 
     Raises:
         UnavailableError: if Minari is missing.
-        StoreError: if the dataset exists; for episodes of an unfinished recording with other
-            settings or damaged files.
+        StoreError: if the dataset exists or cannot be written; for episodes of an unfinished
+            recording with other settings or damaged files.
         InvalidArgumentError: for a variation that does not exist, or none; an id that is none;
             settings that JSON cannot hold; or if no episode is left; for a bad task or policy; if
             the policy is "scripted" and the task has no expert.
@@ -79,7 +78,7 @@ def record(
     if dataset is None:
         acts = settings.get("actor"), settings.get("grasp")
         dataset = datasets.dataset_name(found.name, policy, *acts)
-    datasets.check_new(dataset)
+    unfinished = datasets.unfinished_folder(dataset)
     played = task if isinstance(task, str) and ":" in task else _with_module(found)
     split = next(name for name, own in SPLITS.items() if set(variations) <= set(own))
     with gymnasium.make(found.gymnasium_id, task=played, split=split, **settings) as env:
@@ -103,10 +102,10 @@ def record(
             "settings": settings,
             "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
         }
-        store = Store(datasets.unfinished_folder(dataset), configuration, ARRAYS)
+        store = Store(unfinished / datasets.EPISODES, configuration, ARRAYS)
         if differ := store.differences():
             raise StoreError(
-                f"{store.folder} holds episodes of an unfinished recording with another "
+                f"{unfinished} holds episodes of an unfinished recording with another "
                 f"{', '.join(differ)}; finish that, choose another dataset or delete the folder"
             )
         successful = []
@@ -132,9 +131,7 @@ def record(
             {"seed": seed, "options": {"variation": variation}, **nested(store.get(variation))}
             for variation in variations
         )
-        made = datasets.write_dataset(dataset, env, buffers, metadata)
-        shutil.rmtree(store.folder)
-        return made
+        return datasets.write_dataset(dataset, unfinished, env, buffers, metadata)
 
 
 def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:

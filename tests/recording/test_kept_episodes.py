@@ -146,4 +146,4 @@ def test_ctrl_c_says_how_to_go_on(capsys, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         commands.main()
     assert ended.value.code == 130
-    assert "interrupted; 1 episodes are kept" in capsys.readouterr().out
+    assert "interrupted; 1 episodes are kept" in capsys.readouterr().err
