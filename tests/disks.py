@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-SIZE = 1 << 20  # [bytes]
+SIZE = 4 << 20  # [bytes]
 
 
 class Disk:

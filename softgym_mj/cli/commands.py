@@ -29,11 +29,12 @@ from softgym_mj.cli.console import (
     progress_bar,
 )
 from softgym_mj.exceptions import SoftGymError
-from softgym_mj.jobs.files import write_json
+from softgym_mj.jobs.files import make_folder, write_json
 from softgym_mj.policies.episodes import Episode, play
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import TaskRecord, find
 from softgym_mj.rendering.offscreen import write_picture
+
 
 class _Commands(typer.core.TyperGroup):
     """Ends with one line and exit status 130 when it is interrupted."""
@@ -47,7 +48,9 @@ class _Commands(typer.core.TyperGroup):
             raise typer.Exit(130) from None
 
 
-app = typer.Typer(cls=_Commands, help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True)
+app = typer.Typer(
+    cls=_Commands, help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True
+)
 app.command()(evaluation.evaluate)
 app.command()(evaluation.plot)
 app.command()(data.generate)
@@ -103,6 +106,7 @@ def demo(
 
     And `tasks.png`: the start, the middle and the end of all of them.
     """
+    make_folder(out)
     strips = []
     with progress_bar() as progress:
         for name, record in softgym_mj.TASKS.items():
@@ -140,6 +144,8 @@ def rollout(
 ) -> None:
     """Runs a policy on the first variations of a split; prints one JSON line an episode."""
     record, variations = find(task), first_variations(split, episodes)
+    if video is not None:
+        make_folder(video)
     env = _load(record, split, filmed=video is not None, **acting(actor, grasp))
     for index in variations:
         episode = _filmed(env, policy, index, video is not None, seed=seed, trust=trust)
@@ -165,6 +171,7 @@ def oracle(
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
     record, settings = find(task), acting(actor, grasp)
     variations = first_variations(split, episodes)
+    make_folder(out)
     env = _load(record, split, filmed=True, **settings)
     name = "-".join([record.name, *settings.values()])
     scores: dict[int, float] = {}

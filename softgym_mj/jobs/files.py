@@ -47,6 +47,16 @@ def read_whole(file: str | os.PathLike[str]) -> bytes:
         return stream.read()
 
 
+def make_folder(folder: pathlib.Path) -> None:
+    """Makes a folder and those around it; before work whose results it is for.
+
+    Raises:
+        StoreError: if it cannot be made.
+    """
+    with naming(folder, "written"):
+        folder.mkdir(parents=True, exist_ok=True)
+
+
 @contextlib.contextmanager
 def whole(file: pathlib.Path) -> Iterator[pathlib.Path]:
     """Gives a path to write to, which becomes `file` in the end; makes the folders around it.

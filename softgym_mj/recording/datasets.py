@@ -2,8 +2,10 @@
 
 import os
 import pathlib
+import pickle
 import re
 import shutil
+import tempfile
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     import minari
 
 EPISODES = ".episodes"  # In the folder of a dataset that is not finished.
+_OVERHEAD = 1 << 20  # More than HDF5 needs for an episode besides its numbers [bytes].
 _NO_LETTER = re.compile(r"[^-\w]")  # What an id cannot have.
 
 
@@ -68,6 +71,12 @@ def _place(name: str | None = None) -> pathlib.Path:
         return storage.get_dataset_path(name)
 
 
+def _check_room(folder: pathlib.Path, size: int) -> None:
+    """Raises OSError unless so many bytes fit there: without room, HDF5 ends the process."""
+    with tempfile.TemporaryFile(dir=folder) as stream:
+        os.posix_fallocate(stream.fileno(), 0, size)
+
+
 def write_dataset(
     name: str,
     unfinished: pathlib.Path,
@@ -103,6 +112,7 @@ def write_dataset(
             versions = {"dataset_id": name, "minari_version": minari.__version__}
             storage.update_metadata({**versions, **metadata})
             for number, episode in enumerate(episodes):
+                _check_room(unfinished, 2 * len(pickle.dumps(episode)) + _OVERHEAD)
                 storage.update_episodes([minari.data_collector.EpisodeBuffer(id=number, **episode)])
             namespace = minari.dataset.minari_dataset.parse_dataset_id(name)[0]
             if namespace is not None and namespace not in minari.namespace.list_local_namespaces():
