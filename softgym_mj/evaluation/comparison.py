@@ -2,6 +2,8 @@
 
 import csv
 import io
+import itertools
+import os
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,25 +23,37 @@ def read_results(files: Sequence[pathlib.Path]) -> list[dict]:
     Their summaries are those of `statistics`, whatever version wrote them.
 
     Raises:
-        StoreError: for what is no result, is of another protocol version, or for none at all.
+        StoreError: for what is no result, lacks episodes of it, or is of another protocol version;
+            for none at all.
     """
     if not files:
         raise StoreError("there are no results to plot; name the result.json of evaluations")
-    found, versions = [], {}
+    found: list[dict] = []
     for file in files:
-        result = read_json(file / "result.json" if file.is_dir() else file)
+        result = _read_result(file / "result.json" if os.path.isdir(file) else file)
+        if result not in found:
+            found.append(result)
+    return found
+
+
+def _read_result(file: pathlib.Path) -> dict:
+    result = read_json(file)
+    try:
         missing = [key for key in _NEEDED if key not in result]
         if missing:
-            raise StoreError(f"{file} is not the result of an evaluation: no {missing[0]!r}")
-        versions[str(file)] = result["protocol"]
-        found.append(result)
-    if set(versions.values()) != {PROTOCOL}:
-        raise StoreError(
-            f"results of protocol versions {sorted(set(versions.values()))} cannot be compared "
-            f"with this one, {PROTOCOL}: {versions}; evaluate again"
-        )
-    results = [result for i, result in enumerate(found) if result not in found[:i]]
-    return [{**result, "summary": summary(result["episodes"])} for result in results]
+            raise KeyError(missing[0])
+        if result["protocol"] != PROTOCOL:
+            raise StoreError(
+                f"{file} is of protocol version {result['protocol']!r}, which cannot be compared "
+                f"with this one, {PROTOCOL}; evaluate again"
+            )
+        found = [(episode["seed"], episode["variation"]) for episode in result["episodes"]]
+        if found != list(itertools.product(result["seeds"], result["variations"])):
+            raise ValueError("its episodes are not those of its seeds and variations")
+        _details(result)
+        return {**result, "summary": summary(result["episodes"])}
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        raise StoreError(f"{file} is not the result of an evaluation: {error!r}") from error
 
 
 def labels(results: Sequence[Mapping]) -> list[str]:

@@ -32,10 +32,12 @@ def open_folder(
     fixed = {name: value for name, value in configuration.items() if name not in _GROWS}
     store = Store(path / "episodes", fixed, JSON)
     file = path / "provenance.json"
+    differ = store.differences()
     found = {} if store.is_empty() or not file.exists() else read_json(file)
+    if not differ and found.get("specification", store.digest) != store.digest:
+        raise StoreError(f"{file} is of another evaluation; delete it")
     known, hashes = found.get("policy_sha256", {}), configuration["policy_sha256"]
     changed = [name for name, value in hashes.items() if known.get(name, value) != value]
-    differ = store.differences()
     if changed:
         differ.append(f"content of {', '.join(changed)}")
     if differ:
@@ -47,5 +49,6 @@ def open_folder(
     if (own := machine()) not in machines:
         machines = [*machines, own]
     store.claim()
-    write_json(file, {"policy_sha256": known | hashes, "machines": machines})
+    grown = {"policy_sha256": known | hashes, "machines": machines}
+    write_json(file, {"specification": store.digest, **grown})
     return store, machines

@@ -227,7 +227,8 @@ class Video:
             [*command, "-y", file], input=self.frames.tobytes(), capture_output=True, check=False
         )
         if done.returncode:
-            raise OSError(done.stderr.decode(errors="replace").strip().splitlines()[-1])
+            ended = f"ffmpeg ended with status {done.returncode}"
+            raise OSError([ended, *done.stderr.decode(errors="replace").splitlines()][-1])
 
     def _repr_html_(self) -> str:
         with tempfile.TemporaryDirectory() as folder:

@@ -11,6 +11,7 @@ from softgym_mj.evaluation import Configuration, comparison, evaluate, plots
 from softgym_mj.evaluation.indices import as_text, parsed
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.files import write_json
+from tests.jobs.test_files import ODD, odd
 
 
 def written(folder, **changes):
@@ -65,7 +66,7 @@ def test_a_table_has_what_the_results_have(tmp_path, three):
 
 
 def test_results_of_other_protocols_are_not_mixed(tmp_path, three):
-    with pytest.raises(StoreError, match=r"protocol versions \[0, 1\]"):
+    with pytest.raises(StoreError, match=r"old.result\.json is of protocol version 0"):
         comparison.read_results([three[0], written(tmp_path / "old", protocol=0)])
     (tmp_path / "x.json").write_text("{}")
     with pytest.raises(StoreError, match="not the result of an evaluation"):
@@ -74,6 +75,42 @@ def test_results_of_other_protocols_are_not_mixed(tmp_path, three):
         comparison.read_results([tmp_path / "nothing.json"])
     with pytest.raises(StoreError, match="no results"):
         comparison.read_results([])
+
+
+EPISODE = {"variation": 800, "seed": 0, "normalized_performance": 0.5, "success": False}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"episodes": 5},
+        {"episodes": []},
+        {"episodes": [EPISODE]},
+        {"episodes": [EPISODE, EPISODE]},
+        {"episodes": [EPISODE, {**EPISODE, "variation": 802}]},
+        {"episodes": [EPISODE, {**EPISODE, "variation": 801, "seed": 1}]},
+        {"episodes": [EPISODE, {**EPISODE, "variation": 801, "normalized_performance": "x"}]},
+        {"episodes": [EPISODE, {"variation": 801, "seed": 0}]},
+        {"seeds": None},
+        {"settings": [1]},
+        {"planning": 3},
+        {"variations": ["a"]},
+        {"protocol": [1]},
+    ],
+    ids=str,
+)
+def test_what_is_not_the_result_that_it_says(changes, tmp_path, three):
+    changed = {**comparison.read_results(three[:1])[0], **changes}
+    write_json(tmp_path / "result.json", changed)
+    with pytest.raises(StoreError, match=r"result\.json is "):
+        comparison.read_results([tmp_path])
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_what_is_no_file(kind, tmp_path):
+    path = odd(kind, tmp_path / "name")
+    with pytest.raises(StoreError, match="cannot be read: "):
+        comparison.read_results([path])
 
 
 def test_figures_are_drawn_from_results(tmp_path, three):

@@ -140,7 +140,7 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
     result = json.loads((tmp_path / "run" / "result.json").read_text())
     assert result["planning"] == {"horizon": 3, "budget": 60, "iterations": 2, "replan_every": 3}
 
-    def interrupt(*arguments):
+    def interrupt(*arguments, **settings):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(evaluation, "evaluate", interrupt)

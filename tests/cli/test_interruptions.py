@@ -1,0 +1,117 @@
+"""Commands that are interrupted or killed: what they say, what they leave, and how they go on."""
+
+import os
+import pathlib
+import random
+import select
+import signal
+import subprocess
+import sys
+import time
+
+import minari
+import pytest
+
+from tests.recording.test_kept_episodes import assert_same
+from tests.viewing.chromium import wait_until
+
+ROOT = pathlib.Path(__file__).parents[2]
+PLANNER = '--policy icem --horizon 2 --budget 40 --iterations 2 --settings {"horizon":8}'
+COMMANDS = {
+    "generate": "generate straighten_rope --num 400",
+    "generate by two": "generate straighten_rope --num 400 --jobs 2",
+    "evaluate": "evaluate straighten_rope --policy random --episodes 200",
+    "evaluate by two": "evaluate straighten_rope --policy random --episodes 200 --jobs 2",
+    "plan": f"evaluate straighten_rope {PLANNER} --episodes 100",
+    "rollout": "rollout straighten_rope --policy zero --episodes 100",
+    "film": "rollout straighten_rope --policy zero --episodes 100 --video videos",
+    "oracle": "oracle straighten_rope --episodes 200",
+    "demo": "demo --size 64",
+    "record": "record straighten_rope --policy random --episodes 400 --dataset rope/x-v0",
+}
+
+
+def start(command, folder):
+    """A real command line, in a process group of its own as a terminal has it."""
+    own = {"SOFTGYM_MJ_CACHE": str(folder / "cache"), "MINARI_DATASETS_PATH": str(folder / "sets")}
+    return subprocess.Popen(
+        [sys.executable, "-m", "softgym_mj.cli.commands", *command.split()],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}", **own},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def files(folder):
+    """Contents of all files below a folder by path."""
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("pause", [0.0, pytest.param(2.0, marks=pytest.mark.slow)])
+def test_ctrl_c_ends_with_one_line(name, pause, tmp_path):
+    with start(COMMANDS[name], tmp_path) as process:
+        try:
+            wait_until(lambda: select.select([process.stdout], [], [], 0)[0] or files(tmp_path), 60)
+            time.sleep(pause)
+        finally:
+            os.killpg(process.pid, signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert error.startswith("interrupted") and error.count("\n") == 1
+    assert not [path for path in files(tmp_path) if path.endswith(".partial")]
+
+
+def sweep(command, folder, moments, finish):
+    """Kills a command at moments [s] after its start, then lets it finish; what it leaves."""
+    folder.mkdir()
+    for signum, moment in moments:
+        with start(command, folder) as process:
+            try:
+                process.wait(moment)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signum)
+            _, error = process.communicate(timeout=120)
+        assert "Traceback" not in error
+    with start(command, folder) as process:
+        _, error = process.communicate(timeout=300)
+    assert process.returncode == finish and "Traceback" not in error
+    found = files(folder)
+    assert not [path for path in found if ".partial" in path or ".unfinished" in path]
+    return found
+
+
+SHORT = {
+    "generate": "generate straighten_rope --num 12",
+    "generate by two": "generate straighten_rope --num 12 --jobs 2",
+    "evaluate": "evaluate straighten_rope --policy random --episodes 8",
+    "plan": f"evaluate straighten_rope {PLANNER} --episodes 4",
+    "oracle": "oracle straighten_rope --episodes 2",
+    "film": "rollout straighten_rope --policy zero --episodes 2 --video videos",
+    "record": "record straighten_rope --policy random --episodes 12 --dataset rope/x-v0",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHORT)
+def test_who_is_killed_at_any_time_ends_as_who_is_not(name, tmp_path, monkeypatch):
+    whole = sweep(SHORT[name], tmp_path / "whole", [], 0)
+    numbers = random.Random(name)
+    moments = [
+        (numbers.choice([signal.SIGKILL, signal.SIGTERM]), numbers.uniform(1.5, 7.0))
+        for _ in range(6)
+    ]
+    parts = sweep(SHORT[name], tmp_path / "parts", moments, 0)
+    assert set(parts) == set(whole)
+    if name != "record":
+        assert parts == whole
+        return
+    sets = []
+    for folder in ("whole", "parts"):  # HDF5 keeps times of day.
+        monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / folder / "sets"))
+        sets.append(minari.load_dataset("rope/x-v0"))
+    assert_same(*sets)
