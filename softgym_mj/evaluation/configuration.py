@@ -102,7 +102,7 @@ class Configuration:
         """Everything that the scores depend on; what is in the files of the policy by SHA-256.
 
         Raises:
-            InvalidArgumentError: if the policy has no such file.
+            StoreError: for a file of the policy that cannot be read.
         """
         hashes: dict[str, str] = {}
         if is_saved(self.policy):

@@ -3,6 +3,7 @@
 import json
 import os
 import pathlib
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from minari.dataset._storages.hdf5_storage import HDF5Storage
 
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import StoreError
-from softgym_mj.recording import record, running
+from softgym_mj.recording import datasets, record, running
 
 TASK, SHORT = "straighten_rope", {"horizon": 3}
 # Random actions from a generator that outlives episodes, and an end by SIGKILL.
@@ -104,6 +105,28 @@ def test_who_stops_while_the_dataset_is_written_plays_nothing_again(played, monk
     parts = record(TASK, range(3), "random", dataset="rope/parts-v0", **SHORT)
     assert played == [0, 1, 2] and parts.total_episodes == 3
     assert_same(parts, record(TASK, range(3), "random", dataset="rope/whole-v0", **SHORT))
+
+
+def test_who_stops_once_the_dataset_is_in_its_place_has_it(played, monkeypatch):
+    remove = shutil.rmtree
+
+    def stop(folder, **settings):
+        if folder.name == datasets.EPISODES:
+            (folder / "0001.value").unlink()  # Some are gone already.
+            raise KeyboardInterrupt
+        remove(folder, **settings)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(shutil, "rmtree", stop)
+        with pytest.raises(KeyboardInterrupt):
+            record(TASK, range(3), "random", dataset="rope/parts-v0", **SHORT)
+    assert local_datasets() == ["rope/parts-v0"]
+    parts = record(TASK, range(3), "random", dataset="rope/parts-v0", **SHORT)
+    assert played == [0, 1, 2, 1]
+    assert_same(parts, record(TASK, range(3), "random", dataset="rope/whole-v0", **SHORT))
+    assert not list(pathlib.Path("datasets").rglob(".*"))
+    with pytest.raises(StoreError, match="dataset='rope/parts-v0' exists"):
+        record(TASK, range(3), "random", dataset="rope/parts-v0", **SHORT)
 
 
 def test_a_killed_command_goes_on(played, monkeypatch):
