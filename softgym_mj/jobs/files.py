@@ -1,7 +1,8 @@
 """Files that are written whole or not at all; what cannot be read or written is a `StoreError`."""
 
 import contextlib
-import fcntl
+import importlib
+import importlib.util
 import json
 import os
 import pathlib
@@ -12,6 +13,8 @@ from typing import Any
 
 from softgym_mj.exceptions import SoftGymError, StoreError
 
+fcntl: Any = importlib.import_module("fcntl") if importlib.util.find_spec("fcntl") else None
+NONBLOCK = getattr(os, "O_NONBLOCK", 0)  # Windows has neither; a pipe is opened at once with it.
 PARTIAL = ".{}.{}.partial"  # Name of a file while it is written.
 
 
@@ -40,7 +43,7 @@ def read_whole(file: str | os.PathLike[str]) -> bytes:
     """
     with (
         naming(file, "read"),
-        open(file, "rb", opener=lambda path, flags: os.open(path, flags | os.O_NONBLOCK)) as stream,
+        open(file, "rb", opener=lambda path, flags: os.open(path, flags | NONBLOCK)) as stream,
     ):
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             raise OSError("it is not a file")
@@ -84,6 +87,9 @@ def whole(file: pathlib.Path) -> Iterator[pathlib.Path]:
 @contextlib.contextmanager
 def _among_writers(folder: pathlib.Path) -> Iterator[None]:
     """Shares a lock, which ends with its process: who has it alone removes what the killed left."""
+    if fcntl is None:
+        yield
+        return
     lock = os.open(folder, os.O_RDONLY)
     try:
         with contextlib.suppress(OSError):  # Somebody writes, or this file system has no locks.

@@ -74,7 +74,9 @@ def _place(name: str | None = None) -> pathlib.Path:
 def _check_room(folder: pathlib.Path, size: int) -> None:
     """Raises OSError unless so many bytes fit there: without room, HDF5 ends the process."""
     with tempfile.TemporaryFile(dir=folder) as stream:
-        os.posix_fallocate(stream.fileno(), 0, size)
+        stream.write(bytes(size))
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 def write_dataset(
