@@ -224,7 +224,7 @@ def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:
 
 
 def main() -> None:
-    """Runs the command line; an error of this package is one line and exit status 1.
+    """Runs the command line; an error of this package or of a file is one line, exit status 1.
 
     Modules of the current folder can be imported, as with `python -m`: tasks and policies of yours.
     """
@@ -232,7 +232,7 @@ def main() -> None:
         sys.path.append(os.getcwd())  # Behind what is installed, such as this package.
     try:
         app()
-    except SoftGymError as error:
+    except (SoftGymError, OSError) as error:
         typer.echo(f"{type(error).__name__}: {error}", err=True)
         raise SystemExit(1) from None
 

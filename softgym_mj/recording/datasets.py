@@ -55,13 +55,13 @@ def unfinished_folder(name: str) -> pathlib.Path:
         )
         raise InvalidArgumentError("dataset", name, valid) from None
     place, unfinished = _place(name), _place() / f".{name.replace('/', '.')}.unfinished"
-    if (place / EPISODES).exists():
-        with naming(place, "written"):
+    with naming(place, "written"):
+        if (place / EPISODES).exists():
             place.rename(unfinished)
-    elif os.path.lexists(place):
-        raise StoreError(
-            f"dataset={name!r} exists; choose another id, or remove it: `minari delete {name}`"
-        )
+        elif os.path.lexists(place):
+            raise StoreError(
+                f"dataset={name!r} exists; choose another id, or remove it: `minari delete {name}`"
+            )
     return unfinished  # No id has a point in it.
 
 
