@@ -57,9 +57,10 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
     """One task of softgym_mj as a Gymnasium environment.
 
     Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
-    Box for one observation, a Dict of them for several. An episode is truncated after `horizon`
-    env steps and never terminates. `info` is `Environment.info`. A copy or a pickle continues the
-    episode where it stands.
+    Box for one observation, a Dict of them for several, in the order of their names: Gymnasium
+    sorts spaces so, and observations have the order of the space. An episode is truncated after
+    `horizon` env steps and never terminates. `info` is `Environment.info`. A copy or a pickle
+    continues the episode where it stands.
 
     Attributes:
         dm_env: the dm_control environment underneath.
@@ -114,9 +115,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         spaces: dict[str, gymnasium.Space] = {
             name: _space(spec) for name, spec in self.dm_env.observation_spec().items()
         }
-        self._single = next(iter(spaces)) if len(spaces) == 1 else None
         self.observation_space = (
-            spaces[self._single] if self._single else gymnasium.spaces.Dict(spaces)
+            gymnasium.spaces.Dict(spaces) if len(spaces) > 1 else next(iter(spaces.values()))
         )
         size = self.dm_env.task.actor.action_size
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
@@ -231,8 +231,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             raise LifecycleError("this environment was closed: make a new one")
 
     def _convert(self, observation: dict[str, np.ndarray]):
-        converted = {
-            name: value if value.dtype == np.uint8 else value.astype(np.float32)
-            for name, value in observation.items()
-        }
-        return converted[self._single] if self._single else converted
+        space = self.observation_space
+        if isinstance(space, gymnasium.spaces.Dict):  # It has its own order: see the class.
+            return {name: observation[name].astype(one.dtype) for name, one in space.items()}
+        (value,) = observation.values()
+        return value.astype(space.dtype)
