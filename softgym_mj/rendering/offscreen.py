@@ -60,11 +60,6 @@ def choose_backend() -> None:
         os.environ["MUJOCO_GL"] = next(found, "disable")
 
 
-def has_rendered() -> bool:
-    """Whether this process, or the one that it was forked from, has rendered."""
-    return _rendered_in is not None
-
-
 def _claim() -> None:
     """Notes that this process renders.
 

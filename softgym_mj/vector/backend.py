@@ -13,7 +13,7 @@ class Backend(Protocol):
     """Environments of one task, by number; they are told which variation to start, and when.
 
     Spaces, `metadata` and `render_mode` are those of one environment. Arrays that methods return
-    are NumPy's, or on a device; all methods but `close` are called within `run`.
+    are NumPy's, or on a device; all methods but `close` are called within `begin`.
     """
 
     num_envs: int
@@ -22,8 +22,12 @@ class Backend(Protocol):
     metadata: dict[str, Any]
     render_mode: str | None
 
-    def run(self, function: Callable[..., Any], *args: Any) -> Any:
-        """What a function returns, which is carried out to its end even if this is interrupted."""
+    def begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
+        """Has a function carried out, after those before and to its end whatever interrupts this.
+
+        Returns:
+            What waits for it and returns what it returns, once.
+        """
 
     def reset(self, variations: Mapping[int, int]) -> None:
         """Starts episodes of variations, by number of the environment."""

@@ -1,7 +1,7 @@
 """`VectorEnv`: many environments at once, of any backend; `make_vec` makes it."""
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
 import gymnasium
@@ -49,6 +49,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.observation_space = batch_space(backend.observation_space, self.num_envs)
         self.action_space = batch_space(backend.action_space, self.num_envs)
         self._generators = [np_random()[0] for _ in range(self.num_envs)]
+        self._pending: Callable[[], Any] | None = None  # Waits for the step that has begun.
+
+    def _begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
+        if self._pending is not None:
+            raise LifecycleError("a step has begun: call step_wait() first")
+        return self.backend.begin(function, *args)
+
+    def _run(self, function: Callable[..., Any], *args: Any) -> Any:
+        return self._begin(function, *args)()
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options=None):
         """Starts episodes.
@@ -70,10 +79,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         check_options(seed, options)
         if "state" in options:
             states = _states_of_each(options["state"], self.num_envs)
-            return self.backend.run(self._restore, mask, states)
+            return self._run(self._restore, mask, states)
         seeds = _seed_of_each(seed, self.num_envs)
         variations = _variations_of_each(options.get("variation"), self.num_envs)
-        return self.backend.run(self._reset, mask, seeds, variations)
+        return self._run(self._reset, mask, seeds, variations)
 
     def _reset(self, mask: np.ndarray, seeds: list[int | None], variations: list[int | None]):
         for i in np.flatnonzero(mask).tolist():
@@ -96,8 +105,29 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         chosen = np.flatnonzero(mask).tolist()
         return {i: draw_variation(self._generators[i], self._variations) for i in chosen}
 
+    def step_async(self, actions: np.ndarray) -> None:
+        """Begins a step, as of `step`; the environments make it while the caller goes on.
+
+        Raises:
+            InvalidArgumentError: for a bad action; no environment is stepped then.
+            LifecycleError: if another step has begun, as of all methods but `close`.
+        """
+        actions = _checked_actions(actions, self.num_envs, self.single_action_space)
+        self._pending = self._begin(self._step, actions)
+
+    def step_wait(self):
+        """What `step` returns or raises, of the step that has begun; if this is interrupted, never.
+
+        Raises:
+            LifecycleError: if none has begun.
+        """
+        if self._pending is None:
+            raise LifecycleError("no step has begun: call step_async(actions) first")
+        pending, self._pending = self._pending, None
+        return pending()
+
     def step(self, actions: np.ndarray):
-        """Applies actions (num_envs, n) in [-1, 1].
+        """Applies actions (num_envs, n) in [-1, 1]: `step_async`, then `step_wait`.
 
         Returns:
             Observations, rewards (num_envs,), terminated, truncated (num_envs,) bool, infos.
@@ -107,7 +137,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             InvalidArgumentError: for a bad action; no environment is stepped then.
         """
         actions = _checked_actions(actions, self.num_envs, self.single_action_space)
-        return self.backend.run(self._step, actions)
+        return self._run(self._step, actions)
 
     def _step(self, actions: np.ndarray):
         ended, everyone = self.backend.ended(), np.ones(self.num_envs, bool)
@@ -135,7 +165,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def get_state(self) -> list[Any]:
         """A snapshot of each environment, as of `SoftGymEnv.get_state`, for `set_state`."""
-        return self.backend.run(self._states)
+        return self._run(self._states)
 
     def _states(self) -> list[_State]:
         generators = [generator.bit_generator.state for generator in self._generators]
@@ -154,7 +184,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
         Take states from `get_state`: the generators that draw variations are not in environments.
         """
-        return self.backend.run(self.backend.call, name, [(args, kwargs)] * self.num_envs)
+        return self._run(self.backend.call, name, [(args, kwargs)] * self.num_envs)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute of each environment."""
@@ -168,10 +198,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise InvalidArgumentError("values", values, f"{self.num_envs} of them")
         nothing: dict[str, Any] = {}
         arguments = [((name, value), nothing) for value in values]
-        self.backend.run(self.backend.call, "set_wrapper_attr", arguments)
+        self._run(self.backend.call, "set_wrapper_attr", arguments)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Closes the backend."""
+        """Closes the backend; nobody waits for a step that has begun."""
+        self._pending = None
         self.backend.close()
 
     def __reduce__(self) -> NoReturn:

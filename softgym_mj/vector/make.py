@@ -39,9 +39,9 @@ def make_vec(
             resets, ignores its action and has reward 0. "SameStep": the last step returns the
             first observation of the next episode, and its own in info["final_obs"] and
             info["final_info"]. "Disabled": you reset, with options={"reset_mask": ended}.
-        context: how processes start: "fork", "forkserver" or "spawn". By default Python's own
-            way, but "forkserver" rather than "fork" once this process has rendered, as OpenGL
-            does not survive a fork. The latter two need `if __name__ == "__main__":` in a script.
+        context: how processes start: "forkserver" where there is one, else "spawn", by default;
+            they do not run the program's script again. "fork" starts them at once, but copies this
+            process with its locks: neither other threads nor OpenGL survive that.
         split: "train", "evaluate", "all" or a sequence of variation indices to draw from.
         **task_kwargs: of `SoftGymEnv` (render_mode, horizon, observation, actor, ...).
 

@@ -1,14 +1,19 @@
 """`WorkerPool`: worker processes, asked in a way that no interrupt tears apart."""
 
 import contextlib
+import functools
 import os
+import pickle
 import queue
+import sys
 import threading
+import types
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from multiprocessing.connection import Connection
-from multiprocessing.reduction import ForkingPickler
 from typing import Any
+
+import cloudpickle
 
 from softgym_mj.exceptions import LifecycleError, SimulationError
 from softgym_mj.vector.worker import END, serve
@@ -34,15 +39,17 @@ class WorkerPool:
         Args:
             context: how processes start, of `multiprocessing.get_context`.
             number: of processes.
-            *arguments: of `serve`, but its pipe.
+            *arguments: of `serve`, from `make` on.
         """
         self._pipes: list[Connection] = []
         processes: list[Any] = []
         try:
             for _ in range(number):
                 here, there = context.Pipe()
-                process = context.Process(target=serve, args=(there, here, *arguments), daemon=True)
-                process.start()
+                ends = there, here, dict(os.environ)
+                process = context.Process(target=serve, args=(*ends, *arguments), daemon=True)
+                with _unknown_main():
+                    process.start()
                 there.close()
                 self._pipes.append(here)
                 processes.append(process)
@@ -58,10 +65,13 @@ class WorkerPool:
             raise
         self._owner = os.getpid()
         self._end = weakref.finalize(self, _end, self._jobs, self._thread, processes, self._owner)
-        self.run(self.ask, {i: {} for i in range(number)})
+        self.begin(self.ask, {i: {} for i in range(number)})()
 
-    def run(self, function: Callable[..., Any], *args: Any) -> Any:
-        """What a function returns, which is carried out to its end even if this is interrupted.
+    def begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
+        """Has a function carried out, to its end even if this is interrupted.
+
+        Returns:
+            What waits for it and returns what it returns, once.
 
         Raises:
             LifecycleError: after `close()`, and in a fork of the process that made it.
@@ -75,16 +85,10 @@ class WorkerPool:
             )
         result: queue.SimpleQueue = queue.SimpleQueue()
         self._jobs.put((function, args, result))  # In one piece: it is not written in Python.
-        succeeded, value = _waited(result)
-        if succeeded:
-            return value
-        try:
-            raise value
-        finally:
-            del value  # Its traceback has this frame: together they would keep the pool alive.
+        return functools.partial(_waited, result)
 
     def ask(self, messages: Mapping[int, Any]) -> dict[int, Any]:
-        """Has workers answer messages at the same time; to be called by `run` only.
+        """Has workers answer messages at the same time; to be called by `begin` only.
 
         Args:
             messages: of `serve`, by number of the worker.
@@ -96,7 +100,7 @@ class WorkerPool:
             SimulationError: if one has ended. Or the first of their errors.
         """
         # Before the first is sent: what cannot be pickled is sent to nobody.
-        pickled = {i: ForkingPickler.dumps(message) for i, message in messages.items()}
+        pickled = {i: cloudpickle.dumps(message) for i, message in messages.items()}
         for i, message in pickled.items():
             with contextlib.suppress(ConnectionError):  # A lost one does not answer, either.
                 self._pipes[i].send_bytes(message)
@@ -113,7 +117,7 @@ class WorkerPool:
             )
         answers = {}
         for i, reply in replies.items():
-            succeeded, answers[i] = ForkingPickler.loads(reply)
+            succeeded, answers[i] = pickle.loads(reply)
             if not succeeded:
                 raise answers[i]
         return answers
@@ -123,11 +127,33 @@ class WorkerPool:
         self._end()
 
 
+@contextlib.contextmanager
+def _unknown_main() -> Iterator[None]:
+    """Processes that are started meanwhile do not run the program's script again.
+
+    What they need of it is pickled by value. So scripts need no `if __name__ == "__main__":`, those
+    without a file (stdin) work, and nobody waits for what else a script imports.
+    """
+    main, sys.modules["__main__"] = sys.modules["__main__"], types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
 def _waited(result: queue.SimpleQueue) -> Any:
-    """What comes through a queue; or the error of a signal."""
-    while True:
+    """The value that comes through a queue; raises an error that does, or that of a signal."""
+    outcome = None
+    while outcome is None:
         with contextlib.suppress(queue.Empty):
-            return result.get(timeout=_GLANCE)
+            outcome = result.get(timeout=_GLANCE)
+    succeeded, value = outcome
+    if succeeded:
+        return value
+    try:
+        raise value
+    finally:
+        del outcome, value  # Its traceback has this frame: together they would keep the pool alive.
 
 
 def _work(jobs: queue.SimpleQueue, pipes: list[Connection], processes: list[Any]) -> None:
@@ -143,7 +169,7 @@ def _work(jobs: queue.SimpleQueue, pipes: list[Connection], processes: list[Any]
         del job, function, args, result, outcome
     for pipe in pipes:
         with contextlib.suppress(ConnectionError):  # One that has ended already.
-            pipe.send(END)
+            pipe.send_bytes(END)
         pipe.close()
     for process in processes:
         process.join()

@@ -6,17 +6,21 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import cloudpickle
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector.utils import CloudpickleWrapper, create_shared_memory, read_from_shared_memory
+from gymnasium.vector.utils import create_shared_memory, read_from_shared_memory
 
 from softgym_mj.envs.environment import Snapshot
-from softgym_mj.exceptions import check_count, check_name
-from softgym_mj.rendering.offscreen import has_rendered
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.vector.backend import Backend
 from softgym_mj.vector.pool import WorkerPool
 from softgym_mj.vector.worker import OUTCOME
+
+# What a fork server imports once for all workers, most of what they need: no OpenGL, which does not
+# survive a fork.
+_PRELOADED = ["softgym_mj.vector.worker", "softgym_mj.metrics", "mujoco"]
 
 
 class ProcessBackend(Backend):
@@ -45,15 +49,24 @@ class ProcessBackend(Backend):
         if num_workers is None:
             num_workers = min(num_envs, _num_cores())
         self.num_workers = check_count("num_workers", num_workers, 1, num_envs)
-        if context is not None:
-            check_name("context", context, multiprocessing.get_all_start_methods())
-        elif multiprocessing.get_start_method() == "fork" and has_rendered():
-            context = "forkserver"
+        known = multiprocessing.get_all_start_methods()
+        if context is None:
+            context = "forkserver" if "forkserver" in known else "spawn"
+        check_name("context", context, known)
+        try:
+            pickled = cloudpickle.dumps(make)
+        except Exception as error:  # Whatever the classes of the arguments raise.
+            raise InvalidArgumentError(
+                f"what makes the environments cannot be sent to worker processes: {error}; an "
+                "argument of theirs, or a custom task, has what cannot be pickled"
+            ) from error
         example = make()
         self.observation_space, self.action_space = example.observation_space, example.action_space
         self.metadata, self.render_mode = example.metadata, example.render_mode
         example.close()
         methods: Any = multiprocessing.get_context(context)
+        if context == "forkserver":
+            methods.set_forkserver_preload(_PRELOADED)
         shown = spaces.Tuple((self.observation_space, OUTCOME))
         memory = create_shared_memory(shown, num_envs, methods)
         views: Any = read_from_shared_memory(shown, memory, num_envs)
@@ -61,10 +74,10 @@ class ProcessBackend(Backend):
         self._infos: dict[int, Mapping[str, Any]] = {}
         bounds = np.linspace(0, num_envs, num_workers + 1).round()
         self._workers = np.searchsorted(bounds, np.arange(num_envs), "right") - 1
-        self._pool = WorkerPool(methods, num_workers, CloudpickleWrapper(make), shown, memory)
+        self._pool = WorkerPool(methods, num_workers, pickled, shown, memory)
 
-    def run(self, function: Callable[..., Any], *args: Any) -> Any:
-        return self._pool.run(function, *args)
+    def begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
+        return self._pool.begin(function, *args)
 
     def close(self) -> None:
         self._pool.close()
