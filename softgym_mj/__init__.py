@@ -38,4 +38,5 @@ def __dir__() -> list[str]:
 library.check_release()
 offscreen.choose_backend()
 suite.register()
-registry.add_gymnasium_ids()
+for _record in TASKS.values():
+    registry.add_gymnasium_id(_record)

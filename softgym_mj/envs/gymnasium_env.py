@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 from dm_env import specs
 from gymnasium import logger
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import EzPickle
 
 from softgym_mj import registry
@@ -25,7 +26,7 @@ from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 
 _OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera")
 # Attributes that a copy has besides the arguments and the state of the episode.
-_COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "spec")
+_COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
 
 
 def check_options(seed: object, options: Mapping[str, Any]) -> None:
@@ -67,6 +68,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         horizon: env steps after which an episode is truncated.
     """
 
+    _spec: EnvSpec | None = None
     metadata = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 12.5}  # noqa: RUF012
 
     def __init__(
@@ -120,6 +122,15 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         )
         size = self.dm_env.task.actor.action_size
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make` made this of; `max_episode_steps` is the horizon."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, made_of: EnvSpec | None) -> None:
+        self._spec = made_of and registry.HorizonSpec.of(made_of, self.horizon)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Starts an episode.

@@ -6,6 +6,7 @@ from typing import Any, NoReturn
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, iterate
@@ -13,6 +14,7 @@ from gymnasium.vector.utils import batch_space, iterate
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import check_options, draw_variation
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
+from softgym_mj.registry import HorizonSpec
 from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
@@ -32,6 +34,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         backend: what simulates.
     """
 
+    _spec: EnvSpec | None = None
+
     def __init__(self, backend: Backend, variations: Sequence[int], autoreset_mode: AutoresetMode):
         """Takes a backend over, and closes it with itself.
 
@@ -50,6 +54,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.action_space = batch_space(backend.action_space, self.num_envs)
         self._generators = [np_random()[0] for _ in range(self.num_envs)]
         self._pending: Callable[[], Any] | None = None  # Waits for the step that has begun.
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What `gymnasium.make_vec` made this of; `max_episode_steps` is the horizon."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, made_of: EnvSpec | None) -> None:
+        self._spec = made_of and HorizonSpec.of(made_of, self.get_attr("horizon")[0])
 
     def _begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
         if self._pending is not None:
