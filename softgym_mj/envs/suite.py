@@ -3,9 +3,12 @@
 import importlib.abc
 import importlib.machinery
 import sys
+import types
+from collections.abc import Mapping
 
 from softgym_mj import registry
 from softgym_mj.envs.load import load
+from softgym_mj.exceptions import InvalidArgumentError
 
 DOMAIN = "softgym"
 _SUITE_MODULE = "dm_control.suite"
@@ -15,7 +18,14 @@ def _constructor(name: str):
     def build(random=None, environment_kwargs=None, **kwargs):
         # Tasks of the suite call the seed `random`.
         seed = {} if random is None else {"random_state": random}
-        return load(name, **kwargs, **seed, **(environment_kwargs or {}))
+        groups = {"task_kwargs": kwargs, "random": seed, "environment_kwargs": environment_kwargs}
+        given: dict = {}
+        for argument, group in groups.items():
+            if not isinstance(group or {}, Mapping) or given.keys() & (group or {}):
+                valid = "a dict, of other names than those in task_kwargs"
+                raise InvalidArgumentError(argument, group, valid)
+            given |= group or {}
+        return load(name, **given)
 
     build.__name__ = name  # The container takes the task's name from the function's.
     return build
@@ -26,7 +36,7 @@ def _tasks():
 
     tasks = containers.TaggedTasks()
     for record in registry.TASKS.values():
-        tasks.add(*record.tags)(_constructor(record.name))
+        tasks.add(*record.tags, "no_reward_visualization")(_constructor(record.name))
     return tasks
 
 
@@ -36,8 +46,20 @@ def __getattr__(name: str):
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
+class _Suite(types.ModuleType):
+    """`dm_control.suite` whose lists of tasks are those of the moment, not of its import."""
+
+    ALL_TASKS = property(lambda suite: suite._get_tasks(None))
+    EASY = property(lambda suite: suite._get_tasks("easy"))
+    HARD = property(lambda suite: suite._get_tasks("hard"))
+    NO_REWARD_VIZ = property(lambda suite: suite._get_tasks("no_reward_visualization"))
+    EXTRA = property(lambda suite: tuple(sorted({*suite.ALL_TASKS} - {*suite.BENCHMARKING})))
+    TASKS_BY_DOMAIN = property(lambda suite: suite._get_tasks_by_domain(suite.ALL_TASKS))
+
+
 def _add_domain(suite) -> None:
     suite._DOMAINS[DOMAIN] = sys.modules[__name__]
+    suite.__class__ = _Suite
 
 
 class _SuiteFinder(importlib.abc.MetaPathFinder):

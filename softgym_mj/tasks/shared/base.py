@@ -66,6 +66,7 @@ class Task(composer.Task, abc.ABC):
         start: where the initial states come from; None if `arrange` makes them up.
         store: where these are kept; None alike.
         domain: what varies besides the initial state.
+        random: the generator of the environment, which dm_control's wrappers draw from.
         arguments: those, as text, that have to agree for a snapshot to fit, besides `snapshot_key`.
     """
 
@@ -154,6 +155,16 @@ class Task(composer.Task, abc.ABC):
     @property
     def task_observables(self):
         return self._observables
+
+    @property
+    def visualize_reward(self) -> bool:
+        """False: what `dm_control.suite.load` can ask for, colours that show the reward, is not."""
+        return False
+
+    @visualize_reward.setter
+    def visualize_reward(self, wanted: bool) -> None:
+        if wanted:
+            raise InvalidArgumentError("visualize_reward", wanted, "False")
 
     # ------------------------------------------------------------------ what a task defines
 
@@ -253,6 +264,7 @@ class Task(composer.Task, abc.ABC):
         return self.domain.apply(self._variation) or resized
 
     def after_compile(self, physics, random_state):
+        self.random = random_state
         self._episode, self._stored = None, {}  # Sizes are others.
         self.scene.compiled()
         physics.legacy_step = False  # Steps are whole: what holds vertices sets velocities before.
