@@ -115,6 +115,11 @@ def observations(env: Environment, arms: Environment, remarks: Sequence[str]) ->
     yield "### `reduced`\n"
     yield entry_table(reduced_entries(task))
     yield from remarks
+    yield "### `markov`\n"
+    yield "The entries of `reduced`, then:\n"
+    yield entry_table(task.actor.remembers, sum(reduced_entries(task).values()))
+    yield "With arms, after their `reduced`:\n"
+    yield entry_table(arms.task.actor.remembers, sum(reduced_entries(arms.task).values()))
     yield "### `full`\n"
     yield entry_table(full_entries(env))
     yield "### `proprioception`\n"

@@ -168,6 +168,15 @@ class Arms(ArmActor, Gripper):
         """Commanded tool points (num_grippers, 3) [m]."""
         return self._filter.commanded.copy()
 
+    def remembered(self) -> np.ndarray:
+        """As of all grippers, then the commanded tool points (x, y, z each) [m]: (7 n,)."""
+        return np.concatenate([super().remembered(), self._filter.commanded.ravel()])
+
+    @property
+    def remembers(self) -> dict[str, int]:
+        commands = {f"arm {i}, commanded (x, y, z) [m]": 3 for i in range(self.num_grippers)}
+        return super().remembers | commands
+
     def reference_positions(self) -> np.ndarray:
         """Tool points (num_grippers, 3) [m] that the joints are led along.
 

@@ -109,6 +109,15 @@ class Actor(abc.ABC):
     def senses(self) -> dict[str, int]:
         """How many of the numbers of `proprioception` are what, with their unit, in order."""
 
+    def remembered(self) -> np.ndarray:
+        """What decides on the next steps and no sensor tells (n,), for the state `markov`."""
+        return np.zeros(0)
+
+    @property
+    def remembers(self) -> dict[str, int]:
+        """How many of the numbers of `remembered` are what, as `senses`."""
+        return {}
+
     @abc.abstractmethod
     def diagnostics(self) -> dict[str, float | int]:
         """Scalars for info about the last env step."""

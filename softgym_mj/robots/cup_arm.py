@@ -102,6 +102,14 @@ class CupArm(ArmActor, CupMover):
     def _aim(self, pose: np.ndarray) -> None:
         self.controller.turn(product(turned(pose[2]), UPRIGHT)[None])
 
+    def remembered(self) -> np.ndarray:
+        """The commanded pose (3,): x [m], z [m], theta [rad]; joints have the cup's velocity."""
+        return self.commanded_pose
+
+    @property
+    def remembers(self) -> dict[str, int]:
+        return {"commanded x, z [m]": 2, "commanded theta [rad]": 1}
+
     def plan(self) -> None:
         self._filter.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
         self.servos.plan(self._follow)

@@ -9,7 +9,7 @@ from dm_control import composer
 
 from softgym_mj.entities.cup import Cup, overlap
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.robots.base import ActionSpace, Actor
+from softgym_mj.robots.base import SIM_STEP, ActionSpace, Actor
 from softgym_mj.robots.workspace import ToolStart
 
 # [m] The bottom of an upright cup lies exactly on the limit of the ground test; rounding must not
@@ -119,7 +119,7 @@ class CupMover(Actor):
 
     def place(self, pose: np.ndarray) -> None:
         """Starts an episode with the cup at a pose (x, z, theta)."""
-        self.cup.pose = pose
+        self.cup.pose = self._start = self._goal = pose
         self._rejected = 0
 
     def command(self, action: np.ndarray) -> None:
@@ -150,11 +150,21 @@ class CupMover(Actor):
     def senses(self) -> dict[str, int]:
         return {"cup x, z [m]": 2, "cup theta [rad]": 1}
 
+    def remembered(self) -> np.ndarray:
+        """Velocity of the cup (3,) in the last sim step, which the water goes on with."""
+        return (self._goal - self._start) / SIM_STEP
+
+    @property
+    def remembers(self) -> dict[str, int]:
+        return {"cup velocity along x, z [m/s]": 2, "cup velocity of theta [rad/s]": 1}
+
     def diagnostics(self) -> dict[str, float | int]:
         return {"rejected_moves": self._rejected}
 
     def get_state(self) -> dict[str, np.ndarray]:
-        return {"rejected": np.array(self._rejected)}
+        way = np.array([self._start, self._goal])
+        return {"rejected": np.array(self._rejected), "way": way}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         self._rejected = int(state["rejected"])
+        self._start, self._goal = state["way"].copy()

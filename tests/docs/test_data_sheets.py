@@ -7,7 +7,7 @@ import softgym_mj
 from softgym_mj.robots.models import ARMS
 from tools import data_sheets, sheet_entries
 
-STATES = ("full", "reduced", "proprioception")
+STATES = ("full", "reduced", "markov", "proprioception")
 CASES = [
     *((task, {}) for task in softgym_mj.TASKS),
     ("straighten_rope", {"actor": "sawyer", "arms": 1}),
@@ -36,6 +36,7 @@ def test_entries_of_the_states_add_up(name, settings):
     spec, task = env.observation_spec(), env.task
     for observation, entries in (
         ("reduced", sheet_entries.reduced_entries(task)),
+        ("markov", sheet_entries.reduced_entries(task) | task.actor.remembers),
         ("full", sheet_entries.full_entries(env)),
         ("proprioception", task.actor.senses),
     ):

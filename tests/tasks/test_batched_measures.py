@@ -9,6 +9,7 @@ import torch
 
 import softgym_mj
 from softgym_mj.tasks import Episode, State
+from softgym_mj.tasks.shared.observations import STATES
 
 VARIATIONS, SAMPLES = (800, 807, 813, 999), 16  # Of four sizes; 64 states.
 NOISE = {"water": 0.4}  # [m] By which the points of a state are moved; others by
@@ -57,7 +58,9 @@ def flattened(measured) -> dict[str, Any]:
 def measured(task, state: State, episode: Episode) -> dict[str, Any]:
     measures = task.measure(state, episode)
     further = task.reduced(state, episode) | task.quality(state, episode, measures)
-    return flattened((measures, task.bounds(episode), further))
+    names = ("reduced", "markov", "proprioception")
+    seen = {name: STATES[name].value(task, state, episode) for name in names}
+    return flattened((measures, task.bounds(episode), further | seen))
 
 
 @pytest.mark.parametrize("task", softgym_mj.TASKS)

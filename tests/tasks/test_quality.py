@@ -18,7 +18,8 @@ def laid(points: np.ndarray, cloth: Cloth, folded: bool, away=(0.0, 0.0), turn=T
     """The quality of a cloth whose place is at the origin."""
     goal = quality.outline(cloth.particles(cloth.flat(angle=turn)), folded)
     points = points + [*away, 0.0]
-    state = State({"cloth": points}, {"cloth": np.ones(len(points), bool)}, {}, np.zeros(0))
+    none = np.zeros(0)
+    state = State({"cloth": points}, {"cloth": np.ones(len(points), bool)}, {}, none, none)
     episode = Episode(0, {}, {"cloth": cloth.arrays}, {"outline": goal}, 0.0)
     return {name: float(v) for name, v in quality.laying(state, episode, folded).items()}
 

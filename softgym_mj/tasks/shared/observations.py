@@ -53,6 +53,12 @@ def reduced(task: Any, state: State, episode: Episode) -> Array:
     return _joined([*task.reduced(state, episode).values(), *_sensed(task, state)], lead)
 
 
+def markov(task: Any, state: State, episode: Episode) -> Array:
+    """The numbers of `reduced`, then what else decides on the actor's next steps: (..., n)."""
+    seen = reduced(task, state, episode)
+    return namespace(seen).concat([seen, state.remembered], axis=-1)
+
+
 def _sensed(task: Any, state: State) -> list[Array]:
     return [state.sensed] if task.actor.ends_states else []
 
@@ -70,6 +76,11 @@ STATES = {
     ),
     "reduced": StateObservation(
         reduced, "the few numbers that describe the state, listed in the task's docstring"
+    ),
+    "markov": StateObservation(
+        markov,
+        "`reduced`, then what the actor remembers: what grippers hold, the velocity of a cup, "
+        "commands of arms",
     ),
     "full_mask": StateObservation(
         full_mask, "uint8, 1 for each point of `full` that exists and 0 for padding"

@@ -113,7 +113,8 @@ class Scene:
         if not self._present:
             self._present = {name: np.ones(len(array), bool) for name, array in points.items()}
         poses = {cup.mjcf_model.model: cup.whole_pose for cup in self.cups}
-        return State(points, self._present, poses, self._actor.proprioception())
+        actor = self._actor
+        return State(points, self._present, poses, actor.proprioception(), actor.remembered())
 
     def diagnostics(self, count_intersections: bool) -> dict[str, float | int]:
         """Scalars about the flexes, for info."""

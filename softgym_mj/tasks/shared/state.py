@@ -22,12 +22,14 @@ class State(NamedTuple):
         poses: (..., 8) of each cup by name: x, y, z [m], quaternion (w, x, y, z), and the angle
             about +Y [rad], which is known beyond half a turn.
         sensed: (..., k) what the actor senses of itself.
+        remembered: (..., m) what else decides on its next steps: grips, commands, a cup's velocity.
     """
 
     points: dict[str, Array]
     present: dict[str, Array]
     poses: dict[str, Array]
     sensed: Array
+    remembered: Array
 
     @classmethod
     def stack(cls, states: Sequence["State"]) -> "State":
