@@ -13,6 +13,7 @@ INFO = {
     "variation": "index of the variation",
     "physics_warnings": "MuJoCo's warnings in this episode",
     "max_edge_strain": "largest elongation of an edge, as a share of its length",
+    "episode_max_edge_strain": "largest `max_edge_strain` of the episode, its start included",
     "max_speed": "of the fastest vertex [m/s]; above 20 m/s a warning says so",
     "picks_held": "grippers that hold something",
     "dropped": "how often a gripper has let go in this episode",

@@ -64,8 +64,8 @@ class FlexGroup:
         return math.sqrt(float(max(squares)))
 
     def most_strained(self) -> float:
-        """Largest relative elongation of an edge."""
-        return max(float(np.max(flex.edge_strain())) for flex in self._flexes)
+        """Largest relative elongation of an edge; 0 without any."""
+        return max((float(np.max(flex.edge_strain())) for flex in self._flexes), default=0.0)
 
     def offsets(self, point: np.ndarray) -> np.ndarray:
         """Vertex positions (..., num_points, 3) [m] relative to points (..., 3)."""

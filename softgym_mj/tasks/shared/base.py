@@ -286,6 +286,7 @@ class Task(composer.Task, abc.ABC):
         self.actor.begin(self.tool_start(points), self.flexes.points())
         self._episode = self._new_episode(points)
         self.show(self._episode.goal)
+        self.scene.note_strain(starts=True)
         self._measures = self._measured()
         initial = self._measures.performance
         self._episode = dataclasses.replace(self._episode, initial_performance=initial)
@@ -323,6 +324,7 @@ class Task(composer.Task, abc.ABC):
         self._driving.substep()
 
     def after_step(self, physics, random_state):
+        self.scene.note_strain()
         self._measures = self._measured()
 
     def action_spec(self, physics) -> specs.BoundedArray:
@@ -403,6 +405,7 @@ class Task(composer.Task, abc.ABC):
         return {
             "variation": self._variation,
             "initial_performance": self.episode.initial_performance,
+            "most_strained": self.scene.most_strained,
             "actor": self.actor.get_state(),
         }
 
@@ -410,5 +413,6 @@ class Task(composer.Task, abc.ABC):
         """Restores what `get_state` returned, after mjData has been restored; then measures."""
         initial = state["initial_performance"]
         self._episode = dataclasses.replace(self.episode, initial_performance=initial)
+        self.scene.most_strained = state["most_strained"]
         self.actor.set_state(state["actor"])
         self._measures = self._measured()

@@ -1,5 +1,6 @@
 """`Scene`: the objects of a task and what acts on them, in an arena."""
 
+import math
 import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -28,6 +29,8 @@ class Scene:
         materials: what deforms or flows, by model name.
         cups: that of the actor, then those that stand still.
         flexes: what grippers can hold: the vertices of all flexes, numbered on in their order.
+        most_strained: largest relative elongation of an edge at an end of an env step in this
+            episode, as `note_strain` finds it.
     """
 
     def __init__(
@@ -62,6 +65,7 @@ class Scene:
             if thing not in self.flexes.flexes:
                 self.arena.attach(thing)
         self._present: dict[str, np.ndarray] = {}
+        self.most_strained = 0.0
 
     @property
     def objects(self) -> tuple[Flex | Water | Cup, ...]:
@@ -116,6 +120,11 @@ class Scene:
         actor = self._actor
         return State(points, self._present, poses, actor.proprioception(), actor.remembered())
 
+    def note_strain(self, starts: bool = False) -> None:
+        """Keeps the largest strain of an episode, which may have just started."""
+        before = -math.inf if starts else self.most_strained
+        self.most_strained = max(before, self.flexes.most_strained())
+
     def diagnostics(self, count_intersections: bool) -> dict[str, float | int]:
         """Scalars about the flexes, for info."""
         if not self.flexes.flexes:
@@ -127,7 +136,11 @@ class Scene:
                 "something pulls or presses harder than the object can stand",
                 stacklevel=2,
             )
-        found = {"max_edge_strain": self.flexes.most_strained(), "max_speed": speed}
+        found = {
+            "max_edge_strain": self.flexes.most_strained(),
+            "episode_max_edge_strain": self.most_strained,
+            "max_speed": speed,
+        }
         if count_intersections:
             sheets = (flex for flex in self.flexes.flexes if isinstance(flex, Sheet))
             found["intersections"] = sum(sheet.intersections() for sheet in sheets)
