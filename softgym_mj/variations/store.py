@@ -21,6 +21,11 @@ CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"  # Overrides the cache folder.
 _MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])  # Results change between minors.
 
 _log = logging.getLogger(__name__)
+_NOTICE = (
+    "Variation %d of %s does not ship with softgym_mj in these settings and is simulated now, as "
+    "others will be when first used: most take tenths of a second, crumpled cloths seconds. They "
+    "are kept in %s; `softgym-mj generate TASK --jobs N` makes all 1000 at once."
+)
 
 
 def cache_folder() -> pathlib.Path:
@@ -56,7 +61,8 @@ class VariationStore(Store):
         if states is not None:
             return states[index].copy()
         if not self.has(index):
-            _log.info("generating variation %d of %s", index, self._start.name)
+            level = logging.WARNING if self.is_empty() else logging.INFO  # Shown the first time.
+            _log.log(level, _NOTICE, index, self._start.name, self.folder)
             self.put(index, self._start.generate(index))
         return self.get(index)
 

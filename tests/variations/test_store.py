@@ -19,6 +19,15 @@ def test_load_generates_once(store, initializer):
     assert first.dtype == np.float64
 
 
+def test_the_first_time_it_says_what_takes_long(store, caplog):
+    """In one line that a program shows which configures no log; then it is quiet."""
+    for index in (7, 7, 8):
+        store.load(index)
+    (shown,) = (record for record in caplog.records if record.levelname == "WARNING")
+    for part in ("Variation 7", "simulated now", str(store.folder), "softgym-mj generate"):
+        assert part in shown.getMessage()
+
+
 def test_load_reads_what_is_stored(store, initializer):
     store.put(7, np.full((2, 3), 0.5))
     np.testing.assert_array_equal(store.load(7), np.full((2, 3), 0.5))
