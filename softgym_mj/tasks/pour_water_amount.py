@@ -3,8 +3,10 @@
 Goal: a share t of the water in the target cup, uniform in 0.1..1 and marked by a red bar on the
 target's inner wall, about where the water will stand. The cup moves along X and Z, at most 0.01 m a
 sim step each, and turns about the middle of its floor, at most 0.015 rad a sim step; 100 env steps
-of 8 sim steps. A move that would put it into the ground or the target is rejected as a whole; info
-counts these (`rejected_moves` of the env step's sim steps).
+of 8 sim steps, as in PourWater, so that its policies fit; SoftGym's code, by a call too many, lets
+16 pass and the cup move at half the speed (facts 5, row 49). A move that would put it into the
+ground or the target is rejected as a whole; info counts these (`rejected_moves` of the env step's
+sim steps).
 
 Reward = performance: -|floor(N t) - N_poured| / N, N particles, of which those count as poured that
 are in the target's box and not in the cup's. The cup's box turns with it, where SoftGym's stays
