@@ -5,7 +5,6 @@ import re
 import runpy
 import sys
 import types
-import warnings
 
 import gymnasium
 import imageio.v3 as imageio
@@ -13,7 +12,6 @@ import minari
 import numpy as np
 import pytest
 import torch
-from stable_baselines3.common.env_checker import check_env
 
 PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "recipes.md").read_text()
 # Blocks by the heading above them.
@@ -127,14 +125,6 @@ def test_sb3_states(run):
     model = run("Stable-Baselines3: states").model
     assert model.num_timesteps == 200 and model._n_updates >= 98
     assert [episode["l"] for episode in model.ep_info_buffer] == [HORIZON] * 2
-
-
-@pytest.mark.parametrize("observation", ["reduced", "rgb", ["reduced", "rgb"]])
-def test_sb3_has_nothing_to_say(observation):
-    env = gymnasium.make(IDENTIFIER, observation=observation, image_size=(64, 64))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(env)
 
 
 def test_sb3_images(run):
