@@ -55,7 +55,7 @@ class Environment(composer.Environment):
         horizon: env steps in an episode.
         variations: variation indices that `reset` draws from.
         started: the variation that was last started; None before the first reset.
-        step_count: env steps since reset.
+        step_count: env steps since reset, or as many as are to count.
     """
 
     def __init__(

@@ -184,6 +184,10 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         info = self.dm_env.info()
         return observation, float(timestep.reward), terminated, ended and not terminated, info
 
+    def shorten(self, share: float) -> None:
+        """Has the episode that has started end earlier, by a share of the horizon below 1."""
+        self.dm_env.step_count += int(share * self.horizon)
+
     def render(self) -> np.ndarray | None:
         """An image (height, width, 3) uint8 or depths (height, width) float32 [m]; else None."""
         self._check_open()

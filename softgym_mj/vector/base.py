@@ -14,6 +14,7 @@ from gymnasium.vector.utils import batch_space, iterate
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import check_options, draw_variation
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
+from softgym_mj.kinds import check_kind
 from softgym_mj.registry import HorizonSpec
 from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.variations.indices import check_variation
@@ -79,7 +80,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             seed: of the first environment, the next has one more, or a sequence of all seeds.
             options: of `SoftGymEnv.reset`, for all; a "variation" can also be a sequence of one for
                 each environment, a "state" always is. "reset_mask" (num_envs,) bool: who is to be
-                reset.
+                reset. "stagger" True: these episodes alone end earlier, that of environment i by i
+                of `num_envs` parts, so that later ones do not all end in the same step.
 
         Returns:
             Observations and infos of all, arrays by name.
@@ -89,21 +91,32 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """
         options = dict(options or {})
         mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
+        stagger = options.pop("stagger", False)
+        check_kind("stagger", stagger, bool)
         check_options(seed, options)
         if "state" in options:
             states = _states_of_each(options["state"], self.num_envs)
             return self._run(self._restore, mask, states)
         seeds = _seed_of_each(seed, self.num_envs)
         variations = _variations_of_each(options.get("variation"), self.num_envs)
-        return self._run(self._reset, mask, seeds, variations)
+        return self._run(self._reset, mask, seeds, variations, stagger)
 
-    def _reset(self, mask: np.ndarray, seeds: list[int | None], variations: list[int | None]):
+    def _reset(
+        self,
+        mask: np.ndarray,
+        seeds: list[int | None],
+        variations: list[int | None],
+        stagger: bool,
+    ):
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
                 self._generators[i], _ = np_random(seeds[i])
         drawn = self._draw(mask & [variation is None for variation in variations])
         given = {i: v for i, v in enumerate(variations) if mask[i] and v is not None}
         self.backend.reset(given | drawn)
+        if stagger:
+            shares = mask * np.arange(self.num_envs) / self.num_envs
+            self.backend.call("shorten", [((share,), {}) for share in shares])
         return self.backend.observe(), self.backend.infos(mask)
 
     def _restore(self, mask: np.ndarray, states: Sequence[_State]):

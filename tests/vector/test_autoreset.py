@@ -9,6 +9,7 @@ from gymnasium.spaces import Box, Dict
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.processes import ProcessBackend
 from tests.vector.same import same
@@ -99,3 +100,20 @@ def test_an_error_leaves_the_others_where_they_are():
     np.testing.assert_array_equal(observations["b"][:, 1], np.array([2, 1, 2], "f") / 10)
     assert truncated.tolist() == [False, True, False] and not terminated.any()
     envs.close()
+
+
+def test_staggered_episodes():
+    """The first ones are shorter, the later ones whole; a snapshot knows it."""
+    make = functools.partial(SoftGymEnv, "straighten_rope", horizon=7)
+    envs, twin = (ours(make, AutoresetMode.SAME_STEP, num_workers=1) for _ in range(2))
+    envs.reset(seed=SEED, options={"stagger": True})
+    twin.reset(seed=SEED)
+    twin.set_state(envs.get_state())
+    ends = np.array([envs.step(np.zeros((NUM_ENVS, 8)))[3] for _ in range(15)])
+    expected = [[7, 14], [5, 12], [3, 10]]  # 7, less 0, 2 and 4 steps; then 7 each.
+    assert [(np.flatnonzero(column) + 1).tolist() for column in ends.T] == expected
+    again = np.array([twin.step(np.zeros((NUM_ENVS, 8)))[3] for _ in range(15)])
+    assert np.array_equal(ends, again)
+    with pytest.raises(InvalidArgumentError, match="stagger='yes'"):
+        envs.reset(options={"stagger": "yes"})
+    envs.close(), twin.close()

@@ -91,7 +91,9 @@ def test_bad_states(envs):
     ):
         with pytest.raises(SnapshotError, match=message):
             envs.set_state(bad)
-    with pytest.raises(InvalidArgumentError, match=r"seed=\[7, 8, 9\] is refused.*None, as the state"):
+    with pytest.raises(
+        InvalidArgumentError, match=r"seed=\[7, 8, 9\] is refused.*None, as the state"
+    ):
         envs.reset(seed=[7, 8, 9], options={"state": states})
 
 
