@@ -23,6 +23,7 @@ _PATIENCE = 5.0
 # [s] After which a waiting thread looks for signals: one that comes just before it goes to sleep
 # does not wake it.
 _GLANCE = 0.5
+_STARTING = threading.Lock()  # Of a thread that starts processes.
 
 
 class WorkerPool:
@@ -134,11 +135,12 @@ def _unknown_main() -> Iterator[None]:
     What they need of it is pickled by value. So scripts need no `if __name__ == "__main__":`, those
     without a file (stdin) work, and nobody waits for what else a script imports.
     """
-    main, sys.modules["__main__"] = sys.modules["__main__"], types.ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
+    with _STARTING:
+        main, sys.modules["__main__"] = sys.modules["__main__"], types.ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
 
 
 def _waited(result: queue.SimpleQueue) -> Any:

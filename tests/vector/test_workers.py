@@ -12,6 +12,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.vector import pool as vector_pool
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.processes import ProcessBackend
 
@@ -140,3 +141,24 @@ def test_an_interactive_session(tmp_path):
         [sys.executable, "-i", "-q"], input=code, capture_output=True, text=True, check=False
     )
     assert done.stdout == "(2, 36)\n" and "Error" not in done.stderr
+
+
+def test_threads_that_start_workers_at_once_leave_the_script_alone():
+    """One that comes second and leaves last would put the other's stand-in back."""
+    main = sys.modules["__main__"]
+    entered, second, left = (threading.Event() for _ in range(3))
+
+    def start():
+        entered.wait()
+        with vector_pool._unknown_main():
+            second.set()
+            left.wait()
+
+    thread = threading.Thread(target=start)
+    thread.start()
+    with vector_pool._unknown_main():
+        entered.set()
+        second.wait(0.2)
+    left.set()
+    thread.join()
+    assert sys.modules["__main__"] is main
