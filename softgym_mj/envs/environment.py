@@ -247,7 +247,8 @@ class Environment(composer.Environment):
         size = (mujoco.mj_stateSize(self._model, _STATE),)
         if snapshot.physics.shape != size or not np.isfinite(snapshot.physics).all():
             raise ValueError(f"physics is expected to be {size} finite numbers")
-        check_kind("initial_performance", state["initial_performance"], float)
+        for name in ("initial_performance", "most_strained"):
+            check_kind(name, state[name], float)
         check_kind("actor", state["actor"], Mapping[str, np.ndarray])
         found, expected = (
             {name: (a.shape, a.dtype.kind) for name, a in actor.items()}
