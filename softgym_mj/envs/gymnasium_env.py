@@ -22,8 +22,10 @@ from softgym_mj.exceptions import (
     check_image_size,
     check_name,
 )
+from softgym_mj.kinds import check_kind
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 
+_SHOWN = 60  # Characters of a wrong state in a message.
 _OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera")
 # Attributes that a copy has besides the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
@@ -41,6 +43,27 @@ def check_options(seed: object, options: Mapping[str, Any]) -> None:
         for name, value in (("seed", seed), ("variation", options.get("variation"))):
             if value is not None:
                 raise InvalidArgumentError(name, value, "None, as the state has its own")
+
+
+def checked_state(state: Any) -> tuple[Snapshot, Mapping[str, Any]]:
+    """A snapshot with the state of a generator.
+
+    Raises:
+        SnapshotError: for anything else.
+    """
+    try:
+        snapshot, generator = state
+        np.random.PCG64().state = generator
+        check_kind("snapshot", snapshot, Snapshot)
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
+        reason = f"expected what `get_state` returned, not {brief(state)}"
+        raise SnapshotError(reason) from error
+    return snapshot, generator
+
+
+def brief(value: object) -> str:
+    """What something is, in few characters: a state has thousands."""
+    return f"{type(value).__name__} {repr(value)[:_SHOWN]}"
 
 
 def draw_variation(generator: np.random.Generator, variations: Sequence[int]) -> int:
@@ -220,9 +243,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             SnapshotError: if it is of another task or other settings, or none.
         """
         self._check_open()
-        if not (isinstance(state, tuple) and len(state) == 2):
-            raise SnapshotError(f"expected what `get_state` returned, not {state!r}")
-        snapshot, generator = state
+        snapshot, generator = checked_state(state)
         self.dm_env.set_state(snapshot)
         self.np_random.bit_generator.state = generator
         self._running = not snapshot.ended

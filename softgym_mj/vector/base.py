@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, iterate
 
 from softgym_mj.envs.environment import Snapshot
-from softgym_mj.envs.gymnasium_env import check_options, draw_variation
+from softgym_mj.envs.gymnasium_env import brief, check_options, checked_state, draw_variation
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
 from softgym_mj.kinds import check_kind
 from softgym_mj.registry import HorizonSpec
@@ -20,7 +20,6 @@ from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
 
-_SHOWN = 60  # Characters of a wrong state in a message.
 _State = tuple[Snapshot, Mapping[str, Any]]  # With the state of the generator.
 
 
@@ -310,7 +309,7 @@ def _variations_of_each(variation: Any, number: int) -> list[int | None]:
     return [check_variation(index) for index in variation]
 
 
-def _states_of_each(states: Any, number: int) -> Sequence[_State]:
+def _states_of_each(states: Any, number: int) -> list[_State]:
     """The states themselves.
 
     Raises:
@@ -318,15 +317,6 @@ def _states_of_each(states: Any, number: int) -> Sequence[_State]:
     """
     if not isinstance(states, Sequence) or len(states) != number:
         raise SnapshotError(
-            f"expected the states of all {number} environments, not {_brief(states)}"
+            f"expected the states of all {number} environments, not {brief(states)}"
         )
-    for state in states:
-        whole = isinstance(state, tuple) and len(state) == 2 and isinstance(state[0], Snapshot)
-        if not whole:
-            raise SnapshotError(f"expected what `get_state` returned, not {_brief(state)}")
-    return states
-
-
-def _brief(value: object) -> str:
-    """What something is, in few characters: a state has thousands."""
-    return f"{type(value).__name__} {repr(value)[:_SHOWN]}"
+    return [checked_state(state) for state in states]

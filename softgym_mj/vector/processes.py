@@ -14,6 +14,7 @@ from gymnasium.vector.utils import create_shared_memory, read_from_shared_memory
 
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.jobs.executors import MOST_PROCESSES
 from softgym_mj.vector.backend import Backend
 from softgym_mj.vector.pool import WorkerPool
 from softgym_mj.vector.worker import OUTCOME
@@ -21,6 +22,8 @@ from softgym_mj.vector.worker import OUTCOME
 # What a fork server imports once for all workers, most of what they need: no OpenGL, which does not
 # survive a fork.
 _PRELOADED = ["softgym_mj.vector.worker", "softgym_mj.metrics", "mujoco"]
+
+MOST_ENVIRONMENTS = 10_000  # Each takes 20 MiB and more.
 
 
 class ProcessBackend(Backend):
@@ -45,10 +48,10 @@ class ProcessBackend(Backend):
         Raises:
             InvalidArgumentError: for a bad argument.
         """
-        self.num_envs = check_count("num_envs", num_envs, 1)
+        self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         if num_workers is None:
             num_workers = min(num_envs, _num_cores())
-        self.num_workers = check_count("num_workers", num_workers, 1, num_envs)
+        self.num_workers = check_count("num_workers", num_workers, 1, min(num_envs, MOST_PROCESSES))
         known = multiprocessing.get_all_start_methods()
         if context is None:
             context = "forkserver" if "forkserver" in known else "spawn"
