@@ -1,5 +1,6 @@
 #include "attributes.h"
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <cstdio>
@@ -8,6 +9,11 @@
 #include <mujoco/mjplugin.h>
 
 namespace softgym_mj {
+namespace {
+
+constexpr size_t kMostQuoted = 60;  // [bytes] Of a value that is not valid.
+
+}  // namespace
 
 bool AttributeReader::Numbers(const char* name, double* out, int n, double low, double high, bool whole) {
   const char* text = Text(name);
@@ -89,9 +95,12 @@ const char* AttributeReader::Text(const char* name) const {
 }
 
 void AttributeReader::Fail(const char* name, const std::string& value, const std::string& valid) {
-  if (error_.empty()) {
-    error_ = std::string("attribute ") + name + "=\"" + value + "\" is not valid: expected " + valid + ".";
-  }
+  if (!error_.empty()) return;
+  // What is valid has to fit into MuJoCo's message. Not cut in the middle of a character of UTF-8.
+  size_t size = std::min(value.size(), kMostQuoted);
+  while (size < value.size() && (value[size] & 0xc0) == 0x80) --size;
+  const std::string quoted = value.substr(0, size) + (size < value.size() ? "..." : "");
+  error_ = std::string("attribute ") + name + "=\"" + quoted + "\" is not valid: expected " + valid + ".";
 }
 
 std::string RawAttributes(const mjModel* m, int instance) {

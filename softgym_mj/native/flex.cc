@@ -1,8 +1,7 @@
 #include "flex.h"
 
-#include <cmath>
-
 #include "pose.h"
+#include "reset.h"
 
 namespace softgym_mj {
 namespace {
@@ -55,7 +54,6 @@ bool FindVertices(const mjModel* m, const mjData* d, std::vector<mjtNum>* positi
   positions->resize(3 * m->nflexvert);
   int last_parent = -1, last_body = -1;
   Pose parent = {}, pose = {};
-  double sum = 0;
   for (int f = 0; f < m->nflex; ++f) {
     for (int v = m->flex_vertadr[f]; v < m->flex_vertadr[f] + m->flex_vertnum[f]; ++v) {
       const int body = m->flex_vertbodyid[v];
@@ -78,10 +76,9 @@ bool FindVertices(const mjModel* m, const mjData* d, std::vector<mjtNum>* positi
         mju_rotVecQuat(offset, m->flex_vert + 3 * v, pose.quaternion);
         mju_addTo3(position, offset);
       }
-      sum += position[0] + position[1] + position[2];
     }
   }
-  return std::isfinite(sum);
+  return AreSane(positions->data(), static_cast<int>(positions->size()));
 }
 
 }  // namespace softgym_mj

@@ -22,7 +22,7 @@ struct FlexElement {
 std::string CollectFlexes(const mjModel* m, std::vector<FlexElement>* elements);
 
 // World positions (nflexvert, 3) of the vertices from qpos and mocap_pos: see BodyPose. False if one
-// is not finite.
+// is not finite, or huge: see `AreSane`.
 bool FindVertices(const mjModel* m, const mjData* d, std::vector<mjtNum>* positions);
 
 }  // namespace softgym_mj

@@ -1,6 +1,6 @@
 #include "pose.h"
 
-#include <cmath>
+#include "reset.h"
 
 namespace softgym_mj {
 
@@ -62,11 +62,6 @@ Pose GeomPose(const mjModel* m, int geom, const Pose& body) {
   return pose;
 }
 
-bool IsFinite(const Pose& pose) {
-  double sum = 0;
-  for (double x : pose.position) sum += x;
-  for (double x : pose.quaternion) sum += x;
-  return std::isfinite(sum);
-}
+bool IsSane(const Pose& pose) { return AreSane(pose.position, 3) && AreSane(pose.quaternion, 4); }
 
 }  // namespace softgym_mj

@@ -25,8 +25,8 @@ Pose BodyPose(const mjModel* m, const mjData* d, int body);
 // World pose of a geom, given that of its body.
 Pose GeomPose(const mjModel* m, int geom, const Pose& body);
 
-// Whether all seven numbers are finite.
-bool IsFinite(const Pose& pose);
+// Whether all seven numbers are finite and none is huge: see `AreSane`.
+bool IsSane(const Pose& pose);
 
 }  // namespace softgym_mj
 

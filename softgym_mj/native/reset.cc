@@ -32,6 +32,8 @@ bool AreSane(const mjtNum* numbers, int count) {
 void Restart(const mjModel* m, mjData* d) {
   if (m->opt.disableflags & mjDSBL_AUTORESET) return;
   std::vector<mjtNum> state(mj_stateSize(m, mjSTATE_INTEGRATION));
+  // MuJoCo ends the process where it has no memory for an mjData: fails here if that is to come.
+  ::operator delete(::operator new(d->nbuffer + d->narena));
   restarting = true;
   mjData* fresh = mj_makeData(m);
   restarting = false;

@@ -17,7 +17,7 @@ constexpr double kTouching = 0.1;
 void AddDrag(const Mesh& mesh, const Start& start, double timestep, std::vector<double>* acceleration) {
   for (const Mesh::Triangle& triangle : mesh.triangles) {
     const Material& material = mesh.materials[mesh.part[triangle.vertex[0]]];
-    if (material.drag <= 0) continue;
+    if (material.drag <= 0 || !(triangle.area > 0)) continue;
     Vector x[3], v = {0, 0, 0}, a = {0, 0, 0};
     for (int k = 0; k < 3; ++k) {
       x[k] = FromArray(&start.position[3 * triangle.vertex[k]]);

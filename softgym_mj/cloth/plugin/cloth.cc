@@ -12,6 +12,7 @@
 #include "cloth/plugin/state.h"
 #include "cloth/plugin/workspace.h"
 #include "native/attributes.h"
+#include "native/limits.h"
 #include "native/reset.h"
 
 namespace softgym_mj::cloth {
@@ -21,20 +22,29 @@ constexpr const char* kAttributes[] = {
     "stretch",    "shear",   "bend",        "stretch_damping", "bend_damping", "friction",          "drag",
     "added_mass", "contype", "conaffinity", "substeps",        "sweeps",       "contact_stiffness", "contact_damping"};
 
+// Of those that lead. Called by the compiler, before it knows the flexes but for their sizes.
+int NumState(const mjModel* m, int instance) {
+  if (!Leads(m, instance)) return 0;
+  char reason[kReasonSize];
+  std::snprintf(reason, kReasonSize, "%s", kNoMemory);
+  WithinMemory([&] { std::snprintf(reason, kReasonSize, "%s", CheckLimits(m).c_str()); });
+  if (*reason) Fail(m, instance, reason);
+  return StateSize(m);
+}
+
 // The compiler makes an mjData of every model, so what is wrong is found there.
 int Init(const mjModel* m, mjData* d, int instance) {
-  char reason[kReasonSize] = "";
+  char reason[kReasonSize];
+  std::snprintf(reason, kReasonSize, "%s", kNoMemory);
   d->plugin_data[instance] = 0;
   if (!Leads(m, instance)) return 0;
-  bool failed;
-  {
+  const bool tried = WithinMemory([&] {
     auto workspace = std::make_unique<Workspace>();
     const std::string error = Open(m, instance, workspace.get());
+    if (error.empty() || IsRestarting()) SetWorkspace(d, std::move(workspace));
     std::snprintf(reason, kReasonSize, "%s", error.c_str());
-    failed = !error.empty() && !IsRestarting();
-    if (!failed) SetWorkspace(d, std::move(workspace));
-  }
-  if (failed) Fail(m, instance, reason);
+  });
+  if ((!tried || *reason) && !IsRestarting()) Fail(m, instance, reason);
   return 0;
 }
 
@@ -42,9 +52,12 @@ int Init(const mjModel* m, mjData* d, int instance) {
 void Compute(const mjModel* m, mjData* d, int instance, int) {
   Workspace* w = Leads(m, instance) ? FindWorkspace(d) : nullptr;
   if (!w) return;
-  w->qpos.assign(d->qpos, d->qpos + m->nq);
-  w->qvel.assign(d->qvel, d->qvel + m->nv);
-  w->advanced = false;
+  w->advanced = true;
+  Guard(m, d, instance, [&] {
+    w->qpos.assign(d->qpos, d->qpos + m->nq);
+    w->qvel.assign(d->qvel, d->qvel + m->nv);
+    w->advanced = false;
+  });
 }
 
 void TryToAdvance(const mjModel* m, mjData* d, int instance) {
@@ -59,19 +72,25 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   }
   if (w->qvel.size() != static_cast<size_t>(m->nv)) return;  // There was no step yet.
   if (!Gather(m, d, w)) return;  // MuJoCo finds what is not finite and resets in the next step.
+  if (!IsSane(m, d, instance, w->mesh)) {
+    Warn(m, d, instance, "NaN, Inf or huge numbers in plugin_state.");
+    return Restart(m, d);
+  }
   HoldTied(m, d, w);
   FindPlanes(m, d, w);
   const Kept kept = StateOf(m, d, instance, w->mesh, w->start);
   mjtNum* sides = SidesOf(m, d, instance);
   w->solids.Start(m, d, w->mesh, w->start, w->qvel.data(), sides, w->solver.substep());
-  w->solver.Step(w->mesh, w->start, w->planes, &w->solids, kept, &w->motion);
+  if (!w->solver.Step(w->mesh, w->start, w->planes, &w->solids, kept, &w->motion)) {
+    Warn(m, d, instance, "too many vertices, edges and triangles are in one place: not all touch.", mjWARN_CONTACTFULL);
+  }
   Apply(d, *w, m->opt.timestep);
   w->solids.Apply(m, d, w->settings.substeps);
   w->solids.KeepSides(sides);
 }
 
 void Advance(const mjModel* m, mjData* d, int instance) {
-  if (!WithinMemory([&] { TryToAdvance(m, d, instance); })) Warn(m, d, instance, kNoMemory);
+  Guard(m, d, instance, [&] { TryToAdvance(m, d, instance); });
 }
 
 }  // namespace
@@ -88,13 +107,12 @@ void RegisterCloth() {
   plugin.nattribute = sizeof(kAttributes) / sizeof(kAttributes[0]);
   plugin.attributes = kAttributes;
   plugin.capabilityflags = mjPLUGIN_PASSIVE;
-  // Of those that lead, but tables that tell so may not be filled yet.
-  plugin.nstate = [](const mjModel* m, int instance) { return Leads(m, instance) ? StateSize(m) : 0; };
+  plugin.nstate = NumState;
   plugin.init = Init;
   plugin.destroy = [](mjData* d, int) { SetWorkspace(d, nullptr); };
-  plugin.copy = [](mjData* to, const mjModel*, const mjData* from, int) {
+  plugin.copy = [](mjData* to, const mjModel* m, const mjData* from, int instance) {
     Workspace *into = FindWorkspace(to), *out_of = FindWorkspace(from);
-    if (into && out_of) into->Keep(*out_of);
+    if (into && out_of) Guard(m, to, instance, [&] { into->Keep(*out_of); });
   };
   plugin.reset = [](const mjModel* m, mjtNum* state, void*, int instance) {
     std::fill(state, state + m->plugin_statenum[instance], 0.0);

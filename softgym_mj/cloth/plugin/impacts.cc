@@ -62,6 +62,12 @@ int Root(std::vector<int>* parent, int v) {
 
 }  // namespace
 
+bool Impacts::AreOne(const Pair& pair) {
+  bool one = !zone_.empty();
+  for (int k = 1; one && k < 4; ++k) one = Root(&zone_, pair.vertex[0]) == Root(&zone_, pair.vertex[k]);
+  return one;
+}
+
 int Impacts::Prevent(const ClothKernels& kernels, const std::vector<Pair>& pairs, Zones zones, Motion* motion) {
   const int count = static_cast<int>(motion->mass.size());
   zone_.clear();
@@ -78,7 +84,7 @@ int Impacts::Prevent(const ClothKernels& kernels, const std::vector<Pair>& pairs
     bool found = false;
     for (int i = 0; i < approaching; ++i) {
       const Pair& pair = pairs[near_[i]];
-      if (pair.distance < kPast || !Meets(pair, *motion)) continue;
+      if (pair.distance < kPast || AreOne(pair) || !Meets(pair, *motion)) continue;
       if (zone_.empty()) {
         zone_.resize(count);
         std::iota(zone_.begin(), zone_.end(), 0);

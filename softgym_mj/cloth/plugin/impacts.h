@@ -31,6 +31,9 @@ class Impacts {
   int Prevent(const ClothKernels& kernels, const std::vector<Pair>& pairs, Zones zones, Motion* motion);
 
  private:
+  // Whether a pair's vertices are in one zone: there is nothing to find out about them.
+  bool AreOne(const Pair& pair);
+
   std::vector<int> zone_, near_;
   std::vector<double> sum_;  // Of each zone.
   AlignedFloats move_;

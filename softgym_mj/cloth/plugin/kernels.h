@@ -178,8 +178,9 @@ struct ClothKernels {
   void (*WarmSolid)(const Points&, SolidBlock*, int count, Rigid*, float share);
   // Fills boxes of eight items: those of the corners' boxes (low and high, four floats a vertex each).
   void (*BoundItems)(const float* low, const float* high, const int* corners, Boxes* out);
-  // Pairs of places of items whose boxes overlap and that share no corner; -1 if there are more than `capacity`.
-  int (*Overlap)(const BoxTree& a, const BoxTree& b, bool same, int* out, int capacity);
+  // Pairs of places of items whose boxes overlap and that share no corner: those that come first if there may be more
+  // than `capacity`, in which case it is `full`.
+  int (*Overlap)(const BoxTree& a, const BoxTree& b, bool same, int* out, int capacity, bool* full);
   // Writes the pairs that may touch; returns their number. There is room for `count`.
   int (*FilterTriangles)(const Scene&, const int* pairs, int count, Pair* out);
   int (*FilterEdges)(const Scene&, const int* pairs, int count, Pair* out);

@@ -1,6 +1,7 @@
 // What layers keep from step to step, and the state in which their rows start.
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -15,10 +16,12 @@ double KeyOf(const Mesh& mesh, const Pair& pair) {
   return 1.0 + static_cast<double>(pair.first) * mesh.triangles.size() + pair.second;
 }
 
-// Number of the first of a pair among all vertices and edges.
+// Number of the first of a pair among all vertices and edges; -1 of a number that is no key, as a state may hold any.
 int FirstOf(const Mesh& mesh, double key) {
-  if (key > 0) return static_cast<int>((key - 1) / mesh.triangles.size());
-  return mesh.NumVertices() + static_cast<int>((-key - 1) / mesh.edges.size());
+  const bool edges = key < 0;
+  const double first = (std::fabs(key) - 1) / (edges ? mesh.edges.size() : mesh.triangles.size());
+  if (!(first >= 0 && first < (edges ? mesh.edges.size() : mesh.NumVertices()))) return -1;
+  return (edges ? mesh.NumVertices() : 0) + static_cast<int>(first);
 }
 
 }  // namespace
@@ -27,8 +30,8 @@ void Layers::Start(const Mesh& mesh, const double* position, const double* after
   head_.assign(mesh.NumVertices() + mesh.edges.size(), -1);
   next_.resize(size);
   for (int i = 0; i < size && after[4 * i] != 0; ++i) {
-    int* head = &head_[FirstOf(mesh, after[4 * i])];
-    next_[i] = std::exchange(*head, i);
+    const int first = FirstOf(mesh, after[4 * i]);
+    if (first >= 0) next_[i] = std::exchange(head_[first], i);
   }
   for (size_t i = 0; i < order_.size(); ++i) {
     LayerBlock& block = blocks[i / kBlock];

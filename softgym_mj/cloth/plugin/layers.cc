@@ -20,6 +20,14 @@ constexpr int kNextPieces = 2;
 constexpr int kBetweenEnds = 15;  // Region of two edges whose nearest points are not at their ends.
 // Pairs that are apart by more than this share of the thickness do not push for now.
 constexpr float kNotYet = 0.01f;
+// Vertices that lie in one place, or fly apart at any speed, make pairs of all with all: of 64 x 64 vertices a hundred
+// million. Boxes that overlap are looked at up to this number, 8 bytes each. Pairs that may touch are kept up to
+// kMostPairs or, of larger cloth, to kMostOfVertex for each vertex on average, several times as many as in a heap: each
+// takes some 200 bytes, and up to eight times that if a vertex has more than 256 of them, as rows that share it fill a
+// block each.
+constexpr size_t kMostOverlaps = 1 << 24;
+constexpr size_t kMostPairs = 1 << 18, kMostOfVertex = 64;
+constexpr int kChunk = 1 << 12;  // Candidates that are filtered at once: whole blocks.
 
 // Bits of three coordinates in turn: near items get near numbers.
 std::uint64_t Morton(const double* x, const double* low, double size) {
@@ -145,18 +153,21 @@ bool Layers::Covers(const AlignedFloats& position, const AlignedFloats& move) co
   return true;
 }
 
-void Layers::Collect(Tree* a, Tree* b, bool same, std::vector<int>* out) {
-  if (a->items.empty() || b->items.empty()) return out->clear();
-  out->resize(std::max<size_t>(out->capacity(), 1 << 12));
-  int count;
-  while ((count = kernels_->Overlap(a->View(), b->View(), same, out->data(), static_cast<int>(out->size() / 2))) < 0) {
-    out->resize(2 * out->size());
+bool Layers::Collect(Tree* a, Tree* b, bool same, std::vector<int>* out) {
+  out->resize(std::clamp<size_t>(out->capacity(), 1 << 12, 2 * kMostOverlaps));
+  int count = 0;
+  bool full = false;
+  while (!a->items.empty() && !b->items.empty()) {
+    count = kernels_->Overlap(a->View(), b->View(), same, out->data(), static_cast<int>(out->size() / 2), &full);
+    if (!full || out->size() == 2 * kMostOverlaps) break;
+    out->resize(std::min(2 * out->size(), 2 * kMostOverlaps));
   }
   out->resize(2 * count);
   for (int i = 0; i < count; ++i) {
     (*out)[2 * i] = a->id[(*out)[2 * i]];
     (*out)[2 * i + 1] = b->id[(*out)[2 * i + 1]];
   }
+  return !full;
 }
 
 void Layers::FindCandidates(const AlignedFloats& position, const AlignedFloats& move) {
@@ -173,8 +184,22 @@ void Layers::FindCandidates(const AlignedFloats& position, const AlignedFloats& 
     high_[i] = std::max(a, b) + margin;
   }
   for (Tree* tree : {&vertices_, &triangles_, &edges_}) tree->Bound(*kernels_, low_.data(), high_.data());
-  Collect(&vertices_, &triangles_, false, &triangle_candidates_);
-  Collect(&edges_, &edges_, true, &edge_candidates_);
+  all_overlaps_ = Collect(&vertices_, &triangles_, false, &triangle_candidates_);
+  all_overlaps_ &= Collect(&edges_, &edges_, true, &edge_candidates_);
+  if (!all_overlaps_) low_.clear();  // Which ones there are depends on the boxes: they are not kept.
+}
+
+void Layers::Filter(const Scene& scene, const std::vector<int>& candidates,
+                    int (*filter)(const Scene&, const int*, int, Pair*)) {
+  const size_t most = std::max(kMostPairs, kMostOfVertex * owner_.size());
+  for (size_t first = 0; first < candidates.size() && found_.size() <= most; first += 2 * kChunk) {
+    const int count = static_cast<int>(std::min<size_t>(kChunk, (candidates.size() - first) / 2));
+    const size_t before = found_.size();
+    found_.resize(before + count);
+    found_.resize(before + filter(scene, &candidates[first], count, &found_[before]));
+  }
+  all_pairs_ &= found_.size() <= most;
+  if (found_.size() > most) found_.resize(most);
 }
 
 void Layers::FindNormals(const Mesh& mesh, const AlignedFloats& position) {
@@ -225,14 +250,12 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
                        mesh.thickness.data(),
                        static_cast<int>(mesh.flexes.size()),
                        kInterest};
-  const int triangles = static_cast<int>(triangle_candidates_.size() / 2);
-  const int edges = static_cast<int>(edge_candidates_.size() / 2);
-  found_.resize(triangles + edges);
-  int count = kernels_->FilterTriangles(scene, triangle_candidates_.data(), triangles, found_.data());
-  count += kernels_->FilterEdges(scene, edge_candidates_.data(), edges, found_.data() + count);
+  found_.clear();
+  all_pairs_ = all_overlaps_;
+  Filter(scene, triangle_candidates_, kernels_->FilterTriangles);
+  Filter(scene, edge_candidates_, kernels_->FilterEdges);
   FindNormals(mesh, position);
   pairs.clear();
-  found_.resize(count);
   const auto left_out = [&](const Pair& pair) {
     const bool counts = Counts(mesh, pair);
     if (counts) pairs.push_back(pair);

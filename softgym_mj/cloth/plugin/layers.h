@@ -39,6 +39,8 @@ class Layers {
   void Forget() { found_once_ = false; }
   // All pairs that were found, those too whose work others do: they are what must not pass through each other.
   const std::vector<Pair>& all() const { return found_; }
+  // Whether these are all there are: pairs are left out where too many vertices lie in one place or are too fast.
+  bool complete() const { return all_pairs_; }
   // Blocks of rows that are near.
   int num_near() const { return num_near_; }
   // Whether one of them, or a marked vertex, is at a vertex.
@@ -58,7 +60,10 @@ class Layers {
   std::vector<int> GroupRows(const Mesh& mesh, const std::vector<bool>& near);
   bool Covers(const AlignedFloats& position, const AlignedFloats& move) const;
   void FindCandidates(const AlignedFloats& position, const AlignedFloats& move);
-  void Collect(Tree* a, Tree* b, bool same, std::vector<int>* out);
+  // False if there are too many.
+  bool Collect(Tree* a, Tree* b, bool same, std::vector<int>* out);
+  void Filter(const Scene& scene, const std::vector<int>& candidates,
+              int (*filter)(const Scene&, const int*, int, Pair*));
   bool IsFlat(const Mesh::Edge& edge, const float* normal) const;
   bool AreCords(const Pair& pair) const { return cord_[pair.first] > 0 && cord_[pair.second] > 0; }
   bool Counts(const Mesh& mesh, const Pair& pair) const;
@@ -75,6 +80,7 @@ class Layers {
   AlignedFloats low_, high_;         // Boxes of the vertices that the candidates were found with.
   std::vector<int> triangle_candidates_, edge_candidates_;
   std::vector<Pair> found_;
+  bool all_overlaps_ = true, all_pairs_ = true;
   // What pairs and rows were last made of.
   AlignedFloats position_, move_;
   std::vector<float> inverse_mass_;

@@ -71,7 +71,8 @@ void AddTriangles(const mjModel* m, int flex, int first, Mesh* mesh) {
       if (place == 0) triangle.owned |= 1 << ((1 << k) | (1 << (k + 1) % 3));
     }
     triangle.area = Heron(side[0], side[1], side[2]);
-    for (int k = 0; k < 3; ++k) edges[triangle.edge[k] - first_edge].share += triangle.area / (side[k] * side[k]);
+    for (int k = 0; k < 3; ++k)
+      edges[triangle.edge[k] - first_edge].share += side[k] > 0 ? triangle.area / (side[k] * side[k]) : 0;
     mesh->triangles.push_back(triangle);
   }
 }
@@ -81,6 +82,8 @@ void AddHinges(const Material& material, int first_edge, Mesh* mesh) {
   for (size_t e = first_edge; e < mesh->edges.size(); ++e) {
     const Mesh::Edge& edge = mesh->edges[e];
     if (edge.triangle[1] < 0) continue;
+    const double area = std::min(mesh->triangles[edge.triangle[0]].area, mesh->triangles[edge.triangle[1]].area);
+    if (!(edge.length > 0 && area > 0)) continue;  // It has no side to bend to.
     Mesh::Hinge hinge = {{edge.vertex[0], edge.vertex[1], edge.opposite[0], edge.opposite[1]},
                          {0, 0, 0, 0},
                          kBend * material.bend / (edge.length * edge.length),
@@ -139,6 +142,7 @@ void AddChains(const Material& material, int first_edge, Mesh* mesh) {
     if (chain.edge[0] < first_edge) continue;
     for (size_t i = 1; i < chain.edge.size(); ++i) {
       const double a = mesh->edges[chain.edge[i - 1]].length, b = mesh->edges[chain.edge[i]].length;
+      if (!(a > 0 && b > 0)) continue;
       const double l = (a + b) / 2;
       // Of equal pieces 1, -2, 1.
       mesh->hinges.push_back({{chain.vertex[i - 1], chain.vertex[i], chain.vertex[i + 1], -1},
@@ -186,7 +190,7 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vecto
     for (const Mesh::Triangle& t : mesh.triangles) size += mesh.part[t.vertex[0]] == p ? t.area : 0;
     for (const Mesh::Edge& e : mesh.edges) size += mesh.part[e.vertex[0]] == p && e.triangle[0] < 0 ? e.length : 0;
     mesh.radius.push_back(m->flex_radius[f]);
-    mesh.density.push_back(mass / size);
+    mesh.density.push_back(size > 0 ? mass / size : 0);
   }
   for (int p = 0; p < count; ++p) {
     for (int q = 0; q < count; ++q) {

@@ -50,9 +50,9 @@ SGM_EXPORT double softgym_mj_cloth_holding_force(const mjModel* m, mjData* d, in
   int instance;
   const Workspace* w = FindWorkspace(m, d, &instance);
   if (!w || !HasState(m, d, instance)) return 0;
-  for (size_t p = 0; p < w->flexes.size(); ++p) {
-    const int first = m->flex_vertadr[w->flexes[p]];
-    if (vertex < first || vertex >= first + m->flex_vertnum[w->flexes[p]]) continue;
+  for (size_t p = 0; p < w->mesh.flexes.size(); ++p) {
+    const int flex = w->mesh.flexes[p], first = m->flex_vertadr[flex];
+    if (vertex < first || vertex >= first + m->flex_vertnum[flex]) continue;
     return StateOf(m, d, instance, w->mesh, w->start).holding_force[w->mesh.first[p] + vertex - first];
   }
   return 0;

@@ -70,8 +70,9 @@ inline int OverlapLeaves(const BoxTree& a, int leaf_a, const BoxTree& b, int lea
   return count;
 }
 
-inline int Overlap(const BoxTree& a, const BoxTree& b, bool same, int* out, int capacity) {
+inline int Overlap(const BoxTree& a, const BoxTree& b, bool same, int* out, int capacity, bool* full) {
   int count = 0;
+  *full = false;
   for (int node_a = 0; node_a < a.num_nodes; ++node_a) {
     const float* p = a.bounds + 6 * node_a;
     for (int node_b = same ? node_a : 0; node_b < b.num_nodes; ++node_b) {
@@ -86,7 +87,8 @@ inline int Overlap(const BoxTree& a, const BoxTree& b, bool same, int* out, int 
         if (same && node_a == node_b) bits &= ~0u << i;
         for (; bits; bits &= bits - 1) {
           const int leaf_b = kBlock * node_b + __builtin_ctz(bits);
-          if (count + kBlock * kBlock > capacity) return -1;
+          *full = count + kBlock * kBlock > capacity;
+          if (*full) return count;
           count += OverlapLeaves(a, leaf_a, b, leaf_b, same, out + 2 * count);
         }
       }

@@ -25,6 +25,10 @@ constexpr double kPointDistance = 0.0075;
 // point alone goes on turning about it, for most of what is thin.
 constexpr double kHasty = 0.1;
 constexpr int kMostPoints = 16;  // Along an edge.
+// In all, of which each takes 150 bytes, or eight times that where many share a vertex: a cloth of 40 x 40 vertices
+// that lies on twenty solids, fast.
+constexpr int kMostRows = 1 << 19;
+constexpr int kMostDofs = 2000;  // Of a tree whose inertia is to be inverted: 32 MB.
 
 Shape ShapeOf(int type) {
   switch (type) {
@@ -59,16 +63,18 @@ double Friction(const mjModel* m, int geom, int flex) {
 
 std::string CheckGeoms(const mjModel* m, const Mesh& mesh) {
   for (int g = 0; g < m->ngeom; ++g) {
-    const int type = m->geom_type[g];
-    if (type != mjGEOM_PLANE && ShapeOf(type) != Shape::kPlane) continue;
-    const bool still = m->body_treeid[m->geom_bodyid[g]] < 0;
-    if (type == mjGEOM_PLANE && still) continue;
+    const int type = m->geom_type[g], tree = m->body_treeid[m->geom_bodyid[g]];
+    const int dofs = tree < 0 ? 0 : m->tree_dofnum[tree];
+    if (type == mjGEOM_PLANE ? tree < 0 : ShapeOf(type) != Shape::kPlane && dofs <= kMostDofs) continue;
     for (size_t p = 0; p < mesh.flexes.size(); ++p) {
       if (!MayTouch(m, g, mesh, static_cast<int>(p))) continue;
       const char* name = mj_id2name(m, mjOBJ_GEOM, g);
       return "geom " + (name && *name ? "\"" + std::string(name) + "\"" : std::to_string(g)) +
-             " cannot touch a flex: expected a sphere, capsule, cylinder, ellipsoid, box or a plane that stands still, "
-             "or contype and conaffinity without a bit in common with the flex's.";
+             " cannot touch a flex: expected " +
+             (dofs > kMostDofs ? "a body whose tree has at most " + std::to_string(kMostDofs) +
+                                     " degrees of freedom instead of " + std::to_string(dofs)
+                               : "a sphere, capsule, cylinder, ellipsoid, box or a plane that stands still") +
+             ", or contype and conaffinity without a bit in common with the flex's.";
     }
   }
   return "";
@@ -104,6 +110,8 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
   fastest_ = fastest;
   const double radius = *std::max_element(mesh.radius.begin(), mesh.radius.end());
   size_t used = 0;
+  num_rows_ = 0;
+  complete_ = true;
   for (int g = 0; g < m->ngeom; ++g) {
     if (m->geom_type[g] == mjGEOM_PLANE) continue;
     bool touches = false;
@@ -142,6 +150,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     for (int k = 0; k < 3; ++k) active.view.pose[k] = static_cast<float>(centre[k]);
     for (int k = 0; k < 9; ++k) active.view.pose[3 + k] = static_cast<float>(active.matrix[k]);
     AddRows(mesh, &active, margin);
+    num_rows_ += active.points.size() + active.triangles.size();
     if (active.points.empty() && active.triangles.empty()) continue;
     MakeBlocks(mesh, active.points, &active, &active.point_order, &active.point_blocks);
     MakeBlocks(mesh, active.triangles, &active, &active.triangle_order, &active.triangle_blocks);
@@ -152,6 +161,13 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     ++used;
   }
   actives_.resize(used);
+}
+
+// Whether there is no room for more.
+bool Solids::IsFull(const Active& active) {
+  const bool full = num_rows_ + active.points.size() + active.triangles.size() >= kMostRows;
+  complete_ &= !full;
+  return full;
 }
 
 // Rows for all that may come nearer than `margin`.
@@ -193,16 +209,17 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
     return ((active->geom * elements + element) * kMostPoints + i) * kMostPoints + j;
   };
   for (int v = 0; v < dummy; ++v) {
-    if (touches[mesh.part[v]] && near(&v, 1)) active->points.push_back({{v, dummy, dummy}, {1, 0, 0}, key(v, 0, 0)});
+    if (touches[mesh.part[v]] && near(&v, 1) && !IsFull(*active))
+      active->points.push_back({{v, dummy, dummy}, {1, 0, 0}, key(v, 0, 0)});
   }
   const auto add = [&](const int* vertex, int corners, double longest, size_t element) {
-    if (!touches[mesh.part[vertex[0]]] || !near(vertex, corners)) return;
+    if (!touches[mesh.part[vertex[0]]] || !near(vertex, corners) || IsFull(*active)) return;
     const int second = vertex[1], third = corners == 3 ? vertex[2] : dummy;
     if (!active->small && fastest_ < kHasty) {
       active->triangles.push_back({{vertex[0], second, third}, {0, 0, 0}, 0});
       return;
     }
-    const int n = std::min(static_cast<int>(std::ceil(longest / kPointDistance)), kMostPoints);
+    const int n = static_cast<int>(std::min(std::ceil(longest / kPointDistance), double{kMostPoints}));
     for (int i = 0; i <= n; ++i) {
       for (int j = 0; i + j <= n; ++j) {
         const int k = n - i - j;

@@ -61,6 +61,8 @@ class Solids {
   // motion's end.
   void LiftOut(const Points& points, Motion* motion) const;
 
+  // Whether all rows were found: some are left out where too much is near too many solids.
+  bool complete() const { return complete_; }
   const std::vector<Contact>& contacts() const { return contacts_; }
   // Ends a step: bodies move, contacts are kept.
   void Apply(const mjModel* m, mjData* d, int substeps);
@@ -85,6 +87,7 @@ class Solids {
     Aligned<SolidBlock> point_blocks, triangle_blocks;
   };
 
+  bool IsFull(const Active& active);
   void AddRows(const Mesh& mesh, Active* active, double margin);
   float SideOf(double key) const;
   void MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* active, std::vector<int>* order,
@@ -100,6 +103,8 @@ class Solids {
   Levels levels_;
   bool touches_bodies_ = false, touches_light_ = false;
   std::vector<Contact> contacts_;
+  size_t num_rows_ = 0;  // Of geoms so far.
+  bool complete_ = true;
 };
 
 }  // namespace softgym_mj::cloth

@@ -137,9 +137,10 @@ void Solver::Substep(int substep, Solids* solids) {
   solids->Finish();
 }
 
-void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
+bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
                   const Kept& kept, Motion* motion) {
   FindLayers(mesh, start, *solids, kept);
+  const bool complete = layers_.complete() && solids->complete();
   search_interval_ = solids->fastest() * kSearchInterval > settings_.substeps * kSearchWay ? 1 : kSearchInterval;
   StartPoints(mesh, start);
   driven_.Start(start);
@@ -162,6 +163,7 @@ void Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
   chains_.Keep(points_, kept.after_edge);
   for (int v = 0; v < mesh.NumVertices(); ++v) kept.holding_force[v] = mju_norm3(&holding_forces_[3 * v]);
   Finish(mesh, start, solids, motion);
+  return complete && layers_.complete();
 }
 
 void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion) {

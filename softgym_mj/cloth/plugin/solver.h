@@ -32,8 +32,9 @@ class Solver {
   // To be called when the mesh, the settings or the time step [s] have changed.
   void Reset(const Mesh& mesh, const Settings& settings, double timestep);
 
-  // Moves the vertices by a step; `motion` holds their displacements and final velocities.
-  void Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
+  // Moves the vertices by a step; `motion` holds their displacements and final velocities. False if too much is in one
+  // place, so that not all of it touched.
+  bool Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
             const Kept& kept, Motion* motion);
 
   double substep() const { return h_; }

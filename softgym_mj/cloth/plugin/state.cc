@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "cloth/plugin/solids.h"
+#include "native/reset.h"
 
 namespace softgym_mj::cloth {
 
@@ -14,6 +15,11 @@ int StateSize(const mjModel* m) {
 
 bool HasState(const mjModel* m, const mjData* d, int instance) {
   return d->plugin_state[m->plugin_stateadr[instance]] == 1;
+}
+
+bool IsSane(const mjModel* m, const mjData* d, int instance, const Mesh& mesh) {
+  const int size = 1 + 4 * mesh.NumVertices() + static_cast<int>(mesh.edges.size());
+  return !HasState(m, d, instance) || AreSane(d->plugin_state + m->plugin_stateadr[instance], size);
 }
 
 Kept StateOf(const mjModel* m, mjData* d, int instance, const Mesh& mesh, const Start& start) {

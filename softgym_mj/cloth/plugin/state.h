@@ -25,6 +25,8 @@ struct Kept {
 int StateSize(const mjModel* m);
 // Whether the state is made, in which case there is something to read in it.
 bool HasState(const mjModel* m, const mjData* d, int instance);
+// Whether positions, lengths and forces in it, if it is made, are finite and not huge; other numbers in it may be any.
+bool IsSane(const mjModel* m, const mjData* d, int instance, const Mesh& mesh);
 // Makes the state for the first step.
 Kept StateOf(const mjModel* m, mjData* d, int instance, const Mesh& mesh, const Start& start);
 mjtNum* SidesOf(const mjModel* m, mjData* d, int instance);

@@ -9,9 +9,12 @@
 #include <mujoco/mjplugin.h>
 
 #include "native/attributes.h"
+#include "native/limits.h"
 
 namespace softgym_mj::cloth {
 namespace {
+
+constexpr size_t kMostFlexes = 4096;  // There is a table of their pairs.
 
 // The workspace of each mjData; null of a stranger. Not in plugin_data: what copies an mjData byte by byte, as pickles
 // do, would copy the pointer as well.
@@ -123,6 +126,8 @@ Workspace* FindWorkspace(const mjModel* m, const mjData* d, int* found) {
 void SetWorkspace(const mjData* d, std::unique_ptr<Workspace> workspace) { All().Set(d, std::move(workspace)); }
 
 std::string Open(const mjModel* m, int instance, Workspace* w) {
+  const std::string beyond = CheckLimits(m);
+  if (!beyond.empty()) return beyond;
   w->flexes.clear();
   std::vector<Material> materials;
   for (int f = 0; f < m->nflex; ++f) {
@@ -133,6 +138,9 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
     if (error.empty()) error = ParseMaterial(m, of_flex, &materials.back());
     if (!error.empty()) return error;
     w->flexes.push_back(f);
+  }
+  if (w->flexes.size() > kMostFlexes) {
+    return std::to_string(w->flexes.size()) + " flexes carry it: expected at most " + std::to_string(kMostFlexes) + ".";
   }
   if (w->flexes.empty()) return "no flex carries it: expected <plugin instance=\"...\"/> inside a flexcomp.";
   if (m->opt.integrator == mjINT_RK4) {

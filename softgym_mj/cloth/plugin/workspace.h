@@ -46,6 +46,7 @@ struct Workspace {
 
   // Takes over what a step that has begun needs.
   void Keep(const Workspace& other) {
+    advanced = true;  // Until all of it is there.
     qpos = other.qpos;
     qvel = other.qvel;
     advanced = other.advanced;

@@ -1,14 +1,23 @@
 #include "boundary.h"
 
-namespace softgym_mj {
+#include <algorithm>
 
-std::string CollectWalls(const mjModel* m, int instance, bool world, std::vector<Wall>* walls) {
+namespace softgym_mj {
+namespace {
+
+constexpr size_t kMostWalls = 4096;
+// Of a particle and a wall, each of which takes 24 bytes where all particles are near all walls, as they are to planes.
+constexpr size_t kMostPairs = 1 << 26;
+
+}  // namespace
+
+std::string CollectWalls(const mjModel* m, int instance, const FluidConfig& config, std::vector<Wall>* walls) {
   walls->clear();
   for (int geom = 0; geom < m->ngeom; ++geom) {
     int body = m->geom_bodyid[geom];
     bool collides = m->geom_contype[geom] || m->geom_conaffinity[geom];
     bool carries = m->body_plugin[body] == instance;
-    if (!carries && !(world && collides && IsFixed(m, body))) continue;
+    if (!carries && !(config.world && collides && IsFixed(m, body))) continue;
     Wall wall = {geom, body, Shape::kBox, {}};
     switch (m->geom_type[geom]) {
       case mjGEOM_PLANE:
@@ -40,7 +49,10 @@ std::string CollectWalls(const mjModel* m, int instance, bool world, std::vector
     for (int i = 0; i < 3; ++i) wall.size[i] = static_cast<float>(m->geom_size[3 * geom + i]);
     walls->push_back(wall);
   }
-  return "";
+  const size_t most = std::min(kMostWalls, kMostPairs / config.count);
+  if (walls->size() <= most) return "";
+  return "attribute count=\"" + std::to_string(config.count) + "\" is not valid with " + std::to_string(walls->size()) +
+         " geoms as walls: expected at most " + std::to_string(most) + " of them.";
 }
 
 }  // namespace softgym_mj

@@ -8,6 +8,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include "config.h"
 #include "kernels.h"
 #include "native/pose.h"
 
@@ -21,12 +22,10 @@ struct Wall {
   float size[3];  // As in mjModel.geom_size.
 };
 
-// The geoms of the bodies that carry `instance` and, if `world`, of the world body and those fixed to
+// The geoms of the bodies that carry `instance` and, if the `config` says `world`, of the world body and those fixed to
 // it where they can collide. Meshes, height fields and signed distance fields are not supported:
-// returns "" or a sentence that names the geom.
-std::string CollectWalls(const mjModel* m, int instance, bool world, std::vector<Wall>* walls);
-
-constexpr size_t kMaxWalls = 4096;
+// returns "" or a sentence that names the geom, or the number of walls if there are too many.
+std::string CollectWalls(const mjModel* m, int instance, const FluidConfig& config, std::vector<Wall>* walls);
 
 }  // namespace softgym_mj
 

@@ -35,7 +35,7 @@ int FluidConfig::Substeps(double timestep) const {
   if (substeps) return substeps;
   double longest = std::min(kColumnSubstep / std::sqrt(static_cast<double>(Layers())), kMaxSubstep);
   longest *= std::sqrt(spacing / kMeasuredSpacing);
-  return std::min(kMaxSubsteps, static_cast<int>(std::ceil(timestep / longest - 1e-9)));
+  return static_cast<int>(std::clamp(std::ceil(timestep / longest - 1e-9), 1.0, double{kMaxSubsteps}));
 }
 
 // A lattice of the rest spacing, filled from below. Up to a thousandth of the spacing is left to

@@ -68,10 +68,10 @@ void DrawFluid(const mjModel* m, const FluidConfig& config, int instance, const 
   const int most = fine ? room : std::min(room, kMostCoarse);
   double voxel = config.spacing * (fine ? kFine : kCoarse);
   for (int i = 0; i < kMaxTries; ++i, voxel *= kCoarser) {
-    const Triangles& triangles = extractor->Extract(positions, config.count, config.spacing, voxel);
-    if (static_cast<int>(triangles.size()) > 9 * most) continue;
-    for (size_t k = 0; k < triangles.size(); k += 9) {
-      DrawTriangle(instance, triangles.data() + k, config.rgba, scene);
+    const Triangles* triangles = extractor->Extract(positions, config.count, config.spacing, voxel, most);
+    if (!triangles) continue;
+    for (size_t k = 0; k < triangles->size(); k += 9) {
+      DrawTriangle(instance, triangles->data() + k, config.rgba, scene);
     }
     return;
   }

@@ -191,7 +191,7 @@ void FlexBoundary::Collide(const Particles& p, float wall_push) {
     const int i = near.particle;
     const Vector from = Position(p.old_position, i), predicted = Position(p.position, i),
                  correction = Position(p.correction, i), target = predicted + correction;
-    const double pressure_push = wall_push * p.pressure[i] * near.slope;
+    const double pressure_push = near.element < 0 ? 0 : wall_push * p.pressure[i] * near.slope;
     const double room = near.gap - fluid_.contact - Norm(correction) - Norm(target - from) - longest_;
     if (room > 0 && pressure_push == 0) continue;
     Vector x = target, normal = near.normal;

@@ -4,6 +4,7 @@
 #define SOFTGYM_MJ_FLUID_FLEX_BOUNDARY_H_
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "kernels.h"
@@ -17,6 +18,9 @@ struct FlexMotion {
   std::vector<FlexElement> elements;
   std::vector<mjtNum> start, end;
 };
+
+// The cell of a grid in which a coordinate is, in widths of cells; 0 for what is not a number or beyond all grids.
+inline int CellOf(double x) { return std::fabs(x) < 1e9 ? static_cast<int>(std::floor(x)) : 0; }
 
 // Zero for a vector without length.
 inline Vector Unit(Vector a) {
@@ -67,6 +71,9 @@ class FlexBoundary {
   // Stops those that other walls would have pushed through a cloth.
   void Guard(const Particles& p) const;
 
+  // Whether a particle had too many elements near it in this step, of which the furthest did not count.
+  bool too_many() const { return too_many_; }
+
   // After the last substep, of h seconds: drags particles along by a share of the difference in
   // velocity. Needs FindNear and FindShares.
   void Drag(const Particles& p, float viscosity, float h) const;
@@ -94,7 +101,7 @@ class FlexBoundary {
   struct List {
     float position[3];
     double fraction = -1;  // Of the step, when it was there; negative: never.
-    int first, last;
+    int first = 0, last = 0, room = 0;
   };
   // What is known of a particle that has such elements.
   struct Near {
@@ -134,6 +141,9 @@ class FlexBoundary {
   double furthest_, longest_;        // Largest displacement in the step and the substep [m].
   double cell_;                      // Width of a cell of the grid [m].
   std::vector<int> cells_, entries_, cell_start_, in_cell_;
+  std::vector<int> everywhere_;  // Elements that are in no cell: they may be near any.
+  int most_;                     // Elements that are kept of those near a particle.
+  bool too_many_ = false;
   std::vector<char> is_used_;
   std::vector<int> used_;             // Elements that have been near a particle.
   std::vector<ElementBound> bounds_;  // Of these, at the end of the substep.

@@ -20,6 +20,13 @@ constexpr double kPushed = 1.0;
 constexpr int kCells = 16;  // Along an axis of the grid, which is wrapped.
 // Width of a cell in distances at which surfaces are listed. 1 to 2 cost the same.
 constexpr double kCellWidth = 1.5;
+// An element that lies in more cells, and all when there are so many entries of others, is looked at from everywhere:
+// a crumpled cloth of any size takes a hundred megabytes at most.
+constexpr int kMostCells = 1024;
+constexpr size_t kMostEntries = 1 << 23;
+// Elements that are kept of those near a particle: all of the finest cloth in two layers, and, of fewer particles, as
+// many as take a hundred megabytes together.
+constexpr int kMostCandidates = 512, kMostInAll = 1 << 23;
 
 double Component(Vector a, int k) { return k == 0 ? a.x : k == 1 ? a.y : a.z; }
 
@@ -41,7 +48,7 @@ void FlexBoundary::Begin(const FlexMotion& motion, const double origin[3], const
   slack_ = static_cast<float>(kSlack * fluid.spacing);
   near_.clear();
   used_.clear();
-  active_ = false;
+  active_ = too_many_ = false;
   if (motion.elements.empty()) return;
   fraction_ = furthest_ = 0;
   const size_t count = motion.end.size() / 3;
@@ -69,6 +76,7 @@ void FlexBoundary::Begin(const FlexMotion& motion, const double origin[3], const
   FillGrid();
   lists_.assign(active_ ? p.count : 0, {});
   candidates_.clear();
+  most_ = std::max(kMostCandidates, kMostInAll / p.count);
 }
 
 // Puts the elements that particles can reach in this step into all cells from which they are in reach,
@@ -80,6 +88,7 @@ void FlexBoundary::FillGrid() {
   is_used_.assign(num_elements, 0);
   cells_.clear();
   entries_.clear();
+  everywhere_.clear();
   double box_low[3] = {kNowhere, kNowhere, kNowhere}, box_high[3] = {-kNowhere, -kNowhere, -kNowhere};
   for (int element = 0; element < num_elements; ++element) {
     const FlexElement& e = motion_->elements[element];
@@ -99,11 +108,17 @@ void FlexBoundary::FillGrid() {
     for (int k = 0; k < 3; ++k) {
       box_low[k] = std::min(box_low[k], low[k]);
       box_high[k] = std::max(box_high[k], high[k]);
-      first[k] = static_cast<int>(std::floor(low[k] / cell_));
-      last[k] = static_cast<int>(std::floor(high[k] / cell_));
+      first[k] = CellOf(low[k] / cell_);
+      last[k] = CellOf(high[k] / cell_);
       if (last[k] - first[k] < kCells) continue;
       last[k] = first[k] + kCells - 1;
       wraps = true;
+    }
+    int number = 1;
+    for (int k = 0; k < 3; ++k) number *= last[k] - first[k] + 1;
+    if (number > kMostCells || cells_.size() > kMostEntries) {
+      everywhere_.push_back(element);
+      continue;
     }
     const ElementBound bound = MakeBound(e);
     const float most = static_cast<float>(range + 0.5 * std::sqrt(3.0) * cell_);
@@ -119,7 +134,7 @@ void FlexBoundary::FillGrid() {
       }
     }
   }
-  active_ = !cells_.empty();
+  active_ = !cells_.empty() || !everywhere_.empty();
   if (!active_) return;
   std::copy(box_low, box_low + 3, low_);
   std::copy(box_high, box_high + 3, high_);
@@ -166,11 +181,9 @@ ElementBound FlexBoundary::MakeBound(const FlexElement& e) const {
 void FlexBoundary::Look(const float x[3], List* list) {
   for (int k = 0; k < 3; ++k) list->position[k] = x[k];
   list->fraction = fraction_;
-  list->first = static_cast<int>(candidates_.size());
-  const int cell = Wrapped(static_cast<int>(std::floor(x[0] / cell_)), static_cast<int>(std::floor(x[1] / cell_)),
-                           static_cast<int>(std::floor(x[2] / cell_)));
-  for (int k = cell_start_[cell]; k < cell_start_[cell + 1]; ++k) {
-    const int element = in_cell_[k];
+  const size_t begin = candidates_.size();
+  const int cell = Wrapped(CellOf(x[0] / cell_), CellOf(x[1] / cell_), CellOf(x[2] / cell_));
+  const auto look = [&](int element) {
     const FlexElement& e = motion_->elements[element];
     if (!is_used_[element]) {
       is_used_[element] = 1;
@@ -179,11 +192,26 @@ void FlexBoundary::Look(const float x[3], List* list) {
     }
     const double distance = std::sqrt(bounds_[element].SquaredDistance(x)) - slack_;
     if (distance < ListDistance(e)) candidates_.push_back({distance - e.radius, element});
-  }
-  list->last = static_cast<int>(candidates_.size());
-  std::sort(candidates_.begin() + list->first, candidates_.end(), [](const Candidate& a, const Candidate& b) {
+  };
+  std::for_each(in_cell_.begin() + cell_start_[cell], in_cell_.begin() + cell_start_[cell + 1], look);
+  std::for_each(everywhere_.begin(), everywhere_.end(), look);
+  std::sort(candidates_.begin() + begin, candidates_.end(), [](const Candidate& a, const Candidate& b) {
     return a.distance != b.distance ? a.distance < b.distance : a.element < b.element;
   });
+  int found = static_cast<int>(candidates_.size() - begin);
+  if (found > most_) {
+    found = most_;
+    too_many_ = true;
+  }
+  if (found <= list->room) {  // Where the last ones were.
+    std::copy_n(candidates_.begin() + begin, found, candidates_.begin() + list->first);
+    candidates_.resize(begin);
+  } else {
+    list->first = static_cast<int>(begin);
+    list->room = std::max(found, 2 * list->room);
+    candidates_.resize(begin + list->room);
+  }
+  list->last = list->first + found;
 }
 
 void FlexBoundary::FindNear(const Particles& p, const int* order) {
@@ -191,9 +219,9 @@ void FlexBoundary::FindNear(const Particles& p, const int* order) {
   if (!active_) return;
   for (int i = 0; i < p.count; ++i) {
     const float* x = p.position + 4 * i;
-    if (x[0] < low_[0] || x[0] > high_[0] || x[1] < low_[1] || x[1] > high_[1] || x[2] < low_[2] || x[2] > high_[2]) {
-      continue;
-    }
+    bool inside = true;  // Not so if one is not a number.
+    for (int k = 0; k < 3; ++k) inside &= x[k] >= low_[k] && x[k] <= high_[k];
+    if (!inside) continue;
     List& list = lists_[order[i]];
     double squared = 0;
     for (int k = 0; k < 3; ++k) {

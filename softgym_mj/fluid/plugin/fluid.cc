@@ -14,6 +14,7 @@
 #include "draw.h"
 #include "native/attributes.h"
 #include "native/flex.h"
+#include "native/limits.h"
 #include "native/reset.h"
 #include "solver.h"
 
@@ -54,9 +55,9 @@ std::string Configure(const mjModel* m, int instance, Workspace* w) {
 bool Bind(const mjModel* m, int instance, Workspace* w, char* reason) {
   std::snprintf(reason, kReasonSize, "%s", kNoMemory);
   const bool tried = WithinMemory([&] {
-    std::string error = Configure(m, instance, w);
-    if (error.empty()) error = CollectWalls(m, instance, w->config.world, &w->walls);
-    if (error.empty() && w->walls.size() > kMaxWalls) error = "there are too many walls.";
+    std::string error = CheckLimits(m);
+    if (error.empty()) error = Configure(m, instance, w);
+    if (error.empty()) error = CollectWalls(m, instance, w->config, &w->walls);
     w->flexes.elements.clear();
     if (error.empty() && w->config.flexes) error = CollectFlexes(m, &w->flexes.elements);
     std::snprintf(reason, kReasonSize, "%s", error.c_str());
@@ -131,13 +132,17 @@ void Reset(const mjModel* m, mjtNum* state, void*, int instance) {
   });
 }
 
-void FindPoses(const mjModel* m, const mjData* d, const std::vector<Wall>& walls, std::vector<Pose>* poses) {
-  poses->resize(walls.size());
+// Where walls and vertices are now. False if a number is not finite, or huge.
+bool FindPoses(const mjModel* m, const mjData* d, Workspace* w) {
+  w->end.resize(w->walls.size());
   Pose body;
-  for (size_t i = 0; i < walls.size(); ++i) {
-    if (i == 0 || walls[i].body != walls[i - 1].body) body = BodyPose(m, d, walls[i].body);
-    (*poses)[i] = GeomPose(m, walls[i].geom, body);
+  for (size_t i = 0; i < w->walls.size(); ++i) {
+    const Wall& wall = w->walls[i];
+    if (i == 0 || wall.body != w->walls[i - 1].body) body = BodyPose(m, d, wall.body);
+    w->end[i] = GeomPose(m, wall.geom, body);
+    if (!IsSane(w->end[i])) return false;
   }
+  return !w->config.flexes || FindVertices(m, d, &w->flexes.end);
 }
 
 void StorePoses(const std::vector<Pose>& poses, mjtNum* stored) {
@@ -225,14 +230,15 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   if (!AreSane(state + layout.positions, layout.poses - layout.positions)) {
     Warn(m, d, instance, "NaN, Inf or huge particle positions or velocities in plugin_state.");
-    Restart(m, d);
-    return;
+    return Restart(m, d);
   }
-  FindPoses(m, d, w.walls, &w.end);
+  if (!FindPoses(m, d, &w)) {
+    Warn(m, d, instance, "NaN, Inf or huge poses of walls or of vertices of flexes.");
+    return Restart(m, d);
+  }
   w.start = w.end;
   const double reach = MaxSpeed(w.config, m->opt.timestep) * m->opt.timestep;
   for (int i = 0; i < walls; ++i) {
-    if (!IsFinite(w.end[i])) return;  // MuJoCo finds the bad qpos and resets in the next step.
     if (!state[layout.known]) continue;
     const mjtNum* stored = state + layout.poses + 7 * i;
     Pose old;
@@ -241,7 +247,6 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
     if (Motion(m, w.walls[i], old, w.end[i]) <= reach) w.start[i] = old;
   }
   if (w.config.flexes) {
-    if (!FindVertices(m, d, &w.flexes.end)) return;
     SweepVertices(state[layout.known] != 0, reach, state + layout.vertices, &w.flexes);
   }
   StorePoses(w.end, state + layout.poses);
@@ -253,13 +258,14 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
       w.solver.Step(w.config, m->opt.timestep, gravity, w.walls, w.start, w.end, w.flexes, state + layout.positions,
                     state + layout.velocities, w.config.two_way ? w.impulses.data() : nullptr);
   if (!counted) {
-    Warn(m, d, instance, "too many particles are in one place: not all count.", mjWARN_CONTACTFULL);
+    Warn(m, d, instance, "too many particles, or elements of flexes, are in one place: not all count.",
+         mjWARN_CONTACTFULL);
   }
   if (w.config.two_way) HandOver(m, d, &w, state + layout.forces, state + layout.pending);
 }
 
 void Advance(const mjModel* m, mjData* d, int instance) {
-  if (!WithinMemory([&] { TryToAdvance(m, d, instance); })) Warn(m, d, instance, kNoMemory);
+  Guard(m, d, instance, [&] { TryToAdvance(m, d, instance); });
 }
 
 // Adds the forces of the last step to the passive forces. Before the first step, notes where the walls
@@ -271,14 +277,10 @@ void TryToCompute(const mjModel* m, mjData* d, int instance) {
   if (!opened) return;  // The step will say why.
   Workspace& w = *opened;
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
-  if (!state[layout.known]) {
-    FindPoses(m, d, w.walls, &w.end);
-    const bool found = !w.config.flexes || FindVertices(m, d, &w.flexes.end);
-    if (found && std::all_of(w.end.begin(), w.end.end(), IsFinite)) {
-      StorePoses(w.end, state + layout.poses);
-      if (w.config.flexes) mju_copy(state + layout.vertices, w.flexes.end.data(), 3 * m->nflexvert);
-      state[layout.known] = 1;
-    }
+  if (!state[layout.known] && FindPoses(m, d, &w)) {
+    StorePoses(w.end, state + layout.poses);
+    if (w.config.flexes) mju_copy(state + layout.vertices, w.flexes.end.data(), 3 * m->nflexvert);
+    state[layout.known] = 1;
   }
   if (!w.config.two_way) return;
   const mjtNum* force = state + layout.forces;
@@ -291,7 +293,7 @@ void TryToCompute(const mjModel* m, mjData* d, int instance) {
 }
 
 void Compute(const mjModel* m, mjData* d, int instance, int) {
-  if (!WithinMemory([&] { TryToCompute(m, d, instance); })) Warn(m, d, instance, kNoMemory);
+  Guard(m, d, instance, [&] { TryToCompute(m, d, instance); });
 }
 
 void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, int instance) {

@@ -86,7 +86,7 @@ void Solver::Sort(float cell) {
   grid_.start = start;
   std::fill(start, start + cells + 2, 0);
   const float inverse = 1.0f / cell;
-  const auto wrap = [inverse](float x, int size) { return static_cast<int>(std::floor(x * inverse)) & (size - 1); };
+  const auto wrap = [inverse](float x, int size) { return CellOf(x * inverse) & (size - 1); };
   int* index = cell_.get();
   for (int i = 0; i < count_; ++i) {
     const float* x = p_.position + 4 * i;

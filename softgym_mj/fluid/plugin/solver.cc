@@ -213,7 +213,7 @@ void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse
   const double total = config.viscosity * timestep / (kLaplacian * fluid_.radius * fluid_.radius);
   if (total == 0) return;
   // The lists are those of the last substep: a pair that has come into reach since weighs nothing.
-  const int passes = std::clamp(static_cast<int>(std::ceil(total / kViscosityPass)), 1, kMaxPasses);
+  const int passes = static_cast<int>(std::clamp(std::ceil(total / kViscosityPass), 1.0, double{kMaxPasses}));
   const float viscosity = static_cast<float>(std::min(total / passes, kViscosityPass));
   flexes_.FindNear(p_, order_.get());
   flexes_.FindShares(p_);
@@ -294,7 +294,7 @@ bool Solver::Step(const FluidConfig& config, double timestep, const double gravi
   }
   Smooth(config, timestep, h, impulses);
   Store(positions, velocities);
-  return !too_many_;
+  return !too_many_ && !flexes_.too_many();
 }
 
 double MaxViscosity(const FluidConfig& config, double timestep) {

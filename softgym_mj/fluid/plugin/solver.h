@@ -61,7 +61,7 @@ class Solver {
  public:
   // Moves `count` particles (positions [m] and velocities [m/s], x y z each) by `timestep` seconds
   // while the walls move from `start` to `end`, and the flexes. Fills `impulses`, one per wall, unless
-  // it is null. False if a particle had too many neighbors, of which not all counted.
+  // it is null. False if a particle had too many neighbors, particles or elements, of which not all counted.
   bool Step(const FluidConfig& config, double timestep, const double gravity[3], const std::vector<Wall>& walls,
             const std::vector<Pose>& start, const std::vector<Pose>& end, const FlexMotion& flexes, double* positions,
             double* velocities, Impulse* impulses);

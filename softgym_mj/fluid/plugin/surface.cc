@@ -16,6 +16,8 @@ constexpr double kDropRadius = 0.95;
 // What is further from the world's origin than this many cells, or not a number, is not drawn: a key has
 // 21 bits for each axis.
 constexpr double kMostCells = 1e6;
+// Of 8 KB: as many as 200000 particles fill, finely, that lie together. Scattered drops would take eight each.
+constexpr size_t kMostBlocks = 1 << 15;
 
 uint64_t Key(int x, int y, int z) {
   constexpr uint64_t kMask = (1u << 21) - 1;
@@ -165,7 +167,7 @@ void SurfaceExtractor::Mesh(const Block& block, float radius, float drop_radius,
   }
 }
 
-const Triangles& SurfaceExtractor::Extract(const double* positions, int count, double spacing, double voxel) {
+const Triangles* SurfaceExtractor::Extract(const double* positions, int count, double spacing, double voxel, int most) {
   index_.clear();
   blocks_.clear();
   triangles_.clear();
@@ -173,11 +175,15 @@ const Triangles& SurfaceExtractor::Extract(const double* positions, int count, d
     const double* x = positions + 3 * i;
     const auto has_cell = [voxel](double a) { return std::fabs(a) < kMostCells * voxel; };
     if (has_cell(x[0]) && has_cell(x[1]) && has_cell(x[2])) Splat(x, kReach * spacing, voxel);
+    if (blocks_.size() > kMostBlocks) return nullptr;
   }
   const float radius = static_cast<float>(kRadius * spacing / voxel);
   const float drop_radius = static_cast<float>(kDropRadius * std::max(spacing / voxel, 1.0));
-  for (const Block& block : blocks_) Mesh(block, radius, drop_radius, voxel);
-  return triangles_;
+  for (const Block& block : blocks_) {
+    Mesh(block, radius, drop_radius, voxel);
+    if (triangles_.size() / 9 > static_cast<size_t>(most)) return nullptr;
+  }
+  return &triangles_;
 }
 
 }  // namespace softgym_mj

@@ -18,8 +18,9 @@ using Triangles = std::vector<float>;
 class SurfaceExtractor {
  public:
   // The surface around `count` particles (x y z each) `spacing` apart at rest, with a vertex about
-  // every `voxel` metres. The result is valid until the next call.
-  const Triangles& Extract(const double* positions, int count, double spacing, double voxel);
+  // every `voxel` metres. The result is valid until the next call; null if it would have more than `most` triangles or
+  // take too much memory.
+  const Triangles* Extract(const double* positions, int count, double spacing, double voxel, int most);
 
  private:
   static constexpr int kBlock = 8;  // Grid points along the side of a block.
