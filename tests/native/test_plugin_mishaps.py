@@ -1,5 +1,7 @@
 """What the plugins do when a step is impossible, or particles are where none should be."""
 
+import os
+import shutil
 import subprocess
 import sys
 
@@ -49,13 +51,17 @@ def test_bad_particles_restart_the_simulation(bad, integrator):
     assert data.warning[BAD_QPOS].number == 1
 
 
+def wet_sheets(count="9 9 1"):
+    """Two sheets and a cup of water."""
+    sheets = SHEET.format("a", "1 0 .03", "0 0 0") + SHEET.format("b", "1.02 .01 .08", "5 3 20")
+    sheets = sheets.replace("9 9 1", count)
+    xml = FluidCup((3, 3), 3).xml.replace("</extension>", CLOTH + "</extension>")
+    return mujoco.MjModel.from_xml_string(xml.replace("</worldbody>", f"{sheets}</worldbody>"))
+
+
 def test_cloth_beside_restarting_water_starts_anew_too():
     """It advances in the same step, before or after the water."""
-    sheets = SHEET.format("a", "1 0 .03", "0 0 0") + SHEET.format("b", "1.02 .01 .08", "5 3 20")
-    cup = FluidCup((3, 3), 3)
-    xml = cup.xml.replace("</extension>", CLOTH + "</extension>")
-    xml = xml.replace("</worldbody>", f"{sheets}</worldbody>")
-    model = mujoco.MjModel.from_xml_string(xml)
+    model = wet_sheets()
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 15)
     assert np.abs(data.qpos).max() > 0.01
@@ -102,6 +108,40 @@ def test_an_environment_raises_when_water_diverges():
     assert env.info()["physics_warnings"] == 0
 
 
+@pytest.mark.parametrize("bad", [np.nan, 1e20])
+def test_walls_that_are_nowhere_restart_the_simulation(bad):
+    """MuJoCo looks at qpos only."""
+    cup = FluidCup((3, 3), 3)
+    cup.step(5)
+    cup.data.mocap_pos[0, 1] = bad
+    cup.step()
+    assert cup.data.warning[BAD_QPOS].number == 1 and cup.data.time == 0
+    cup.step(5)
+    assert cup.data.warning[BAD_QPOS].number == 1 and not cup.escaped().any()
+
+
+_STRANGE_STATE = """
+import mujoco, numpy as np
+from tests.native.test_plugin_mishaps import two_sheets
+model = two_sheets()
+rng = np.random.default_rng(0)
+for kind in ("any", "pairs"):
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    kept = data.plugin_state[1 + 4 * model.nflexvert + model.nflexedge :]  # From pairs on.
+    kept = data.plugin_state[1:] if kind == "any" else kept
+    kept[:] = rng.integers(0, 1 << 63, kept.size, dtype=np.uint64).view(float)
+    kept[np.isnan(kept)] = 1e300
+    mujoco.mj_step(model, data, 2)
+    assert data.warning[mujoco.mjtWarning.mjWARN_BADQPOS].number >= (kind == "any")
+"""
+
+
+def test_cloth_stands_any_state():
+    """Numbers of pairs in it were indices."""
+    subprocess.run([sys.executable, "-c", _STRANGE_STATE], check=True, timeout=120)
+
+
 # ---------------------------------------------------------------------------- models that changed
 
 FLOOR = '<geom name="floor" type="plane" size="1 1 1" pos="0 0 -1"/>'
@@ -146,6 +186,39 @@ def test_when_cloth_does_not_fit_any_more_it_falls_apart():
     assert data.warning[BAD_QPOS].number == 1
     # All vertices fall freely.
     assert data.qvel[2::3] == pytest.approx(-9.81 * model.opt.timestep, abs=1e-3)
+
+
+@pytest.mark.parametrize("timestep", [0.0, -0.01, np.nan, 1e9])
+def test_with_a_senseless_time_step_water_stands_still(timestep):
+    cup = FluidCup((3, 3), 3)
+    cup.step(5)
+    before = cup.positions.copy()
+    cup.model.opt.timestep = timestep
+    cup.step(2)
+    np.testing.assert_array_equal(cup.positions, before)
+    assert cup.data.warning[BAD_QPOS].number == 2
+
+
+# ---------------------------------------------------------------------------- limits
+
+
+def test_sizes_beyond_a_limit_are_compile_errors():
+    balls = '<geom type="sphere" size=".01"/>' * 400
+    with pytest.raises(ValueError, match=r'count="200000" is not valid with 405 geoms.* most 335'):
+        FluidCup((2000, 100), 1, scenery=balls)
+    with pytest.raises(ValueError, match=r'timestep="1e\+08" is not valid: expected 1e-06..10'):
+        FluidCup((3, 3), 3, timestep=1e8)
+    cloth = SHEET.format("a", "0 0 0", "0 0 0").replace("9 9 1", "27 27 1")
+    body = f'<body name="body"><freejoint/><geom name="ball" size=".05"/>{cloth}</body>'
+    with pytest.raises(ValueError, match=r'"ball" .* at most 2000 degrees of freedom instead of 2193'):
+        mujoco.MjModel.from_xml_string(
+            f"<mujoco><extension>{CLOTH}</extension><worldbody>{body}</worldbody></mujoco>"
+        )
+
+
+def test_long_values_leave_room_for_what_is_valid():
+    with pytest.raises(ValueError, match=r'friction="é{30}..." is not valid: expected a number in'):
+        FluidCup((3, 3), 3, friction="é" * 700)
 
 
 # ---------------------------------------------------------------------------- one place
@@ -198,6 +271,103 @@ assert (cup.positions == before).all()
 def test_water_stands_still_where_memory_runs_out():
     """Its lists would take 200 MB."""
     subprocess.run([sys.executable, "-c", _LITTLE_MEMORY], check=True, timeout=120)
+
+
+_CLOTH_IN_ONE_PLACE = """
+import mujoco, numpy as np, resource
+from tests.native.test_plugin_mishaps import CLOTH, SHEET
+from softgym_mj.native.library import load_plugin
+load_plugin()
+sheet = SHEET.format("a", "0 0 1", "0 0 0").replace("9 9 1", "40 40 1")
+model = mujoco.MjModel.from_xml_string(
+    f"<mujoco><option timestep='.01'/><extension>{CLOTH}</extension>"
+    f"<worldbody>{sheet}</worldbody></mujoco>"
+)
+data = mujoco.MjData(model)
+mujoco.mj_step(model, data)
+place = data.flexvert_xpos.ravel() * 1e-6
+data.qpos[:] += place - data.flexvert_xpos.ravel()
+with open("/proc/self/statm") as file:
+    used = int(file.read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, 2 * (used + 600 * 2**20,))
+mujoco.mj_step(model, data)
+warnings = data.warning
+assert warnings[mujoco.mjtWarning.mjWARN_CONTACTFULL].number == 1
+assert warnings[mujoco.mjtWarning.mjWARN_BADQPOS].number == 0
+assert np.isfinite(data.qpos).all()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of memory")
+def test_cloth_in_one_place_takes_little_memory():
+    """All pairs of its edges would be ten million, of 60 bytes each, and as many rows."""
+    subprocess.run([sys.executable, "-c", _CLOTH_IN_ONE_PLACE], check=True, timeout=120)
+
+
+_FAILING_NEW = """
+#include <dlfcn.h>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+extern "C" { int countdown = 0; }  // Allocations by the plugins until one fails, if it is above 0.
+static void* Allocate(size_t size, size_t alignment, void* caller) {
+  Dl_info info;
+  const bool counts = countdown > 0 && dladdr(caller, &info) && strstr(info.dli_fname, "softgym_mj_plugins");
+  if (counts && --countdown == 0) throw std::bad_alloc();
+  return aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+}
+void* operator new(size_t size) { return Allocate(size, 16, __builtin_return_address(0)); }
+void* operator new[](size_t size) { return Allocate(size, 16, __builtin_return_address(0)); }
+void* operator new(size_t size, std::align_val_t alignment) {
+  return Allocate(size, size_t(alignment), __builtin_return_address(0));
+}
+"""
+_ANY_FAILS = """
+import ctypes, sys, threading
+import mujoco
+from tests.native.test_plugin_mishaps import wet_sheets
+countdown = ctypes.c_int.in_dll(ctypes.CDLL(sys.argv[1]), "countdown")
+mujoco.set_mju_user_warning(lambda message: None)
+model = wet_sheets("3 3 1")
+scene = mujoco.MjvScene(model, maxgeom=10_000)
+failed = []
+
+def play():
+    try:
+        data = mujoco.MjData(model)
+        mujoco.mj_step1(model, data)
+        other = mujoco.MjData(model)
+        mujoco.mj_copyData(other, model, data)
+        mujoco.mj_step2(model, other)
+        mujoco.mjv_updateScene(
+            model, other, mujoco.MjvOption(), None, mujoco.MjvCamera(),
+            mujoco.mjtCatBit.mjCAT_ALL, scene,
+        )
+    except mujoco.FatalError as error:
+        failed.append(str(error))
+
+n = 0
+while countdown.value == 0:  # Until none fails.
+    n += 1
+    countdown.value = n
+    thread = threading.Thread(target=play)  # Each has memory of its own.
+    thread.start()
+    thread.join()
+assert n > 200 and 50 < len(failed) < n, (n, len(failed))
+assert all("there is not enough memory" in message for message in failed)
+"""
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="needs a compiler and Linux")
+def test_any_allocation_may_fail(tmp_path):
+    """Whatever a plugin does then, no exception leaves it: that would end the process."""
+    library = tmp_path / "failing_new.so"
+    (tmp_path / "new.cc").write_text(_FAILING_NEW)
+    build = ["g++", "-std=c++17", "-shared", "-fPIC", "-o", library, tmp_path / "new.cc", "-ldl"]
+    subprocess.run(build, check=True)
+    command = [sys.executable, "-c", _ANY_FAILS, str(library)]
+    environment = os.environ | {"LD_PRELOAD": str(library)}
+    subprocess.run(command, check=True, timeout=120, env=environment)
 
 
 @pytest.mark.parametrize("simd", ["avx2", "scalar"])

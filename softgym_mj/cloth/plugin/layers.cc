@@ -27,6 +27,7 @@ constexpr float kNotYet = 0.01f;
 // block each.
 constexpr size_t kMostOverlaps = 1 << 24;
 constexpr size_t kMostPairs = 1 << 18, kMostOfVertex = 64;
+constexpr float kFurthest = 1e30f;  // [m] Of boxes, at which none overlaps those of empty places.
 constexpr int kChunk = 1 << 12;  // Candidates that are filtered at once: whole blocks.
 
 // Bits of three coordinates in turn: near items get near numbers.
@@ -180,8 +181,8 @@ void Layers::FindCandidates(const AlignedFloats& position, const AlignedFloats& 
   high_.resize(position.size());
   for (size_t i = 0; i < position.size(); ++i) {
     const float a = position[i], b = position[i] + move[i];
-    low_[i] = std::min(a, b) - margin;
-    high_[i] = std::max(a, b) + margin;
+    low_[i] = std::max(std::min(a, b) - margin, -kFurthest);
+    high_[i] = std::min(std::max(a, b) + margin, kFurthest);
   }
   for (Tree* tree : {&vertices_, &triangles_, &edges_}) tree->Bound(*kernels_, low_.data(), high_.data());
   all_overlaps_ = Collect(&vertices_, &triangles_, false, &triangle_candidates_);
