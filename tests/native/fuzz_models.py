@@ -51,7 +51,7 @@ def make_model(rng):
 
 
 class Maker:
-    """Draws the parts of a model. `odd` is the share of attributes whose value is none of the fair ones."""
+    """Draws the parts of a model; `odd` is the share of values that are none of the fair ones."""
 
     def __init__(self, rng):
         self.rng = rng
@@ -107,7 +107,9 @@ class Maker:
     def option(self):
         timestep = self.one_of(("0.01", "0.01", "0.01", "0.002", "0.05"))
         if self.chance(self.odd):
-            timestep = self.one_of(("1e-9", "1e-300", "0", "-1", "nan", "inf", "1", "1e4", "1e9", "1e308"))
+            timestep = self.one_of(
+                ("1e-9", "1e-300", "0", "-1", "nan", "inf", "1", "1e4", "1e9", "1e308")
+            )
         integrator = self.one_of(("Euler", "implicit", "implicitfast", "Euler"))
         if self.chance(0.3 if not self.cloths else 0.02):
             integrator = "RK4"
@@ -131,7 +133,9 @@ class Maker:
         if self.chance(0.02):
             kind = self.one_of(('type="mesh" mesh="mesh"', 'type="hfield" hfield="field"'))
         ghost = ' contype="0" conaffinity="0"' if self.chance(0.3) or "mesh=" in kind else ""
-        return f'<geom {kind} pos="{self.numbers(3)}" euler="{self.numbers(3, 90)}" mass=".1"{ghost}/>'
+        return (
+            f'<geom {kind} pos="{self.numbers(3)}" euler="{self.numbers(3, 90)}" mass=".1"{ghost}/>'
+        )
 
     def body(self, depth=0):
         joint = self.one_of(
@@ -150,7 +154,8 @@ class Maker:
         if names and self.chance(0.5):
             inside += f'<plugin instance="{self.one_of(names)}"/>'
         position = self.numbers(3)
-        return f'<body name="b{self.rng.integers(1 << 40)}" pos="{position}"{mocap}>{joint}{inside}</body>'
+        name = f"b{self.rng.integers(1 << 40)}"
+        return f'<body name="{name}" pos="{position}"{mocap}>{joint}{inside}</body>'
 
     def flex(self):
         dim = int(self.rng.choice([1, 2, 3], p=[0.3, 0.65, 0.05]))
@@ -160,7 +165,9 @@ class Maker:
         name = f"f{self.rng.integers(1 << 40)}"
         if dim == 3 or self.chance(0.6):  # Flat tetrahedra crash MuJoCo itself.
             most = self.one_of((2, 4, 7, 12))
-            count = [int(self.rng.integers(1 if self.chance(0.02) else 2, most + 1)) for _ in range(3)]
+            count = [
+                int(self.rng.integers(1 if self.chance(0.02) else 2, most + 1)) for _ in range(3)
+            ]
             count[dim:] = [1] * (3 - dim)
             spacing = self.value(self.one_of((".05 .05 .05", ".06 .06 .06", ".3 .05 .1", "1 1 1")))
             shape = f'type="grid" count="{" ".join(map(str, count))}" spacing="{spacing}"'
@@ -174,7 +181,11 @@ class Maker:
         odd_dof = ' dof="trilinear"' if self.chance(0.03) else ""
         rigid = ' rigid="true"' if self.chance(0.02) else ""
         colliding = self.chance(0.03)
-        contact = 'selfcollide="narrow"' if colliding else 'selfcollide="none" contype="0" conaffinity="0"'
+        contact = (
+            'selfcollide="narrow"'
+            if colliding
+            else 'selfcollide="none" contype="0" conaffinity="0"'
+        )
         inside = f'<contact {contact}/><edge damping="1e-12"/>'
         if carries:
             inside += f'<plugin instance="{self.one_of(self.cloths)}"/>'
@@ -211,12 +222,11 @@ class Maker:
         parts += [self.flex() for _ in range(flexes)]
         for name in self.waters:
             if self.chance(0.7):
-                parts.append(
-                    f'<body mocap="true">{self.geom()}{self.geom()}<plugin instance="{name}"/></body>'
-                )
+                walls = self.geom() + self.geom()
+                parts.append(f'<body mocap="true">{walls}<plugin instance="{name}"/></body>')
         xml = (
             f"<mujoco>{self.option()}{extension}{ASSETS}"
-            f'<worldbody>{"".join(parts)}</worldbody></mujoco>'
+            f"<worldbody>{''.join(parts)}</worldbody></mujoco>"
         )
         return self.mangled(xml) if self.chance(0.5 * self.odd) else xml
 

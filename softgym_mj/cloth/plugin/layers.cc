@@ -28,7 +28,7 @@ constexpr float kNotYet = 0.01f;
 constexpr size_t kMostOverlaps = 1 << 24;
 constexpr size_t kMostPairs = 1 << 18, kMostOfVertex = 64;
 constexpr float kFurthest = 1e30f;  // [m] Of boxes, at which none overlaps those of empty places.
-constexpr int kChunk = 1 << 12;  // Candidates that are filtered at once: whole blocks.
+constexpr int kChunk = 1 << 12;     // Candidates that are filtered at once: whole blocks.
 
 // Bits of three coordinates in turn: near items get near numbers.
 std::uint64_t Morton(const double* x, const double* low, double size) {
