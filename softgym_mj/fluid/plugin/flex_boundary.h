@@ -19,8 +19,11 @@ struct FlexMotion {
   std::vector<mjtNum> start, end;
 };
 
-// The cell of a grid in which a coordinate is, in widths of cells; 0 for what is not a number or beyond all grids.
-inline int CellOf(double x) { return std::fabs(x) < 1e9 ? static_cast<int>(std::floor(x)) : 0; }
+// The cell of a grid in which a coordinate is, in widths of cells; any for what is not a number or beyond all grids.
+template <class T>
+int CellOf(T x) {
+  return static_cast<int>(std::min(std::max(T(-1e9), std::floor(x)), T(1e9)));
+}
 
 // Zero for a vector without length.
 inline Vector Unit(Vector a) {
