@@ -19,10 +19,11 @@ struct FlexMotion {
   std::vector<mjtNum> start, end;
 };
 
-// The cell of a grid in which a coordinate is, in widths of cells; any for what is not a number or beyond all grids.
+// The cell of a grid in which a coordinate is, in widths of cells. Any one for what is not a number or beyond all
+// integers, which must not be cast.
 template <class T>
 int CellOf(T x) {
-  return static_cast<int>(std::min(std::max(T(-1e9), std::floor(x)), T(1e9)));
+  return static_cast<int>(std::lrint(std::floor(x)));
 }
 
 // Zero for a vector without length.
