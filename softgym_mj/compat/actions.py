@@ -1,0 +1,92 @@
+"""SoftGym's axes and action modes in ours."""
+
+import contextlib
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.workspace import Workspace
+
+
+def to_flex(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) in SoftGym's axes: x, y = up, z."""
+    return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
+
+
+def from_flex(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) of SoftGym's axes in ours: X, Y, Z = up."""
+    return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
+
+
+def checked(action: object, space: gymnasium.spaces.Box, clip: bool = False) -> np.ndarray:
+    """An action (n,) as floats.
+
+    Raises:
+        InvalidArgumentError: for a wrong shape, NaN or, unless they are clipped, other numbers than
+            those of the space.
+    """
+    with contextlib.suppress(TypeError, ValueError):
+        array = np.asarray(action, float)
+        if array.shape == space.shape:
+            array = np.clip(array, space.low, space.high) if clip else array
+            if space.contains(array.astype(np.float32)):
+                return array
+    valid = f"numbers from {space.low.tolist()} to {space.high.tolist()}; normalize(env) clips"
+    raise InvalidArgumentError("action", action, valid)
+
+
+def _moved(actor: Any, action: np.ndarray, part: np.ndarray) -> np.ndarray:
+    each = part.reshape(-1, 4)
+    return np.column_stack([from_flex(each[:, :3]), each[:, 3]]).ravel()
+
+
+def _placed(actor: Any, action: np.ndarray, part: np.ndarray) -> np.ndarray:
+    low, high = actor.limits
+    goals = np.clip(from_flex(action.reshape(-1, 4)[:, :3]), low, high)
+    fractions = 2.0 * (goals - low) / (high - low) - 1.0
+    return np.column_stack([fractions, part.reshape(-1, 4)[:, 3]]).ravel()
+
+
+class ActionMode(NamedTuple):
+    """An action mode.
+
+    Attributes:
+        actor: name of the actor.
+        low, high: SoftGym's box, of each picker or of the cup (facts 2.1, 2.5, 3.1 and 3.2).
+        ours: gives our action for an actor, SoftGym's, and that as fractions of the box.
+        workspace: of the actor, in our axes [m] (facts 2.2); None for the task's.
+    """
+
+    actor: str
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    ours: Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
+    workspace: Workspace | None = None
+
+
+_PPP = Workspace((-0.5, -0.5, 0.0), (0.5, 0.5, 0.3))
+_QPG = Workspace((-0.3, -0.3, 0.0), (0.3, 0.3, 0.3))
+ACTION_MODES = {
+    "picker": ActionMode("picker", (-0.01, -0.01, -0.01, 0), (0.01, 0.01, 0.01, 1), _moved),
+    "pickerpickplace": ActionMode(
+        "pick_and_place", (-0.5, 0, -0.5, 0), (0.5, 0.3, 0.5, 1), _placed, _PPP
+    ),
+    "picker_qpg": ActionMode(
+        "pixel_pick_and_place", (-1, -1, -0.3, 0, -0.3), (1, 1, 0.3, 0.3, 0.3),
+        lambda actor, action, part: np.array([*part[:3], -part[4], part[3]]), _QPG,
+    ),
+    "direct": ActionMode("cup", (-0.011,), (0.011,), lambda actor, action, part: part),
+    "rotation_bottom": ActionMode(
+        "cup", (-0.01, -0.01, -0.015), (0.01, 0.01, 0.015), lambda actor, action, part: part
+    ),
+}  # fmt: skip
+_PICKERS = ("picker", "pickerpickplace", "picker_qpg")
+MODES_OF = {  # The usual one first.
+    "PassWater": ("direct",), "PourWater": ("rotation_bottom",),
+    "PourWaterAmount": ("rotation_bottom",), "RopeFlatten": ("picker",),
+    "RopeConfiguration": ("picker",), "ClothFlatten": _PICKERS, "ClothFold": _PICKERS,
+    "ClothFoldCrumpled": _PICKERS, "ClothDrop": _PICKERS[:2], "ClothFoldDrop": _PICKERS[:2],
+}  # fmt: skip

@@ -1,0 +1,99 @@
+"""What of SoftGym has another name here, or only one value."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from softgym_mj.exceptions import InvalidArgumentError, SoftGymError
+
+# Names of SoftGym's by what to use instead; for others of an environment it is `dm_env.task`.
+_USES = {
+    "reset(config_id=i); for other sizes a task of your own": "config config_variations "
+    "config_variations initial_state get_default_config get_config set_scene "
+    "generate_env_variation",
+    "reset(config_id=i), then get_current_config() and get_state()": "cached_configs "
+    "cached_init_states get_cached_configs_and_states",
+    "get_current_config()": "current_config",
+    "get_camera_params(), and the view of a task of your own": "camera_params initialize_camera "
+    "update_camera",
+    "softgym_mj.rendering.offscreen.CameraView": "camera_name",
+    "start_record() and end_record(path)": "record_video video_path video_name "
+    "video_height video_width set_video_recording_params",
+    "softgym_mj.rendering.offscreen.Video": "save_numpy_as_gif make_grid",
+    "dm_env.task.goal_image(dm_env.physics)": "goal_character_img goal_characters_image "
+    "generate_alphabet_image",
+    "dm_env.task.actor, with held, positions() and limits": "action_tool get_picked_particle",
+    "dm_env.task.points()": "particle_num",
+    "dm_env.task.bounds": "reward_range reward_min reward_max",
+    "dm_env.control_timestep()": "dt",
+    "numpy.random": "rand_float rand_int",
+    "gymnasium.make": "metadata spec unwrapped",
+    "an actor of your own": "picker_radius picker_threshold Picker PickerPickPlace PickerQPG",
+    "fidelity of softgym_mj.load": "particle_radius",
+    "matching='vertices' of softgym_mj.load": "reward_type",
+    "action_mode='picker'": "sphere",
+    "action_mode='picker_qpg'": "MVPWrapper",
+    "action_mode='rotation_bottom', which makes the same motions": "rotation_top",
+    "actor='sawyer' of softgym_mj.load": "sawyer",
+    "actor='franka' of softgym_mj.load": "franka",
+    "observation_mode='cam_rgb'": "ImageEnv",
+    "observation_mode='point_cloud'": "PassWaterGoal PourWaterGoal ClothManipulate",
+    "observation='point_cloud' of softgym_mj.load": "get_world_coords",
+    "gymnasium.wrappers.NormalizeObservation": "normalize_obs obs_alpha",
+    "gymnasium.wrappers.NormalizeReward": "normalize_reward reward_alpha",
+    "SOFTGYM_ENVS": "PassWater1DEnv PourWaterPosControlEnv PourWaterAmountPosControlEnv "
+    "RopeFlattenEnv RopeConfigurationEnv ClothFlattenEnv ClothFoldEnv ClothDropEnv "
+    "ClothFoldCrumpledEnv ClothFoldDropEnv",
+    "dm_env.task.scene": "ClothPos ClothStiff flip_mesh target_pos init_pos stretchstiffness "
+    "bendingstiffness radius mass scale env_idx target_height",
+    "dm_env.task.scene and dm_env.physics of an environment": "pyflex",
+}
+REPLACED = {name: use for use, names in _USES.items() for name in names.split()}
+DEFAULTS = {  # Keyword arguments; None for what is usual for the task.
+    "num_picker": 2, "horizon": None, "action_repeat": None, "num_variations": 1,
+    "camera_width": 720, "camera_height": 720, "deterministic": True,
+}  # fmt: skip
+FIXED = {  # Those that have one value here.
+    "camera_name": "default_camera", "config": None, "particle_radius": 0.00625,
+    "picker_threshold": 0.005, "reward_type": "bigraph",
+}  # fmt: skip
+# Those without meaning here: rendering is off-screen, states are made when needed. The last two are
+# SoftAgent's, which SoftGym takes and ignores, too.
+IGNORED = (
+    "render", "headless", "render_mode", "use_cached_states", "save_cached_states",
+    "cached_states_path", "device_id", "delta_reward", "env_name",
+)  # fmt: skip
+INFO = {  # Ours by SoftGym's keys, and a factor.
+    "out_water": ("spilled", 1.0), "target": ("share", 1.0), "total_steps": ("sim_steps", 1),
+    "neg_group_dist": ("pair_distance", -1.0), "neg_fixation_dist": ("displacement", -1.0),
+}  # fmt: skip
+OBSERVATION_MODES = {"key_point": "reduced", "point_cloud": "full", "cam_rgb": "rgb"}
+
+
+class ReplacedError(SoftGymError, AttributeError):
+    """A name of SoftGym's that this package has something else for; the message says what."""
+
+    def __str__(self) -> str:
+        return "SoftGym's {!r} is not here; use {}.".format(*self.args)
+
+
+class Table(dict[str, Any]):
+    """A dict by SoftGym's names; of those that it lacks it says what to use instead."""
+
+    def __missing__(self, key: str) -> Any:
+        raise ReplacedError(key, REPLACED.get(key, f"one of {', '.join(self)}"))
+
+
+def check_settings(given: Mapping[str, Any], own: Iterable[str], fixed: Mapping[str, Any]) -> None:
+    """Raises `InvalidArgumentError` for arguments that there are not, or cannot be had otherwise.
+
+    Args:
+        given: values by name.
+        own: names of which all values are fine.
+        fixed: the only value by name.
+    """
+    for key, value in given.items():
+        if key not in (*own, *fixed):
+            raise InvalidArgumentError("argument", key, (*own, *fixed))
+        if key in fixed and value != fixed[key]:
+            valid = f"{fixed[key]!r}; for others use {REPLACED[key]}"
+            raise InvalidArgumentError(key, value, valid)
