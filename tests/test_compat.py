@@ -262,6 +262,7 @@ def test_cameras_and_configs_are_softgyms():
     [
         ({"observation_mode": "state"}, r"'key_point', 'point_cloud', 'cam_rgb'"),
         ({"action_mode": "sawyer"}, "action_mode='sawyer'.*softgym_mj.load"),
+        ({"action_mode": ["picker"]}, "action_mode=.*'picker'"),
         ({"action_mode": "direct"}, "action_mode='direct'.*'picker'"),
         ({"num_variations": 0}, "num_variations=0"),
         ({"fps": 3}, "argument='fps'.*'num_picker', 'horizon', .*'headless'"),

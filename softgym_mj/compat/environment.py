@@ -9,18 +9,9 @@ import gymnasium
 import numpy as np
 
 from softgym_mj import registry
+from softgym_mj.compat import names
 from softgym_mj.compat.actions import ACTION_MODES, MODES_OF, checked, to_flex
-from softgym_mj.compat.names import (
-    DEFAULTS,
-    FIXED,
-    IGNORED,
-    INFO,
-    OBSERVATION_MODES,
-    REPLACED,
-    ReplacedError,
-    Table,
-    check_settings,
-)
+from softgym_mj.compat.names import ReplacedError, Table, check_settings
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count, check_name
@@ -83,20 +74,20 @@ class OldEnv:
             InvalidArgumentError: for a bad name or value; it names what to use instead.
         """
         check_name("name", name, MODES_OF)
-        check_name("observation_mode", observation_mode, OBSERVATION_MODES)
-        if action_mode in REPLACED:
-            raise InvalidArgumentError("action_mode", action_mode, REPLACED[action_mode])
+        check_name("observation_mode", observation_mode, names.OBSERVATION_MODES)
+        if action_mode in names.OTHER_ACTION_MODES:
+            raise InvalidArgumentError("action_mode", action_mode, names.REPLACED[action_mode])
         check_name("action_mode", action_mode, MODES_OF[name])
         radius = {"picker_radius": 0.02 if name.startswith("Rope") else 0.05}
-        check_settings(settings, (*DEFAULTS, *IGNORED), FIXED | radius)
-        settings = DEFAULTS | settings
+        check_settings(settings, (*names.DEFAULTS, *names.IGNORED), names.FIXED | radius)
+        settings = names.DEFAULTS | settings
         check_count("num_variations", settings["num_variations"], 1, NUM_VARIATIONS)
         record, self._mode = RECORDS[name], ACTION_MODES[action_mode]
         goal = ("goal_rgb",) if (name, observation_mode) == ("RopeConfiguration", "cam_rgb") else ()
         pickers = {"num_pickers": settings["num_picker"]}
         self.dm_env = load(
             record, split=range(settings["num_variations"]), actor=self._mode.actor,
-            observation=(OBSERVATION_MODES[observation_mode], *goal),
+            observation=(names.OBSERVATION_MODES[observation_mode], *goal),
             image_size=(settings["camera_height"], settings["camera_width"]),
             horizon=settings["horizon"], action_repeat=settings["action_repeat"],
             **(pickers if "num_pickers" in record.arguments else {}),
@@ -107,13 +98,12 @@ class OldEnv:
             self._task.workspace = self._mode.workspace
         settings |= {"horizon": self.dm_env.horizon, "action_repeat": self._task.action_repeat}
         self.dm_env.horizon = UNLIMITED
-        vars(self).update({key: settings[key] for key in DEFAULTS})
+        vars(self).update({key: settings[key] for key in names.DEFAULTS})
         self.observation_mode, self.action_mode = observation_mode, action_mode
-        self.camera_name = FIXED["camera_name"]
+        self.camera_name = names.FIXED["camera_name"]
         self.eval_flag = self.recording = False
         self.video_frames: list[np.ndarray] = []
-        self._frames: list[np.ndarray] = []
-        self._frame_size: tuple[int, int] | None = None
+        self._frames: list[np.ndarray] | None = None
         self._views: dict[tuple[int, int], CameraView] = {}
         self._random: Any = np.random  # NumPy's global generator, as in SoftGym, until `seed`.
         times = self._task.actor.action_size // len(self._mode.low)
@@ -121,14 +111,12 @@ class OldEnv:
         self.action_space = gymnasium.spaces.Box(low, high)
         specs = self.dm_env.observation_spec().items()
         seen = self._convert({key: spec.generate_value() for key, spec in specs})
-        self.observation_space = (
-            gymnasium.spaces.Box(0, 255, seen.shape, np.uint8)
-            if seen.dtype == np.uint8
-            else gymnasium.spaces.Box(-np.inf, np.inf, seen.shape, np.float32)
-        )
+        dtype, image = seen.dtype, seen.dtype == np.uint8
+        ends = (0.0, 255.0) if image else (-np.inf, np.inf)
+        self.observation_space = gymnasium.spaces.Box(ends[0], ends[1], seen.shape, dtype=dtype)
 
     def __getattr__(self, name: str) -> Any:
-        raise ReplacedError(name, REPLACED.get(name, "dm_env.task; see docs/migration.md"))
+        raise ReplacedError(name, names.REPLACED.get(name, "dm_env.task; see docs/migration.md"))
 
     @property
     def current_config_id(self) -> int:
@@ -174,13 +162,12 @@ class OldEnv:
         """
         for name, value in (("config", config), ("initial_state", initial_state)):
             if value is not None:
-                raise InvalidArgumentError(name, value, f"None; use {REPLACED[name]}")
+                raise InvalidArgumentError(name, value, f"None; use {names.REPLACED[name]}")
         number = self.num_variations
         first = int(TRAIN_SHARE * number)
         low, high = (first, number) if self.eval_flag else (0, max(first, 1))
         if config_id is None:
-            drawn = 0 if self.deterministic else int(self._random.choice(high - low))
-            config_id = low + drawn
+            config_id = low if self.deterministic else low + int(self._random.choice(high - low))
         index = check_count("config_id", config_id, 0, number - 1)
         observation = self._convert(self.dm_env.reset(index).observation)
         if self.recording:
@@ -210,13 +197,12 @@ class OldEnv:
         raw = checked(action, self.action_space)
         low, high = (end.astype(float) for end in (self.action_space.low, self.action_space.high))
         part = np.clip(2.0 * (raw - low) / (high - low) - 1.0, -1.0, 1.0)
-        size = (self.camera_width, self.camera_height) if img_size is None else (img_size, img_size)
-        self._frame_size = size if record_continuous_video else None
-        self._frames = []
-        self._sim_steps = 0
+        sides = self.camera_width, self.camera_height
+        self._frame_size = sides if img_size is None else (img_size, img_size)
+        self._frames, self._sim_steps = [] if record_continuous_video else None, 0
         timestep = self.dm_env.step(self._mode.ours(self._task.actor, raw, part))
         info = self._get_info()
-        if record_continuous_video:
+        if self._frames is not None:
             info["flex_env_recorded_frames"] = self._frames
         if self.recording:
             self.video_frames.append(self.render())
@@ -226,7 +212,7 @@ class OldEnv:
     def _watch(self, physics: Any, random_state: np.random.RandomState) -> None:
         """Takes pictures after a sim step: one physics step in all tasks of the package."""
         self._sim_steps += 1
-        if self._frame_size is not None and self._sim_steps % 2:
+        if self._frames is not None and self._sim_steps % 2:
             self._frames.append(self.get_image(*self._frame_size))
         if self.recording and self._task.actor.sim_steps is not None:
             self.video_frames.append(self.render())
@@ -235,8 +221,9 @@ class OldEnv:
         return self._convert(self.dm_env.observation())
 
     def _get_info(self) -> dict[str, Any]:
-        info = dict(self.dm_env.info())
-        return {**info, **{key: k * info[ours] for key, (ours, k) in INFO.items() if ours in info}}
+        info: dict[str, Any] = self.dm_env.info()
+        theirs = names.INFO.items()
+        return info | {key: k * info[own] for key, (own, k) in theirs if own in info}
 
     def compute_reward(self, *args: object, **kwargs: object) -> float:
         """Reward of the current state; SoftGym's arguments mean nothing there, either."""

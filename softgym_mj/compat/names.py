@@ -48,6 +48,7 @@ _USES = {
     "dm_env.task.scene and dm_env.physics of an environment": "pyflex",
 }
 REPLACED = {name: use for use, names in _USES.items() for name in names.split()}
+OTHER_ACTION_MODES = ("sphere", "sawyer", "franka", "rotation_top")
 DEFAULTS = {  # Keyword arguments; None for what is usual for the task.
     "num_picker": 2, "horizon": None, "action_repeat": None, "num_variations": 1,
     "camera_width": 720, "camera_height": 720, "deterministic": True,
