@@ -67,7 +67,7 @@ class NormalizedEnv:
         return low + (checked(action, self.action_space, self._clip) + 1.0) / 2.0 * (high - low)
 
     def reset(self, **kwargs: Any) -> np.ndarray:
-        """As `OldEnv.reset`."""
+        """As `OldEnv.reset`: the observation (n,)."""
         return np.clip(self._wrapped_env.reset(**kwargs), *self._clip_obs)
 
     def step(self, action: np.ndarray, **kwargs: Any) -> tuple[np.ndarray, float, bool, dict]:

@@ -20,6 +20,7 @@ from typing import Any
 from softgym_mj.exceptions import SimulationError, check_count, import_extra
 
 MOST_PROCESSES = 512  # Each takes a tenth of a GiB.
+_HAS_MASKS = hasattr(signal, "pthread_sigmask")
 MAX_LOSSES = 3  # Pools lost in a row without a single result: then the call itself is to blame.
 
 
@@ -109,12 +110,8 @@ class ProcessExecutor(Executor):
                 initializer=_start,
                 initargs=(os.getpid(),),
             )
-        # What comes before a worker can handle it, at `_start`, would give a traceback.
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        try:
+        with _uninterrupted():
             futures = {self._pool.submit(function, *call): index for index, call in calls.items()}
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         failure = None
         try:
             for future in concurrent.futures.as_completed(futures):
@@ -222,10 +219,33 @@ def _call(function: Callable, arguments: tuple[Any, ...]) -> Any:
     return function(*arguments)
 
 
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Puts Ctrl-C off: half a start of a worker would end in a traceback of it.
+
+    Processes that start meanwhile do not hear of it until `_start`: they have the mask of signals
+    of this thread. Where there are none (Windows), and in other threads, nothing is put off.
+    """
+    if threading.current_thread() is not threading.main_thread() or not _HAS_MASKS:
+        yield
+        return
+    noted: list[tuple] = []
+    usual = signal.signal(signal.SIGINT, lambda *received: noted.append(received))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, usual)
+        if noted and callable(usual):
+            usual(*noted[0])
+
+
 def _start(parent: int) -> None:
     """Has a worker end at Ctrl-C, without a word, and when its parent was killed."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    if _HAS_MASKS:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
     def watch():
         while os.getppid() == parent:
