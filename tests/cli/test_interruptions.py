@@ -62,9 +62,9 @@ def test_ctrl_c_ends_with_one_line(name, pause, tmp_path):
             os.killpg(process.pid, signal.SIGINT)
         _, error = process.communicate(timeout=60)
     assert process.returncode == 130
-    *before, last = error.splitlines()
-    assert last.startswith("interrupted")
-    assert all("does not ship" in line for line in before), error  # That it is simulated now.
+    # Besides, dm_control may say that it cannot delete half an OpenGL context.
+    assert sum(line.startswith("interrupted") for line in error.splitlines()) == 1, error
+    assert "KeyboardInterrupt" not in error and "EOFError" not in error
     assert not [path for path in files(tmp_path) if path.endswith(".partial")]
 
 
