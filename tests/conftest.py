@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import signal
 
 # Before anything imports dm_control.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -11,6 +12,14 @@ import pytest
 
 import softgym_mj  # Chooses the OpenGL backend.
 from tests.disks import Disk
+
+
+@pytest.fixture(autouse=True)
+def _interrupts():
+    """Ctrl-C does what it did before: a command that was interrupted leaves it to end the process."""
+    usual = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, usual)
 
 
 @pytest.fixture(name="disk")
