@@ -16,7 +16,7 @@ from tests.disks import Disk
 
 @pytest.fixture(autouse=True)
 def _interrupts():
-    """Ctrl-C does what it did before: a command that was interrupted leaves it to end the process."""
+    """Ctrl-C does what it did before: an interrupted command has it end the process."""
     usual = signal.getsignal(signal.SIGINT)
     yield
     signal.signal(signal.SIGINT, usual)
