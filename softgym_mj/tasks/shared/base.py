@@ -163,7 +163,7 @@ class Task(composer.Task, abc.ABC):
 
     @visualize_reward.setter
     def visualize_reward(self, wanted: bool) -> None:
-        if wanted:
+        if wanted is not False:
             raise InvalidArgumentError("visualize_reward", wanted, "False")
 
     # ------------------------------------------------------------------ what a task defines
