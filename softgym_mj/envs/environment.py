@@ -82,9 +82,9 @@ class Environment(composer.Environment):
         if not isinstance(task, Task):
             raise InvalidArgumentError("task", task, "a softgym_mj.tasks.Task")
         check_count("horizon", horizon, 1)
-        if not isinstance(random_state, np.random.RandomState | None):
-            check_count("random_state", random_state, 0, 2**32 - 1)
         if not isinstance(random_state, np.random.RandomState):
+            if random_state is not None:
+                check_count("random_state", random_state, 0, 2**32 - 1)
             random_state = np.random.RandomState(random_state)
         self.name, self.horizon, self.variations = name, horizon, split_indices(split)
         self.started: int | None = None
@@ -203,13 +203,15 @@ class Environment(composer.Environment):
         if not isinstance(snapshot, Snapshot):
             raise SnapshotError(f"expected what `get_state` returned, not {snapshot!r}")
         self._check_origin(snapshot)
-        before = None if self.started is None else self.get_state()
+        before = None
         try:
-            if snapshot.task["variation"] != self.started:
-                self._start(check_variation(snapshot.task["variation"]))
+            variation = check_variation(snapshot.task["variation"])
+            if variation != self.started:
+                before = None if self.started is None else self.get_state()
+                self._start(variation)
             self._check_content(snapshot)
         except (LookupError, TypeError, ValueError) as error:
-            if before is not None and before.task["variation"] != self.started:
+            if before is not None:
                 self.set_state(before)
             raise SnapshotError(f"the snapshot is damaged: {error}") from error
         mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
