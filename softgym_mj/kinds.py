@@ -48,9 +48,11 @@ def typed(border: _Border) -> _Border:
 
     @functools.wraps(border)
     def checked(*args: Any, **kwargs: Any) -> Any:
+        given: dict[str, Any] = {}
         with contextlib.suppress(TypeError):  # Of a call that Python itself refuses below.
-            for name, value in signature.bind(*args, **kwargs).arguments.items():
-                check_kind(name, value, kinds[name])
+            given = signature.bind(*args, **kwargs).arguments
+        for name, value in given.items():
+            check_kind(name, value, kinds[name])
         return border(*args, **kwargs)
 
     return typing.cast(_Border, checked)

@@ -1,8 +1,6 @@
 """Files that are written whole or not at all; what cannot be read or written is a `StoreError`."""
 
 import contextlib
-import importlib
-import importlib.util
 import json
 import os
 import pathlib
@@ -13,8 +11,11 @@ from typing import Any
 
 from softgym_mj.exceptions import SoftGymError, StoreError
 
-fcntl: Any = importlib.import_module("fcntl") if importlib.util.find_spec("fcntl") else None
-NONBLOCK = getattr(os, "O_NONBLOCK", 0)  # Windows has neither; a pipe is opened at once with it.
+try:
+    import fcntl
+except ImportError:  # On Windows, which has no such flag either.
+    fcntl = None  # type: ignore[assignment]
+NONBLOCK = getattr(os, "O_NONBLOCK", 0)  # With it a pipe is opened at once.
 PARTIAL = ".{}.{}.partial"  # Name of a file while it is written.
 
 
