@@ -7,6 +7,7 @@
 
 #include "cloth/plugin/state.h"
 #include "cloth/plugin/workspace.h"
+#include "native/export.h"
 
 namespace softgym_mj::cloth {
 namespace {
@@ -20,12 +21,6 @@ int ModelVertex(const mjModel* m, const Workspace& w, int vertex) {
 
 }  // namespace
 }  // namespace softgym_mj::cloth
-
-#ifdef _WIN32
-#define SGM_EXPORT extern "C" __declspec(dllexport)
-#else
-#define SGM_EXPORT extern "C" __attribute__((visibility("default")))
-#endif
 
 // Copies the contacts between geoms and flexes in the last step, `capacity` at most, with vertices as in mjModel.
 // Returns how many there are.

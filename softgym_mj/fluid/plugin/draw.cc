@@ -8,8 +8,6 @@ namespace {
 // Side of a grid cell of the surface, in spacings. A software renderer spends 4 us on a triangle.
 constexpr double kCoarse = 1.0, kFine = 0.5;
 constexpr int kMostCoarse = 3000;  // Triangles of a coarse surface: a picture takes some 15 ms.
-constexpr double kCoarser = 1.4;   // Growth of the cells until the surface fits.
-constexpr int kMaxTries = 8;
 
 constexpr double kParticle = 0.5;  // Radius of a particle drawn as a sphere, in spacings.
 
@@ -36,14 +34,12 @@ void DrawParticles(const FluidConfig& config, int instance, const mjtNum* positi
   }
 }
 
-void DrawTriangle(int instance, const float* corners, const float* rgba, mjvScene* scene) {
-  const mjtNum size[3] = {1, 1, 0};
-  mjtNum position[3], sides[6], normal[3], matrix[9];
-  for (int k = 0; k < 3; ++k) {
-    position[k] = corners[k];
-    sides[k] = corners[3 + k] - corners[k];
-    sides[3 + k] = corners[6 + k] - corners[k];
-  }
+void DrawTriangle(int instance, const SurfaceMesh& mesh, const int* face, const float* rgba, mjvScene* scene) {
+  const Vec3<float> first = mesh.vertices[face[0]];
+  const Vec3<float> b = mesh.vertices[face[1]] - first, c = mesh.vertices[face[2]] - first;
+  const mjtNum size[3] = {1, 1, 0}, position[3] = {first.x, first.y, first.z};
+  const mjtNum sides[6] = {b.x, b.y, b.z, c.x, c.y, c.z};
+  mjtNum normal[3], matrix[9];
   mju_cross(normal, sides, sides + 3);
   if (mju_normalize3(normal) < mjMINVAL) return;
   for (int k = 0; k < 3; ++k) {
@@ -66,16 +62,15 @@ void DrawFluid(const mjModel* m, const FluidConfig& config, int instance, const 
   }
   const bool fine = config.draw == Draw::kFine;
   const int most = fine ? room : std::min(room, kMostCoarse);
-  double voxel = config.spacing * (fine ? kFine : kCoarse);
-  for (int i = 0; i < kMaxTries; ++i, voxel *= kCoarser) {
-    const Triangles* triangles = extractor->Extract(positions, config.count, config.spacing, voxel, most);
-    if (!triangles) continue;
-    for (size_t k = 0; k < triangles->size(); k += 9) {
-      DrawTriangle(instance, triangles->data() + k, config.rgba, scene);
-    }
+  const double voxel = config.spacing * (fine ? kFine : kCoarse);
+  const SurfaceMesh* mesh = extractor->Extract(positions, config.count, config.spacing, voxel, most);
+  if (!mesh) {
+    scene->status = 1;
     return;
   }
-  scene->status = 1;
+  for (size_t k = 0; k < mesh->faces.size(); k += 3) {
+    DrawTriangle(instance, *mesh, &mesh->faces[k], config.rgba, scene);
+  }
 }
 
 }  // namespace softgym_mj

@@ -1,23 +1,28 @@
 #include "surface.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
+
+#include "cubes.h"
+#include "native/export.h"
+#include "native/reset.h"
 
 namespace softgym_mj {
 namespace {
 
-// Particles weigh (1 - (r/R)^2)^3 up to R = kReach spacings. The surface is kRadius spacings from
-// their weighted mean. Where they weigh 1.2 to 0.7 together this grows to kDropRadius (in voxels on a
-// grid wider than the spacing), so that even a lone drop contains a point of the grid.
-constexpr double kReach = 2.0;
-constexpr double kRadius = 0.6;
-constexpr double kDropRadius = 0.95;
+constexpr float kLevel = 0.5f;  // Weight of the water at its surface: about one inside, none outside.
 // What is further from the world's origin than this many cells, or not a number, is not drawn: a key has
 // 21 bits for each axis.
 constexpr double kMostCells = 1e6;
 // Of 8 KB: as many as 200000 particles fill, finely, that lie together. Scattered drops would take eight each.
 constexpr size_t kMostBlocks = 1 << 15;
+constexpr double kCoarser = 1.4;  // Growth of the voxels until the surface fits.
+constexpr int kMostTries = 8;
+// Taubin (1995): passes of smoothing, each followed by one that undoes the loss of volume.
+constexpr int kPasses = 4;
+constexpr double kShrink = 0.5, kGrow = -0.53;
 
 uint64_t Key(int x, int y, int z) {
   constexpr uint64_t kMask = (1u << 21) - 1;
@@ -34,38 +39,40 @@ SurfaceExtractor::Block& SurfaceExtractor::FindBlock(int x, int y, int z) {
     block.x = x;
     block.y = y;
     block.z = z;
-    std::memset(block.sums, 0, sizeof(block.sums));
+    std::memset(block.weight, 0, sizeof(block.weight));
   }
   return blocks_[entry->second];
 }
 
-void SurfaceExtractor::Splat(const double position[3], double radius, double voxel) {
-  int low[3], high[3];
+void SurfaceExtractor::Splat(const KernelShape& kernel) {
+  int low[3], high[3];  // And one point around, so that blocks have all edges which the surface crosses.
   for (int k = 0; k < 3; ++k) {
-    low[k] = static_cast<int>(std::ceil((position[k] - radius) / voxel));
-    high[k] = static_cast<int>(std::floor((position[k] + radius) / voxel));
+    low[k] = static_cast<int>(std::floor(kernel.centre[k] - kernel.reach[k])) - 1;
+    high[k] = static_cast<int>(std::ceil(kernel.centre[k] + kernel.reach[k])) + 1;
   }
-  const float scale = static_cast<float>(voxel * voxel / (radius * radius));
-  const auto offset = [&](int i, int k) { return static_cast<float>(i - position[k] / voxel); };
+  float metric[6];
+  std::copy(kernel.metric, kernel.metric + 6, metric);
+  const float amplitude = static_cast<float>(kernel.amplitude);
+  const auto offset = [&](int i, int k) { return static_cast<float>(i - kernel.centre[k]); };
   const auto down = [](int i) { return i >> 3; };  // Division by kBlock, rounded down.
   for (int bz = down(low[2]); bz <= down(high[2]); ++bz) {
     for (int by = down(low[1]); by <= down(high[1]); ++by) {
       for (int bx = down(low[0]); bx <= down(high[0]); ++bx) {
-        float (*sums)[4] = FindBlock(bx, by, bz).sums;
+        float* weight = FindBlock(bx, by, bz).weight;
         const int base[3] = {bx * kBlock, by * kBlock, bz * kBlock};
+        const int x0 = std::max(low[0], base[0]), x1 = std::min(high[0], base[0] + kBlock - 1);
         for (int z = std::max(low[2], base[2]); z <= std::min(high[2], base[2] + kBlock - 1); ++z) {
           const float dz = offset(z, 2);
           for (int y = std::max(low[1], base[1]); y <= std::min(high[1], base[1] + kBlock - 1); ++y) {
-            const float dy = offset(y, 1), yz = dy * dy + dz * dz;
-            float (*row)[4] = sums + kBlock * ((y - base[1]) + kBlock * (z - base[2])) - base[0];
-            for (int x = std::max(low[0], base[0]); x <= std::min(high[0], base[0] + kBlock - 1); ++x) {
-              const float dx = offset(x, 0);
-              const float s = std::max(0.0f, 1.0f - scale * (dx * dx + yz));
-              const float weight = s * s * s;
-              row[x][0] += weight;
-              row[x][1] += weight * dx;
-              row[x][2] += weight * dy;
-              row[x][3] += weight * dz;
+            const float dy = offset(y, 1);
+            // 1 - q is a parabola along the row.
+            const float rest = 1 - metric[1] * dy * dy - metric[2] * dz * dz - 2 * metric[3] * dy * dz;
+            const float slope = 2 * (metric[4] * dz + metric[5] * dy);
+            if (rest + slope * slope / (4 * metric[0]) <= 0) continue;
+            float* row = weight + kBlock * ((y - base[1]) + kBlock * (z - base[2])) - base[0];
+            for (int x = x0; x <= x1; ++x) {
+              const float dx = offset(x, 0), s = std::max(0.0f, rest - dx * (slope + metric[0] * dx));
+              row[x] += amplitude * (s * s * s);
             }
           }
         }
@@ -74,116 +81,160 @@ void SurfaceExtractor::Splat(const double position[3], double radius, double vox
   }
 }
 
-// Makes the faces across the grid edges that begin in a block.
-void SurfaceExtractor::Mesh(const Block& block, float radius, float drop_radius, double voxel) {
-  // How deep the points of the block, and one around it, are in the water, in voxels.
-  constexpr int kSide = kBlock + 2;
-  float values[kSide * kSide * kSide];
-  bool inside = false, outside = false;
-  for (int bz = -1; bz <= 1; ++bz) {
-    for (int by = -1; by <= 1; ++by) {
-      for (int bx = -1; bx <= 1; ++bx) {
-        auto entry = index_.find(Key(block.x + bx, block.y + by, block.z + bz));
-        const float (*sums)[4] = entry == index_.end() ? nullptr : blocks_[entry->second].sums;
-        const auto range = [](int b, int* first, int* last) {
-          *first = b < 0 ? -1 : b * kBlock;
-          *last = b < 0 ? -1 : b == 0 ? kBlock - 1 : kBlock;
-        };
-        int x0, x1, y0, y1, z0, z1;
-        range(bx, &x0, &x1);
-        range(by, &y0, &y1);
-        range(bz, &z0, &z1);
-        for (int z = z0; z <= z1; ++z) {
-          for (int y = y0; y <= y1; ++y) {
-            for (int x = x0; x <= x1; ++x) {
-              constexpr int kMask = kBlock - 1;
-              float v = -radius;
-              if (sums) {
-                const float* p = sums[(x & kMask) + kBlock * ((y & kMask) + kBlock * (z & kMask))];
-                const float offset = std::sqrt(p[1] * p[1] + p[2] * p[2] + p[3] * p[3]);
-                if (p[0] > 0) {
-                  const float alone = std::min(1.0f, std::max(0.0f, 2.0f * (1.2f - p[0])));
-                  v = radius + alone * (drop_radius - radius) - offset / p[0];
-                }
-              }
-              values[(x + 1) + kSide * ((y + 1) + kSide * (z + 1))] = v;
-              (v > 0 ? inside : outside) = true;
-            }
-          }
+float SurfaceExtractor::Corner::Weight(int x, int y, int z) const {
+  const Block* block = near[x / kBlock + 2 * (y / kBlock) + 4 * (z / kBlock)];
+  return block ? block->weight[x % kBlock + kBlock * (y % kBlock + kBlock * (z % kBlock))] : 0;
+}
+
+int SurfaceExtractor::Corner::Crossing(int x, int y, int z, int axis) const {
+  const Block* block = near[x / kBlock + 2 * (y / kBlock) + 4 * (z / kBlock)];
+  return block->crossing[x % kBlock + kBlock * (y % kBlock + kBlock * (z % kBlock))][axis];
+}
+
+SurfaceExtractor::Corner SurfaceExtractor::CornerOf(const Block& block) const {
+  Corner corner;
+  for (int k = 0; k < 8; ++k) {
+    auto entry = index_.find(Key(block.x + (k & 1), block.y + (k >> 1 & 1), block.z + (k >> 2)));
+    corner.near[k] = entry == index_.end() ? nullptr : &blocks_[entry->second];
+  }
+  return corner;
+}
+
+// In voxels, on the edges that begin in a block.
+void SurfaceExtractor::PlaceVertices(Block* block) {
+  const Corner corner = CornerOf(*block);
+  const int base[3] = {block->x * kBlock, block->y * kBlock, block->z * kBlock};
+  int point = 0;
+  for (int z = 0; z < kBlock; ++z) {
+    for (int y = 0; y < kBlock; ++y) {
+      for (int x = 0; x < kBlock; ++x, ++point) {
+        const float from = block->weight[point];
+        for (int axis = 0; axis < 3; ++axis) {
+          const float to = corner.Weight(x + (axis == 0), y + (axis == 1), z + (axis == 2));
+          if ((from > kLevel) == (to > kLevel)) continue;
+          float at[3] = {static_cast<float>(base[0] + x), static_cast<float>(base[1] + y),
+                         static_cast<float>(base[2] + z)};
+          at[axis] += (kLevel - from) / (to - from);
+          block->crossing[point][axis] = static_cast<int>(mesh_.vertices.size());
+          mesh_.vertices.push_back({at[0], at[1], at[2]});
         }
       }
     }
   }
-  if (!inside || !outside) return;
-  const float* centre = values + 1 + kSide * (1 + kSide);
-  constexpr int kStep[3] = {1, kSide, kSide * kSide};
-  const double base[3] = {block.x * kBlock * voxel, block.y * kBlock * voxel, block.z * kBlock * voxel};
-  // The vertex of a cell: the mean of where its edges cross the surface.
-  const auto vertex = [&](int x, int y, int z, float out[3]) {
-    const float* v = centre + x + kStep[1] * y + kStep[2] * z;
-    float sum[3] = {0, 0, 0};
-    int crossings = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-      const int b = (axis + 1) % 3, c = (axis + 2) % 3;
-      for (int corner = 0; corner < 4; ++corner) {
-        const int cb = corner & 1, cc = corner >> 1;
-        const float p = v[cb * kStep[b] + cc * kStep[c]];
-        const float q = v[cb * kStep[b] + cc * kStep[c] + kStep[axis]];
-        if ((p > 0) == (q > 0)) continue;
-        sum[axis] += p / (p - q);
-        sum[b] += static_cast<float>(cb);
-        sum[c] += static_cast<float>(cc);
-        ++crossings;
-      }
-    }
-    const int cell[3] = {x, y, z};
-    for (int k = 0; k < 3; ++k) {
-      out[k] = static_cast<float>(base[k] + voxel * (cell[k] + sum[k] / crossings));
-    }
-  };
+}
+
+void SurfaceExtractor::PlaceFaces(const Block& block) {
+  const Corner corner = CornerOf(block);
   for (int z = 0; z < kBlock; ++z) {
     for (int y = 0; y < kBlock; ++y) {
       for (int x = 0; x < kBlock; ++x) {
-        const float* v = centre + x + kStep[1] * y + kStep[2] * z;
-        for (int axis = 0; axis < 3; ++axis) {
-          const bool from = v[0] > 0, to = v[kStep[axis]] > 0;
-          if (from == to) continue;
-          // The four cells around the edge, anticlockwise about it.
-          const int b = (axis + 1) % 3, c = (axis + 2) % 3;
-          float corners[4][3];
-          constexpr int kTurn[4][2] = {{0, 0}, {-1, 0}, {-1, -1}, {0, -1}};
-          for (int k = 0; k < 4; ++k) {
-            int cell[3] = {x, y, z};
-            cell[b] += kTurn[k][0];
-            cell[c] += kTurn[k][1];
-            vertex(cell[0], cell[1], cell[2], corners[from ? k : 3 - k]);
-          }
-          for (int k : {0, 1, 2, 0, 2, 3}) {
-            triangles_.insert(triangles_.end(), corners[k], corners[k] + 3);
-          }
+        int inside = 0;
+        for (int k = 0; k < 8; ++k) {
+          inside |= (corner.Weight(x + (k & 1), y + (k >> 1 & 1), z + (k >> 2)) > kLevel) << k;
+        }
+        for (const int edge : CubeTriangles()[inside]) {
+          const CubeEdge e = EdgeOfCube(edge);
+          mesh_.faces.push_back(
+              corner.Crossing(x + (e.corner & 1), y + (e.corner >> 1 & 1), z + (e.corner >> 2), e.axis));
         }
       }
     }
   }
 }
 
-const Triangles* SurfaceExtractor::Extract(const double* positions, int count, double spacing, double voxel, int most) {
+// Moves vertices by a share of the way to the mean of their neighbors.
+void SurfaceExtractor::Smooth(double share) {
+  sums_.assign(mesh_.vertices.size(), {0, 0, 0});
+  counts_.assign(mesh_.vertices.size(), 0);
+  for (size_t i = 0; i < mesh_.faces.size(); i += 3) {
+    for (int k = 0; k < 3; ++k) {  // Each side is once in this order, in one of its two triangles.
+      const int from = mesh_.faces[i + k], to = mesh_.faces[i + (k + 1) % 3];
+      sums_[from] = sums_[from] + mesh_.vertices[to];
+      ++counts_[from];
+    }
+  }
+  for (size_t i = 0; i < sums_.size(); ++i) {
+    const float s = static_cast<float>(share);
+    mesh_.vertices[i] = (1 - s) * mesh_.vertices[i] + s / counts_[i] * sums_[i];
+  }
+}
+
+void SurfaceExtractor::FindNormals() {
+  std::vector<Vec3<float>>& normals = mesh_.normals;
+  normals.assign(mesh_.vertices.size(), {0, 0, 0});
+  for (size_t i = 0; i < mesh_.faces.size(); i += 3) {
+    const int* face = &mesh_.faces[i];
+    const Vec3<float> first = mesh_.vertices[face[0]];
+    const Vec3<float> area = Cross(mesh_.vertices[face[1]] - first, mesh_.vertices[face[2]] - first);
+    for (int k = 0; k < 3; ++k) normals[face[k]] = normals[face[k]] + area;
+  }
+  for (Vec3<float>& n : normals) {
+    const float length = std::sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
+    n = length > 0 ? 1 / length * n : Vec3<float>{0, 0, 1};
+  }
+}
+
+// In voxels. False if it does not fit.
+bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spacing, double voxel, size_t most) {
   index_.clear();
   blocks_.clear();
-  triangles_.clear();
+  centres_.clear();
+  mesh_.vertices.clear();
+  mesh_.faces.clear();
   for (int i = 0; i < count; ++i) {
     const double* x = positions + 3 * i;
-    const auto has_cell = [voxel](double a) { return std::fabs(a) < kMostCells * voxel; };
-    if (has_cell(x[0]) && has_cell(x[1]) && has_cell(x[2])) Splat(x, kReach * spacing, voxel);
-    if (blocks_.size() > kMostBlocks) return nullptr;
+    const auto has_cell = [&](double a) { return std::fabs(a) < kMostCells * std::min(voxel, spacing); };
+    if (!has_cell(x[0]) || !has_cell(x[1]) || !has_cell(x[2])) continue;
+    for (int k = 0; k < 3; ++k) centres_.push_back(x[k] / voxel);
   }
-  const float radius = static_cast<float>(kRadius * spacing / voxel);
-  const float drop_radius = static_cast<float>(kDropRadius * std::max(spacing / voxel, 1.0));
+  for (const KernelShape& kernel : kernels_.Find(centres_, spacing / voxel)) {
+    Splat(kernel);
+    if (blocks_.size() > kMostBlocks) return false;
+  }
+  for (Block& block : blocks_) PlaceVertices(&block);
   for (const Block& block : blocks_) {
-    Mesh(block, radius, drop_radius, voxel);
-    if (triangles_.size() / 9 > static_cast<size_t>(most)) return nullptr;
+    PlaceFaces(block);
+    if (mesh_.faces.size() / 3 > most) return false;
   }
-  return &triangles_;
+  return true;
+}
+
+const SurfaceMesh* SurfaceExtractor::Extract(const double* positions, int count, double spacing, double voxel, int most,
+                                             double offset) {
+  int tries = 0;
+  while (!TryVoxel(positions, count, spacing, voxel, most)) {
+    if (++tries == kMostTries) return nullptr;
+    voxel *= kCoarser;
+  }
+  for (int pass = 0; pass < kPasses; ++pass) {
+    Smooth(kShrink);
+    Smooth(kGrow);
+  }
+  FindNormals();
+  for (size_t i = 0; i < mesh_.vertices.size(); ++i) {
+    mesh_.vertices[i] = static_cast<float>(voxel) * mesh_.vertices[i] + static_cast<float>(offset) * mesh_.normals[i];
+  }
+  return &mesh_;
 }
 
 }  // namespace softgym_mj
+
+// Copies the surface around particles: see `SurfaceExtractor`. There is room for `most` triangles, and as many
+// vertices: a closed mesh has fewer. Returns 0; 1 if there are more, 2 if memory runs out. `sizes` are of vertices and
+// faces.
+SGM_EXPORT int softgym_mj_water_mesh(const double* positions, int count, double spacing, double voxel, int most,
+                                     double offset, float* vertices, float* normals, int* faces, int* sizes) {
+  using namespace softgym_mj;
+  const SurfaceMesh* mesh = nullptr;
+  const bool tried = WithinMemory([&] {
+    thread_local SurfaceExtractor extractor;
+    mesh = extractor.Extract(positions, count, spacing, voxel, most, offset);
+  });
+  if (!mesh) return tried ? 1 : 2;
+  sizes[0] = static_cast<int>(mesh->vertices.size());
+  sizes[1] = static_cast<int>(mesh->faces.size() / 3);
+  std::memcpy(vertices, mesh->vertices.data(), sizeof(float) * 3 * sizes[0]);
+  std::memcpy(normals, mesh->normals.data(), sizeof(float) * 3 * sizes[0]);
+  std::memcpy(faces, mesh->faces.data(), sizeof(int) * mesh->faces.size());
+  return 0;
+}

@@ -7,37 +7,59 @@
 #include <unordered_map>
 #include <vector>
 
+#include "kernel_shapes.h"
+#include "native/vec.h"
+
 namespace softgym_mj {
 
-// Nine coordinates a triangle, anticlockwise seen from outside.
-using Triangles = std::vector<float>;
+// Closed: each side of a triangle belongs to one other.
+struct SurfaceMesh {
+  std::vector<Vec3<float>> vertices;  // [m]
+  std::vector<Vec3<float>> normals;   // Unit, out of the water.
+  std::vector<int> faces;             // Three vertices each, anticlockwise seen from outside.
+};
 
-// Surface nets (Gibson, 1998) around the weighted mean of the particles (Zhu and Bridson, 2005): flat
-// where water is still, a ball around a lone drop. The grid is sparse, so that far droplets cost
-// nothing in between.
+// Marching cubes (Lorensen and Cline, 1987) around anisotropic kernels, smoothed. The grid is sparse, so that far
+// droplets cost nothing in between.
 class SurfaceExtractor {
  public:
-  // The surface around `count` particles (x y z each) `spacing` apart at rest, with a vertex about
-  // every `voxel` metres. The result is valid until the next call; null if it would have more than `most` triangles or
-  // take too much memory.
-  const Triangles* Extract(const double* positions, int count, double spacing, double voxel, int most);
+  // The surface around `count` particles (x y z each) `spacing` apart at rest, with a vertex about every `voxel`
+  // metres, or further apart where there would be more than `most` triangles. `offset` [m] moves it outwards. The
+  // result is valid until the next call; null if none will do, or they would take too much memory.
+  const SurfaceMesh* Extract(const double* positions, int count, double spacing, double voxel, int most,
+                             double offset = 0);
 
  private:
   static constexpr int kBlock = 8;  // Grid points along the side of a block.
+  static constexpr int kPoints = kBlock * kBlock * kBlock;
   struct Block {
     int x, y, z;
-    // Per grid point: sum of the weights of the particles around, and of their weighted offsets
-    // from it, in voxels.
-    float sums[kBlock * kBlock * kBlock][4];
+    float weight[kPoints];     // Of the water, per grid point.
+    int crossing[kPoints][3];  // Vertex on the edge to the next point along an axis, where the surface crosses it.
+  };
+  // What a block and the next ones have at the points 0..kBlock of a block: the latter's own end a point earlier.
+  struct Corner {
+    const Block* near[8];
+    float Weight(int x, int y, int z) const;
+    int Crossing(int x, int y, int z, int axis) const;
   };
 
+  bool TryVoxel(const double* positions, int count, double spacing, double voxel, size_t most);
   Block& FindBlock(int x, int y, int z);
-  void Splat(const double position[3], double radius, double voxel);
-  void Mesh(const Block& block, float radius, float drop_radius, double voxel);
+  void Splat(const KernelShape& kernel);
+  Corner CornerOf(const Block& block) const;
+  void PlaceVertices(Block* block);
+  void PlaceFaces(const Block& block);
+  void Smooth(double share);
+  void FindNormals();
 
+  KernelShapes kernels_;
+  std::vector<double> centres_;
   std::unordered_map<uint64_t, int> index_;
   std::vector<Block> blocks_;
-  Triangles triangles_;
+  std::vector<Vec3<float>> sums_;
+  std::vector<int> counts_;
+  SurfaceMesh mesh_;
 };
 
 }  // namespace softgym_mj

@@ -1,0 +1,206 @@
+"""Triangle meshes of ropes and of water, for pictures.
+
+Made by the native library: vertices and normals are float32 arrays, as `mujoco.MjvScene.skinvert`
+wants them. Nothing here touches a simulation.
+"""
+
+import ctypes
+import functools
+import math
+import typing
+
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.native.library import load_plugin
+
+MOST_TRIANGLES = 2_000_000  # Of a surface: 250 times those of a cup of water.
+_MOST_POINTS, _MOST_SIDES, _MOST_RINGS = 100_000, 256, 64
+_FARTHEST = 1e30  # [m]: single precision has no squares of more.
+
+
+class Mesh(typing.NamedTuple):
+    """A closed surface of triangles.
+
+    Attributes:
+        vertices: (v, 3) [m], float32.
+        normals: (v, 3), unit, outwards, float32.
+        faces: (f, 3) indices of vertices, anticlockwise seen from outside, int32.
+    """
+
+    vertices: np.ndarray
+    normals: np.ndarray
+    faces: np.ndarray
+
+
+class Strands(typing.NamedTuple):
+    """The strands of a rope, which wind about each other.
+
+    Attributes:
+        lobes: how many there are; 0 makes a plain tube.
+        depth: of the valleys between them, as a share of the radius.
+        twist: angle by which they turn along the rope [rad/m].
+    """
+
+    lobes: int
+    depth: float
+    twist: float
+
+
+PLAIN = Strands(0, 0.0, 0.0)
+ROPE = Strands(3, 0.22, 70.0)  # A turn in 9 cm: the lay of a rope of 12 mm, hawser-laid.
+
+
+@functools.cache
+def _library() -> ctypes.CDLL:
+    library = ctypes.CDLL(str(load_plugin()))
+    pointer, whole, real = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
+    tube = [pointer, whole, real, whole, whole, whole, whole, real, real, pointer, pointer]
+    library.softgym_mj_tube.argtypes = tube
+    water = [pointer, whole, real, real, whole, real, pointer, pointer, pointer, pointer]
+    library.softgym_mj_water_mesh.argtypes = water
+    return library
+
+
+def _points(argument: str, value: np.ndarray, least: int, most: int) -> np.ndarray:
+    """`value` as doubles (n, 3) that lie one after the other."""
+    try:
+        points = np.ascontiguousarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise InvalidArgumentError(argument, value, "an array of numbers (n, 3)") from None
+    if points.ndim != 2 or points.shape[1] != 3 or not least <= len(points) <= most:
+        shape = f"an array of shape {points.shape}"
+        raise InvalidArgumentError(argument, shape, f"shape (n, 3), n in {least}..{most}")
+    return points
+
+
+def _check_number(argument: str, value: float, low: float, high: float = math.inf) -> None:
+    if not isinstance(value, int | float | np.number) or not low <= value <= min(high, _FARTHEST):
+        raise InvalidArgumentError(argument, value, f"a number in {low:g}..{high:g}")
+
+
+def _cap_rings(sides: int) -> int:
+    return max(2, sides // 4)
+
+
+def tube(
+    points: np.ndarray,
+    radius: float,
+    *,
+    sides: int,
+    rings_per_edge: int,
+    strands: Strands = PLAIN,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The surface of a rope: a tube along a smooth curve through points, with rounded ends.
+
+    Rings follow each other along the rope, `sides + 1` vertices each: the last one of a ring lies
+    on its first one, with another texture coordinate. `tube_faces` joins them.
+
+    Args:
+        points: (n, 3) [m], two or more; they may coincide.
+        radius: [m], the largest where there are strands.
+        sides: vertices around, 3 or more.
+        rings_per_edge: rings from a point to the next.
+        strands: lobes that wind along it.
+
+    Returns:
+        Vertices (v, 3) [m] and unit normals (v, 3), float32.
+
+    Raises:
+        InvalidArgumentError: for points of another shape or that are not finite, and numbers out of
+            range.
+        MemoryError: if there is not enough.
+    """
+    points = _points("points", points, 2, _MOST_POINTS)
+    if not (np.abs(points) < _FARTHEST).all():
+        raise InvalidArgumentError("points", points, "finite numbers")
+    _check_number("radius", radius, 1e-9)
+    _check_number("strands.depth", strands.depth, 0.0, 1.0)
+    _check_number("strands.twist", strands.twist, -1e6, 1e6)
+    lobes = check_count("strands.lobes", strands.lobes, 0, _MOST_SIDES)
+    shape = (_rings(len(points), sides, rings_per_edge) * (sides + 1), 3)
+    vertices, normals = np.empty(shape, np.float32), np.empty(shape, np.float32)
+    failed = _library().softgym_mj_tube(
+        points.ctypes.data, len(points), radius, sides, rings_per_edge, _cap_rings(sides), lobes,
+        strands.depth, strands.twist, vertices.ctypes.data, normals.ctypes.data,
+    )  # fmt: skip
+    if failed:
+        raise MemoryError
+    return vertices, normals
+
+
+def _rings(n: int, sides: int, rings_per_edge: int) -> int:
+    check_count("sides", sides, 3, _MOST_SIDES)
+    check_count("rings_per_edge", rings_per_edge, 1, _MOST_RINGS)
+    return (n - 1) * rings_per_edge + 1 + 2 * _cap_rings(sides)
+
+
+def tube_faces(n: int, *, sides: int, rings_per_edge: int) -> tuple[np.ndarray, np.ndarray]:
+    """What does not move of a `tube` along n points.
+
+    Returns:
+        Faces (f, 3), int32, and texture coordinates (v, 2), float32: the first one goes once
+        around the rope, the second one from its start to its end, both in 0..1.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+    check_count("n", n, 2, _MOST_POINTS)
+    rings, caps = _rings(n, sides, rings_per_edge), _cap_rings(sides)
+    first = np.arange(rings * (sides + 1), dtype=np.int32).reshape(rings, sides + 1)
+    a, b, c, d = first[:-1, :-1], first[:-1, 1:], first[1:, 1:], first[1:, :-1]
+    # The outermost rings are points: of their quads, one triangle has an area.
+    lower, upper = np.stack([a, b, c], -1)[1:], np.stack([a, c, d], -1)[:-1]
+    faces = np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
+    along = np.clip((np.arange(rings) - caps) / (rings - 1 - 2 * caps), 0.0, 1.0)
+    around = np.linspace(0.0, 1.0, sides + 1)
+    texture = np.stack(np.meshgrid(around, along), axis=-1).reshape(-1, 2)
+    return faces, texture.astype(np.float32)
+
+
+def water_mesh(
+    positions: np.ndarray,
+    spacing: float,
+    voxel: float,
+    *,
+    offset: float = 0.0,
+    most_triangles: int = MOST_TRIANGLES,
+) -> Mesh:
+    """The surface around particles of water.
+
+    Args:
+        positions: of the particles (n, 3) [m]; what is not finite or a million voxels away is left
+            out.
+        spacing: distance of particles at rest [m].
+        voxel: about the distance of vertices [m], spacing/8 to 8 spacings; it grows where there
+            would be too many triangles.
+        offset: by which the surface is moved outwards [m]; below 0 it comes off the walls.
+        most_triangles: number of triangles.
+
+    Returns:
+        The surface, closed; `mesh.vertices[mesh.faces]` are loose triangles (f, 3, 3).
+
+    Raises:
+        InvalidArgumentError: for an array of another shape, numbers out of range, or if the surface
+            cannot be made of `most_triangles`.
+        MemoryError: if there is not enough.
+    """
+    positions = _points("positions", positions, 0, _MOST_POINTS * 10)
+    _check_number("spacing", spacing, 1e-6)
+    _check_number("voxel", voxel, spacing / 8, 8 * spacing)
+    _check_number("offset", offset, -spacing, spacing)
+    most = check_count("most_triangles", most_triangles, 1, MOST_TRIANGLES)
+    vertices, normals = np.empty((2, most, 3), np.float32)
+    faces, sizes = np.empty((most, 3), np.int32), np.zeros(2, np.int32)
+    failed = _library().softgym_mj_water_mesh(
+        positions.ctypes.data, len(positions), spacing, voxel, most, offset,
+        vertices.ctypes.data, normals.ctypes.data, faces.ctypes.data, sizes.ctypes.data,
+    )  # fmt: skip
+    if failed == 1:
+        raise InvalidArgumentError(
+            "most_triangles", most_triangles, f"more, for {len(positions)} particles like these"
+        )
+    if failed:
+        raise MemoryError
+    v, f = sizes
+    return Mesh(vertices[:v].copy(), normals[:v].copy(), faces[:f].copy())
