@@ -21,7 +21,7 @@ import softgym_mj
 from softgym_mj.jobs.executors import Executor, ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import Rollouts
 
-SETTINGS = {"rope": {}, "cloth": {}, "water": {"draw": "none"}}
+SETTINGS = {"rope": {}, "cloth": {}, "water": {}}
 SEQUENCES, HORIZON = {"rope": 60, "cloth": 12, "water": 24}, 15
 VARIATION = 803
 

@@ -56,7 +56,7 @@ def main(names: Sequence[str]) -> None:
     for name, task in TASKS.items():
         if names and name not in names:
             continue
-        settings = {"draw": "fine"} if "water" in task.tags else {}
+        settings = {"look": "paper"}
         env = load(name, split="all", **settings)
         episode = play(env, "scripted", env.task.example_variation, size=SIZE * OVERSAMPLED)
         frames = until_rest(smaller(episode.frames))

@@ -1,4 +1,4 @@
-"""The scene every task plays in: a floor, a light and the cameras of SoftGym."""
+"""The scene every task plays in: a table in a room, its lights and cameras."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -9,8 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from softgym_mj import assets
 from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
+from softgym_mj.entities.room import add_lights, add_room
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.kinds import typed
+from softgym_mj.rendering.drawing import TEXT
+from softgym_mj.rendering.look import FAST, Look
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, shifted
 
@@ -123,7 +126,7 @@ _BRIGHTNESS = Parameter(
 
 
 class Arena(composer.Arena, Parametric):
-    """Floor, key light, the task's camera (named "task") and an "overview" camera.
+    """A table, lights, the task's camera (named "task") and an "overview" camera.
 
     Attributes:
         view: from where it is looked at.
@@ -132,12 +135,15 @@ class Arena(composer.Arena, Parametric):
 
     parameters = (*_SHIFTS, *_TURNS, _BRIGHTNESS)
 
-    def _build(self, view: View | str = "cloth", arms: bool = False, name: str = "arena"):
+    def _build(
+        self, view: View | str = "cloth", arms: bool = False, look: Look = FAST, name: str = "arena"
+    ):
         """Builds the scene.
 
         Args:
             view: from where it is looked at, or its name in `VIEWS`.
             arms: whether robot arms are in it.
+            look: how it is drawn.
             name: model name.
 
         Raises:
@@ -153,13 +159,15 @@ class Arena(composer.Arena, Parametric):
         self.view = view
         super()._build(name=name, xml_path=assets.path("arena.xml"))
         shift = np.array([view.middle, 0.0, 0.0])
-        self._mjcf_root.find("light", "key").pos += shift
         overview = dataclasses.replace(overview, position=tuple(overview.position + shift))
         for camera_name, pose in (("task", self._pose), ("overview", overview)):
             self._mjcf_root.worldbody.add(
                 "camera", name=camera_name, pos=pose.position, quat=pose.quaternion,
                 fovy=FIELD_OF_VIEW,
             )  # fmt: skip
+        self._mjcf_root.custom.add("text", name=TEXT, data=look.name)
+        add_room(self._mjcf_root, view.middle, look)
+        add_lights(self._mjcf_root, view.middle, self._pose.quaternion, look)
 
     def _set_parameters(self) -> None:
         values = self._values
@@ -169,7 +177,7 @@ class Arena(composer.Arena, Parametric):
         pose = Rotation.from_quat(self._pose.quaternion, scalar_first=True)
         camera.quat = (pose * turn).as_quat(scalar_first=True)
         brightness = values[_BRIGHTNESS.name]
-        self._mjcf_root.find("material", "floor").rgba = [*[brightness] * 3, 1.0]
+        self._mjcf_root.find("material", "table").rgba = [*[brightness] * 3, 1.0]
 
     def add_solid(self, type: str, **attributes: object) -> mjcf.Element:
         """Adds a rigid shape that stays where it is: a rod, a shelf, a table, a wall.

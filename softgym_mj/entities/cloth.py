@@ -1,13 +1,13 @@
 """`Cloth`: a rectangular sheet of woven fabric as a two-dimensional MuJoCo flex."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
+from softgym_mj.entities.sheet import Fabric, Sheet
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.kinds import typed
+from softgym_mj.rendering.skins import spline
+from softgym_mj.rendering.textures import PAD, STRIP
 
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
 PARTICLE_SPACING = 0.00625
@@ -68,9 +68,8 @@ class Cloth(Sheet):
             InvalidArgumentError: for a bad fidelity or size.
         """
         check_name("fidelity", fidelity, FIDELITIES)
-        self._fidelity, self._marker = fidelity, marker
-        colors = {"front": FRONT_COLOR, "back": BACK_COLOR}
-        self._start_sheet(name, fabric, colors)
+        self._fidelity = fidelity
+        self._start_sheet(name, fabric, has_strip=marker)
         self.dims = (0, 0)
         self.resize(dims)
 
@@ -152,24 +151,19 @@ class Cloth(Sheet):
     def _mass(self, density: float) -> float:
         return density * self.size[0] * self.size[1]
 
-    def _marked_quads(self) -> np.ndarray:
-        """Columns of quads that the marker covers: 5 of SoftGym's from an eighth on, at least 1."""
+    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        rows, columns = (np.linspace(0, n - 1, (n - 1) * refinement + 1) for n in self.shape)
+        # The strip: 5 of SoftGym's quads along the rows, from an eighth of them on.
         first = (self.dims[0] - 1) // 8
-        ends = np.array([first, first + 5]) / (self.dims[0] - 1) * (self.shape[1] - 1)
-        low, high = np.round(ends).astype(int)
-        return np.arange(low, max(high, low + 1))
-
-    def _skins(self) -> Iterator[tuple[str, str, np.ndarray]]:
-        up = np.ones(len(self.triangles), bool)
-        if self._marker:
-            quad = np.arange(len(self.triangles)) // 2 % (self.shape[1] - 1)
-            up = ~np.isin(quad, self._marked_quads())
-        down = self.triangles[:, ::-1]
-        yield "front", "front", down[up]
-        yield "back", "back", self.triangles[up]
-        if self._marker:
-            yield "marker_front", "back", down[~up]
-            yield "marker_back", "front", self.triangles[~up]
+        strip = np.array([first, first + 5]) / (self.dims[0] - 1)
+        columns = np.union1d(columns, strip * columns[-1])
+        u = np.interp(columns / columns[-1], [0.0, *strip, 1.0], [0.0, *STRIP, 1.0])
+        u, v = np.meshgrid(u, rows / rows[-1])
+        weights = np.kron(spline(self.shape[0], rows), spline(self.shape[1], columns))
+        # Its front is below when its grid is seen from above.
+        faces = _alternating_triangles(len(rows), len(columns))[:, ::-1]
+        inset = PAD + (1.0 - 2.0 * PAD) * np.column_stack([u.ravel(), v.ravel()])
+        return weights, faces, inset
 
 
 def _interpolation(particles: int, vertices: int) -> np.ndarray:

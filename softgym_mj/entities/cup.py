@@ -9,14 +9,13 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj import metrics
-from softgym_mj.entities.entity import Entity
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.entities.cup_size import CupSize, cup_mesh
+from softgym_mj.entities.entity import UNSEEN_GEOMS, Entity
+from softgym_mj.entities.room import add_material
 from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
+from softgym_mj.rendering.look import GLASS, GRAPHITE
 
-# SoftGym's light grey; so translucent that the water level shows through the walls.
-COLOR = (0.9, 0.9, 0.9, 0.35)
-HANDLE_COLOR = (0.3, 0.31, 0.33, 1.0)
 _WALLS = ("floor", "left", "right", "back", "front")
 # [m] Where a handle is held: along Y from the cup's frame and above it. All cups are narrower. An
 # arm's wrist may be 9 cm lower than its fingers when they point ahead.
@@ -24,34 +23,6 @@ GRIP = (0.0, 0.28, 0.2)
 # [m] Of the handle: along X, its bar upwards, beyond the grip.
 _THICK, _TALL, _END = 0.02, 0.05, 0.015
 HELD_WALL_MASS = 0.06  # [kg] Of each of five walls of a cup that an arm holds: hard foam.
-
-
-@typed
-@dataclasses.dataclass(frozen=True)
-class CupSize:
-    """Measures of a cup [m].
-
-    Attributes:
-        length: of the inner floor along X.
-        width: of the inner floor along Y.
-        height: of the walls above the middle of the floor slab, which is one wall thick.
-        wall: thickness of walls and floor.
-    """
-
-    length: float
-    width: float
-    height: float
-    wall: float
-
-    def __post_init__(self):
-        values = dataclasses.astuple(self)
-        if min(values) <= 0.0 or self.height <= self.wall / 2:
-            raise InvalidArgumentError("cup size", values, "positive lengths, height > wall / 2")
-
-    @property
-    def depth(self) -> float:
-        """Height [m] of the rim above the upper side of the floor."""
-        return self.height - self.wall / 2
 
 
 class Cup(Entity):
@@ -77,7 +48,14 @@ class Cup(Entity):
         """
         self._mjcf_root = mjcf.RootElement(model=name)
         self.body = self._mjcf_root.worldbody.add("body", name="cup")
-        _add_boxes(self.body, _WALLS, COLOR)
+        _add_boxes(self.body, _WALLS, group=UNSEEN_GEOMS)
+        # A body of its own: all geoms of the cup's are walls of the water.
+        add_material(self._mjcf_root, "glass", GLASS)
+        self._mesh = self._mjcf_root.asset.add("mesh", name="glass")
+        self.body.add("body", name="glass").add(
+            "geom", name="glass", type="mesh", mesh="glass", material="glass", contype=0,
+            conaffinity=0, mass=0.0,
+        )  # fmt: skip
         self._is_held = False
         self._set_size(size)
 
@@ -93,7 +71,7 @@ class Cup(Entity):
         hand.attach(self, site)
         self.body.pos = -np.array(GRIP)
         handle = self._mjcf_root.worldbody.add("body", name="handle", pos=self.body.pos)
-        _add_boxes(handle, ("post", "bar"), HANDLE_COLOR)
+        _add_boxes(handle, ("post", "bar"), rgba=GRAPHITE.rgba)
         for body in (self.body, handle):
             body.gravcomp = 1.0  # As that of the arm, which knows what it carries.
         for wall in self.body.geom:
@@ -132,8 +110,11 @@ class Cup(Entity):
             measures["post"] = [0.0, back + _THICK / 2, top / 2], [_THICK / 2, _THICK / 2, top / 2]
             middle, half = (GRIP[1] + _END + back) / 2, (GRIP[1] + _END - back) / 2
             measures["bar"] = [0.0, middle, GRIP[2]], [_THICK / 2, half, _TALL / 2]
-        for geom in self._mjcf_root.find_all("geom"):
-            geom.pos, geom.size = measures[geom.name]
+        for name, (position, half) in measures.items():
+            geom = self._mjcf_root.find("geom", name)
+            geom.pos, geom.size = position, half
+        vertices, faces = cup_mesh(size)
+        self._mesh.vertex, self._mesh.face = vertices.ravel(), faces.ravel()
 
     # ------------------------------------------------------------------ simulation
 
@@ -190,12 +171,12 @@ class Cup(Entity):
         return _placed([[-half, -sill], [half, -sill], [half, top], [-half, top]], pose)
 
 
-def _add_boxes(body: mjcf.Element, names: Sequence[str], color: Sequence[float]) -> None:
+def _add_boxes(body: mjcf.Element, names: Sequence[str], **attributes: object) -> None:
     """Adds boxes without mass that touch nothing; `_set_size` says where and how large."""
     for name in names:
         body.add(
             "geom", name=name, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,
-            rgba=color,
+            **attributes,
         )  # fmt: skip
 
 

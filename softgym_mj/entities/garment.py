@@ -2,7 +2,6 @@
 
 import os
 import pathlib
-from collections.abc import Iterator
 from xml.sax.saxutils import quoteattr
 
 import mujoco
@@ -12,12 +11,16 @@ from softgym_mj.entities.flex import Color
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.kinds import typed
+from softgym_mj.native.arithmetic import product
+from softgym_mj.rendering.skins import refined
 
 # Accepted lengths of edges in thicknesses. Below, layers would be thinner than they are drawn;
 # above, folds are coarse. Cloths have 2 to 4.
 SHORTEST_EDGE, LONGEST_EDGE = 1.5, 6.0
 # Least height of a triangle over its longest edge: slimmer ones are as stiff as wire.
 LEAST_HEIGHT = 0.1
+
+HEMMED = 0.05  # Part of the weave's picture at its sides that has a hem: it is cut off.
 
 # Compiled only to be read. Without edge constraints MuJoCo would warn of a flex without forces.
 _READER = """<mujoco><worldbody>
@@ -119,7 +122,7 @@ class Garment(Sheet):
                 a bad scale.
         """
         points, triangles = read_mesh(file, scale)
-        self._start_sheet(name, fabric, dict(zip(("outside", "inside"), colors, strict=True)))
+        self._start_sheet(name, fabric, colors)
         check_mesh(points, triangles, self._values["thickness"])
         corners = points[triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -140,6 +143,11 @@ class Garment(Sheet):
     def _mass(self, density: float) -> float:
         return density * self.area
 
-    def _skins(self) -> Iterator[tuple[str, str, np.ndarray]]:
-        yield "outside", "outside", self.triangles
-        yield "inside", "inside", self.triangles[:, ::-1]
+    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        weights, faces = np.eye(self.num_points), self.triangles
+        for _ in range(refinement.bit_length() - 1):
+            finer, faces = refined(len(weights), faces)
+            weights = product(finer, weights)
+        low, high = self._rest_points.min(axis=0), self._rest_points.max(axis=0)
+        flat = (product(weights, self._rest_points) - low)[:, :2] / max((high - low)[:2])
+        return weights, faces, HEMMED + (1.0 - 2.0 * HEMMED) * flat

@@ -5,8 +5,14 @@ import math
 import numpy as np
 
 from softgym_mj.entities.flex import Color, Flex
+from softgym_mj.entities.room import add_material
 from softgym_mj.exceptions import check_name
 from softgym_mj.kinds import typed
+from softgym_mj.native.meshes import ROPE, tube, tube_faces
+from softgym_mj.rendering.look import CORD, FAST, Look
+from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES, still
+from softgym_mj.rendering.surfaces import ROPE_SKIN, rope_shape
+from softgym_mj.rendering.textures import strands
 from softgym_mj.variations.randomization import scaled, shifted, turned
 
 # [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
@@ -24,7 +30,7 @@ STRETCH_STIFFNESS = 800.0  # [N] It stretches by 0.06 % under its own weight.
 STRETCH_DAMPING = 5e-4  # [s]
 BEND_DAMPING = 0.01  # [s] With less, one tight knot in a thousand trembles for ever.
 FRICTION = 1.0  # SoftGym's friction of the rope against shapes and floor.
-COLOR = (0.0, 0.5, 1.0, 1.0)  # SoftGym's blue.
+COLOR = (0.05, 0.25, 0.68, 1.0)  # SoftGym's blue, darker: it stands out from a bright table.
 
 PARAMETERS = (
     scaled("stretch_stiffness", "N", STRETCH_STIFFNESS, 1.4, 2.0, "force per strain"),
@@ -64,22 +70,48 @@ class Rope(Flex):
         check_name("fidelity", fidelity, FIDELITIES)
         count = FIDELITIES[fidelity]
         radius = min(RADIUS, LENGTH / (count - 1) / 2)
-        self._color = tuple(color)
+        self._color, self._look = tuple(color), FAST
         self._start_model(name)
         points = np.zeros((count, 3))
         points[:, 0] = np.linspace(-LENGTH / 2, LENGTH / 2, count)
         elements = np.column_stack([np.arange(count - 1), np.arange(1, count)])
         flexcomp = self._add_flexcomp(points, elements, radius=radius)
         flexcomp.contact.condim = 3
+        flexcomp.group = SHOWN_FLEXES
+        self._mjcf_root.asset.add("texture", name="strands", type="2d")
+        add_material(self._mjcf_root, "cord", CORD, texture="strands")
+        self._set_skin()
         self.key_points = np.round(np.linspace(0, count - 1, NUM_KEY_POINTS)).astype(int)
         self._set_parameters()
+
+    def set_look(self, look: Look) -> None:
+        self._look = look
+        self._set_skin()
+        self._set_parameters()
+
+    def _set_skin(self) -> None:
+        shape = rope_shape(self._look)
+        vertices, _ = tube(self._rest_points, self.radius, **shape)
+        number = len(self._rest_points)
+        faces, texcoords = tube_faces(
+            number, sides=shape["sides"], rings_per_edge=shape["rings_per_edge"]
+        )
+        # The texture winds as the strands do.
+        texcoords[:, 0] -= texcoords[:, 1] * ROPE.twist * LENGTH / (2.0 * math.pi)
+        self._mjcf_root.deformable.skin.clear()
+        self._mjcf_root.deformable.add(
+            "skin", name=ROPE_SKIN, material="cord", group=DRAWN_SKINS,
+            file=still(vertices, texcoords, faces),
+        )  # fmt: skip
 
     def _set_parameters(self):
         values = self._values
         flexcomp = self._mjcf_root.worldbody.flexcomp[0]
         flexcomp.mass = values["density"] * LENGTH
         flexcomp.contact.friction = [values["friction"]]
-        flexcomp.rgba = turned(self._color, values["hue"])
+        color = turned(self._color, values["hue"])
+        flexcomp.rgba = color
+        self._mjcf_root.find("texture", "strands").file = strands(self._look, color[:3], ROPE.lobes)
         self._set_material(
             stretch=values["stretch_stiffness"],
             bend=values["bend_stiffness"],

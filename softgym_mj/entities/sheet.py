@@ -3,15 +3,18 @@
 import abc
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from softgym_mj.entities.flex import FLEX, Flex
+from softgym_mj.entities.flex import FLEX, Color, Flex
 from softgym_mj.entities.intersections import count_intersections
+from softgym_mj.entities.room import add_material
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
+from softgym_mj.rendering.look import FABRIC, FAST, Look
+from softgym_mj.rendering.skins import HIDDEN_FLEXES, SkinFile, closed
+from softgym_mj.rendering.textures import weave
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
 
 # [m] Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
@@ -23,10 +26,9 @@ THICKNESS = 0.01
 # handle. Limper ones are mostly knits, which stretch visibly.
 AREA_DENSITY, BEND_STIFFNESS = 0.128, 1.03e-5  # [kg/m^2], [N m]
 
-FRONT_COLOR = (0.92, 0.29, 0.59, 1.0)  # SoftGym's pink-magenta.
-BACK_COLOR = (1.0, 0.40, 0.10, 1.0)  # SoftGym's orange.
-# Each face is drawn this far [m] from the mid-surface, so that the two do not fight for depth.
-SKIN_OFFSET = 0.0015
+FRONT_COLOR = (0.80, 0.14, 0.33, 1.0)  # Raspberry and cream: as far apart as SoftGym's
+BACK_COLOR = (0.93, 0.79, 0.56, 1.0)  # pink and orange, and in tone, too.
+SKIN_OFFSET = 0.0015  # [m] Of each drawn side from the mid-surface.
 
 
 @typed
@@ -104,29 +106,37 @@ class Fabric:
 
 
 class Sheet(Flex):
-    """Triangles that stretch and bend, drawn as two skins: one for each side.
+    """Triangles that stretch and bend, drawn as a closed skin with two sides.
 
     Attributes:
         triangles: vertex indices (num_triangles, 3).
     """
 
     def _start_sheet(
-        self, name: str, fabric: Fabric | None, colors: Mapping[str, Sequence[float]]
+        self,
+        name: str,
+        fabric: Fabric | None,
+        colors: tuple[Color, Color] = (FRONT_COLOR, BACK_COLOR),
+        has_strip: bool = False,
     ) -> None:
         """To be called first in a subclass's `_build`.
 
         Args:
             name: model name.
             fabric: what it is made of; None for a woven tablecloth.
-            colors: (r, g, b, a) in 0..1 of materials by name.
+            colors: (r, g, b, a) in 0..1 of the front and the back.
+            has_strip: whether a strip of it has the other side's colour.
         """
-        self._colors = colors
+        self._colors, self._has_strip, self._look = colors, has_strip, FAST
         self.parameters = (Fabric() if fabric is None else fabric).parameters
         self._start_model(name)
-        for material, color in colors.items():
-            self._mjcf_root.asset.add(
-                "material", name=material, rgba=color, specular=0.1, shininess=0.1
-            )
+        self._mjcf_root.asset.add("texture", name="weave", type="2d")
+        add_material(self._mjcf_root, "fabric", FABRIC, texture="weave")
+
+    def set_look(self, look: Look) -> None:
+        self._look = look
+        self._set_skin()
+        self._set_parameters()
 
     def intersections(self) -> int:
         """Number of places where the sheet passes through itself now (some milliseconds)."""
@@ -135,23 +145,30 @@ class Sheet(Flex):
     def _set_mesh(self, points: np.ndarray, triangles: np.ndarray) -> None:
         """(Re)places the mesh by `points` (n, 3) [m] and `triangles` (m, 3)."""
         self.triangles = triangles
-        radius, rgba = self._values["thickness"] / 2.0, next(iter(self._colors.values()))
+        radius, rgba = self._values["thickness"] / 2.0, self._colors[0]
         flexcomp = self._add_flexcomp(points, triangles, radius=radius, rgba=rgba)
-        # The flex itself is hidden (group 4): the skins below show its two sides.
         flexcomp.contact.condim = 3
-        flexcomp.group = 4
-        self._mjcf_root.deformable.skin.clear()
-        for name, material, faces in self._skins():
-            skin = self._mjcf_root.deformable.add(
-                "skin", name=name, material=material, inflate=SKIN_OFFSET, vertex=points.ravel(),
-                face=faces.ravel(),
-            )  # fmt: skip
-            for vertex, point in enumerate(points):
-                skin.add(
-                    "bone", body=f"{FLEX}_{vertex}", bindpos=point, bindquat=[1, 0, 0, 0],
-                    vertid=[vertex], vertweight=[1.0],
-                )  # fmt: skip
+        flexcomp.group = HIDDEN_FLEXES  # The skin shows it.
+        self._set_skin()
         self._set_parameters()
+
+    def _set_skin(self) -> None:
+        weights, faces, texcoords = self._skin(self._look.refinement)
+        # The right half of the texture is the other side's.
+        sides = np.vstack([texcoords, texcoords + [1.0, 0.0]]) * [0.5, 1.0]
+        points = product(weights, self._rest_points)
+        file = SkinFile(
+            np.vstack([points, points]), sides, closed(faces, len(points)),
+            np.vstack([weights, weights]), self._rest_points, self._vertex_bodies,
+        )  # fmt: skip
+        self._mjcf_root.deformable.skin.clear()
+        self._mjcf_root.deformable.add(
+            "skin", name="skin", material="fabric", inflate=SKIN_OFFSET, file=file
+        )
+
+    def _vertex_bodies(self) -> list[str]:
+        prefix = self._mjcf_root.full_identifier
+        return [f"{prefix}{FLEX}_{vertex}" for vertex in range(self.num_points)]
 
     def _set_parameters(self):
         values = self._values
@@ -169,20 +186,21 @@ class Sheet(Flex):
             drag=values["drag"],
             added_mass=values["added_mass"],
         )
-        for material, color in zip(
-            self._mjcf_root.asset.material, self._colors.values(), strict=True
-        ):
-            material.rgba = turned(color, values["hue"])
+        front, back = (turned(color, values["hue"])[:3] for color in self._colors)
+        texture = self._mjcf_root.find("texture", "weave")
+        texture.file = weave(self._look, (front, back), self._has_strip)
 
     @abc.abstractmethod
     def _mass(self, density: float) -> float:
         """Mass [kg] of the sheet with so many [kg/m^2]."""
 
     @abc.abstractmethod
-    def _skins(self) -> Iterator[tuple[str, str, np.ndarray]]:
-        """Name, material and faces (m, 3), seen from where they are counter-clockwise, of skins.
+    def _skin(self, refinement: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What is drawn: edges are `refinement` times shorter than those of the mesh.
 
-        A skin has one normal a vertex, so what is turned round is a skin of its own.
+        Returns:
+            Weights (n, num_points) of the vertices of the mesh in those that are drawn, triangles
+            (m, 3) counter-clockwise from the front, texture coordinates (n, 2) in 0..1.
         """
 
     def _turned(self, points: np.ndarray, centre: tuple[float, float], angle: float) -> np.ndarray:

@@ -6,18 +6,18 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.native.library import FLUID, load_plugin
+from softgym_mj.rendering.look import FAST, WATER, Look
+from softgym_mj.rendering.skins import DRAWN_SKINS, loose_triangles
+from softgym_mj.rendering.surfaces import PARTICLES, WATER_INSTANCE, WATER_SKIN
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import scaled, shifted, turned
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
-_INSTANCE = "water"
 MOST_PARTICLES = 200_000  # Of the plugin: a step of as many takes a tenth of a second.
 LARGEST = 1e4  # [m], [m/s]: single precision still resolves a millimetre there.
-COLOR = (0.16, 0.5, 0.78, 1.0)
-DRAW_MODES = ("surface", "fine", "particles", "none")
 
 
 @typed
@@ -90,7 +90,6 @@ class Water(composer.Entity, Parametric):
         self,
         liquid: Liquid,
         resolution: Resolution,
-        draw: str = "surface",
         two_way: bool = False,
         flexes: bool = False,
         name: str = "water",
@@ -100,15 +99,10 @@ class Water(composer.Entity, Parametric):
         Args:
             liquid: its properties.
             resolution: number of particles.
-            draw: "surface", "fine" (smooth, slower), "particles" or "none".
             two_way: whether bodies with joints feel the water.
             flexes: whether cloth and cords of the scene hold it back; they do not feel it.
             name: model name.
-
-        Raises:
-            InvalidArgumentError: if there is no such way to draw it.
         """
-        check_name("draw", draw, DRAW_MODES)
         load_plugin()
         self.parameters = (
             scaled("viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"),
@@ -121,20 +115,38 @@ class Water(composer.Entity, Parametric):
         self._mjcf_root = mjcf.RootElement(model=name)
         self._mjcf_root.option.timestep = TIMESTEP
         plugin = self._mjcf_root.extension.add("plugin", plugin=FLUID)
-        self._instance = plugin.add("instance", name=_INSTANCE)
-        for key, value in {**dataclasses.asdict(liquid), "draw": draw}.items():
+        self._instance = plugin.add("instance", name=WATER_INSTANCE)
+        for key, value in dataclasses.asdict(liquid).items():
             self._configure(key, value)
         self._configure("two_way", str(two_way).lower())
         self._configure("flexes", str(flexes).lower())
-        self._configure("rgba", *COLOR)
+        self._material = self._mjcf_root.asset.add(
+            "material", name="water", specular=WATER.specular, shininess=WATER.shininess
+        )
+        self._set_color(0.0)
+        self._numbers = self._mjcf_root.custom.add("numeric", name=PARTICLES, data=[0.0] * 2)
         self._set_resolution(resolution)
+        self.set_look(FAST)
+
+    def set_look(self, look: Look) -> None:
+        """Sets how it is drawn, before it is compiled."""
+        skins = self._mjcf_root.deformable
+        skins.skin.clear()
+        skins.add(
+            "skin", name=WATER_SKIN, material="water", group=DRAWN_SKINS,
+            file=loose_triangles(look.water_triangles),
+        )  # fmt: skip
+
+    def _set_color(self, hue: float) -> None:
+        self._material.rgba = turned(WATER.rgba, hue)
+        self._configure("rgba", *self._material.rgba)  # Of viewers that do not write the skin.
 
     def _set_parameters(self) -> None:
         values = self._values
         self._configure("viscosity", values["viscosity"])
         self._configure("cohesion", values["cohesion"])
         self._configure("friction", values["wall_friction"])
-        self._configure("rgba", *turned(COLOR, values["hue"]))
+        self._set_color(values["hue"])
 
     def _configure(self, key: str, *values):
         text = " ".join(str(value) for value in values)
@@ -148,6 +160,7 @@ class Water(composer.Entity, Parametric):
         self._resolution = resolution
         self._configure("count", resolution.count)
         self._configure("spacing", resolution.spacing)
+        self._numbers.data = [resolution.count, resolution.spacing]
         self._configure("columns", *resolution.columns)
 
     @property
@@ -202,7 +215,7 @@ class Water(composer.Entity, Parametric):
 
     def after_compile(self, physics, random_state):
         model, data = physics.model.ptr, physics.data.ptr
-        name = f"{self._mjcf_root.model}/{_INSTANCE}"
+        name = f"{self._mjcf_root.model}/{WATER_INSTANCE}"
         instance = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, name)
         first, size = model.plugin_stateadr[instance], 3 * self.num_points
         state = data.plugin_state[first : first + 1 + 2 * size]

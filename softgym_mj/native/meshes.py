@@ -7,7 +7,7 @@ wants them. Nothing here touches a simulation.
 import ctypes
 import functools
 import math
-import typing
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ _MOST_POINTS, _MOST_SIDES, _MOST_RINGS = 100_000, 256, 64
 _FARTHEST = 1e30  # [m]: single precision has no squares of more.
 
 
-class Mesh(typing.NamedTuple):
+class Mesh(NamedTuple):
     """A closed surface of triangles.
 
     Attributes:
@@ -33,7 +33,7 @@ class Mesh(typing.NamedTuple):
     faces: np.ndarray
 
 
-class Strands(typing.NamedTuple):
+class Strands(NamedTuple):
     """The strands of a rope, which wind about each other.
 
     Attributes:
@@ -55,9 +55,21 @@ ROPE = Strands(3, 0.22, 70.0)  # A turn in 9 cm: the lay of a rope of 12 mm, haw
 def _library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(load_plugin()))
     pointer, whole, real = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
-    tube = [pointer, whole, real, whole, whole, whole, whole, real, real, pointer, pointer]
+    tube: list[Any] = [
+        pointer,
+        whole,
+        real,
+        whole,
+        whole,
+        whole,
+        whole,
+        real,
+        real,
+        pointer,
+        pointer,
+    ]
     library.softgym_mj_tube.argtypes = tube
-    water = [pointer, whole, real, real, whole, real, pointer, pointer, pointer, pointer]
+    water: list[Any] = [pointer, whole, real, real, whole, real, pointer, pointer, pointer, pointer]
     library.softgym_mj_water_mesh.argtypes = water
     return library
 

@@ -8,7 +8,8 @@ import pathlib
 import subprocess
 import sys
 import tempfile
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,8 +21,10 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.jobs.files import whole, write_whole
 
+if TYPE_CHECKING:
+    from softgym_mj.rendering.drawing import SceneCamera
+
 LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
-_MAX_GEOMS = 20000  # In a scene: the surface of water is drawn as some thousand triangles.
 _OTHER_THREAD = "already current on another thread"  # In dm_control's message.
 _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
 _CRF = 10  # Quality of videos, 51 (bad) to 0: no blocks are seen on the cloth.
@@ -31,7 +34,6 @@ _REMEDY = (
     "Install software OpenGL with `apt-get install -y libegl1 libgl1-mesa-dri`, unset MUJOCO_GL "
     "(or set it to egl, osmesa or glfw) and start Python again."
 )
-_FLEX_GROUP = 4  # Of flexes that are drawn by their skins (group 0): it stays hidden.
 
 
 def has_display() -> bool:
@@ -106,38 +108,39 @@ def camera_ids(model) -> dict[str, int]:
 class CameraView:
     """Renders one camera at one size; the scene is kept until the physics changes."""
 
-    def __init__(self, camera: str, height: int, width: int):
+    def __init__(self, camera: str, height: int, width: int, passes: int | None = None):
         """Chooses the camera.
 
         Args:
             camera: a name as in `camera_ids`; one that does not exist is an `InvalidArgumentError`
                 when something is rendered.
             height, width: of images, each in 1..`LARGEST_IMAGE` [pixels].
+            passes: of which a coloured image is the mean; None for as many as the look has.
 
         Raises:
             InvalidArgumentError: for another size.
         """
-        self._camera = camera
+        self._camera, self._passes = camera, passes
         self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None
         self._view: Any = None
 
     def rgb(self, physics) -> np.ndarray:
         """Image (height, width, 3) uint8."""
-        return self._render(physics).copy()
+        return self._render(physics, lambda view: view.colors(self._passes or view.look.passes))
 
     def depth(self, physics) -> np.ndarray:
         """Metric distance along the view direction (height, width) float32 [m]."""
-        return self._render(physics, depth=True).astype(np.float32)
+        return self._render(physics, lambda view: view.render(depth=True)).astype(np.float32)
 
     def segmentation(self, physics) -> np.ndarray:
         """What each pixel shows (height, width, 2) int: id and `mujoco.mjtObj`; -1 for nothing."""
-        return self._render(physics, segmentation=True).copy()
+        return self._render(physics, lambda view: view.render(segmentation=True))
 
-    def _render(self, physics, **options) -> np.ndarray:
+    def _render(self, physics, draw: "Callable[[SceneCamera], np.ndarray]") -> np.ndarray:
         import mujoco
-        from dm_control.mujoco import engine
 
+        from softgym_mj.rendering.drawing import SceneCamera
         from softgym_mj.rendering.framebuffer import SizedPhysics, SizedView
 
         _claim()
@@ -149,10 +152,9 @@ class CameraView:
             if self._data is not data:
                 size, camera = (self._height, self._width), cameras[self._camera]
                 seen = SizedView(physics, *size) if isinstance(physics, SizedPhysics) else physics
-                self._view = engine.Camera(seen, *size, camera, max_geom=_MAX_GEOMS)
-                self._view.option.flexgroup[_FLEX_GROUP] = 0
+                self._view = SceneCamera(seen, *size, camera)
                 self._data = data
-            return self._view.render(**options)
+            return draw(self._view).copy()
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
             if _OTHER_THREAD in str(error):
                 raise UnavailableError(

@@ -8,7 +8,9 @@ import numpy as np
 from dm_control import mjcf
 
 from softgym_mj.entities.flex import GRIPPER_CONTACT, slide_views
+from softgym_mj.entities.room import add_material
 from softgym_mj.exceptions import check_count
+from softgym_mj.rendering.look import GRAPHITE, SIGNAL, STEEL
 from softgym_mj.robots.grip import GripLimits
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.holding import Attachment
@@ -19,7 +21,15 @@ from softgym_mj.robots.workspace import Workspace
 # pushes them out of their way: with 1 t and more the cloth solver counts a body as driven.
 MASS = 1e4
 MOST_PICKERS = 32  # More stand in a ring that is wider than any workspace.
-COLOR = (0.32, 0.36, 0.42, 1.0)  # SoftGym's 0.9 grey vanishes on its own 0.9 grey floor.
+# What is drawn, in radii: from, to above the centre, radius, surface. A ball of rubber, which is
+# what is felt, on a shaft with a collar and a flange.
+_BALL = GRAPHITE
+_PARTS = (
+    ("collar", 0.72, 1.02, 0.62, STEEL),
+    ("ring", 1.02, 1.14, 0.62, SIGNAL),
+    ("shaft", 1.14, 2.50, 0.24, STEEL),
+    ("flange", 2.50, 2.74, 0.50, GRAPHITE),
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +83,8 @@ class Picker(Gripper):
         check_count("num_pickers", num_pickers, 1, MOST_PICKERS)
         self.radius, self.pick_distance = geometry.radius, geometry.pick_distance
         self._mjcf_root = mjcf.RootElement(model=name)
+        for part, surface in (("ball", _BALL), *((part[0], part[-1]) for part in _PARTS)):
+            add_material(self._mjcf_root, part, surface)
         for i in range(num_pickers):
             body = self._mjcf_root.worldbody.add("body", name=f"picker_{i}", gravcomp=1)
             for axis, direction in zip("xyz", np.eye(3), strict=True):
@@ -88,8 +100,14 @@ class Picker(Gripper):
                 condim=3,
                 friction=[geometry.friction],
                 priority=1,
-                rgba=COLOR,
+                material="ball",
             )
+            for part, low, high, radius, _ in _PARTS:
+                height, half = (low + high) / 2 * self.radius, (high - low) / 2 * self.radius
+                body.add(
+                    "geom", type="cylinder", pos=[0.0, 0.0, height], material=part,
+                    size=[radius * self.radius, half], contype=0, conaffinity=0, mass=0.0,
+                )  # fmt: skip
         self._holding = Attachment(num_pickers)
         self._step = np.zeros((num_pickers, 3))  # Displacement in the current sim step [m].
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))

@@ -43,12 +43,11 @@ class PourWater(Task):
         self,
         *,
         fidelity: str = "default",
-        draw: str = "surface",
         **settings: Unpack[CupTaskSettings],
     ):
         """Builds the task; arguments as in `CupTaskSettings`."""
         actor = settings.get("actor")
-        start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity, draw)
+        start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity)
         super().__init__([self.water, self.target], start, tool=tool, **settings)
         self.water.confine(self.cup.body, self.target.body)
 

@@ -50,12 +50,11 @@ class PourWaterAmount(Task):
         self,
         *,
         fidelity: str = "default",
-        draw: str = "surface",
         **settings: Unpack[CupTaskSettings],
     ):
         """Builds the task; arguments as in `CupTaskSettings`."""
         actor = settings.get("actor")
-        start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity, draw)
+        start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity)
         self._mark = LevelMark()
         objects, marks = (self.water, self.target), (self._mark,)
         super().__init__(objects, start, tool=tool, marks=marks, **settings)

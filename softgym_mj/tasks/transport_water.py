@@ -56,14 +56,13 @@ class TransportWater(Task):
         self,
         *,
         fidelity: str = "default",
-        draw: str = "surface",
         **settings: Unpack[CupTaskSettings],
     ):
         """Builds the task; arguments as in `CupTaskSettings`."""
         start = SettledWater(TransportCups(), LIQUID, fidelity)
         resolution, size = start.sizes(0)
         self.cup = Cup(size)
-        self.water = carried_water(settings.get("actor"), LIQUID, resolution, draw)
+        self.water = carried_water(settings.get("actor"), LIQUID, resolution)
         tool = CupTool(self.cup, MAX_STEP, LIMITS, BASE_X)
         super().__init__([self.water], start, tool=tool, **settings)
         self.water.confine(self.cup.body)

@@ -48,7 +48,7 @@ GOOD = {
     "visual": ["primitive", None],
     "count_intersections": [True, False],
     "sizes": [(60, 70), (60, 61)],
-    "draw": ["none", "particles"],
+    "look": ["fast", "paper"],
     "split": ["all", "train", [3], (800, 3)],
     "horizon": [1, 3, None],
     "random_state": [0, None],

@@ -113,7 +113,7 @@ def test_bad_settings():
     ("task", "settings"),
     [
         ("straighten_rope", {"num_pickers": 2}),
-        ("transport_water", {"fidelity": "fast", "draw": "none"}),
+        ("transport_water", {"fidelity": "fast"}),
     ],
 )
 def test_rollouts_are_what_the_environment_does(task, settings):

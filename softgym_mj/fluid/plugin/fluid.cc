@@ -296,7 +296,11 @@ void Compute(const mjModel* m, mjData* d, int instance, int) {
   Guard(m, d, instance, [&] { TryToCompute(m, d, instance); });
 }
 
-void Visualize(const mjModel* m, mjData* d, const mjvOption*, mjvScene* scene, int instance) {
+// Group of skins that a viewer shows if it writes the surface of water into a skin (rendering/skins.py).
+constexpr int kDrawnSkins = 5;
+
+void Visualize(const mjModel* m, mjData* d, const mjvOption* option, mjvScene* scene, int instance) {
+  if (option->skingroup[kDrawnSkins]) return;
   StateLayout layout;
   char reason[kReasonSize];
   Workspace* w = Open(m, instance, &layout, reason);

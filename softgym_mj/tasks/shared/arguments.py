@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 
 # Arguments that say what is observed, or are part of every snapshot's key by themselves.
 NOT_OF_STATES = (
-    "observation", "image_size", "visual", "action_repeat", "domain", "actor", "num_pickers",
-    "arms", "grasp", "count_intersections",
+    "observation", "image_size", "look", "visual", "action_repeat", "domain", "actor",
+    "num_pickers", "arms", "grasp", "count_intersections",
 )  # fmt: skip
 
 

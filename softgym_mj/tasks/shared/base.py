@@ -21,6 +21,7 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.fluid import Water
 from softgym_mj.metrics import Array, Measures
+from softgym_mj.rendering.look import FAST, find_look
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.robots.cup_mover import CupTool
 from softgym_mj.robots.factory import GRIPPERS
@@ -93,6 +94,7 @@ class Task(composer.Task, abc.ABC):
         actor: str | Actor | None = None,
         observation: str | Sequence[str] = "reduced",
         image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+        look: str = FAST.name,
         action_repeat: int | None = None,
         domain: str | Mapping[str, object] = "nominal",
         count_intersections: bool = False,
@@ -108,7 +110,7 @@ class Task(composer.Task, abc.ABC):
             marks: what shows the goal.
             timestep: physics step [s], a sim step or a whole part of it; by default the largest
                 that suits all objects.
-            actor, observation, image_size, action_repeat, domain, count_intersections: as in
+            actor, observation, image_size, look, action_repeat, domain, count_intersections: as in
                 `ClothTaskSettings`. With several objects, the domain parameters of one have its
                 model name before theirs: "rope_friction".
             **actor_settings: `num_pickers`, `arms`, `grasp` and `visual`, alike.
@@ -124,7 +126,7 @@ class Task(composer.Task, abc.ABC):
         self.store = None if start is None else VariationStore(start)
         self.actor = actors.make(type(self), actor, tool, actor_settings)
         held = () if tool is None else (tool.cup,)
-        self.scene = Scene(objects, self.actor, held, self.view, marks)
+        self.scene = Scene(objects, self.actor, held, self.view, marks, find_look(look))
         self.flexes, self.objects = self.scene.flexes, self.scene.objects
         self._count_intersections = count_intersections
         self.domain = DomainRandomization(domain, self.scene.adjustable)

@@ -13,17 +13,17 @@ from softgym_mj.tasks.shared.state import Episode, State
 ARM_DENSITY = 100.0
 
 
-def carried_water(actor: object, liquid: Liquid, resolution: Resolution, draw: str) -> Water:
+def carried_water(actor: object, liquid: Liquid, resolution: Resolution) -> Water:
     """Builds the water for an actor's cup: arms feel it, and it is light enough for them.
 
     Args:
         actor: its name.
-        liquid, resolution, draw: as in `Water`.
+        liquid, resolution: as in `Water`.
     """
     if actor in ARMS:
         lighter = dataclasses.replace(liquid, density=ARM_DENSITY)
-        return Water(lighter, resolution, draw, two_way=True)
-    return Water(liquid, resolution, draw)
+        return Water(lighter, resolution, two_way=True)
+    return Water(liquid, resolution)
 
 
 def inside(name: str, state: State, episode: Episode) -> Array:

@@ -33,13 +33,13 @@ class Parts(NamedTuple):
     tool: CupTool
 
 
-def parts(actor: object, fidelity: str, draw: str) -> Parts:
+def parts(actor: object, fidelity: str) -> Parts:
     """A cup of water for an actor to move, and one to pour into."""
     start = SettledWater(PourCups(), LIQUID, fidelity)
     resolution, *sizes = start.sizes(0)
     cup, target = Cup(sizes[0]), Cup(sizes[1], name="target")
     tool = CupTool(cup, MAX_STEP, KeepClear(cup, target), BASE_X)
-    return Parts(start, carried_water(actor, LIQUID, resolution, draw), cup, target, tool)
+    return Parts(start, carried_water(actor, LIQUID, resolution), cup, target, tool)
 
 
 def fractions(state: State, episode: Episode) -> dict[str, Array]:

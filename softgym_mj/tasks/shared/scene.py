@@ -14,6 +14,7 @@ from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.entities.sheet import Sheet
 from softgym_mj.fluid import Water
+from softgym_mj.rendering.look import Look
 from softgym_mj.robots.base import Actor
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.variations.randomization import Adjustable, Prefixed
@@ -40,6 +41,7 @@ class Scene:
         held: Sequence[Cup],
         view: View | str,
         marks: Sequence[composer.Entity],
+        look: Look,
     ):
         """Puts everything into an arena.
 
@@ -49,12 +51,15 @@ class Scene:
             held: the cup that it moves, if it does.
             view: from where the scene is looked at.
             marks: what shows the goal, not yet attached.
+            look: how everything is drawn.
         """
         self._actor, self._marks = actor, tuple(marks)
         self.materials = {o.mjcf_model.model: o for o in objects if not isinstance(o, Cup)}
         self.cups = [*held, *(thing for thing in objects if isinstance(thing, Cup))]
         self.flexes = FlexGroup([o for o in self.materials.values() if isinstance(o, Flex)])
-        self.arena = Arena(view, actor.hides_view)
+        self.arena = Arena(view, actor.hides_view, look)
+        for thing in self.objects:
+            thing.set_look(look)
         for flex in self.flexes.flexes:
             self.arena.attach(flex)
         actor.join(self.arena)

@@ -14,6 +14,8 @@ class CupTaskSettings(TypedDict, total=False):
         meshes of MuJoCo Menagerie. Only for arms.
     observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
     image_size: (height, width) of images [pixels].
+    look: how finely it is drawn: "fast", or "paper" for what is shown to people; a name of
+        `rendering.look.LOOKS`. Nothing else depends on it.
     action_repeat: sim steps of 0.01 s per env step; None for the usual number.
     domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
         "out_of_distribution", or a dict of parameters, as in `DomainRandomization`.
@@ -21,13 +23,13 @@ class CupTaskSettings(TypedDict, total=False):
     Those of the package name these themselves:
 
     fidelity: resolution of rope, cloth and water: "fast", "default" or "accurate".
-    draw: how water is drawn: "surface", "fine" (smoother, slower), "particles" or "none".
     """
 
     actor: str | Actor | None
     visual: str | None
     observation: str | Sequence[str]
     image_size: tuple[int, int]
+    look: str
     action_repeat: int | None
     domain: str | Mapping[str, object]
 

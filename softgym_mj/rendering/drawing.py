@@ -1,0 +1,115 @@
+"""`SceneCamera`: a camera that draws a scene as its look says."""
+
+import itertools
+
+import mujoco
+import numpy as np
+from dm_control.mujoco import engine
+
+from softgym_mj.rendering.look import FAST, LOOKS, SUN_RADIUS, Look
+from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES
+from softgym_mj.rendering.surfaces import Surface, find_surfaces
+
+MAX_GEOMS = 2000  # In a scene: arms from meshes have some hundred.
+TEXT = "look"  # Of the model: the name of its look.
+CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL gives glass a black one.
+GAMMA = 2.2  # Of pixels: means are taken of light.
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+_LIGHT = (np.arange(256) / 255.0).astype(np.float32) ** GAMMA  # Of the values of a pixel.
+
+
+def look_of(model: mujoco.MjModel) -> Look:
+    """The look that a model was compiled for; `FAST` if it does not say."""
+    text = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, TEXT)
+    if text < 0:
+        return FAST
+    first = model.text_adr[text]
+    return LOOKS[bytes(model.text_data[first : first + model.text_size[text] - 1]).decode()]
+
+
+def _halton(index: int, base: int) -> float:
+    """Number `index` of a sequence that fills 0..1 evenly."""
+    result, part = 0.0, 1.0
+    while index:
+        part /= base
+        index, digit = divmod(index, base)
+        result += digit * part
+    return result
+
+
+class SceneCamera(engine.Camera):
+    """A camera of dm_control's that also draws ropes and water.
+
+    These are skins of one bone, whose vertices are written when MuJoCo has made the scene.
+
+    Attributes:
+        look: of the model.
+    """
+
+    def __init__(self, physics, height: int, width: int, camera: int):
+        """Binds it.
+
+        Args:
+            physics: what is seen.
+            height, width: of images [pixels].
+            camera: its number in the model, -1 for the free one.
+        """
+        super().__init__(physics, height, width, camera, max_geom=MAX_GEOMS)
+        model = physics.model.ptr
+        self.look = look_of(model)
+        self._surfaces: list[Surface] = find_surfaces(model, physics.data.ptr, self.look)
+        show_surfaces(self.option)
+
+    def update(self, scene_option=None):
+        super().update(scene_option)
+        scene = self.scene.ptr
+        for surface in self._surfaces:
+            surface.write(scene.skinvert.reshape(-1, 3), scene.skinnormal.reshape(-1, 3))
+        for geom in itertools.islice(scene.geoms, scene.ngeom):
+            if geom.rgba[3] < CLEAR and geom.type != mujoco.mjtGeom.mjGEOM_SKIN:
+                geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+
+    def colors(self, passes: int) -> np.ndarray:
+        """Image (height, width, 3) uint8, the mean of so many.
+
+        In each the sun stands elsewhere on a disc, and the camera is turned by less than a pixel.
+        """
+        if passes == 1:
+            return self.render()
+        self.update()
+        contexts = self._physics.contexts
+        with contexts.gl.make_current() as context:
+            context.call(self._accumulate, passes)
+        return contexts.gl.to_pixels(self._rgb_buffer)
+
+    def _accumulate(self, passes: int) -> None:
+        scene = self.scene.ptr
+        suns = [light for light in itertools.islice(scene.lights, scene.nlight) if light.castshadow]
+        at = [(np.array(sun.pos), np.array(sun.dir)) for sun in suns]
+        frames = [(eye.frustum_center, eye.frustum_bottom, eye.frustum_top) for eye in scene.camera]
+        pixel = (frames[0][2] - frames[0][1]) / self.height
+        total = np.zeros(self._rgb_buffer.shape, np.float32)
+        for i in range(passes):
+            radius, angle = SUN_RADIUS * np.sqrt((i + 0.5) / passes), _GOLDEN_ANGLE * i
+            for sun, (place, direction) in zip(suns, at, strict=True):
+                side = np.cross(direction, [0.0, 1.0, 0.0])
+                side /= np.linalg.norm(side)
+                away = np.cos(angle) * side + np.sin(angle) * np.cross(direction, side)
+                moved = direction - radius * away
+                distance = np.linalg.norm(place)
+                sun.pos[:] = place + radius * distance * away
+                sun.dir[:] = moved / np.linalg.norm(moved)
+            dx, dy = (pixel * (_halton(i + 1, base) - 0.5) for base in (2, 3))
+            for eye, (centre, bottom, top) in zip(scene.camera, frames, strict=True):
+                eye.frustum_center = centre + dx
+                eye.frustum_bottom, eye.frustum_top = bottom + dy, top + dy
+            self._render_on_gl_thread(depth=False, overlays=())
+            total += _LIGHT[self._rgb_buffer]
+        np.multiply(255.0, (total / passes) ** (1.0 / GAMMA), out=total)
+        self._rgb_buffer[:] = np.round(total)
+
+
+def show_surfaces(option) -> None:
+    """Shows ropes and water by their skins, instead of what other viewers see."""
+    option.skingroup[DRAWN_SKINS] = 1
+    option.flexgroup[SHOWN_FLEXES] = 0

@@ -1,0 +1,119 @@
+"""`Look`: how a scene is drawn; and what it is lit by, whoever draws it.
+
+Nothing here is felt: states are the same bits under every look.
+"""
+
+import dataclasses
+
+from softgym_mj.exceptions import InvalidArgumentError
+
+Color = tuple[float, float, float]  # (r, g, b) in 0..1.
+
+
+@dataclasses.dataclass(frozen=True)
+class Look:
+    """How finely a scene is drawn.
+
+    Attributes:
+        name: its name in `LOOKS`.
+        shadow_size: side of the map of shadows [texels].
+        samples: of which a pixel is the mean, in one pass.
+        passes: pictures that are averaged, with the sun and the camera moved a little: soft shadows
+            and smooth edges.
+        refinement: edges of a drawn sheet along one of its mesh.
+        texture_size: side of a texture [texels].
+        threads: of the weave along a side of a sheet.
+        rope_sides, rope_rings: of a drawn rope: corners of its section, sections along an edge.
+        is_stranded: whether ropes have strands.
+        water_cell: side of the grid that the surface of water is found on [rest distances].
+        water_triangles: of this surface at most; where it would have more, the cells are larger.
+    """
+
+    name: str
+    shadow_size: int
+    samples: int
+    passes: int
+    refinement: int
+    texture_size: int
+    threads: int
+    rope_sides: int
+    rope_rings: int
+    is_stranded: bool
+    water_cell: float
+    water_triangles: int
+
+
+FAST = Look("fast", 256, 4, 1, 2, 256, 24, 8, 3, False, 1.0, 4_000)
+PAPER = Look("paper", 2048, 4, 24, 4, 2048, 180, 24, 8, True, 0.5, 24_000)
+LOOKS = {look.name: look for look in (FAST, PAPER)}
+
+
+def find_look(look: str) -> Look:
+    """The look of a name in `LOOKS`.
+
+    Raises:
+        InvalidArgumentError: if there is none.
+    """
+    if look not in tuple(LOOKS):
+        raise InvalidArgumentError("look", look, LOOKS)
+    return LOOKS[look]
+
+
+@dataclasses.dataclass(frozen=True)
+class Light:
+    """A lamp that is far away.
+
+    Attributes:
+        name: its name.
+        azimuth: to its place, counter-clockwise from where the task's camera stands [deg].
+        elevation: of its place [deg].
+        diffuse: colour of its light.
+        specular: that of its reflections.
+        has_shadow: whether what it does not reach is in shadow.
+    """
+
+    name: str
+    azimuth: float
+    elevation: float
+    diffuse: Color
+    specular: Color = (0.0, 0.0, 0.0)
+    has_shadow: bool = False
+
+
+# The sun stands to the right behind the camera: from elsewhere, sheets that hang show it their dark
+# side. The others light what is in shadow and the far edges.
+LIGHTS = (
+    Light("key", 45.0, 55.0, (0.56, 0.55, 0.53), (0.3, 0.3, 0.3), has_shadow=True),
+    Light("fill", -60.0, 40.0, (0.14, 0.15, 0.17)),
+    Light("rim", 170.0, 30.0, (0.10, 0.10, 0.11)),
+)
+AMBIENT, HEADLIGHT = 0.32, 0.10  # Light from all sides, and from the camera.
+SKY, HORIZON = (0.86, 0.88, 0.90), (0.93, 0.935, 0.94)
+SUN_RADIUS = 0.28  # Of the disc in which the sun is moved between passes, at the distance 1.
+
+
+@dataclasses.dataclass(frozen=True)
+class Surface:
+    """What a thing looks like from near.
+
+    Attributes:
+        rgba: colour and opacity; (1, 1, 1, 1) if its texture has the colours.
+        specular: strength of its reflections, 0..1.
+        shininess: how sharp they are, 0..1.
+    """
+
+    rgba: tuple[float, float, float, float]
+    specular: float = 0.0
+    shininess: float = 0.0
+
+
+TABLE = Surface((0.80, 0.79, 0.77, 1.0))
+TABLE_EDGE = Surface((0.62, 0.48, 0.34, 1.0))
+ROOM = Surface((0.70, 0.70, 0.71, 1.0))
+FABRIC = Surface((1.0, 1.0, 1.0, 1.0), 0.05, 0.05)
+CORD = Surface((1.0, 1.0, 1.0, 1.0), 0.15, 0.2)
+GLASS = Surface((0.75, 0.86, 0.90, 0.22), 0.9, 0.9)
+WATER = Surface((0.10, 0.42, 0.75, 0.5), 0.8, 0.9)
+STEEL = Surface((0.63, 0.65, 0.68, 1.0), 0.5, 0.6)
+GRAPHITE = Surface((0.17, 0.18, 0.20, 1.0), 0.25, 0.3)
+SIGNAL = Surface((0.95, 0.52, 0.10, 1.0), 0.2, 0.3)

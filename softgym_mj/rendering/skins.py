@@ -1,0 +1,166 @@
+"""Skins: meshes that are drawn, whose vertices are means of points of the simulation."""
+
+import struct
+from collections.abc import Callable
+
+import numpy as np
+from dm_control import mjcf
+
+DRAWN_SKINS = 5  # Group of skins that only our cameras show: other viewers do not move them.
+SHOWN_FLEXES = 1  # Group of flexes that only other viewers show, which do not move those skins.
+HIDDEN_FLEXES = 4  # Group of flexes that nobody shows.
+NAME_BYTES = 40  # Of a body's name in a skin file.
+
+
+class SkinFile(mjcf.Asset):
+    """A skin in MuJoCo's binary format; its bodies are named when it is read.
+
+    Numbers in MJCF would take ten times as long to write and to read.
+    """
+
+    __slots__ = ("_bodies", "_mesh", "_weights")
+
+    def __init__(
+        self,
+        vertices: np.ndarray,
+        texcoords: np.ndarray,
+        faces: np.ndarray,
+        weights: np.ndarray,
+        places: np.ndarray,
+        bodies: Callable[[], list[str]],
+    ):
+        """A skin.
+
+        Args:
+            vertices: (n, 3) [m].
+            texcoords: (n, 2), with (0, 0) at the upper left of the texture.
+            faces: (m, 3), counter-clockwise from outside.
+            weights: (n, b) of bodies in each vertex; rows sum to 1.
+            places: (b, 3) [m] of these bodies where the vertices are as given.
+            bodies: gives their names (b) in the whole model.
+        """
+        self._mesh = b"".join(
+            np.ascontiguousarray(part, kind).tobytes()
+            for part, kind in ((vertices, "<f4"), (texcoords, "<f4"), (faces, "<i4"))
+        )
+        self._mesh = (
+            struct.pack("<4i", len(vertices), len(texcoords), len(faces), len(places)) + self._mesh
+        )
+        self._weights = []
+        for column, place in zip(weights.T, places, strict=True):
+            (used,) = np.nonzero(column)
+            self._weights.append(
+                struct.pack("<7fi", *place, 1.0, 0.0, 0.0, 0.0, len(used))
+                + used.astype("<i4").tobytes()
+                + column[used].astype("<f4").tobytes()
+            )
+        self._bodies = bodies
+        mjcf.attribute.BaseAsset.__init__(self, ".skn")
+
+    @property
+    def contents(self) -> bytes:
+        """The file."""
+        parts = [self._mesh]
+        for name, bone in zip(self._bodies(), self._weights, strict=True):
+            encoded = name.encode()
+            if len(encoded) >= NAME_BYTES:
+                raise ValueError(f"the name of a body, {name!r}, is longer than a skin's may be")
+            parts += [encoded.ljust(NAME_BYTES, b"\0"), bone]
+        return b"".join(parts)
+
+
+def loose_triangles(number: int) -> SkinFile:
+    """So many triangles at the origin, three vertices each, which no body moves."""
+    vertices = np.zeros((3 * number, 3))
+    faces = np.arange(3 * number).reshape(-1, 3)
+    return still(vertices, np.zeros((0, 2)), faces)
+
+
+def still(vertices: np.ndarray, texcoords: np.ndarray, faces: np.ndarray) -> SkinFile:
+    """A skin that no body moves; arguments as those of `SkinFile`."""
+    weights = np.ones((len(vertices), 1))
+    return SkinFile(vertices, texcoords, faces, weights, np.zeros((1, 3)), lambda: ["world"])
+
+
+def spline(number: int, places: np.ndarray) -> np.ndarray:
+    """Weights (m, number) of points in a cubic B-spline at `places` (m,) in 0..number - 1.
+
+    It begins in the first point and ends in the last: the row goes on beyond them as its mirror
+    image through them. No weight is negative, and those of a straight even row are exact.
+    """
+    first = np.minimum(places.astype(int), number - 2)
+    t = (places - first)[:, None]
+    basis = np.hstack(
+        [(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3]
+    )
+    weights = np.zeros((len(places), number + 2))
+    rows = np.arange(len(places))[:, None]
+    weights[rows, first[:, None] + np.arange(4)] = basis / 6.0
+    for end, step in ((0, 1), (-1, -1)):
+        outside = weights[:, end].copy()
+        weights[:, end + step] += 2.0 * outside
+        weights[:, end + 2 * step] -= outside
+    return weights[:, 1:-1]
+
+
+def closed(faces: np.ndarray, number: int) -> np.ndarray:
+    """A thin solid's faces (m, 3): a sheet's, the same from behind, and a strip around its rims.
+
+    Args:
+        faces: (n, 3) of the side that is seen; vertices of the other are `number` later.
+        number: of vertices of the sheet.
+    """
+    sides = np.concatenate([faces, np.roll(faces, -1, 1), np.roll(faces, -2, 1)])[:, :2]
+    key = np.sort(sides, axis=1) @ [number, 1]
+    _, index, counts = np.unique(key, return_index=True, return_counts=True)
+    a, b = sides[index[counts == 1]].T
+    strip = [[b, a, a + number], [b, a + number, b + number]]
+    return np.concatenate(
+        [faces, faces[:, ::-1] + number, *(np.stack(part, axis=1) for part in strip)]
+    )
+
+
+def refined(number: int, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One step of Loop's subdivision of a mesh with rims.
+
+    Args:
+        number: of its vertices.
+        triangles: (k, 3).
+
+    Returns:
+        Weights (m, n) of the old vertices in the new ones, and new triangles (4 k, 3).
+    """
+    sides = np.sort(
+        np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1
+    )
+    edges, which, counts = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    middle = which.reshape(-1, 3)  # Edges of a triangle: those after its corners.
+    weights = np.zeros((number + len(edges), number))
+    # Vertices: rims are splines of their own; Warren's weights inside.
+    rim = counts == 1
+    on_rim = np.zeros(number, bool)
+    on_rim[edges[rim].ravel()] = True
+    neighbours = np.zeros((number, number))
+    neighbours[edges[:, 0], edges[:, 1]] = neighbours[edges[:, 1], edges[:, 0]] = 1.0
+    rims = np.zeros((number, number))
+    a, b = edges[rim].T
+    rims[a, b] = rims[b, a] = 1.0
+    is_plain = on_rim & (rims.sum(axis=1) == 2)
+    weights[:number] = np.eye(number)  # Where rims meet.
+    weights[:number][is_plain] = 0.75 * np.eye(number)[is_plain] + 0.125 * rims[is_plain]
+    valence = neighbours.sum(axis=1)
+    beta = np.where(valence == 3, 3 / 16, 3 / (8 * np.maximum(valence, 1)))
+    inside = ~on_rim
+    weights[:number][inside] = (
+        np.eye(number) * (1 - valence * beta)[:, None] + neighbours * beta[:, None]
+    )[inside]
+    # Edges: 3/8 of the ends and 1/8 of the two opposite corners, or the middle of a rim.
+    rows = number + np.arange(len(edges))
+    for end in range(2):
+        np.add.at(weights, (rows, edges[:, end]), np.where(rim, 0.5, 0.375))
+    opposite = np.roll(triangles, -2, axis=1)
+    share = np.where(rim, 0.0, 0.125)[middle]
+    np.add.at(weights, (number + middle.ravel(), opposite.ravel()), share.ravel())
+    (p, q, r), (x, y, z) = triangles.T, (number + middle).T
+    faces = [[p, x, z], [x, q, y], [z, y, r], [x, y, z]]
+    return weights, np.concatenate([np.stack(face, axis=1) for face in faces])

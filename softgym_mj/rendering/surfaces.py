@@ -1,0 +1,91 @@
+"""Surfaces of ropes and water, made anew for every picture."""
+
+import abc
+
+import mujoco
+import numpy as np
+
+from softgym_mj.native.meshes import PLAIN, ROPE, tube, water_mesh
+from softgym_mj.rendering.look import Look
+from softgym_mj.rendering.skins import DRAWN_SKINS
+
+# Names, in the model of a rope, of its skin and of its flex, whose vertices it follows; in that of
+# water, of its skin, of the plugin's instance, and of two numbers: how many particles there are and
+# their rest distance [m].
+ROPE_SKIN, ROPE_FLEX = "rope_surface", "flex"
+WATER_SKIN, WATER_INSTANCE, PARTICLES = "water_surface", "water", "particles"
+
+
+class Surface(abc.ABC):
+    """A skin of a model whose vertices are written by us."""
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, skin: int, prefix: str, look: Look
+    ):
+        """Binds it to a skin.
+
+        Args:
+            model, data: what is drawn.
+            skin: number of the skin.
+            prefix: of the names in the model that it is part of.
+            look: of the model.
+        """
+        first = model.skin_vertadr[skin]
+        self._part = slice(first, first + model.skin_vertnum[skin])
+
+    @abc.abstractmethod
+    def write(self, vertices: np.ndarray, normals: np.ndarray) -> None:
+        """Writes the skin's part of a scene's vertices (n, 3) [m] and normals (n, 3)."""
+
+
+class RopeSurface(Surface):
+    """A tube along the vertices of a flex."""
+
+    def __init__(self, model, data, skin, prefix, look):
+        super().__init__(model, data, skin, prefix, look)
+        flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, prefix + ROPE_FLEX)
+        first = model.flex_vertadr[flex]
+        self._points = data.flexvert_xpos[first : first + model.flex_vertnum[flex]]
+        self._radius, self._shape = float(model.flex_radius[flex]), rope_shape(look)
+
+    def write(self, vertices, normals):
+        vertices[self._part], normals[self._part] = tube(self._points, self._radius, **self._shape)
+
+
+class WaterSurface(Surface):
+    """Loose triangles around the particles of an instance of the fluid plugin."""
+
+    def __init__(self, model, data, skin, prefix, look):
+        super().__init__(model, data, skin, prefix, look)
+        instance = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, prefix + WATER_INSTANCE)
+        first = model.plugin_stateadr[instance] + 1  # As `Water.after_compile` says.
+        number, self._spacing = model.numeric(prefix + PARTICLES).data.tolist()
+        self._points = data.plugin_state[first : first + 3 * int(number)].reshape(-1, 3)
+        self._cell, self._most = look.water_cell * self._spacing, look.water_triangles
+
+    def write(self, vertices, normals):
+        mesh = water_mesh(self._points, self._spacing, self._cell, most_triangles=self._most)
+        corners, own = mesh.faces.ravel(), vertices[self._part]
+        own[: len(corners)], own[len(corners) :] = mesh.vertices[corners], 0.0
+        normals[self._part][: len(corners)] = mesh.normals[corners]
+
+
+def rope_shape(look: Look) -> dict:
+    """Arguments of `tube` for ropes."""
+    return {
+        "sides": look.rope_sides,
+        "rings_per_edge": look.rope_rings,
+        "strands": ROPE if look.is_stranded else PLAIN,
+    }
+
+
+_KINDS: dict[str, type[Surface]] = {ROPE_SKIN: RopeSurface, WATER_SKIN: WaterSurface}
+
+
+def find_surfaces(model: mujoco.MjModel, data: mujoco.MjData, look: Look) -> list[Surface]:
+    """The surfaces of a model."""
+    found = []
+    for skin in np.flatnonzero(model.skin_group == DRAWN_SKINS).tolist():
+        prefix, slash, name = model.skin(skin).name.rpartition("/")
+        found.append(_KINDS[name](model, data, skin, prefix + slash, look))
+    return found
