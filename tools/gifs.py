@@ -53,11 +53,10 @@ def write_gif(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.Pat
 
 
 def main(names: Sequence[str]) -> None:
-    for name, task in TASKS.items():
+    for name in TASKS:
         if names and name not in names:
             continue
-        settings = {"look": "paper"}
-        env = load(name, split="all", **settings)
+        env = load(name, split="all", look="paper")
         episode = play(env, "scripted", env.task.example_variation, size=SIZE * OVERSAMPLED)
         frames = until_rest(smaller(episode.frames))
         file = FOLDER / f"{name}.gif"

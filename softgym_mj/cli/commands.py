@@ -6,6 +6,7 @@ import os
 import pathlib
 import signal
 import sys
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import numpy as np
@@ -21,19 +22,22 @@ from softgym_mj.cli import data, evaluation, view
 from softgym_mj.cli.console import (
     Actor,
     Grasp,
+    Look,
     Task,
     Trust,
-    acting,
     console,
     first_variations,
+    given,
     progress_bar,
 )
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import SoftGymError
 from softgym_mj.jobs.files import make_folder, write_json
 from softgym_mj.policies.episodes import Episode, play
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import TaskRecord, find
-from softgym_mj.rendering.offscreen import write_picture
+from softgym_mj.rendering.look import PAPER
+from softgym_mj.rendering.offscreen import CameraView, write_picture
 
 
 class _Commands(typer.core.TyperGroup):
@@ -58,13 +62,6 @@ app.command()(data.record)
 app.command()(view.view)
 
 _VIDEO_SIZE = 480  # Side of a video [pixels].
-
-
-def _load(task: TaskRecord, split: str, filmed: bool, **settings: Any):
-    """The environment of a task; water is drawn finely if a video is made of it."""
-    if filmed and "draw" in task.arguments:
-        settings["draw"] = "fine"
-    return softgym_mj.load(task, split=split, **settings)
 
 
 @app.command("list")
@@ -101,6 +98,7 @@ def demo(
     ] = pathlib.Path("demo"),
     size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = _VIDEO_SIZE,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
+    look: Look = PAPER.name,
 ) -> None:
     """Plays every task with its scripted policy; writes a video and a picture of each.
 
@@ -111,19 +109,33 @@ def demo(
     with progress_bar() as progress:
         for name, record in softgym_mj.TASKS.items():
             file = out / f"{name}.mp4"
-            env = _load(record, "all", filmed=True)
+            env = softgym_mj.load(record, split="all", look=look)
             bar = progress.add_task(name, total=env.horizon)
             advance = functools.partial(progress.advance, bar)
-            episode = play(env, "scripted", variation, size=size, on_step=advance)
-            _write(episode, file)
+            episode, stills = _demonstrate(env, variation, size, advance)
+            episode.video.write(file)
+            write_picture(stills[-1], file.with_suffix(".png"))
+            strips.append(np.hstack(stills))
             progress.console.print(
                 f"{name}: normalized performance {_score(episode):.3f}; "
                 f"wrote {file} and {file.with_suffix('.png')}"
             )
-            frames = episode.frames
-            strips.append(np.hstack([frames[0], frames[len(frames) // 2], frames[-1]]))
     _write_sheet(strips, out / "tasks.png")
     console.print(f"wrote {out / 'tasks.png'}")
+
+
+def _demonstrate(
+    env: Environment, variation: int, size: int, advance: Callable[[], None]
+) -> tuple[Episode, list[np.ndarray]]:
+    """The expert's episode, and pictures of its start, middle and end, drawn finer than a film."""
+    stills, view = [], CameraView("task", size, size)
+
+    def on_step() -> None:
+        advance()
+        if env.step_count in (1, env.horizon // 2, env.horizon):
+            stills.append(view.rgb(env.physics))
+
+    return play(env, "scripted", variation, size=size, on_step=on_step), stills
 
 
 @app.command()
@@ -138,6 +150,7 @@ def rollout(
     episodes: Annotated[int, typer.Option(min=1)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
     trust: Trust = False,
+    look: Look = None,
     video: Annotated[
         pathlib.Path | None, typer.Option(help="Folder for a video of every episode.")
     ] = None,
@@ -146,7 +159,7 @@ def rollout(
     record, variations = find(task), first_variations(split, episodes)
     if video is not None:
         make_folder(video)
-    env = _load(record, split, filmed=video is not None, **acting(actor, grasp))
+    env = softgym_mj.load(record, split=split, **_settings(record, actor, grasp, look))
     for index in variations:
         episode = _filmed(env, policy, index, video is not None, seed=seed, trust=trust)
         if video is not None:
@@ -164,16 +177,18 @@ def oracle(
     grasp: Grasp = None,
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
     episodes: Annotated[int, typer.Option(help="Variations, from the first on.", min=1)] = 20,
+    look: Look = None,
     out: Annotated[
         pathlib.Path, typer.Option(help="Folder for the scores and a video of the first episode.")
     ] = pathlib.Path("oracle"),
 ) -> None:
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
-    record, settings = find(task), acting(actor, grasp)
+    record = find(task)
+    settings = _settings(record, actor, grasp, look)
     variations = first_variations(split, episodes)
     make_folder(out)
-    env = _load(record, split, filmed=True, **settings)
-    name = "-".join([record.name, *settings.values()])
+    env = softgym_mj.load(record, split=split, **settings)
+    name = "-".join([record.name, *given(actor=actor, grasp=grasp).values()])
     scores: dict[int, float] = {}
     with progress_bar() as progress:
         bar = progress.add_task(record.name, total=len(variations))
@@ -195,6 +210,15 @@ def oracle(
         f"{record.name}: mean {summary['mean']:.3f}, min {min(values):.3f}, "
         f"max {max(values):.3f} of {len(values)}; wrote {file} and {out / name}.mp4"
     )
+
+
+def _settings(
+    record: TaskRecord, actor: str | None, grasp: str | None, look: str | None
+) -> dict[str, Any]:
+    """Arguments of a task whose pictures are for people; a custom one need not take a look."""
+    if look is None and "look" in record.arguments:
+        look = PAPER.name
+    return given(actor=actor, grasp=grasp, look=look)
 
 
 def _filmed(env, policy: str, variation: int, filmed: bool, **settings: Any) -> Episode:

@@ -10,6 +10,7 @@ import typer
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.registry import TASKS
+from softgym_mj.rendering.look import LOOKS
 from softgym_mj.variations.indices import split_indices
 
 console = rich.console.Console()
@@ -28,6 +29,10 @@ Actor = Annotated[
 Grasp = Annotated[
     str | None, typer.Option(help="How arms hold: attach or friction; else the task's own.")
 ]
+Look = Annotated[
+    str | None,
+    typer.Option(help=f"How it is drawn: {' or '.join(LOOKS)}, which is slower, for people."),
+]
 Trust = Annotated[
     bool,
     typer.Option("--trust", help="Load FILE.pt2, which can run any code: whose it is, you trust."),
@@ -44,10 +49,9 @@ Ray = Annotated[
 ]
 
 
-def acting(actor: str | None, grasp: str | None) -> dict[str, Any]:
-    """The arguments of a task that say what acts: of the options those that were given."""
-    given = {"actor": actor, "grasp": grasp}
-    return {name: value for name, value in given.items() if value is not None}
+def given(**options: str | None) -> dict[str, Any]:
+    """Those of some options that were given, as arguments of a task."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def parsed_settings(settings: str) -> dict[str, Any]:

@@ -9,13 +9,14 @@ import typer
 from softgym_mj.cli.console import (
     Actor,
     Grasp,
+    Look,
     Ray,
     Settings,
     Task,
     Trust,
-    acting,
     console,
     first_variations,
+    given,
     parsed_settings,
     progress_bar,
 )
@@ -71,6 +72,7 @@ def record(
     observation: Annotated[
         str | None, typer.Option(help="Observations, with commas; reduced if not given.")
     ] = None,
+    look: Look = None,
     settings: Settings = "{}",
     seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
     trust: Trust = False,
@@ -91,7 +93,7 @@ def record(
     from softgym_mj import recording
 
     variations = first_variations(split, episodes, start)
-    chosen = {**parsed_settings(settings), **acting(actor, grasp)}
+    chosen = {**parsed_settings(settings), **given(actor=actor, grasp=grasp, look=look)}
     if observation is not None:
         chosen["observation"] = observation.split(",")
     chosen.setdefault("observation", "reduced")

@@ -17,8 +17,8 @@ from softgym_mj.cli.console import (
     Settings,
     Task,
     Trust,
-    acting,
     console,
+    given,
     parsed_settings,
     progress_bar,
 )
@@ -76,7 +76,7 @@ def evaluate(
         policy,
         _variations(variations, split, episodes),
         tuple(range(seeds)),
-        {**parsed_settings(settings), **acting(actor, grasp)},
+        {**parsed_settings(settings), **given(actor=actor, grasp=grasp)},
         planning if policy in PLANNERS else None,
     )
     try:

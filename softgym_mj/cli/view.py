@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from softgym_mj.cli.console import Actor, Grasp, Task, Trust, acting, console
+from softgym_mj.cli.console import Actor, Grasp, Look, Task, Trust, console, given
 from softgym_mj.exceptions import UnavailableError
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import find
@@ -21,6 +21,7 @@ def view(
     trust: Trust = False,
     actor: Actor = None,
     grasp: Grasp = None,
+    look: Look = None,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
     browser: Annotated[bool, typer.Option("--browser", help="In a browser: no display.")] = False,
     host: Annotated[
@@ -35,7 +36,7 @@ def view(
     """Shows a task in MuJoCo's viewer or in a browser; you play it by hand, or a policy does."""
     find(task)
     check_variation(variation)
-    settings = acting(actor, grasp)
+    settings = given(actor=actor, grasp=grasp, look=look)
     if browser:
         from softgym_mj.viewing.browser import Browser, open_server
 

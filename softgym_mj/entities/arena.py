@@ -12,8 +12,7 @@ from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
 from softgym_mj.entities.room import add_lights, add_room
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.kinds import typed
-from softgym_mj.rendering.drawing import TEXT
-from softgym_mj.rendering.look import FAST, Look
+from softgym_mj.rendering.look import FAST, TEXT, Look
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, shifted
 

@@ -9,6 +9,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.kinds import typed
 from softgym_mj.policies.factory import Policy, make_policy
+from softgym_mj.rendering.look import look_of
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, Video, camera_ids
 
 
@@ -66,7 +67,8 @@ def play(
         camera: of the pictures, "task", "overview" or another of the model; None to take none,
             which is much faster.
         size: side of the pictures [pixels].
-        pictures: env steps after which one is taken, 0 for the start; None for all.
+        pictures: env steps after which one is taken, 0 for the start; None for all, which are then
+            drawn as for a film.
         on_step: called after each env step.
 
     Raises:
@@ -77,7 +79,8 @@ def play(
     act = make_policy(policy, env, seed, trust=trust) if isinstance(policy, str) else policy
     check_count("size", size, 1, LARGEST_IMAGE)
     check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
-    view = None if camera is None else CameraView(camera, size, size)
+    passes = None if pictures is not None else look_of(env.physics.model.ptr).film_passes
+    view = None if camera is None else CameraView(camera, size, size, passes)
     timestep = env.reset(variation)
     frames: list[np.ndarray] = []
     rewards, infos = [], [env.info()]

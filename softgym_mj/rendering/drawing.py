@@ -6,25 +6,15 @@ import mujoco
 import numpy as np
 from dm_control.mujoco import engine
 
-from softgym_mj.rendering.look import FAST, LOOKS, SUN_RADIUS, Look
+from softgym_mj.rendering.look import SUN_RADIUS, look_of
 from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES
 from softgym_mj.rendering.surfaces import Surface, find_surfaces
 
 MAX_GEOMS = 2000  # In a scene: arms from meshes have some hundred.
-TEXT = "look"  # Of the model: the name of its look.
 CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL gives glass a black one.
 GAMMA = 2.2  # Of pixels: means are taken of light.
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _LIGHT = (np.arange(256) / 255.0).astype(np.float32) ** GAMMA  # Of the values of a pixel.
-
-
-def look_of(model: mujoco.MjModel) -> Look:
-    """The look that a model was compiled for; `FAST` if it does not say."""
-    text = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, TEXT)
-    if text < 0:
-        return FAST
-    first = model.text_adr[text]
-    return LOOKS[bytes(model.text_data[first : first + model.text_size[text] - 1]).decode()]
 
 
 def _halton(index: int, base: int) -> float:

@@ -4,9 +4,14 @@ Nothing here is felt: states are the same bits under every look.
 """
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 from softgym_mj.exceptions import InvalidArgumentError
 
+if TYPE_CHECKING:
+    import mujoco
+
+TEXT = "look"  # Of a model: the name of its look.
 Color = tuple[float, float, float]  # (r, g, b) in 0..1.
 
 
@@ -20,6 +25,7 @@ class Look:
         samples: of which a pixel is the mean, in one pass.
         passes: pictures that are averaged, with the sun and the camera moved a little: soft shadows
             and smooth edges.
+        film_passes: the same for each picture of a film.
         refinement: edges of a drawn sheet along one of its mesh.
         texture_size: side of a texture [texels].
         threads: of the weave along a side of a sheet.
@@ -33,6 +39,7 @@ class Look:
     shadow_size: int
     samples: int
     passes: int
+    film_passes: int
     refinement: int
     texture_size: int
     threads: int
@@ -43,9 +50,20 @@ class Look:
     water_triangles: int
 
 
-FAST = Look("fast", 256, 4, 1, 2, 256, 24, 8, 3, False, 1.0, 4_000)
-PAPER = Look("paper", 2048, 4, 24, 4, 2048, 180, 24, 8, True, 0.5, 24_000)
+FAST = Look("fast", 256, 4, 1, 1, 2, 256, 24, 8, 3, False, 1.0, 4_000)
+PAPER = Look("paper", 2048, 4, 24, 1, 4, 2048, 180, 24, 8, True, 0.5, 24_000)
 LOOKS = {look.name: look for look in (FAST, PAPER)}
+
+
+def look_of(model: "mujoco.MjModel") -> Look:
+    """The look that a model was compiled for; `FAST` if it does not say."""
+    import mujoco
+
+    text = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, TEXT)
+    if text < 0:
+        return FAST
+    first = model.text_adr[text]
+    return LOOKS[bytes(model.text_data[first : first + model.text_size[text] - 1]).decode()]
 
 
 def find_look(look: str) -> Look:
