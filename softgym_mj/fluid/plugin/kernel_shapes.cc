@@ -8,16 +8,19 @@
 namespace softgym_mj {
 namespace {
 
-// Neighbors are up to here [spacings]; they weigh 1 - (r / kNear)^3.
-constexpr double kNear = 2.5;
+// Neighbors are up to here [spacings]; they weigh 1 - (r / kNear)^2.
+constexpr double kNear = 2.2;
 // Variance [spacings^2] of where they are, along any direction, if they are all around.
-constexpr double kVariance = 0.15 * kNear * kNear;
+constexpr double kVariance = kNear * kNear / 7;
 // Reach [spacings] of a kernel that has neighbors all around, and of one that has none: the surface around a lone
 // drop then has 0.6 spacings, hence the volume of a particle, nearly.
 constexpr double kReach = 2.0;
 constexpr double kDropReach = 1.32;
+// The share of the way to the middle of its neighbors that the centre of a kernel is moved: flattens the surface, and
+// draws it in to where walls hold particles back.
+constexpr double kMoved = 0.5;
 constexpr double kLeastReach = 1.95;  // [voxels] The surface around a lone drop must have a point of the grid inside.
-constexpr size_t kMostInCell = 64;    // Of the particles in one place that count as neighbors; at rest there are 16.
+constexpr size_t kMostInCell = 64;    // Of the particles in one place that count as neighbors; at rest there are 11.
 
 unsigned long long Key(long long x, long long y, long long z) {
   constexpr unsigned long long kMask = (1u << 21) - 1;
@@ -34,11 +37,12 @@ double Distance(const double metric[6], const Vector& d) {
 
 // The ellipsoid of a particle, given the offsets of those around it.
 KernelShape FitKernel(const Vector& centre, const std::vector<Vector>& offsets, double spacing) {
+  const double scale = 1 / Square(kNear * spacing);
   double sum = 1;  // Of the weights, with its own.
   Vector mean = {0, 0, 0};
   double square[6] = {0, 0, 0, 0, 0, 0};
   for (const Vector& d : offsets) {
-    const double length = Norm(d) / (kNear * spacing), weight = 1 - length * length * length;
+    const double weight = 1 - scale * Dot(d, d);
     sum += weight;
     mean = mean + weight * d;
     const double products[6] = {d.x * d.x, d.y * d.y, d.z * d.z, d.y * d.z, d.x * d.z, d.x * d.y};
@@ -55,7 +59,8 @@ KernelShape FitKernel(const Vector& centre, const std::vector<Vector>& offsets, 
   const double minors[6] = {yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy,
                             xy * xz - xx * yz, xy * yz - yy * xz, xz * yz - zz * xy};
   const double determinant = xx * minors[0] + xy * minors[5] + xz * minors[4];
-  KernelShape shape = {{centre.x, centre.y, centre.z}, {}, {}, 1};
+  const Vector moved = centre + kMoved * mean;
+  KernelShape shape = {{moved.x, moved.y, moved.z}, {}, {}, 1};
   for (int k = 0; k < 6; ++k) shape.metric[k] = minors[k] / determinant;
   for (int k = 0; k < 3; ++k) shape.reach[k] = std::sqrt(extent[k]);
   // So that the water weighs about one wherever particles are.

@@ -26,8 +26,8 @@ class KernelShapes {
 
  private:
   std::vector<std::pair<unsigned long long, int>> cells_;  // Keys, sorted, with their particles.
-  std::vector<Vector> near_;     // Particles in and around a cell.
-  std::vector<Vector> offsets_;  // To the neighbors of one.
+  std::vector<Vector> near_;                               // Particles in and around a cell.
+  std::vector<Vector> offsets_;                            // To the neighbors of one.
   std::vector<KernelShape> shapes_;
 };
 

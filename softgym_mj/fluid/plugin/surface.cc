@@ -29,6 +29,10 @@ uint64_t Key(int x, int y, int z) {
   return (x & kMask) << 42 | (y & kMask) << 21 | (z & kMask);
 }
 
+// Where a point of a block, or the first beyond it, is: in which of the next blocks, as bits, and there.
+int NearOf(int x, int y, int z) { return (x >> 3) | (y >> 3) << 1 | (z >> 3) << 2; }
+int PointOf(int x, int y, int z) { return (x & 7) | (y & 7) << 3 | (z & 7) << 6; }
+
 }  // namespace
 
 SurfaceExtractor::Block& SurfaceExtractor::FindBlock(int x, int y, int z) {
@@ -51,28 +55,32 @@ void SurfaceExtractor::Splat(const KernelShape& kernel) {
     high[k] = static_cast<int>(std::ceil(kernel.centre[k] + kernel.reach[k])) + 1;
   }
   float metric[6];
-  std::copy(kernel.metric, kernel.metric + 6, metric);
-  const float amplitude = static_cast<float>(kernel.amplitude);
-  const auto offset = [&](int i, int k) { return static_cast<float>(i - kernel.centre[k]); };
+  for (int k = 0; k < 6; ++k) metric[k] = static_cast<float>(k < 3 ? kernel.metric[k] : 2 * kernel.metric[k]);
+  const auto [xx, yy, zz, yz, xz, xy] = metric;
+  const float amplitude = static_cast<float>(kernel.amplitude), most = 0.25f / xx;
   const auto down = [](int i) { return i >> 3; };  // Division by kBlock, rounded down.
   for (int bz = down(low[2]); bz <= down(high[2]); ++bz) {
     for (int by = down(low[1]); by <= down(high[1]); ++by) {
       for (int bx = down(low[0]); bx <= down(high[0]); ++bx) {
         float* weight = FindBlock(bx, by, bz).weight;
         const int base[3] = {bx * kBlock, by * kBlock, bz * kBlock};
-        const int x0 = std::max(low[0], base[0]), x1 = std::min(high[0], base[0] + kBlock - 1);
-        for (int z = std::max(low[2], base[2]); z <= std::min(high[2], base[2] + kBlock - 1); ++z) {
-          const float dz = offset(z, 2);
-          for (int y = std::max(low[1], base[1]); y <= std::min(high[1], base[1] + kBlock - 1); ++y) {
-            const float dy = offset(y, 1);
-            // 1 - q is a parabola along the row.
-            const float rest = 1 - metric[1] * dy * dy - metric[2] * dz * dz - 2 * metric[3] * dy * dz;
-            const float slope = 2 * (metric[4] * dz + metric[5] * dy);
-            if (rest + slope * slope / (4 * metric[0]) <= 0) continue;
-            float* row = weight + kBlock * ((y - base[1]) + kBlock * (z - base[2])) - base[0];
-            for (int x = x0; x <= x1; ++x) {
-              const float dx = offset(x, 0), s = std::max(0.0f, rest - dx * (slope + metric[0] * dx));
-              row[x] += amplitude * (s * s * s);
+        float offset[3];  // Of the block's first point.
+        for (int k = 0; k < 3; ++k) offset[k] = static_cast<float>(base[k] - kernel.centre[k]);
+        const int y0 = std::max(low[1] - base[1], 0), y1 = std::min(high[1] - base[1], kBlock - 1);
+        const int z0 = std::max(low[2] - base[2], 0), z1 = std::min(high[2] - base[2], kBlock - 1);
+        for (int z = z0; z <= z1; ++z) {
+          const float dz = offset[2] + static_cast<float>(z);
+          for (int y = y0; y <= y1; ++y) {
+            const float dy = offset[1] + static_cast<float>(y);
+            // Along the row 1 - q is a parabola.
+            const float rest = 1 - zz * dz * dz - dy * (yy * dy + yz * dz), slope = xz * dz + xy * dy;
+            if (rest + most * slope * slope <= 0) continue;
+            // All of a row: the compiler makes vectors of it.
+            float* row = weight + PointOf(0, y, z);
+            for (int x = 0; x < kBlock; ++x) {
+              const float dx = offset[0] + static_cast<float>(x), s = rest - dx * (slope + xx * dx);
+              const float positive = s > 0 ? s : 0;
+              row[x] += amplitude * (positive * positive * positive);
             }
           }
         }
@@ -81,40 +89,41 @@ void SurfaceExtractor::Splat(const KernelShape& kernel) {
   }
 }
 
-float SurfaceExtractor::Corner::Weight(int x, int y, int z) const {
-  const Block* block = near[x / kBlock + 2 * (y / kBlock) + 4 * (z / kBlock)];
-  return block ? block->weight[x % kBlock + kBlock * (y % kBlock + kBlock * (z % kBlock))] : 0;
-}
-
-int SurfaceExtractor::Corner::Crossing(int x, int y, int z, int axis) const {
-  const Block* block = near[x / kBlock + 2 * (y / kBlock) + 4 * (z / kBlock)];
-  return block->crossing[x % kBlock + kBlock * (y % kBlock + kBlock * (z % kBlock))][axis];
-}
-
-SurfaceExtractor::Corner SurfaceExtractor::CornerOf(const Block& block) const {
-  Corner corner;
+void SurfaceExtractor::LookAround(const Block& block, Surroundings* around) const {
   for (int k = 0; k < 8; ++k) {
     auto entry = index_.find(Key(block.x + (k & 1), block.y + (k >> 1 & 1), block.z + (k >> 2)));
-    corner.near[k] = entry == index_.end() ? nullptr : &blocks_[entry->second];
+    around->near[k] = entry == index_.end() ? nullptr : &blocks_[entry->second];
   }
-  return corner;
+  int count = 0;
+  for (int z = 0; z < kSide; ++z) {
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        const Block* near = around->near[NearOf(x, y, z)];
+        count += around->inside[z][y][x] = near && near->weight[PointOf(x, y, z)] > kLevel;
+      }
+    }
+  }
+  around->crossed = 0 < count && count < kSide * kSide * kSide;
 }
 
 // In voxels, on the edges that begin in a block.
 void SurfaceExtractor::PlaceVertices(Block* block) {
-  const Corner corner = CornerOf(*block);
-  const int base[3] = {block->x * kBlock, block->y * kBlock, block->z * kBlock};
-  int point = 0;
+  Surroundings around;
+  LookAround(*block, &around);
+  if (!around.crossed) return;
   for (int z = 0; z < kBlock; ++z) {
     for (int y = 0; y < kBlock; ++y) {
-      for (int x = 0; x < kBlock; ++x, ++point) {
-        const float from = block->weight[point];
+      for (int x = 0; x < kBlock; ++x) {
         for (int axis = 0; axis < 3; ++axis) {
-          const float to = corner.Weight(x + (axis == 0), y + (axis == 1), z + (axis == 2));
-          if ((from > kLevel) == (to > kLevel)) continue;
-          float at[3] = {static_cast<float>(base[0] + x), static_cast<float>(base[1] + y),
-                         static_cast<float>(base[2] + z)};
-          at[axis] += (kLevel - from) / (to - from);
+          const int to[3] = {x + (axis == 0), y + (axis == 1), z + (axis == 2)};
+          if (around.inside[z][y][x] == around.inside[to[2]][to[1]][to[0]]) continue;
+          const int point = PointOf(x, y, z);
+          const Block* near = around.near[NearOf(to[0], to[1], to[2])];
+          const float from = block->weight[point],
+                      step = (near ? near->weight[PointOf(to[0], to[1], to[2])] : 0) - from;
+          float at[3] = {static_cast<float>(block->x * kBlock + x), static_cast<float>(block->y * kBlock + y),
+                         static_cast<float>(block->z * kBlock + z)};
+          at[axis] += (kLevel - from) / step;
           block->crossing[point][axis] = static_cast<int>(mesh_.vertices.size());
           mesh_.vertices.push_back({at[0], at[1], at[2]});
         }
@@ -124,18 +133,20 @@ void SurfaceExtractor::PlaceVertices(Block* block) {
 }
 
 void SurfaceExtractor::PlaceFaces(const Block& block) {
-  const Corner corner = CornerOf(block);
+  Surroundings around;
+  LookAround(block, &around);
+  if (!around.crossed) return;
+  const auto& cubes = CubeTriangles();
   for (int z = 0; z < kBlock; ++z) {
     for (int y = 0; y < kBlock; ++y) {
       for (int x = 0; x < kBlock; ++x) {
         int inside = 0;
-        for (int k = 0; k < 8; ++k) {
-          inside |= (corner.Weight(x + (k & 1), y + (k >> 1 & 1), z + (k >> 2)) > kLevel) << k;
-        }
-        for (const int edge : CubeTriangles()[inside]) {
+        for (int k = 0; k < 8; ++k) inside |= around.inside[z + (k >> 2)][y + (k >> 1 & 1)][x + (k & 1)] << k;
+        for (const int edge : cubes[inside]) {
           const CubeEdge e = EdgeOfCube(edge);
-          mesh_.faces.push_back(
-              corner.Crossing(x + (e.corner & 1), y + (e.corner >> 1 & 1), z + (e.corner >> 2), e.axis));
+          const int from[3] = {x + (e.corner & 1), y + (e.corner >> 1 & 1), z + (e.corner >> 2)};
+          const Block* near = around.near[NearOf(from[0], from[1], from[2])];
+          mesh_.faces.push_back(near->crossing[PointOf(from[0], from[1], from[2])][e.axis]);
         }
       }
     }
@@ -191,7 +202,10 @@ bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spaci
     Splat(kernel);
     if (blocks_.size() > kMostBlocks) return false;
   }
-  for (Block& block : blocks_) PlaceVertices(&block);
+  for (Block& block : blocks_) {
+    PlaceVertices(&block);
+    if (mesh_.vertices.size() > most) return false;
+  }
   for (const Block& block : blocks_) {
     PlaceFaces(block);
     if (mesh_.faces.size() / 3 > most) return false;

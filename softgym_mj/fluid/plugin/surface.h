@@ -37,17 +37,18 @@ class SurfaceExtractor {
     float weight[kPoints];     // Of the water, per grid point.
     int crossing[kPoints][3];  // Vertex on the edge to the next point along an axis, where the surface crosses it.
   };
-  // What a block and the next ones have at the points 0..kBlock of a block: the latter's own end a point earlier.
-  struct Corner {
-    const Block* near[8];
-    float Weight(int x, int y, int z) const;
-    int Crossing(int x, int y, int z, int axis) const;
+  static constexpr int kSide = kBlock + 1;  // With the first points of the next blocks.
+  // A block with the next ones.
+  struct Surroundings {
+    const Block* near[8];              // Null where there is no water.
+    bool inside[kSide][kSide][kSide];  // By z, y, x.
+    bool crossed;                      // Whether some are inside, some are not.
   };
 
   bool TryVoxel(const double* positions, int count, double spacing, double voxel, size_t most);
   Block& FindBlock(int x, int y, int z);
   void Splat(const KernelShape& kernel);
-  Corner CornerOf(const Block& block) const;
+  void LookAround(const Block& block, Surroundings* around) const;
   void PlaceVertices(Block* block);
   void PlaceFaces(const Block& block);
   void Smooth(double share);
