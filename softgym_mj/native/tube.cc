@@ -36,9 +36,15 @@ Vector Transport(const Vector& v, const Vector& from, const Vector& to) {
   return Unit(turned - Dot(turned, to) * to, v);
 }
 
-// A cubic from p[1] to p[2] (Catmull and Rom, 1974), at t in [0, 1].
+// A cubic from p[1] to p[2] (Catmull and Rom, 1974), at t in [0, 1]; centripetal, so that it makes no loops.
 Vector Cubic(const Vector p[4], double t, Vector* derivative) {
-  const Vector m = 0.5 * (p[2] - p[0]), n = 0.5 * (p[3] - p[1]), d = p[2] - p[1];
+  double h[3];
+  for (int k = 0; k < 3; ++k) h[k] = std::max(std::sqrt(Norm(p[k + 1] - p[k])), 1e-9);
+  const auto slope = [&](int k) {  // At p[k], for t.
+    return h[1] * (1 / h[k - 1] * (p[k] - p[k - 1]) - 1 / (h[k - 1] + h[k]) * (p[k + 1] - p[k - 1]) +
+                   1 / h[k] * (p[k + 1] - p[k]));
+  };
+  const Vector m = slope(1), n = slope(2), d = p[2] - p[1];
   const Vector a = m + n - 2.0 * d, b = 3.0 * d - 2.0 * m - n;
   *derivative = m + t * (2.0 * b + 3 * t * a);
   return p[1] + t * (m + t * (b + t * a));

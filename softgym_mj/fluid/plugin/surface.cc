@@ -20,8 +20,9 @@ constexpr double kMostCells = 1e6;
 constexpr size_t kMostBlocks = 1 << 15;
 constexpr double kCoarser = 1.4;  // Growth of the voxels until the surface fits.
 constexpr int kMostTries = 8;
-// Taubin (1995): passes of smoothing, each followed by one that undoes the loss of volume.
-constexpr int kPasses = 4;
+// Taubin (1995): passes of smoothing, each followed by one that undoes the loss of volume; of some vertices of a drop
+// it does not. Less one, as many as voxels in this many spacings.
+constexpr double kSmoothed = 2;
 constexpr double kShrink = 0.5, kGrow = -0.53;
 
 uint64_t Key(int x, int y, int z) {
@@ -220,7 +221,7 @@ const SurfaceMesh* SurfaceExtractor::Extract(const double* positions, int count,
     if (++tries == kMostTries) return nullptr;
     voxel *= kCoarser;
   }
-  for (int pass = 0; pass < kPasses; ++pass) {
+  for (int pass = 1; pass < kSmoothed * spacing / voxel; ++pass) {
     Smooth(kShrink);
     Smooth(kGrow);
   }
