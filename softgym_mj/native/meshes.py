@@ -7,7 +7,7 @@ wants them. Nothing here touches a simulation.
 import ctypes
 import functools
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,22 +55,12 @@ ROPE = Strands(3, 0.22, 70.0)  # A turn in 9 cm: the lay of a rope of 12 mm, haw
 def _library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(load_plugin()))
     pointer, whole, real = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
-    tube: list[Any] = [
-        pointer,
-        whole,
-        real,
-        whole,
-        whole,
-        whole,
-        whole,
-        real,
-        real,
-        pointer,
-        pointer,
-    ]
-    library.softgym_mj_tube.argtypes = tube
-    water: list[Any] = [pointer, whole, real, real, whole, real, pointer, pointer, pointer, pointer]
-    library.softgym_mj_water_mesh.argtypes = water
+    library.softgym_mj_tube.argtypes = [
+        pointer, whole, real, whole, whole, whole, whole, real, real, pointer, pointer,
+    ]  # fmt: skip
+    library.softgym_mj_water_mesh.argtypes = [
+        pointer, whole, real, real, whole, real, pointer, pointer, pointer, pointer,
+    ]  # fmt: skip
     return library
 
 
