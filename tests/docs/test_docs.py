@@ -41,11 +41,14 @@ def test_python_blocks_run(code):
 
 def test_the_example_of_the_cloth_plugin_runs(tmp_path, monkeypatch, capsys):
     (model,) = blocks("xml", CLOTH)
-    (code,) = blocks("python", CLOTH)
+    code, tube = blocks("python", CLOTH)
     (tmp_path / "scene.xml").write_text(model)
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "cloth", "exec"), {})
     assert {line.split()[0] for line in capsys.readouterr().out.splitlines()} <= {"rod", "box"}
+    names = {"points": np.eye(3)}
+    exec(compile(tube, "tube", "exec"), names)
+    assert len(names["vertices"]) == len(names["texture"]) > names["faces"].max()
 
 
 def test_the_migration_page_lists_every_name():

@@ -98,7 +98,7 @@ def test_the_readme_model_runs():
 
 
 def test_the_readme_code_runs(monkeypatch):
-    viewer, headless = readme_blocks("python")
+    viewer, headless, mesh = readme_blocks("python")
     launched = []
     import mujoco.viewer
 
@@ -110,6 +110,8 @@ def test_the_readme_code_runs(monkeypatch):
     image = names["image"].astype(int)
     water = (image[..., 2] > 110) & (image[..., 0] < 0.6 * image[..., 2])
     assert 0.1 < water.mean() < 0.4
+    exec(compile(mesh, "mesh", "exec"), names)
+    assert names["triangles"].shape == names["normals"].shape == (len(names["mesh"].faces), 3, 3)
 
 
 def test_the_readme_lists_every_attribute():
