@@ -143,14 +143,17 @@ def test_a_marker_shows_the_other_side_on_an_eighth(fidelity):
         np.array([[0.8, 0.3, 0.4], [0.8, -0.3, 0.4]]), Workspace((-1,) * 3, (1,) * 3)
     )
     image = CameraView("task", 480, 480).rgb(env.physics).astype(int)
-    pink = (image[..., 2] > 100) & (image[..., 0] > image[..., 2] + 30)
-    orange = (image[..., 2] < 60) & (image[..., 0] > 150)
-    share = pink.sum() / (pink.sum() + orange.sum())
+    red, green, blue = np.moveaxis(image, -1, 0)
+    raspberry = (red > 2 * green) & (red > 80)
+    cream = (red > 120) & (green > 0.7 * red) & (blue < 0.75 * red)
+    share = raspberry.sum() / (raspberry.sum() + cream.sum())
     width = cloth.size[0]
     assert share == pytest.approx(0.03125 / width, rel=0.5)  # One quad is 2 to 4 cm wide.
     # In the middle row of the picture, measured from the cloth's left edge.
-    row = np.flatnonzero((pink | orange).any(axis=1)).mean().astype(int)
-    columns = np.flatnonzero(pink[row] | orange[row])
-    place = (np.flatnonzero(pink[row]).mean() - columns[0]) / (columns[-1] - columns[0]) * width
+    row = np.flatnonzero((raspberry | cream).any(axis=1)).mean().astype(int)
+    columns = np.flatnonzero(raspberry[row] | cream[row])
+    place = (
+        (np.flatnonzero(raspberry[row]).mean() - columns[0]) / (columns[-1] - columns[0]) * width
+    )
     first = (cloth.dims[0] - 1) // 8 * 0.00625
     assert place == pytest.approx(first + 0.0156, abs=0.02)
