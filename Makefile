@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo notebooks test test-all lint bench sheets gifs docs native clean
+.PHONY: demo notebooks test test-all lint bench sheets films gallery docs native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
@@ -41,9 +41,13 @@ sheets: $(VENV)/.installed-dev
 	$(BIN)/python -m tools.tables
 	$(BIN)/python -m tools.architecture
 
-# Plays the tasks for the README's moving pictures, docs/gifs.
-gifs: $(VENV)/.installed
-	$(BIN)/python -m tools.gifs
+# Plays the tasks for the README's moving pictures, docs/films.
+films: $(VENV)/.installed
+	$(BIN)/python -m tools.films
+
+# Draws every task with every actor, docs/gallery.
+gallery: $(VENV)/.installed
+	$(BIN)/python -m tools.gallery
 
 # Builds the documentation site into build/site; a warning is an error.
 docs: $(VENV)/.installed-dev

@@ -147,7 +147,7 @@ def overview(scores: experts.Scores) -> str:
     lines = []
     every = list(TASKS)
     for names in (every[i : i + 5] for i in range(0, len(every), 5)):
-        lines.append(f"| {' | '.join(f'![{n}](docs/gifs/{n}.gif)' for n in names)} |")
+        lines.append(f"| {' | '.join(f'![{n}](docs/films/{n}.webp)' for n in names)} |")
         lines.append(f"| {' | '.join(f'`{n}`' for n in names)} |")
     lines.insert(1, "|" + ":-:|" * 5)
     rows = []

@@ -10,7 +10,7 @@ from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.kinds import typed
 from softgym_mj.policies.factory import Policy, make_policy
 from softgym_mj.rendering.look import look_of
-from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, Video, camera_ids
+from softgym_mj.rendering.offscreen import LARGEST_IMAGE, MOST_PASSES, CameraView, Video, camera_ids
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +54,7 @@ def play(
     camera: str | None = "task",
     size: int = 240,
     pictures: Collection[int] | None = None,
+    passes: int | None = None,
     on_step: Callable[[], object] = lambda: None,
 ) -> Episode:
     """Plays an episode.
@@ -69,6 +70,7 @@ def play(
         size: side of the pictures [pixels].
         pictures: env steps after which one is taken, 0 for the start; None for all, which are then
             drawn as for a film.
+        passes: of which a picture is the mean; None for as many as the look has.
         on_step: called after each env step.
 
     Raises:
@@ -78,8 +80,11 @@ def play(
     """
     act = make_policy(policy, env, seed, trust=trust) if isinstance(policy, str) else policy
     check_count("size", size, 1, LARGEST_IMAGE)
+    if passes is not None:
+        check_count("passes", passes, 1, MOST_PASSES)
     check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
-    passes = None if pictures is not None else look_of(env.physics.model.ptr).film_passes
+    if passes is None and pictures is None:
+        passes = look_of(env.physics.model.ptr).film_passes
     view = None if camera is None else CameraView(camera, size, size, passes)
     timestep = env.reset(variation)
     frames: list[np.ndarray] = []

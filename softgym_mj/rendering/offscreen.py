@@ -16,6 +16,7 @@ import numpy as np
 from softgym_mj.exceptions import (
     InvalidArgumentError,
     UnavailableError,
+    check_count,
     check_image_size,
     check_name,
 )
@@ -24,6 +25,7 @@ from softgym_mj.jobs.files import whole, write_whole
 if TYPE_CHECKING:
     from softgym_mj.rendering.drawing import SceneCamera
 
+MOST_PASSES = 1024  # Of an image.
 LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
 _OTHER_THREAD = "already current on another thread"  # In dm_control's message.
 _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
@@ -115,11 +117,14 @@ class CameraView:
             camera: a name as in `camera_ids`; one that does not exist is an `InvalidArgumentError`
                 when something is rendered.
             height, width: of images, each in 1..`LARGEST_IMAGE` [pixels].
-            passes: of which a coloured image is the mean; None for as many as the look has.
+            passes: of which a coloured image is the mean, 1..`MOST_PASSES`; None for as many as the
+                look has.
 
         Raises:
-            InvalidArgumentError: for another size.
+            InvalidArgumentError: for another size or number.
         """
+        if passes is not None:
+            check_count("passes", passes, 1, MOST_PASSES)
         self._camera, self._passes = camera, passes
         self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None

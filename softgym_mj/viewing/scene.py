@@ -172,9 +172,7 @@ class Scene:
             for i, (rgba, used, faces) in enumerate(parts):
                 self._show(f"/skins/{skin}/{i}", vertices[first + used], faces, rgba)
 
-    def _show(
-        self, name: str, vertices: np.ndarray, faces: np.ndarray, rgba: np.ndarray
-    ) -> None:
+    def _show(self, name: str, vertices: np.ndarray, faces: np.ndarray, rgba: np.ndarray) -> None:
         vertices = np.asarray(vertices, np.float32)
         mesh = self._meshes.get(name)
         if mesh is None:
