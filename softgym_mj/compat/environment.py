@@ -11,6 +11,7 @@ import numpy as np
 from softgym_mj import registry
 from softgym_mj.compat import names
 from softgym_mj.compat.actions import ACTION_MODES, MODES_OF, checked, to_flex
+from softgym_mj.compat.cameras import CAMERAS
 from softgym_mj.compat.names import ReplacedError, Table, check_settings
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
@@ -94,6 +95,9 @@ class OldEnv:
         )  # fmt: skip
         self.dm_env.add_extra_hook("after_substep", self._watch)
         self._task: Any = self.dm_env.task
+        arena, pose = self._task.root_entity, CAMERAS[record.name]
+        camera = self.dm_env.physics.bind(arena.place("task", pose))  # It is compiled already.
+        camera.pos, camera.quat, camera.fovy = pose.position, pose.quaternion, pose.field_of_view
         if self._mode.workspace is not None:
             self._task.workspace = self._mode.workspace
         settings |= {"horizon": self.dm_env.horizon, "action_repeat": self._task.action_repeat}
@@ -230,8 +234,9 @@ class OldEnv:
         return self._task.last_evaluation.reward
 
     def get_image(self, width: int = 720, height: int = 720) -> np.ndarray:
-        """The camera's image (height, width, 3) uint8."""
-        view = self._views.setdefault((width, height), CameraView("task", height, width))
+        """The camera's image (height, width, 3) uint8, without marks of goals, as observed."""
+        new = CameraView("task", height, width, marks=False)
+        view = self._views.setdefault((width, height), new)
         return view.rgb(self.dm_env.physics)
 
     def render(self, mode: str = "rgb_array") -> np.ndarray:

@@ -15,6 +15,7 @@ from softgym_mj.entities.room import add_material
 from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
 from softgym_mj.rendering.look import GLASS, GRAPHITE
+from softgym_mj.rendering.offscreen import GLASS_GROUP
 
 _WALLS = ("floor", "left", "right", "back", "front")
 # [m] Where a handle is held: along Y from the cup's frame and above it. All cups are narrower. An
@@ -53,8 +54,8 @@ class Cup(Entity):
         add_material(self._mjcf_root, "glass", GLASS)
         self._mesh = self._mjcf_root.asset.add("mesh", name="glass")
         self.body.add("body", name="glass").add(
-            "geom", name="glass", type="mesh", mesh="glass", material="glass", contype=0,
-            conaffinity=0, mass=0.0,
+            "geom", name="glass", type="mesh", mesh="glass", material="glass",
+            group=GLASS_GROUP, contype=0, conaffinity=0, mass=0.0,
         )  # fmt: skip
         self._is_held = False
         self._set_size(size)
@@ -153,6 +154,12 @@ class Cup(Entity):
     def inside(self, points: np.ndarray) -> np.ndarray:
         """Which points (n, 3) [m] of the world are in the cup's box, turned with it: (n,) bool."""
         return metrics.inside(points, self.whole_pose, self.arrays["size"])
+
+    @property
+    def foot(self) -> np.ndarray:
+        """Corners (4, 2) [m] of the outer walls in top view, upright, counter-clockwise."""
+        along, across = self.size.length / 2 + self.size.wall, self.size.width / 2 + self.size.wall
+        return np.array([[-along, -across], [along, -across], [along, across], [-along, across]])
 
     # ------------------------------------------------------------------ side view
 

@@ -1,7 +1,7 @@
-"""Marks that show a goal: drawn, and felt by nothing.
+"""Marks that show a goal to people: drawn, felt by nothing, and not in images of observations.
 
-They are moved by writing the model, where the compiler has noted that their frames are those of
-their bodies: that note has to go.
+They are sites, which `CameraView` leaves out for observations. They are moved by writing the model,
+where the compiler has noted that their frames are those of their bodies: that note has to go.
 """
 
 import math
@@ -16,7 +16,8 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.kinds import typed
 
 LINE_COLOR = (0.95, 0.35, 0.1, 0.6)
-LINE_HALF = (0.003, 0.001)  # [m] Half of its width and of its height; half of that shows.
+LINE_WIDTH, LINE_HEIGHT = 0.006, 0.002  # [m] Of a line on the floor; half of its height shows.
+OUTLINE_WIDTH = 0.012  # [m] Of what is seen from further away, or has half of it covered.
 LEVEL_COLOR = (1.0, 0.0, 0.0, 1.0)  # SoftGym's red.
 LEVEL_HALF = 0.0025  # [m] Half of its thickness (facts 3.3).
 
@@ -31,15 +32,14 @@ class Mark(Entity):
         self._mjcf_root, self._names = mjcf.RootElement(model=name), boxes
         for box in boxes:
             self._mjcf_root.worldbody.add(
-                "geom", name=box, type="box", size=size, contype=0, conaffinity=0, mass=0.0,
-                rgba=color,
-            )  # fmt: skip
+                "site", name=box, type="box", size=size, rgba=color, group=0
+            )
 
     def after_compile(self, physics, random_state):
         self._model = physics.model.ptr
         root = self._mjcf_root.model
-        self._geoms = [self._model.geom(f"{root}/{box}").id for box in self._names]
-        self._model.geom_sameframe[self._geoms] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        self._sites = [self._model.site(f"{root}/{box}").id for box in self._names]
+        self._model.site_sameframe[self._sites] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
 
 
 class GoalLine(Mark):
@@ -49,31 +49,45 @@ class GoalLine(Mark):
     """
 
     @typed
-    def _build(self, num_points: int, name: str = "goal"):
+    def _build(self, num_points: int, width: float = LINE_WIDTH, name: str = "goal"):
         """Builds the line.
 
         Args:
             num_points: number of its points, 2 or more.
+            width: of the line [m].
             name: model name.
         """
         boxes = [f"{i}" for i in range(num_points - 1)]
-        self._add_boxes(name, boxes, [0.01, *LINE_HALF], LINE_COLOR)
+        self._half = width / 2
+        self._add_boxes(name, boxes, [0.01, self._half, LINE_HEIGHT / 2], LINE_COLOR)
 
     def draw(self, points: np.ndarray) -> None:
         """Puts the line through points (num_points, 2) [m] on the floor."""
         points = np.asarray(points, float)
-        if points.shape != (len(self._geoms) + 1, 2):
-            raise InvalidArgumentError("points", points.shape, f"shape ({len(self._geoms) + 1}, 2)")
+        if points.shape != (len(self._sites) + 1, 2):
+            raise InvalidArgumentError("points", points.shape, f"shape ({len(self._sites) + 1}, 2)")
         along = np.diff(points, axis=0)
         lengths = np.linalg.norm(along, axis=1)
         angles = [math.atan2(y, x) / 2 for x, y in along]
-        for geom, middle, length, angle in zip(
-            self._geoms, points[:-1] + along / 2, lengths, angles, strict=True
+        for site, middle, length, angle in zip(
+            self._sites, points[:-1] + along / 2, lengths, angles, strict=True
         ):
-            self._model.geom_pos[geom] = [*middle, 0.0]
-            self._model.geom_quat[geom] = [math.cos(angle), 0.0, 0.0, math.sin(angle)]
-            self._model.geom_size[geom, 0] = length / 2
-            self._model.geom_rbound[geom] = length / 2 + LINE_HALF[0]
+            self._model.site_pos[site] = [*middle, 0.0]
+            self._model.site_quat[site] = [math.cos(angle), 0.0, 0.0, math.sin(angle)]
+            self._model.site_size[site, 0] = length / 2
+
+
+class GoalOutline(GoalLine):
+    """A frame of tape on the floor: what a cloth ought to cover, where a cup ought to stand."""
+
+    @typed
+    def _build(self, name: str = "goal"):
+        """Builds the frame of four sides."""
+        super()._build(5, OUTLINE_WIDTH, name)
+
+    def draw(self, points: np.ndarray) -> None:
+        """Puts the frame around four corners (4, 2) [m], one after the other."""
+        super().draw(np.concatenate([points, points[:1]]))
 
 
 class LevelMark(Mark):
@@ -84,6 +98,5 @@ class LevelMark(Mark):
 
     def draw(self, x: float, z: float, width: float) -> None:
         """Puts the bar, `width` [m] long, at X, Z [m]."""
-        self._model.geom_pos[self._geoms] = [x, 0.0, z]
-        self._model.geom_size[self._geoms, 1] = width / 2
-        self._model.geom_rbound[self._geoms] = width
+        self._model.site_pos[self._sites] = [x, 0.0, z]
+        self._model.site_size[self._sites, 1] = width / 2

@@ -12,10 +12,10 @@ from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj.native.arithmetic import product
-from softgym_mj.rendering.offscreen import CameraView
+from softgym_mj.rendering.offscreen import GLASS_GROUP, CameraView
 
 WRIST_RGB = "wrist_rgb"  # uint8 (arms, height, width, 3): from the cameras on the hands of arms.
-LABELS = ("background", "object", "actor", "container", "goal")
+LABELS = ("background", "object", "actor", "container")
 NUM_CLOUD_POINTS = 1024
 _blank = contextvars.ContextVar("blank", default=False)
 EDGE_DEPTH = 0.01  # [m] By which the depth of a point of the cloud may differ from its neighbours'.
@@ -23,7 +23,10 @@ LAYER_DEPTH = 0.5  # [m] By which it may lie behind the nearest: two pixels of t
 
 
 class TaskCamera:
-    """What the task's camera sees, as colours, distances, labels and points."""
+    """What the task's camera sees, as colours, distances, labels and points; no marks of goals.
+
+    Labels and points have what is behind glass; colours show it, and distances are of the glass.
+    """
 
     def __init__(self, height: int, width: int, parts: Callable[[], Mapping[str, Sequence[str]]]):
         """Binds the camera.
@@ -33,10 +36,11 @@ class TaskCamera:
             parts: gives the names of the models that make up each of the `LABELS`; whatever
                 deforms or flows is "object", everything else "background".
         """
-        self._view = CameraView("task", height, width)
+        self._view = CameraView("task", height, width, marks=False)
+        self._behind_glass = CameraView("task", height, width, marks=False, glass=False)
         self._height, self._width, self._parts = height, width, parts
         self._model: mujoco.MjModel | None = None
-        self._labels = np.zeros(0, np.uint8)
+        self._labels, self._has_glass = np.zeros(0, np.uint8), False
 
     def observables(self) -> dict[str, observable.Generic]:
         """The observables by name."""
@@ -52,8 +56,20 @@ class TaskCamera:
         }
 
     def segmentation(self, physics) -> np.ndarray:
-        """Index into `LABELS` (height, width) uint8 of what each pixel shows."""
-        model = physics.model.ptr
+        """Index into `LABELS` (height, width) uint8 of what each pixel shows.
+
+        Where an object is behind glass it is the object, else what has walls of glass.
+        """
+        self._read(physics.model.ptr)
+        labels = self._labelled(self._view, physics)
+        if self._has_glass:
+            behind = self._labelled(self._behind_glass, physics)
+            glass = labels == LABELS.index("container")
+            labels[glass & (behind == LABELS.index("object"))] = LABELS.index("object")
+        return labels
+
+    def _read(self, model: mujoco.MjModel) -> None:
+        """Notes what is what in a model."""
         if model is not self._model:
             self._model = model
             owners = {
@@ -62,7 +78,11 @@ class TaskCamera:
             self._labels = np.array(
                 [_label(model.body(body).name, owners) for body in model.geom_bodyid], np.uint8
             )
-        seen = self._view.segmentation(physics)
+            self._has_glass = bool(np.any(model.geom_group == GLASS_GROUP))
+
+    def _labelled(self, view: CameraView, physics) -> np.ndarray:
+        """Index into `LABELS` of the first thing that a view shows in each pixel."""
+        seen = view.segmentation(physics)
         kind, index = seen[..., 1], seen[..., 0]
         labels = np.where(kind >= 0, LABELS.index("object"), 0).astype(np.uint8)
         geoms = kind == mujoco.mjtObj.mjOBJ_GEOM
@@ -75,7 +95,8 @@ class TaskCamera:
         If there are more, they are taken evenly from the pixels in reading order.
         """
         shown = self.segmentation(physics) == LABELS.index("object")
-        image = np.where(shown, self._view.depth(physics), np.nan)
+        view = self._behind_glass if self._has_glass else self._view
+        image = np.where(shown, view.depth(physics), np.nan)
         rows, columns = np.nonzero(shown)
         depth = image[rows, columns].astype(float)
         # Where the object ends, a pixel may have the label of one surface and the depth of another.
@@ -109,7 +130,7 @@ def wrist_observables(
     """
     if not cameras:
         return {}
-    views = [CameraView(camera, height, width) for camera in cameras]
+    views = [CameraView(camera, height, width, marks=False) for camera in cameras]
     spec = specs.BoundedArray((len(views), height, width, 3), np.uint8, 0, 255)
     return {
         WRIST_RGB: CameraObservable(lambda physics: np.array([v.rgb(physics) for v in views]), spec)

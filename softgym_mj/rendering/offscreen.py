@@ -36,6 +36,7 @@ _REMEDY = (
     "Install software OpenGL with `apt-get install -y libegl1 libgl1-mesa-dri`, unset MUJOCO_GL "
     "(or set it to egl, osmesa or glfw) and start Python again."
 )
+GLASS_GROUP = 1  # Of translucent geoms, which are left out to see what is behind them.
 
 
 def has_display() -> bool:
@@ -110,7 +111,16 @@ def camera_ids(model) -> dict[str, int]:
 class CameraView:
     """Renders one camera at one size; the scene is kept until the physics changes."""
 
-    def __init__(self, camera: str, height: int, width: int, passes: int | None = None):
+    def __init__(
+        self,
+        camera: str,
+        height: int,
+        width: int,
+        passes: int | None = None,
+        *,
+        marks: bool = True,
+        glass: bool = True,
+    ):
         """Chooses the camera.
 
         Args:
@@ -119,6 +129,8 @@ class CameraView:
             height, width: of images, each in 1..`LARGEST_IMAGE` [pixels].
             passes: of which a coloured image is the mean, 1..`MOST_PASSES`; None for as many as the
                 look has.
+            marks: whether sites are drawn, which show goals: not in observations.
+            glass: whether the walls of cups are drawn.
 
         Raises:
             InvalidArgumentError: for another size or number.
@@ -126,6 +138,7 @@ class CameraView:
         if passes is not None:
             check_count("passes", passes, 1, MOST_PASSES)
         self._camera, self._passes = camera, passes
+        self._marks, self._glass = marks, glass
         self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None
         self._view: Any = None
@@ -158,6 +171,9 @@ class CameraView:
                 size, camera = (self._height, self._width), cameras[self._camera]
                 seen = SizedView(physics, *size) if isinstance(physics, SizedPhysics) else physics
                 self._view = SceneCamera(seen, *size, camera)
+                self._view.option.geomgroup[GLASS_GROUP] = self._glass
+                if not self._marks:
+                    self._view.option.sitegroup[:] = 0
                 self._data = data
             return draw(self._view).copy()
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:

@@ -18,6 +18,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.marks import GoalOutline
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart
 from softgym_mj.tasks.shared import entries, hanging, quality
@@ -37,7 +38,7 @@ class DropCloth(Task):
     horizon, action_repeat = 30, 16  # Facts 1.2; 5, row 1.
     success = 0.8  # Ours: vertices of a cloth of 0.5 m are 10 cm from their places on average.
     actors, workspace = hanging.ACTORS, hanging.WORKSPACE
-    arm_height, view = hanging.BASE_HEIGHT, "cloth_drop"
+    arm_height, view = hanging.BASE_HEIGHT, "drop_cloth"
     softgym_name = "ClothDrop"
 
     def __init__(
@@ -53,7 +54,10 @@ class DropCloth(Task):
             sizes: of the sides [particles], the upper end exclusive; the paper's are (60, 120).
         """
         self.cloth = Cloth(fidelity=fidelity)
-        super().__init__([self.cloth], HangingCloth(fidelity, sizes), **settings)
+        self._outline = GoalOutline()
+        super().__init__(
+            [self.cloth], HangingCloth(fidelity, sizes), marks=[self._outline], **settings
+        )
         hanging.check_grippers(self.actor)
 
     def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
@@ -63,6 +67,9 @@ class DropCloth(Task):
         """SoftGym's particles (dimy, dimx, 3) [m] of the cloth in its place, and its outline."""
         particles = hanging.laid_down(self.cloth)
         return {"particles": particles, "outline": quality.outline(particles, folded=False)}
+
+    def show(self, goal: dict[str, np.ndarray]) -> None:
+        self._outline.draw(goal["outline"][quality.AROUND, :2])
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]

@@ -20,6 +20,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.marks import GoalOutline
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart
 from softgym_mj.tasks.shared import entries, hanging, quality
@@ -36,13 +37,14 @@ class DropFoldCloth(Task):
     difficulty, material = "hard", "cloth"
     success = 0.85  # Ours: folded with some wrinkles; a heap in the right place scores 0.7.
     actors, workspace = hanging.ACTORS, hanging.WORKSPACE
-    arm_height, view = hanging.BASE_HEIGHT, "cloth_drop"
+    arm_height, view = hanging.BASE_HEIGHT, "drop_fold_cloth"
     planning_horizon, example_variation, softgym_name = 30, 802, "ClothFoldDrop"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task; arguments as in `ClothTaskSettings`."""
         self.cloth = Cloth(fidelity=fidelity)
-        super().__init__([self.cloth], HangingCloth(fidelity), **settings)
+        self._outline = GoalOutline()
+        super().__init__([self.cloth], HangingCloth(fidelity), marks=[self._outline], **settings)
         hanging.check_grippers(self.actor)
 
     def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
@@ -52,6 +54,9 @@ class DropFoldCloth(Task):
         """SoftGym's particles (dimy, dimx, 3) [m] of the cloth in its place, and its outline."""
         particles = hanging.laid_down(self.cloth)
         return {"particles": particles, "outline": quality.outline(particles, folded=True)}
+
+    def show(self, goal: dict[str, np.ndarray]) -> None:
+        self._outline.draw(goal["outline"][quality.AROUND, :2])
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]

@@ -20,6 +20,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.marks import GoalOutline
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import Workspace
 from softgym_mj.tasks.shared import entries, quality
@@ -36,18 +37,22 @@ class FoldCrumpledCloth(Task):
     difficulty, material = "hard", "cloth"
     success = 0.85  # Ours: 4 cm off on average in a cloth of 0.5 m.
     workspace = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
-    reset_height = 0.2
+    reset_height, view = 0.2, "fold_crumpled_cloth"
     planning_horizon, softgym_name = 30, "ClothFoldCrumpled"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task; arguments as in `ClothTaskSettings`."""
         self.cloth = Cloth(fidelity=fidelity, marker=True)
-        super().__init__([self.cloth], CrumpledCloth(fidelity), **settings)
+        self._outline = GoalOutline()
+        super().__init__([self.cloth], CrumpledCloth(fidelity), marks=[self._outline], **settings)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """SoftGym's particles (dimy, dimx, 3) [m] of the cloth at the origin, and its outline."""
         particles = self.cloth.particles(self.cloth.flat())
         return {"particles": particles, "outline": quality.outline(particles, folded=True)}
+
+    def show(self, goal: dict[str, np.ndarray]) -> None:
+        self._outline.draw(goal["outline"][quality.AROUND, :2])
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]

@@ -52,7 +52,8 @@ class RopeConfiguration(Task):
     difficulty, material = "hard", "rope"
     success = 0.8  # Ours: key points within 1 to 3 cm of the letter on average.
     workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
-    reset_height, view, softgym_name = 0.1, "rope", "RopeConfiguration"
+    reset_height, view = 0.1, "rope_configuration"
+    softgym_name = "RopeConfiguration"
 
     def __init__(
         self,
@@ -113,7 +114,7 @@ class RopeConfiguration(Task):
             if model.geom(geom).name.split("/")[0] in self.actor.model_names:
                 model.geom_group[geom] = HIDDEN_GROUP
         self.rope.set_points(self.episode.goal["rope"])
-        image = CameraView("task", height, width).rgb(physics)
+        image = CameraView("task", height, width, marks=False).rgb(physics)
         data.qpos[:], data.qvel[:], model.geom_group[:] = qpos, qvel, groups
         refresh_poses(physics)
         return image

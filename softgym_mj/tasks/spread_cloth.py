@@ -35,7 +35,7 @@ class SpreadCloth(Task):
     difficulty, material = "medium", "cloth"
     success = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
     workspace = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.
-    reset_height, softgym_name = 0.2, "ClothFlatten"
+    reset_height, view, softgym_name = 0.2, "spread_cloth", "ClothFlatten"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task; arguments as in `ClothTaskSettings`."""

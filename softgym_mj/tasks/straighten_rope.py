@@ -36,7 +36,7 @@ class StraightenRope(Task):
     horizon = 75  # Facts 1.2.
     success = 0.95  # Ours: ends within 2.5 cm of the natural length.
     workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
-    reset_height, view = 0.1, "rope"
+    reset_height, view = 0.1, "straighten_rope"
     example_variation, softgym_name = 807, "RopeFlatten"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[TaskSettings]):

@@ -17,8 +17,11 @@ End: horizon only.
 
 from typing import Unpack
 
+import numpy as np
+
 from softgym_mj import metrics
 from softgym_mj.entities.cup import Cup
+from softgym_mj.entities.marks import GoalOutline
 from softgym_mj.fluid import Liquid
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.cup_mover import CupTool, Track
@@ -64,8 +67,12 @@ class TransportWater(Task):
         self.cup = Cup(size)
         self.water = carried_water(settings.get("actor"), LIQUID, resolution)
         tool = CupTool(self.cup, MAX_STEP, LIMITS, BASE_X)
-        super().__init__([self.water], start, tool=tool, **settings)
+        self._outline = GoalOutline()
+        super().__init__([self.water], start, tool=tool, marks=[self._outline], **settings)
         self.water.confine(self.cup.body)
+
+    def show(self, goal: dict[str, np.ndarray]) -> None:
+        self._outline.draw(self.cup.foot + [GOAL, 0.0])
 
     def measure(self, state: State, episode: Episode) -> Measures:
         away = abs(GOAL - state.poses["cup"][..., 0])

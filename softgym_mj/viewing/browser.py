@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.entities.arena import FIELD_OF_VIEW
 from softgym_mj.exceptions import UnavailableError, check_count, import_extra
 from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.viewing.camera import orbit, pose
@@ -117,7 +116,7 @@ class Browser:
         camera = self._server.initial_camera
         camera.position = position + BACK * axes[:, 2]
         camera.look_at, _ = orbit(env, "overview")
-        camera.fov = np.deg2rad(FIELD_OF_VIEW)
+        camera.fov = np.deg2rad(env.physics.model.ptr.camera("overview").fovy[0])
 
     def _add_gizmo(self, part: int) -> Any:
         teleoperation = self._driven_by

@@ -123,7 +123,8 @@ class Scene:
 
     def _shape(self) -> list[np.ndarray]:
         model = self._model
-        return [model.geom_pos.copy(), model.geom_quat.copy(), model.geom_size.copy()]
+        geoms = model.geom_pos.copy(), model.geom_quat.copy(), model.geom_size.copy()
+        return [*geoms, model.site_pos.copy(), model.site_quat.copy(), model.site_size.copy()]
 
     def update(self, physics: Any) -> None:
         """Shows the current state."""

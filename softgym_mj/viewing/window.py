@@ -26,11 +26,15 @@ DRIVEN_COLOR, OTHER_COLOR = (0.1, 0.9, 0.3, 0.4), (0.9, 0.9, 0.2, 0.2)
 
 
 def place_camera(camera: Any, env: Environment, name: str) -> None:
-    """Gives a free `mujoco.MjvCamera` the pose of a camera of the arena."""
+    """Has a free `mujoco.MjvCamera` show what a camera of the arena does, from its direction."""
     _, axes = pose(env, name)
     forward, up = -axes[:, 2], axes[:, 1]
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:], camera.distance = orbit(env, name)
+    camera.lookat[:], distance = orbit(env, name)
+    # A free camera has the field of view of the model.
+    model = env.physics.model.ptr
+    angles = np.deg2rad([model.camera(name).fovy[0], model.vis.global_.fovy]) / 2
+    camera.distance = distance * np.tan(angles[0]) / np.tan(angles[1])
     # Straight down, the picture's upward direction tells where the camera turns to.
     ahead = forward if np.hypot(*forward[:2]) > 1e-3 else up
     camera.azimuth = np.rad2deg(np.arctan2(ahead[1], ahead[0]))
@@ -102,9 +106,8 @@ class Window:
             raise UnavailableError(f"{error}; or look on with --browser") from error
         with window:
             self._window, self._texts = window, None
-            view = session.env.task.root_entity.view.best
             with window.lock():
-                place_camera(window.cam, session.env, view)
+                place_camera(window.cam, session.env, "task")
             session.on_frame = self._frame
             while window.is_running() and session.env.physics.model.ptr is model:
                 session.advance()

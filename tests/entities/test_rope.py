@@ -108,7 +108,7 @@ def test_shipped_states_stay_where_they_are(env):
 def test_it_hangs_as_a_catenary_at_every_fidelity(fidelity):
     """Length 2 a sinh(w / 2 a) = 0.5 m for width w = 0.3 m; sag a (cosh(w / 2 a) - 1)."""
     rope = Rope(fidelity)
-    arena = Arena("rope")
+    arena = Arena("straighten_rope")
     arena.attach(rope)
     physics = arena.compile(rope.timestep, rope)
     first, last = rope.ends

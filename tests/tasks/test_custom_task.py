@@ -308,16 +308,24 @@ def test_a_camera_looks_where_it_is_told_to():
     # SoftGym's camera over a cloth is tilted by 45 degrees, upright and in front of it.
     pose = CameraPose.looking((0.0, -0.82, 0.82), at=(0.0, 0.0, 0.0))
     np.testing.assert_allclose(pose.quaternion, (0.9239, 0.3827, 0.0, 0.0), atol=1e-4)
-    with pytest.raises(InvalidArgumentError, match="not on the vertical"):
-        CameraPose.looking((0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0))
+    # From straight above, +Y is upwards.
+    pose = CameraPose.looking((0.1, 0.2, 1.0), at=(0.1, 0.2, 0.0))
+    np.testing.assert_allclose(pose.quaternion, (1.0, 0.0, 0.0, 0.0), atol=1e-12)
+    with pytest.raises(InvalidArgumentError, match="another place than"):
+        CameraPose.looking((0.0, 0.0, 1.0), at=(0.0, 0.0, 1.0))
+    with pytest.raises(
+        InvalidArgumentError, match="field_of_view=180.0 is refused; valid: above 0"
+    ):
+        CameraPose.looking((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 180.0)
 
     class Seen(Still):
-        view = View(CameraPose.looking((1, 2, 3), at=(4, 6, 3)))
+        view = View(CameraPose.looking((1, 2, 3), (4, 6, 3), 33.0))
 
     env = Environment(Seen([Rope()], num_pickers=1), name="still", horizon=5)
     env.reset()
     data = env.physics.data.ptr
     camera = env.physics.model.ptr.camera("task").id
+    assert env.physics.model.ptr.cam_fovy[camera] == 33.0
     forward, right = -data.cam_xmat[camera].reshape(3, 3)[:, 2], data.cam_xmat[camera, ::3]
     np.testing.assert_allclose(forward, [0.6, 0.8, 0.0], atol=1e-9)
     np.testing.assert_allclose(right, [0.8, -0.6, 0.0], atol=1e-9)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.entities.arena import FIELD_OF_VIEW
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR
+from softgym_mj.entities.views import FIELD_OF_VIEW
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.rendering.offscreen import refresh_poses
 from softgym_mj.viewing import browser, scene

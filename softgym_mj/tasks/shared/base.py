@@ -11,9 +11,10 @@ from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj import metrics
-from softgym_mj.entities.arena import Arena, View
+from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.views import View
 from softgym_mj.exceptions import (
     InvalidArgumentError,
     LifecycleError,
@@ -54,7 +55,7 @@ class Task(composer.Task, abc.ABC):
         workspace: of grippers.
         reset_height: of grippers at the start [m], or of a cup.
         arm_height: of the bases of arms above the floor [m].
-        view: from where it is looked at, or its name in `arena.VIEWS`.
+        view: from where it is looked at, or its name in `views.VIEWS`.
         planning_horizon: env steps that planners look ahead; the shipped ones are the paper's table
             and, for hard tasks, the authors' code.
         example_variation: the one that shows it best.
@@ -107,7 +108,7 @@ class Task(composer.Task, abc.ABC):
                 not yet attached.
             start: the initial states of the first object; None if `arrange` places all of them.
             tool: a cup for the actor to move; None for grippers.
-            marks: what shows the goal.
+            marks: what shows the goal to people, by sites: images of observations lack them.
             timestep: physics step [s], a sim step or a whole part of it; by default the largest
                 that suits all objects.
             actor, observation, image_size, look, action_repeat, domain, count_intersections: as in

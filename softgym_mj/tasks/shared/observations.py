@@ -96,8 +96,8 @@ OBSERVATIONS = {
     **{name: seen.summary for name, seen in STATES.items()},
     "rgb": "uint8 image (height, width, 3) from the task camera",
     "depth": "float32 image (height, width) of distances along the view direction [m]",
-    "segmentation": "uint8 image (height, width) of what is seen: 0 background, 1 object, 2 actor, "
-    "3 container, 4 goal",
+    "segmentation": "uint8 image (height, width) of what is seen: 0 background, 1 object (also "
+    "behind glass), 2 actor, 3 container",
     "point_cloud": "float32 (1024, 4): x, y, z of points of the object that the camera sees, and "
     "1; rows of zeros where it sees fewer",
 }

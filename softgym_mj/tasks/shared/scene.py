@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from dm_control import composer
 
-from softgym_mj.entities.arena import Arena, View
+from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.entities.sheet import Sheet
+from softgym_mj.entities.views import View
 from softgym_mj.fluid import Water
 from softgym_mj.rendering.look import Look
 from softgym_mj.robots.base import Actor
@@ -53,7 +54,7 @@ class Scene:
             marks: what shows the goal, not yet attached.
             look: how everything is drawn.
         """
-        self._actor, self._marks = actor, tuple(marks)
+        self._actor = actor
         self.materials = {o.mjcf_model.model: o for o in objects if not isinstance(o, Cup)}
         self.cups = [*held, *(thing for thing in objects if isinstance(thing, Cup))]
         self.flexes = FlexGroup([o for o in self.materials.values() if isinstance(o, Flex)])
@@ -66,7 +67,7 @@ class Scene:
         actor.manipulate(self.flexes)
         for cup in self.cups[len(held) :]:
             cup.join(self.arena)
-        for thing in (*self.materials.values(), *self._marks):
+        for thing in (*self.materials.values(), *marks):
             if thing not in self.flexes.flexes:
                 self.arena.attach(thing)
         self._present: dict[str, np.ndarray] = {}
@@ -89,12 +90,9 @@ class Scene:
 
     @property
     def segmentation_models(self) -> dict[str, tuple[str, ...]]:
-        """Names of the models that segmented images show as "actor", "container" or "goal"."""
-        groups = {"container": self.cups, "goal": self._marks}
-        names = {
-            key: tuple(thing.mjcf_model.model for thing in group) for key, group in groups.items()
-        }
-        return {**names, "actor": self._actor.model_names}
+        """Names of the models that segmented images show as "actor" or "container"."""
+        cups = tuple(cup.mjcf_model.model for cup in self.cups)
+        return {"container": cups, "actor": self._actor.model_names}
 
     def resize(self, sizes: Sequence[Any]) -> bool:
         """Gives the first objects other sizes; True when the model must be recompiled."""

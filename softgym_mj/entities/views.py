@@ -1,0 +1,157 @@
+"""From where scenes are looked at; `tools/cameras.py` has found what the tasks look from."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import typed
+
+FIELD_OF_VIEW = 45.0  # [deg] SoftGym's.
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class CameraPose:
+    """A fixed camera in the world frame: where it is, how it is turned, how much it sees.
+
+    Attributes:
+        position: (3,) [m].
+        quaternion: (w, x, y, z); the camera looks along its -Z, the image's up is its +Y.
+        field_of_view: vertical [deg].
+
+    Raises:
+        InvalidArgumentError: for a field of view that is not between 0 and 180 degrees.
+    """
+
+    position: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+    field_of_view: float = FIELD_OF_VIEW
+
+    def __post_init__(self):
+        if not 0.0 < self.field_of_view < 180.0:
+            raise InvalidArgumentError(
+                "field_of_view", self.field_of_view, "above 0 and below 180 degrees"
+            )
+
+    @classmethod
+    def looking(
+        cls,
+        position: Sequence[float],
+        at: Sequence[float],
+        field_of_view: float = FIELD_OF_VIEW,
+    ) -> "CameraPose":
+        """The upright camera at `position` (3,) [m] with `at` (3,) [m] in the middle of its image.
+
+        +Y is to the right or upwards in the image of one that looks straight up or down.
+
+        Raises:
+            InvalidArgumentError: if `at` lies at `position`; for a bad field of view.
+        """
+        back = np.subtract(position, at)
+        right = np.cross([0.0, 0.0, 1.0], back)
+        if not np.linalg.norm(back) > 0.0:
+            raise InvalidArgumentError("at", tuple(at), f"another place than {tuple(position)}")
+        if not np.linalg.norm(right) > 0.0:
+            right = np.array([1.0, 0.0, 0.0])
+        axes = np.column_stack([right, np.cross(back, right), back])
+        turn = Rotation.from_matrix(axes / np.linalg.norm(axes, axis=0))
+        x, y, z = map(float, position)
+        return cls((x, y, z), tuple(turn.as_quat(scalar_first=True).tolist()), field_of_view)
+
+
+# From the front right, looking at the middle; the same from further away, where arms are in view.
+OVERVIEW = CameraPose.looking((0.8, -0.9, 0.65), at=(0.0, 0.0, 0.05))
+FAR_OVERVIEW = CameraPose.looking((1.28, -1.53, 1.18), at=(0.0, 0.0, 0.2))
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class View:
+    """From where a scene is looked at.
+
+    Attributes:
+        camera: the task's camera.
+        overview: the other fixed camera.
+        with_arms: the task's camera where arms would hide what `camera` sees; None for `camera`.
+        overview_with_arms: alike.
+        middle: X [m] of the middle of what happens; shadows reach 1.5 m around it.
+    """
+
+    camera: CameraPose
+    overview: CameraPose = OVERVIEW
+    with_arms: CameraPose | None = None
+    overview_with_arms: CameraPose = FAR_OVERVIEW
+    middle: float = 0.0
+
+
+# By view, without and with arms: position [m], what is in the middle of the image [m], field of
+# view [deg]. Written by tools/cameras.py.
+FRAMED = {
+    "drop_cloth": (
+        ((1.235, -0.825, 1.137), (-0.379, 0.305, 0.0), 45.0),
+        ((1.9, 0.0, 1.1), (0.0, 0.0, 0.0), 45.0),
+    ),
+    "drop_fold_cloth": (
+        ((1.434, -0.925, 1.293), (-0.4, 0.359, 0.0), 45.0),
+        ((1.9, 0.0, 1.1), (0.0, 0.0, 0.0), 45.0),
+    ),
+    "fold_cloth": (
+        ((0.543, 0.008, 1.052), (0.052, 0.008, 0.0), 45.0),
+        ((1.15, 0.0, 1.2), (-0.05, 0.0, 0.0), 45.0),
+    ),
+    "fold_crumpled_cloth": (
+        ((0.984, 0.45, 1.382), (-0.02, -0.13, 0.0), 30.0),
+        ((1.15, 0.0, 1.2), (-0.05, 0.0, 0.0), 45.0),
+    ),
+    "pour_water": (
+        ((-0.598, -0.887, 0.929), (0.54, 0.251, 0.0), 45.0),
+        ((0.5, -1.6, 1.0), (0.5, 0.0, 0.0), 45.0),
+    ),
+    "rope_configuration": (
+        ((0.003, -0.004, 0.61), (0.003, -0.004, 0.0), 45.0),
+        ((0.75, 0.0, 0.75), (-0.05, 0.0, 0.0), 45.0),
+    ),
+    "spread_cloth": (
+        ((-1.376, -0.01, 0.916), (0.211, -0.01, 0.0), 30.0),
+        ((1.15, 0.0, 1.2), (-0.05, 0.0, 0.0), 45.0),
+    ),
+    "straighten_rope": (
+        ((-0.005, -0.003, 0.684), (-0.005, -0.003, 0.0), 45.0),
+        ((0.75, 0.0, 0.75), (-0.05, 0.0, 0.0), 45.0),
+    ),
+    "transport_water": (
+        ((-0.648, 0.0, 0.579), (0.355, 0.0, 0.0), 45.0),
+        ((0.62, -1.75, 1.35), (0.62, 0.0, 0.0), 45.0),
+    ),
+}
+# Of cups, which move and stand between x = -0.25 and 1.4 m, and of cloths that hang high.
+_CUPS = {
+    "overview": CameraPose.looking((1.1, -1.3, 1.0), at=(0.0, 0.0, 0.0)),
+    "overview_with_arms": CameraPose.looking((1.5, -1.5, 1.3), at=(-0.1, 0.5, 0.0)),
+    "middle": 0.6,
+}
+_HANGING = {"overview_with_arms": CameraPose.looking((1.6, -1.9, 1.6), at=(0.0, 0.0, 0.45))}
+_OTHERS = {
+    "transport_water": _CUPS,
+    "pour_water": _CUPS,
+    "drop_cloth": _HANGING,
+    "drop_fold_cloth": _HANGING,
+}
+VIEWS = {
+    # For tasks of one's own: SoftGym's over a cloth; with arms from the front, between the two.
+    "cloth": View(
+        CameraPose.looking((0.0, -0.82, 0.82), at=(0.0, 0.0, 0.0)),
+        with_arms=CameraPose.looking((1.15, 0.0, 1.2), at=(-0.05, 0.0, 0.0)),
+    ),
+    **{
+        name: View(
+            CameraPose.looking(*usual),
+            with_arms=CameraPose.looking(*arms),
+            **_OTHERS.get(name, {}),
+        )
+        for name, (usual, arms) in FRAMED.items()
+    },
+}

@@ -1,0 +1,138 @@
+"""What the task's cameras show of the objects: docs/cameras.json.
+
+    python -m tools.framing --jobs 2
+
+What is measured is rendered with a wider field of view: the middle of the image is the picture.
+Held-out variations only: `tools/cameras.py` has framed others. `make sheets` shows the figures.
+"""
+
+import argparse
+import json
+import math
+import os
+import pathlib
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+import softgym_mj
+from softgym_mj.envs.environment import Environment
+from softgym_mj.jobs.executors import make_executor
+from softgym_mj.policies.factory import make_policy
+from softgym_mj.registry import TASKS
+from softgym_mj.rendering.observables import LABELS, TaskCamera
+from softgym_mj.robots.models import ARMS
+from softgym_mj.variations.indices import SPLITS
+
+FILE = pathlib.Path(__file__).parent.parent / "docs" / "cameras.json"
+ACTORS = ("default", *ARMS)  # Pickers or cups, arms.
+RESETS = SPLITS["evaluate"][::5]
+EPISODES = SPLITS["evaluate"][10::50]
+SIDE, SMALL = 128, 64  # Of the pictures of resets, and of those along episodes [pixels].
+FIDELITY = "fast"  # Of what is played: it looks the same, and takes half the time.
+WIDER = 1.5  # Times as far to all sides.
+EVERY = 4  # Env steps of an episode of which one is looked at.
+WHOLE = 0.99  # Of the object's pixels inside: the object counts as wholly inside.
+SEEN = [LABELS.index(label) for label in ("object", "container")]
+
+
+class Shown(NamedTuple):
+    """What a picture has of the object, cups included.
+
+    Attributes:
+        share: of the picture that shows it.
+        inside: share of its pixels that are in the picture; 0 if there are none at all.
+    """
+
+    share: float
+    inside: float
+
+
+class Eye:
+    """Looks through the task's camera, and beside what it shows."""
+
+    def __init__(self, env: Environment, side: int = SIDE, wider: float = WIDER):
+        """Binds the environment; `side` is that of the picture [pixels]."""
+        self._env, self._side, self._wider = env, side, wider
+        whole, scene = round(wider * side), env.task.scene
+        self._camera = TaskCamera(whole, whole, lambda: scene.segmentation_models)
+
+    def look(self) -> Shown:
+        """What the picture shows now."""
+        model = self._env.physics.model.ptr
+        camera = model.camera("task").id
+        angle = model.cam_fovy[camera]
+        half = self._wider * math.tan(math.radians(angle) / 2)
+        model.cam_fovy[camera] = 2 * math.degrees(math.atan(half))
+        seen = np.isin(self._camera.segmentation(self._env.physics), SEEN)
+        model.cam_fovy[camera] = angle
+        edge = (len(seen) - self._side) // 2
+        picture = seen[edge : edge + self._side, edge : edge + self._side]
+        return Shown(float(picture.mean()), float(picture.sum() / max(seen.sum(), 1)))
+
+
+def loaded(task: str, actor: str) -> Environment:
+    """The environment of a task with one of `ACTORS`."""
+    own = {} if actor == "default" else {"actor": actor}
+    return softgym_mj.load(task, split="all", fidelity=FIDELITY, **own)
+
+
+def played(env: Environment, variation: int) -> Iterator[int]:
+    """Plays an episode of the scripted expert; yields the number of env steps made, from 0 on."""
+    timestep = env.reset(variation)
+    policy = make_policy("scripted", env)
+    yield env.step_count
+    while not timestep.last():
+        timestep = env.step(policy(timestep))
+        yield env.step_count
+
+
+def at_resets(env: Environment, variations: Iterable[int]) -> list[Shown]:
+    """What the starts of variations show."""
+    eye, found = Eye(env), []
+    for variation in variations:
+        env.reset(variation)
+        found.append(eye.look())
+    return found
+
+
+def along(env: Environment, variations: Iterable[int]) -> list[Shown]:
+    """What the expert's episodes show, every `EVERY` env steps from the start on."""
+    eye = Eye(env, SMALL)
+    steps = (step for variation in variations for step in played(env, variation))
+    return [eye.look() for step in steps if step % EVERY == 0]
+
+
+def measured(task: str, actor: str) -> dict[str, float]:
+    """The figures of a task with one of `ACTORS`."""
+    env = loaded(task, actor)
+    starts, frames = at_resets(env, RESETS), along(env, EPISODES)
+    return {
+        "inside_worst": min(one.inside for one in starts),
+        "share_mean": float(np.mean([one.share for one in starts])),
+        "share_worst": min(one.share for one in starts),
+        "share_episodes_median": float(np.median([one.share for one in frames])),
+        "whole_frames": float(np.mean([one.inside >= WHOLE for one in frames])),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--key", default="after", help='of the figures: "before" or "after"')
+    arguments = parser.parse_args()
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    calls = [(task, actor) for task in TASKS for actor in ACTORS]
+    with make_executor(arguments.jobs) as executor:
+        figures = executor.all(measured, calls)
+    found = json.loads(FILE.read_text()) if FILE.exists() else {}
+    found[arguments.key] = {}
+    for (task, actor), values in zip(calls, figures, strict=True):
+        rounded = {name: round(value, 4) for name, value in values.items()}
+        found[arguments.key].setdefault(task, {})[actor] = rounded
+    FILE.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
