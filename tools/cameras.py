@@ -270,7 +270,7 @@ def found(view: str, tasks: Sequence[str], actors: Sequence[str]) -> tuple[Row, 
     return cameras[int(np.argmax(second))][1], float(second.max())
 
 
-def written(framed: dict[str, tuple[Row, Row]]) -> str:
+def written(framed: dict[str, list[Row]]) -> str:
     """The lines of `views.FRAMED`."""
     lines = ["FRAMED = {"]
     for view, rows in sorted(framed.items()):
@@ -288,17 +288,16 @@ def main() -> None:
     for name, record in TASKS.items():
         tasks.setdefault(record.resolve().view, []).append(name)
     chosen = arguments.views or list(tasks)
-    calls = [
-        (view, tasks[view], actors) for actors in (tuple(ARMS), ("default",)) for view in chosen
-    ]
+    groups = ("default",), tuple(ARMS)
+    calls = [(view, tasks[view], actors) for actors in groups for view in chosen]
     framed = {view: list(rows) for view, rows in views.FRAMED.items()}
     with make_executor(arguments.jobs) as executor:
         for index, (row, score) in executor.results(found, calls):
             view, _, actors = calls[index]
-            framed[view][actors != ("default",)] = row
+            framed[view][groups.index(actors)] = row
             print(view, actors, row, f"{score:.2e}", flush=True)
-    new = written({view: (usual, arms) for view, (usual, arms) in framed.items()})
-    FILE.write_text(re.sub(r"FRAMED = \{[\s\S]*?\n\}", new, FILE.read_text(), count=1))
+            text = re.sub(r"FRAMED = \{[\s\S]*?\n\}", written(framed), FILE.read_text(), count=1)
+            FILE.write_text(text)
 
 
 if __name__ == "__main__":

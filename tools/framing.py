@@ -30,7 +30,6 @@ ACTORS = ("default", *ARMS)  # Pickers or cups, arms.
 RESETS = SPLITS["evaluate"][::5]
 EPISODES = SPLITS["evaluate"][10::50]
 SIDE, SMALL = 128, 64  # Of the pictures of resets, and of those along episodes [pixels].
-FIDELITY = "fast"  # Of what is played: it looks the same, and takes half the time.
 WIDER = 1.5  # Times as far to all sides.
 EVERY = 4  # Env steps of an episode of which one is looked at.
 WHOLE = 0.99  # Of the object's pixels inside: the object counts as wholly inside.
@@ -75,7 +74,7 @@ class Eye:
 def loaded(task: str, actor: str) -> Environment:
     """The environment of a task with one of `ACTORS`."""
     own = {} if actor == "default" else {"actor": actor}
-    return softgym_mj.load(task, split="all", fidelity=FIDELITY, **own)
+    return softgym_mj.load(task, split="all", **own)
 
 
 def played(env: Environment, variation: int) -> Iterator[int]:

@@ -1,6 +1,7 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/experts.json, docs/throughput.json, docs/vector.json, docs/sac.json and docs/results.
+That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, docs/sac.json
+and docs/results.
 """
 
 import json
@@ -13,6 +14,7 @@ from softgym_mj.evaluation import comparison, plots
 from softgym_mj.registry import TASKS
 from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.randomization import Parameter
+from tools import framing
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -141,6 +143,26 @@ def processes() -> str:
     return f"{table(head, rows)}\n\n{on(found['machine'])}"
 
 
+def pictures() -> str:
+    """What the task's cameras show: of scenes with pickers or cups, and with arms."""
+    found, rows = measured("cameras"), []
+    forms = {
+        "inside_worst": ".1f",
+        "share_mean": ".1f",
+        "share_worst": ".1f",
+        "whole_frames": ".0f",
+    }
+    for task in TASKS:
+        for actor in framing.ACTORS:
+            cells = []
+            for key, form in forms.items():
+                pair = [100 * found[when][task][actor][key] for when in ("before", "after")]
+                cells.append(" / ".join(f"{value:{form}}" for value in pair))
+            rows.append(f"| `{task}` | {actor} | {' | '.join(cells)} |")
+    titles = "inside, worst | share, mean | share, worst | whole frames"
+    return table(f"| task | actor | {titles} |", rows)
+
+
 def overview(scores: experts.Scores) -> str:
     """The README's tables of the tasks: pictures, goals, scores, speeds."""
     rates = measured("throughput")["tasks"]
@@ -203,6 +225,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[RECIPES] = with_table(texts[RECIPES], learning())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
+    texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
     results = read(False)
     for new in (comparison.markdown(results).rstrip(), budgets(results), horizons(read(True))):
         texts[RESULTS] = with_table(texts[RESULTS], new)

@@ -157,9 +157,9 @@ class Cup(Entity):
 
     @property
     def foot(self) -> np.ndarray:
-        """Corners (4, 2) [m] of the outer walls in top view, upright, counter-clockwise."""
-        along, across = self.size.length / 2 + self.size.wall, self.size.width / 2 + self.size.wall
-        return np.array([[-along, -across], [along, -across], [along, across], [-along, across]])
+        """The way (5, 2) [m] around its outer walls in top view, upright."""
+        half = np.array([self.size.length, self.size.width]) / 2 + self.size.wall
+        return half * [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]
 
     # ------------------------------------------------------------------ side view
 

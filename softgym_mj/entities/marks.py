@@ -43,7 +43,7 @@ class Mark(Entity):
 
 
 class GoalLine(Mark):
-    """A tape on the floor: where a rope ought to lie.
+    """A tape on the floor: where a rope ought to lie, around what a cloth ought to cover.
 
     It is made of flat boxes, which a software renderer draws much faster than capsules.
     """
@@ -75,19 +75,6 @@ class GoalLine(Mark):
             self._model.site_pos[site] = [*middle, 0.0]
             self._model.site_quat[site] = [math.cos(angle), 0.0, 0.0, math.sin(angle)]
             self._model.site_size[site, 0] = length / 2
-
-
-class GoalOutline(GoalLine):
-    """A frame of tape on the floor: what a cloth ought to cover, where a cup ought to stand."""
-
-    @typed
-    def _build(self, name: str = "goal"):
-        """Builds the frame of four sides."""
-        super()._build(5, OUTLINE_WIDTH, name)
-
-    def draw(self, points: np.ndarray) -> None:
-        """Puts the frame around four corners (4, 2) [m], one after the other."""
-        super().draw(np.concatenate([points, points[:1]]))
 
 
 class LevelMark(Mark):

@@ -1,7 +1,8 @@
 """From where scenes are looked at; `tools/cameras.py` has found what the tasks look from."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -128,13 +129,15 @@ FRAMED = {
     ),
 }
 # Of cups, which move and stand between x = -0.25 and 1.4 m, and of cloths that hang high.
-_CUPS = {
+_CUPS: Mapping[str, Any] = {
     "overview": CameraPose.looking((1.1, -1.3, 1.0), at=(0.0, 0.0, 0.0)),
     "overview_with_arms": CameraPose.looking((1.5, -1.5, 1.3), at=(-0.1, 0.5, 0.0)),
     "middle": 0.6,
 }
-_HANGING = {"overview_with_arms": CameraPose.looking((1.6, -1.9, 1.6), at=(0.0, 0.0, 0.45))}
-_OTHERS = {
+_HANGING: Mapping[str, Any] = {
+    "overview_with_arms": CameraPose.looking((1.6, -1.9, 1.6), at=(0.0, 0.0, 0.45))
+}
+_OTHERS: Mapping[str, Mapping[str, Any]] = {
     "transport_water": _CUPS,
     "pour_water": _CUPS,
     "drop_cloth": _HANGING,

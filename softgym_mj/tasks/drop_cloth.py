@@ -18,7 +18,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.marks import GoalOutline
+from softgym_mj.entities.marks import OUTLINE_WIDTH, GoalLine
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart
 from softgym_mj.tasks.shared import entries, hanging, quality
@@ -54,7 +54,7 @@ class DropCloth(Task):
             sizes: of the sides [particles], the upper end exclusive; the paper's are (60, 120).
         """
         self.cloth = Cloth(fidelity=fidelity)
-        self._outline = GoalOutline()
+        self._outline = GoalLine(5, OUTLINE_WIDTH)
         super().__init__(
             [self.cloth], HangingCloth(fidelity, sizes), marks=[self._outline], **settings
         )

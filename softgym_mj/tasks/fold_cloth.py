@@ -20,7 +20,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.marks import GoalOutline
+from softgym_mj.entities.marks import OUTLINE_WIDTH, GoalLine
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import entries, quality
@@ -43,7 +43,7 @@ class FoldCloth(Task):
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task; arguments as in `ClothTaskSettings`."""
         self.cloth = Cloth(fidelity=fidelity, marker=True)
-        self._outline = GoalOutline()
+        self._outline = GoalLine(5, OUTLINE_WIDTH)
         super().__init__([self.cloth], FlatCloth(fidelity), marks=[self._outline], **settings)
 
     def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:

@@ -21,7 +21,7 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cup import Cup
-from softgym_mj.entities.marks import GoalOutline
+from softgym_mj.entities.marks import OUTLINE_WIDTH, GoalLine
 from softgym_mj.fluid import Liquid
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.cup_mover import CupTool, Track
@@ -67,7 +67,7 @@ class TransportWater(Task):
         self.cup = Cup(size)
         self.water = carried_water(settings.get("actor"), LIQUID, resolution)
         tool = CupTool(self.cup, MAX_STEP, LIMITS, BASE_X)
-        self._outline = GoalOutline()
+        self._outline = GoalLine(5, OUTLINE_WIDTH)
         super().__init__([self.water], start, tool=tool, marks=[self._outline], **settings)
         self.water.confine(self.cup.body)
 

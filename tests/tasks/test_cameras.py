@@ -1,0 +1,91 @@
+"""The tasks' cameras show the object: on variations that `tools/cameras.py` has not seen."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.robots.models import ARMS
+from tools import cameras, framing
+
+# Least share of the picture that shows the object, cups included, at a reset with pickers.
+USUAL = 0.045
+SHARES = {
+    "straighten_rope": 0.012,
+    "rope_configuration": 0.016,
+    "spread_cloth": 0.035,
+    "fold_crumpled_cloth": 0.035,
+    "drop_fold_cloth": 0.036,
+}
+FEW = framing.RESETS[::20]
+WHOLE_FRAMES = 0.95
+
+
+def check_starts(starts, least):
+    assert min(one.inside for one in starts) >= framing.WHOLE
+    assert min(one.share for one in starts) >= least
+
+
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_the_object_is_in_the_picture(task):
+    env = framing.loaded(task, "default")
+    check_starts(framing.at_resets(env, FEW), SHARES.get(task, USUAL))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_the_object_is_in_the_picture_of_all_variations(task):
+    env = framing.loaded(task, "default")
+    check_starts(framing.at_resets(env, framing.RESETS), SHARES.get(task, USUAL))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_the_object_stays_in_the_picture(task):
+    frames = framing.along(framing.loaded(task, "default"), framing.EPISODES)
+    assert np.mean([one.inside >= framing.WHOLE for one in frames]) >= WHOLE_FRAMES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("actor", ARMS)
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_arms_leave_the_object_in_the_picture(task, actor):
+    starts = framing.at_resets(framing.loaded(task, actor), framing.RESETS)
+    check_starts(starts, SHARES.get(task, USUAL) / 3)
+
+
+def test_what_is_cut_off_is_noticed():
+    """A camera that looks beside the rope: half of it is in the picture."""
+    env = framing.loaded("straighten_rope", "default")
+    env.reset(800)
+    camera = env.physics.model.ptr.camera("task")
+    whole = framing.Eye(env).look()
+    middle = env.task.points().mean(axis=0)
+    camera.pos, camera.quat, camera.fovy = [*middle[:2], 0.7], [1.0, 0.0, 0.0, 0.0], 45.0
+    centred = framing.Eye(env).look()
+    assert centred.inside == whole.inside == 1.0
+    camera.pos = camera.pos + [0.7 * math.tan(math.radians(22.5)), 0.0, 0.0]
+    half = framing.Eye(env).look()
+    assert 0.2 < half.inside < 0.8
+    assert half.share == pytest.approx(half.inside * centred.share, rel=0.3)
+
+
+def test_a_pyramid_touches_what_it_is_around():
+    """All points are in the free part of the image, and one is at an end of it."""
+    points = np.random.default_rng(0).uniform(-0.3, 0.3, (200, 3)) + [0.1, 0.2, 0.3]
+    for direction in cameras.directions(steep=True)[::37]:
+        place, middle, angle = direction.pose((points @ direction.normals.T).max(axis=0))
+        seen = (points - place) @ direction.axes.T
+        ends = np.abs(seen[:, :2] / -seen[:, 2:]).max(axis=0) / math.tan(math.radians(angle) / 2)
+        assert ends.max() == pytest.approx(1.0 - cameras.MARGIN, abs=0.01)
+        back = np.subtract(place, middle)
+        np.testing.assert_allclose(back / np.linalg.norm(back), direction.axes[2], atol=5e-3)
+
+
+def test_the_figures_are_of_all_tasks():
+    found = json.loads(framing.FILE.read_text())
+    for figures in found.values():
+        assert set(figures) == set(softgym_mj.TASKS)
+        assert all(set(actors) == set(framing.ACTORS) for actors in figures.values())
