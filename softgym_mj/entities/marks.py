@@ -15,7 +15,7 @@ from softgym_mj.entities.entity import Entity
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.kinds import typed
 
-LINE_COLOR = (0.95, 0.35, 0.1, 0.6)
+LINE_COLOR = (0.1, 0.7, 0.3, 0.8)  # Green: cloths, ropes and water have other colours.
 LINE_WIDTH, LINE_HEIGHT = 0.006, 0.002  # [m] Of a line on the floor; half of its height shows.
 OUTLINE_WIDTH = 0.012  # [m] Of what is seen from further away, or has half of it covered.
 LEVEL_COLOR = (1.0, 0.0, 0.0, 1.0)  # SoftGym's red.
