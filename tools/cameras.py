@@ -40,7 +40,7 @@ from tools.framing import loaded, played
 from tools.silhouettes import CORNERS, boxes, covered, sampled
 
 FILE = pathlib.Path(views.__file__)
-RESETS, EPISODES = SPLITS["train"][::20], SPLITS["train"][5::130]
+RESETS, EPISODES = SPLITS["train"][::4], SPLITS["train"][5::130]
 EVERY = 5  # Env steps of an episode of which one is looked at.
 AZIMUTHS, ELEVATIONS = range(-180, 180, 15), range(30, 86, 5)  # [deg] Where the camera is.
 ANGLES = (45.0, 30.0)  # [deg] Fields of view.

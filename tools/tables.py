@@ -145,6 +145,8 @@ def processes() -> str:
 
 def pictures() -> str:
     """What the task's cameras show: of scenes with pickers or cups, and with arms."""
+    if not framing.FILE.exists():
+        return "Not yet measured."
     found, rows = measured("cameras"), []
     forms = {
         "inside_worst": ".1f",
