@@ -198,7 +198,7 @@ def test_seeds_make_textures():
 
 def shadow(passes):
     """Brightness (96, 96) of a table with a ball above it, from straight above."""
-    arena = Arena("rope", look=PAPER)
+    arena = Arena("straighten_rope", look=PAPER)
     arena.add_solid("sphere", size=[0.08], pos=[0.0, 0.0, 0.4])
     return CameraView("task", 96, 96, passes).rgb(arena.compile(0.01)).mean(axis=2)
 
