@@ -79,6 +79,9 @@ def record(
     successful_only: Annotated[
         bool, typer.Option("--successful-only", help="Leave out episodes without success.")
     ] = False,
+    idle: Annotated[
+        str, typer.Option(help="keep; drop ends episodes once the expert has finished.")
+    ] = "keep",
     dataset: Annotated[
         str | None,
         typer.Option(help="Id; softgym_mj/TASK/POLICY[-ACTOR][-GRASP]-v0 if not given."),
@@ -117,6 +120,7 @@ def record(
                 seed=seed,
                 trust=trust,
                 successful_only=successful_only,
+                idle=idle,
                 author=author,
                 author_email=author_email,
                 code_permalink=code_permalink,

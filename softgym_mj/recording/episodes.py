@@ -1,6 +1,6 @@
 """Episodes of a dataset: played, as arrays by name, which a store takes."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import dm_env
@@ -12,7 +12,9 @@ from softgym_mj.policies.factory import Policy
 _BETWEEN = "/"  # Part and name of an array: "infos/success".
 
 
-def play(env: gymnasium.Env, act: Policy, variation: int) -> dict[str, np.ndarray]:
+def play(
+    env: gymnasium.Env, act: Policy, variation: int, until: Callable[[dict], bool] = lambda _: False
+) -> dict[str, np.ndarray]:
     """What happens in an episode of n env steps.
 
     Minari's own collector does the same, but needs JAX for it.
@@ -21,6 +23,7 @@ def play(env: gymnasium.Env, act: Policy, variation: int) -> dict[str, np.ndarra
         env: where; its observations are named or not.
         act: the policy.
         variation: index 0..999.
+        until: of an info; the episode is truncated there.
 
     Returns:
         Arrays over time by name: "actions" (n, size), "rewards", "terminations" and "truncations"
@@ -33,6 +36,7 @@ def play(env: gymnasium.Env, act: Policy, variation: int) -> dict[str, np.ndarra
     while not ended:
         action = act(timestep).astype(env.action_space.dtype)
         observation, reward, terminated, truncated, info = env.step(action)
+        truncated = truncated or (until(info) and not terminated)
         timestep = dm_env.transition(reward, _named(observation))
         observations.append(observation)
         infos.append(info)

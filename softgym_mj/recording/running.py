@@ -14,7 +14,7 @@ import mujoco
 import softgym_mj
 from softgym_mj import registry
 from softgym_mj.evaluation.configuration import check_settings
-from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
 from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.kinds import typed
 from softgym_mj.policies.factory import make_policy
@@ -25,6 +25,9 @@ from softgym_mj.variations.indices import SPLITS, check_variation
 
 if TYPE_CHECKING:
     import minari
+
+IDLE = ("keep", "drop")
+RESTING = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.
 
 
 @typed
@@ -37,6 +40,7 @@ def record(
     seed: int = 0,
     trust: bool = False,
     successful_only: bool = False,
+    idle: str = "keep",
     author: str | None = None,
     author_email: str | None = None,
     code_permalink: str | None = None,
@@ -58,6 +62,8 @@ def record(
         dataset: id of the dataset; None for `dataset_name` of task, policy, actor and grasp.
         seed, trust: of the policy, as in `make_policy`.
         successful_only: leaves out episodes whose last `info["success"]` is false.
+        idle: "keep", or "drop" to end an episode, truncated, once the expert has `finished` and the
+            cloth or rope has come to rest.
         author, author_email, code_permalink: of the dataset; what is None, it does not say.
         on_episode: called with the last info of each episode.
         **settings: keyword arguments of the Gymnasium environment, such as `observation`.
@@ -66,12 +72,16 @@ def record(
         UnavailableError: if Minari is missing.
         StoreError: if the dataset exists or cannot be written; for episodes of an unfinished
             recording with other settings or damaged files.
-        InvalidArgumentError: for a variation that does not exist, or none; an id that is none;
+        InvalidArgumentError: for a variation that does not exist, or none; an id that is none; if
+            `idle` is bad, or is "drop" and the policy is none that says when it has finished;
             settings that JSON cannot hold; or if no episode is left; for a bad task or policy; if
             the policy is "scripted" and the task has no expert.
     """
     found = registry.find(task)
     variations = [check_variation(variation) for variation in variations]
+    check_name("idle", idle, IDLE)
+    if idle == "drop" and policy != "scripted":
+        raise InvalidArgumentError("idle", idle, f"'keep' with policy={policy!r}")
     if not variations:
         raise InvalidArgumentError("variations", variations, "at least one")
     check_settings(settings)
@@ -100,6 +110,7 @@ def record(
             "policy_sha256": sha256(policy, seed) if is_saved(policy) else {},
             "seed": seed,
             "settings": settings,
+            "idle": idle,
             "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
         }
         store = Store(unfinished / datasets.EPISODES, configuration, ARRAYS)
@@ -114,7 +125,12 @@ def record(
                 # A policy of its own, which cannot depend on what was played before.
                 inner = env.unwrapped.dm_env  # type: ignore[attr-defined]
                 act = make_policy(policy, inner, seed, trust=trust)
-                store.put(variation, play(env, act, variation))
+
+                def ended(info: dict, act=act) -> bool:
+                    return act.finished and info.get("max_speed", 0.0) < RESTING  # Water has none.
+
+                until = [ended] if idle == "drop" else []
+                store.put(variation, play(env, act, variation, *until))
             infos = nested(store.get(variation))["infos"]
             last = {name: values[-1] for name, values in infos.items()}
             if last["success"]:

@@ -134,6 +134,25 @@ def test_only_successful_episodes():
         minari.get_normalized_score(dataset, np.zeros(1))
 
 
+def test_idle_steps_are_dropped():
+    whole = next(iter(record("straighten_rope", (800,), dataset="rope/whole-v0")))
+    short = next(iter(record("straighten_rope", (800,), dataset="rope/short-v0", idle="drop")))
+    count = len(short.actions)
+    assert 10 < count < 0.5 * len(whole.actions)
+    np.testing.assert_array_equal(short.actions, whole.actions[:count])
+    assert short.truncations.tolist() == [False] * (count - 1) + [True]
+    assert not short.terminations.any()
+    for episode in (whole, short):
+        assert episode.infos["success"][-1]
+    assert short.infos["max_speed"][-1] < 0.01
+
+
+@pytest.mark.parametrize(("idle", "policy"), [("skip", "scripted"), ("drop", "zero")])
+def test_idle_steps_are_dropped_only_where_the_policy_tells(idle, policy):
+    with pytest.raises(InvalidArgumentError, match=rf"idle='{idle}'.*'keep'"):
+        record("straighten_rope", (800,), policy, dataset="rope/idle-v0", idle=idle)
+
+
 def test_no_success_is_an_error_that_keeps_the_episodes(tmp_path):
     arguments = {"policy": "zero", "dataset": "rope/zero-v0", "horizon": 3}
     with pytest.raises(

@@ -40,7 +40,7 @@ PICKER_SWING = Swing(-0.066, 0.063, 0.39, 0.739, 0.144, 1.0, 0.433)
 ARM_SWING = Swing(0.294, 0.01, 0.162, 0.603, 0.265, 0.833, 0.168)
 WAITING = 3  # Env steps for the cloth to come to rest.
 APPROACH = 0.5  # Fraction of full speed at which the start is approached.
-RISE = 0.3  # Fraction of full speed at which the grippers then get out of the way.
+RISE, RISEN = 0.3, 1.0  # Fraction of full speed and height [m] of grippers out of the way.
 
 
 class DropCloth(PickerExpert):
@@ -56,8 +56,7 @@ class DropCloth(PickerExpert):
             yield self._rest(CLOSED)
         yield from self._go(swing.forward, swing.forward_speed, 0.0)
         yield from self._go(-swing.back, swing.back_speed, -swing.sinking)
-        while True:
-            yield self._step(self._raised(1.0), OPEN, RISE)
+        yield from self._move(self._raised(RISEN), OPEN, RISE)
 
     def _go(self, way: float, speed: float, climb: float) -> Iterator[np.ndarray]:
         """Actions for a way along X [m] at a fraction of full speed, rising by another."""

@@ -9,6 +9,7 @@ from softgym_mj.policies.experts.picker_expert import CLOSED, OPEN, PickerExpert
 PLACE = 0.75  # Where the cloth falls, as a share of its width: the middle of its far half.
 CARRYING, LETTING_DOWN = 0.4, 0.5  # Fractions of full speed.
 CLEARANCE = 0.25  # Share of its width by which the cloth is carried higher than it is let go.
+RISEN = 1.0  # [m] Height of grippers out of the way.
 WAITING = 5  # Env steps for the cloth to come to rest.
 
 
@@ -25,5 +26,4 @@ class DropFoldCloth(PickerExpert):
         for _ in range(WAITING):
             yield self._rest(CLOSED)
         yield from self._move(self._raised(low[2]), CLOSED, LETTING_DOWN)
-        while True:
-            yield self._step(self._raised(1.0), OPEN)
+        yield from self._move(self._raised(RISEN), OPEN)

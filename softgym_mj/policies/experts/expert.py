@@ -12,22 +12,36 @@ from softgym_mj.exceptions import InvalidArgumentError
 
 
 class Expert(abc.ABC):
-    """Subclasses write an episode as a generator of actions."""
+    """Subclasses write an episode as a generator of actions.
+
+    Attributes:
+        finished: whether it has come to the end of these in this episode and only rests.
+    """
 
     def __init__(self, env: Environment):
         """Binds the expert to an environment of its task."""
         self._env = env
-        self._plan = self._episode()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._plan, self.finished = self._episode(), False
 
     def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
         """The action for a time step; the first of an episode clears the memory."""
         if timestep.first():
-            self._plan = self._episode()
-        return next(self._plan)
+            self._begin()
+        action = next(self._plan, None)
+        if action is None:
+            self.finished, action = True, self._idle()
+        return action
 
     @abc.abstractmethod
     def _episode(self) -> Iterator[np.ndarray]:
-        """Endless actions of an episode."""
+        """Actions of an episode, until there is nothing left to do."""
+
+    def _idle(self) -> np.ndarray:
+        """The action when there is nothing left to do."""
+        return np.zeros(self._env.task.actor.action_size)
 
 
 @runtime_checkable

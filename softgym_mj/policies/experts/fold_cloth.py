@@ -28,8 +28,6 @@ class FoldCloth(ClothExpert):
         short, landing = (ARM_SHORT, ARM_LANDING) if self._has_arms else (SHORT, LANDING)
         ends -= short * ways / np.linalg.norm(ways, axis=1, keepdims=True)
         yield from self._swing(ends + [0.0, 0.0, landing])
-        while True:
-            yield self._rest(OPEN)
 
     def _pairs(self) -> tuple[list[int], list[int]]:
         """The vertices that each gripper takes, and their mirrors.

@@ -109,6 +109,9 @@ class PickerExpert(Expert):
         """Action that stays in place."""
         return self._step(self._actor.commanded_positions(), grips)
 
+    def _idle(self) -> np.ndarray:
+        return self._rest(self._actor.held >= 0)
+
     def _matched(self, vertices: Sequence[int]) -> list[int]:
         """Two vertices in the order of the grippers.
 

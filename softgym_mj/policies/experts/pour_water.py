@@ -43,8 +43,6 @@ class PourWater(Expert):
     def _episode(self) -> Iterator[np.ndarray]:
         for lip in self._path():
             yield self._step(self._floor(*lip))
-        while True:
-            yield np.zeros(3)
 
     def _step(self, goal: np.ndarray) -> np.ndarray:
         """The action that moves the cup straight to a pose, or as near as it can."""

@@ -35,10 +35,7 @@ class StraightenRope(PickerExpert):
     margin = 0.006  # A thinner rope lies lower.
 
     def _episode(self):
-        while True:
-            if (self._actor.held >= 0).all():
-                yield self._rest(CLOSED)
-                continue
+        while not (self._actor.held >= 0).all():
             ends = yield from self._take_both()  # Anew, if one is torn away.
             yield from self._move(self._raised(ROPE_LIFT), CLOSED, SLOW)
             yield from self._pull_apart(ends)

@@ -19,7 +19,7 @@ class TransportWater(Expert):
         actor, step = self._env.task.actor, self._env.control_timestep()
         stride = actor.max_step[0] * self._env.task.action_repeat
         start, time = actor.commanded_pose[0], 0.0
-        while True:
+        while time < DURATION:
             time += step
             goal = start + (GOAL - start) * smooth(time / DURATION)
             yield np.clip([(goal - actor.commanded_pose[0]) / stride], -1.0, 1.0)
