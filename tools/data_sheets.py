@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
 from softgym_mj.registry import TASKS, TaskRecord
-from softgym_mj.rendering.observables import WRIST_RGB
+from softgym_mj.rendering.observables import EXTERNAL, WRIST_RGB
 from softgym_mj.rendering.offscreen import camera_ids
 from softgym_mj.robots.gripper import HELD, Gripper
 from softgym_mj.robots.models import ARMS
@@ -178,7 +178,7 @@ def cameras(env: Environment, arms: Environment) -> str:
     rows = []
     for label, each in (("", env), (" (with arms)", arms)):
         model = each.physics.model.ptr
-        for name in ("task", "overview"):
+        for name in ("task", "overview", *EXTERNAL):
             camera = model.camera(name)
             place, turn = numbers(*camera.pos), numbers(*camera.quat)
             rows.append((f"`{name}`{label}", place, turn, numbers(*camera.fovy)))
@@ -216,6 +216,7 @@ def info(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> str:
     if "count_intersections" in record.arguments:
         meaning = "with `count_intersections=True`: where the cloth passes through itself"
         rows.append(("`intersections`", meaning))
+    rows.append(("`cameras`", "in Gymnasium, with images: [calibration](../arguments.md#cameras)"))
     rows.append(("`domain_*`", "value of each domain parameter that varies"))
     return table(("key", "what"), rows)
 

@@ -1,6 +1,7 @@
 """The scene every task plays in: a table in a room, its lights and cameras."""
 
 import dataclasses
+import math
 
 import numpy as np
 from dm_control import composer, mjcf
@@ -9,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from softgym_mj import assets
 from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
 from softgym_mj.entities.room import add_lights, add_room
-from softgym_mj.entities.views import VIEWS, CameraPose, View
+from softgym_mj.entities.views import EXTERNAL_AZIMUTHS, VIEWS, CameraPose, View
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.rendering.look import FAST, TEXT, Look
+from softgym_mj.rendering.observables import EXTERNAL
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, shifted
 
@@ -35,7 +37,10 @@ _BRIGHTNESS = Parameter(
 
 
 class Arena(composer.Arena, Parametric):
-    """A table, lights, the task's camera (named "task") and an "overview" camera.
+    """A table, lights and cameras: the task's ("task"), "overview", external ones with depth.
+
+    The latter, "left" and "right" of the task's camera, face each other across the scene; no domain
+    parameter moves them.
 
     Attributes:
         view: from where it is looked at.
@@ -69,13 +74,15 @@ class Arena(composer.Arena, Parametric):
         super()._build(name=name, xml_path=assets.path("arena.xml"))
         shift = np.array([view.middle, 0.0, 0.0])
         overview = dataclasses.replace(overview, position=tuple(overview.position + shift))
-        for camera_name in ("task", "overview"):
+        cameras = {"task": pose, "overview": overview}
+        for camera_name, turn in zip(EXTERNAL, EXTERNAL_AZIMUTHS, strict=True):
+            cameras[camera_name] = view.external(pose.azimuth + math.radians(turn))
+        for camera_name, place in cameras.items():
             self._mjcf_root.worldbody.add("camera", name=camera_name)
-        self.place("task", pose)
-        self.place("overview", overview)
+            self.place(camera_name, place)
         self._mjcf_root.custom.add("text", name=TEXT, data=look.name)
         add_room(self._mjcf_root, view.middle, look)
-        add_lights(self._mjcf_root, view.middle, pose.quaternion, look)
+        add_lights(self._mjcf_root, view.middle, pose.azimuth, look)
 
     def place(self, name: str, pose: CameraPose) -> mjcf.Element:
         """Puts one of its cameras elsewhere, from the next compilation on; returns it."""

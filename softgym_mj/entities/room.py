@@ -1,11 +1,9 @@
 """A table in a room, and its lights: seen, and felt by nothing."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from dm_control import mjcf
-from scipy.spatial.transform import Rotation
 
 from softgym_mj.rendering import look as looks
 from softgym_mj.rendering.look import Look, Surface
@@ -57,23 +55,21 @@ def add_room(root: mjcf.RootElement, middle: float, look: Look) -> None:
     )  # fmt: skip
 
 
-def add_lights(root: mjcf.RootElement, middle: float, camera: Sequence[float], look: Look) -> None:
+def add_lights(root: mjcf.RootElement, middle: float, camera: float, look: Look) -> None:
     """Adds the lights: where they stand depends on where the task's camera does.
 
     Args:
         root: the model.
         middle: X [m] of what they shine at.
-        camera: orientation (w, x, y, z) of the task's camera.
+        camera: azimuth of the task's camera [rad].
         look: how fine shadows are.
     """
     quality, headlight = root.visual.quality, root.visual.headlight
     quality.shadowsize, quality.offsamples = look.shadow_size, look.samples
     headlight.ambient, headlight.diffuse = [looks.AMBIENT] * 3, [looks.HEADLIGHT] * 3
     headlight.specular = [0.0] * 3
-    axes = Rotation.from_quat(camera, scalar_first=True).as_matrix()
-    back = axes[:, 2] - axes[:, 1]  # Straight down, the lower edge of the image is nearest.
     for light in looks.LIGHTS:
-        azimuth = math.atan2(back[1], back[0]) + math.radians(light.azimuth)
+        azimuth = camera + math.radians(light.azimuth)
         elevation = math.radians(light.elevation)
         flat = math.cos(elevation)
         place = np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])

@@ -1,6 +1,7 @@
 """From where scenes are looked at; `tools/cameras.py` has found what the tasks look from."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,6 +12,9 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.kinds import typed
 
 FIELD_OF_VIEW = 45.0  # [deg] SoftGym's.
+# Of the external cameras [deg]: vertical, of the colours of a RealSense D435, to which its depth is
+# aligned; azimuths from the task's camera, between those where arms stand; above the table.
+EXTERNAL_FIELD_OF_VIEW, EXTERNAL_AZIMUTHS, EXTERNAL_ELEVATION = 42.0, (-135.0, 45.0), 40.0
 
 
 @typed
@@ -62,6 +66,13 @@ class CameraPose:
         x, y, z = map(float, position)
         return cls((x, y, z), tuple(turn.as_quat(scalar_first=True).tolist()), field_of_view)
 
+    @property
+    def azimuth(self) -> float:
+        """To its place from what it looks at, about Z from X on [rad]."""
+        axes = Rotation.from_quat(self.quaternion, scalar_first=True).as_matrix()
+        back = axes[:, 2] - axes[:, 1]  # Straight down, the lower edge of the image is nearest.
+        return math.atan2(back[1], back[0])
+
 
 # From the front right, looking at the middle; the same from further away, where arms are in view.
 OVERVIEW = CameraPose.looking((0.8, -0.9, 0.65), at=(0.0, 0.0, 0.05))
@@ -78,7 +89,9 @@ class View:
         overview: the other fixed camera.
         with_arms: the task's camera where arms would hide what `camera` sees; None for `camera`.
         overview_with_arms: alike.
-        middle: X [m] of the middle of what happens; shadows reach 1.5 m around it.
+        middle: X [m] of the middle of what happens; shadows reach 1.2 m around it.
+        target: (x, y, z) [m] of what the external cameras have in the middle of their images.
+        radius: of the ball around it that they see whole [m].
     """
 
     camera: CameraPose
@@ -86,6 +99,17 @@ class View:
     with_arms: CameraPose | None = None
     overview_with_arms: CameraPose = FAR_OVERVIEW
     middle: float = 0.0
+    target: tuple[float, float, float] = (0.0, 0.0, 0.15)
+    radius: float = 0.5
+
+    def external(self, azimuth: float) -> CameraPose:
+        """The external camera that stands at an azimuth from the target [rad]."""
+        distance = self.radius / math.sin(math.radians(EXTERNAL_FIELD_OF_VIEW) / 2)
+        elevation = math.radians(EXTERNAL_ELEVATION)
+        flat = distance * math.cos(elevation)
+        place = flat * math.cos(azimuth), flat * math.sin(azimuth), distance * math.sin(elevation)
+        position = np.add(self.target, place).tolist()
+        return CameraPose.looking(position, self.target, EXTERNAL_FIELD_OF_VIEW)
 
 
 # By view, without and with arms: position [m], what is in the middle of the image [m], field of
@@ -135,11 +159,16 @@ _CUPS: Mapping[str, Any] = {
     "middle": 0.6,
 }
 _HANGING: Mapping[str, Any] = {
-    "overview_with_arms": CameraPose.looking((1.6, -1.9, 1.6), at=(0.0, 0.0, 0.45))
+    "overview_with_arms": CameraPose.looking((1.6, -1.9, 1.6), at=(0.0, 0.0, 0.45)),
+    "target": (0.2, 0.0, 0.35),
+    "radius": 0.65,
 }
+_ROPES: Mapping[str, Any] = {"target": (0.0, 0.0, 0.05), "radius": 0.32}
 _OTHERS: Mapping[str, Mapping[str, Any]] = {
-    "transport_water": _CUPS,
-    "pour_water": _CUPS,
+    "transport_water": {**_CUPS, "target": (0.6, 0.0, 0.05), "radius": 0.8},
+    "pour_water": {**_CUPS, "target": (0.4, 0.0, 0.2), "radius": 0.65},
+    "straighten_rope": _ROPES,
+    "rope_configuration": _ROPES,
     "drop_cloth": _HANGING,
     "drop_fold_cloth": _HANGING,
 }

@@ -11,6 +11,7 @@ from dm_control import composer
 
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError, check_count
 from softgym_mj.kinds import check_kind
+from softgym_mj.rendering.calibration import Calibration
 from softgym_mj.rendering.framebuffer import SizedPhysics
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
@@ -123,6 +124,12 @@ class Environment(composer.Environment):
     def info(self) -> dict[str, float | int | bool]:
         """Scalars that describe the state after the last step or reset."""
         return {**self._task.info(), "physics_warnings": int(self._data.warning.number.sum())}
+
+    def cameras(self) -> dict[str, Calibration]:
+        """The cameras that the observation is from, by name, where they are now."""
+        seen = (found for found in self._task.observables.values() if found.enabled)
+        views = (view for found in seen for view in getattr(found, "views", ()))
+        return {view.camera: view.calibration(self._physics) for view in views}
 
     # ------------------------------------------------------------------ episodes
 

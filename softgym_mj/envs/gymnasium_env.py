@@ -83,8 +83,9 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
     Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
     Box for one observation, a Dict of them for several, in the order of their names: Gymnasium
     sorts spaces so, and observations have the order of the space. An episode is truncated after
-    `horizon` env steps and never terminates. `info` is `Environment.info`. A copy or a pickle
-    continues the episode where it stands.
+    `horizon` env steps and never terminates. `info` is `Environment.info`; where images or points
+    are observed, "cameras" in it has the "intrinsics" and "extrinsics" of the cameras that they are
+    from, by name, as in `Calibration`. A copy or a pickle continues the episode where it stands.
 
     Attributes:
         dm_env: the dm_control environment underneath.
@@ -184,7 +185,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             variation = draw_variation(self.np_random, self.dm_env.variations)
         timestep = self.dm_env.reset(variation)
         self._running = True
-        return self._convert(timestep.observation), self.dm_env.info()
+        return self._convert(timestep.observation), self._info()
 
     def step(self, action: np.ndarray):
         """Applies an action (n,) in [-1, 1].
@@ -204,8 +205,14 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self._running = not ended
         terminated = bool(ended and timestep.discount == 0.0)
         observation = self._convert(timestep.observation)
-        info = self.dm_env.info()
-        return observation, float(timestep.reward), terminated, ended and not terminated, info
+        truncated = ended and not terminated
+        return observation, float(timestep.reward), terminated, truncated, self._info()
+
+    def _info(self) -> dict[str, Any]:
+        found: dict[str, Any] = self.dm_env.info()
+        if cameras := self.dm_env.cameras():
+            found["cameras"] = {name: {**vars(camera)} for name, camera in cameras.items()}
+        return found
 
     def shorten(self, share: float) -> None:
         """Has the episode that has started end earlier, by a share of the horizon below 1."""
@@ -247,7 +254,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         self.dm_env.set_state(snapshot)
         self.np_random.bit_generator.state = generator
         self._running = not snapshot.ended
-        return self._convert(self.dm_env.observation()), self.dm_env.info()
+        return self._convert(self.dm_env.observation()), self._info()
 
     def __getstate__(self) -> dict[str, Any]:
         self._check_open()

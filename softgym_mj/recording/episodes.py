@@ -28,7 +28,7 @@ def play(
     Returns:
         Arrays over time by name: "actions" (n, size), "rewards", "terminations" and "truncations"
         (n,), "observations" and "infos" (n + 1, ...); those with names of their own as
-        "infos/success".
+        "infos/success", "infos/cameras/left/intrinsics".
     """
     observation, info = env.reset(options={"variation": variation})
     timestep = dm_env.restart(_named(observation))
@@ -52,9 +52,10 @@ def _over_time(part: str, values: list) -> dict[str, np.ndarray]:
     """Arrays with time as a further axis: one, or one for each name."""
     if not isinstance(values[0], dict):
         return {part: np.array(values)}
-    return {
-        f"{part}{_BETWEEN}{name}": np.array([value[name] for value in values]) for name in values[0]
-    }
+    over_time: dict[str, np.ndarray] = {}
+    for name in values[0]:
+        over_time |= _over_time(f"{part}{_BETWEEN}{name}", [value[name] for value in values])
+    return over_time
 
 
 def _named(observation) -> dict:
@@ -66,9 +67,9 @@ def nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """The arrays of `play` as keyword arguments of Minari: those of a part in a dict."""
     episode: dict[str, Any] = {}
     for key, value in arrays.items():
-        part, _, name = key.partition(_BETWEEN)
-        if name:
-            episode.setdefault(part, {})[name] = value
-        else:
-            episode[part] = value
+        *parts, name = key.split(_BETWEEN)
+        inner = episode
+        for part in parts:
+            inner = inner.setdefault(part, {})
+        inner[name] = value
     return episode

@@ -65,7 +65,7 @@ def record(
         idle: "keep", or "drop" to end an episode, truncated, once the expert has `finished` and the
             cloth or rope has come to rest.
         author, author_email, code_permalink: of the dataset; what is None, it does not say.
-        on_episode: called with the last info of each episode.
+        on_episode: called with the numbers of the last info of each episode.
         **settings: keyword arguments of the Gymnasium environment, such as `observation`.
 
     Raises:
@@ -132,7 +132,7 @@ def record(
                 until = [ended] if idle == "drop" else []
                 store.put(variation, play(env, act, variation, *until))
             infos = nested(store.get(variation))["infos"]
-            last = {name: values[-1] for name, values in infos.items()}
+            last = {name: values[-1] for name, values in infos.items() if name != "cameras"}
             if last["success"]:
                 successful.append(variation)
             on_episode(last)

@@ -59,6 +59,25 @@ class SceneCamera(engine.Camera):
             if geom.rgba[3] < CLEAR and geom.type != mujoco.mjtGeom.mjGEOM_SKIN:
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR
 
+    def surfaces(self) -> tuple[np.ndarray, np.ndarray]:
+        """What each pixel shows and its depth.
+
+        One pass gives both, at the middles of pixels. Of a pass in colours, which has several
+        samples a pixel, OpenGL gives the depth at one that is not in the middle.
+
+        Returns:
+            (height, width, 2) int, id and `mujoco.mjtObj`, -1 for nothing; and (height, width) [m].
+        """
+        shown = self.render(segmentation=True)
+        contexts, model = self._physics.contexts, self._physics.model
+        with contexts.gl.make_current() as context:
+            context.call(
+                mujoco.mjr_readPixels, None, self._depth_buffer, self._rect, contexts.mujoco.ptr
+            )
+        near, far = (model.stat.extent * end for end in (model.vis.map.znear, model.vis.map.zfar))
+        depth = near / (1.0 - self._depth_buffer * (1.0 - near / far))
+        return shown, contexts.gl.to_pixels(depth)
+
     def colors(self, passes: int) -> np.ndarray:
         """Image (height, width, 3) uint8, the mean of so many.
 

@@ -3,7 +3,6 @@
 import contextlib
 import contextvars
 import functools
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import mujoco
@@ -11,62 +10,58 @@ import numpy as np
 from dm_control.composer.observation import observable
 from dm_env import specs
 
-from softgym_mj.native.arithmetic import product
+from softgym_mj.rendering import point_clouds
 from softgym_mj.rendering.offscreen import GLASS_GROUP, CameraView
 
+EXTERNAL = ("left", "right")  # Cameras with depth that stand beside the scene, by name.
 WRIST_RGB = "wrist_rgb"  # uint8 (arms, height, width, 3): from the cameras on the hands of arms.
 LABELS = ("background", "object", "actor", "container")
-NUM_CLOUD_POINTS = 1024
+_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)  # An array compares with the enum itself pixel by pixel.
 _blank = contextvars.ContextVar("blank", default=False)
-EDGE_DEPTH = 0.01  # [m] By which the depth of a point of the cloud may differ from its neighbours'.
-LAYER_DEPTH = 0.5  # [m] By which it may lie behind the nearest: two pixels of the sky would agree.
 
 
-class TaskCamera:
-    """What the task's camera sees, as colours, distances, labels and points; no marks of goals.
+class LabelledView(CameraView):
+    """A camera that knows what it sees; no marks of goals.
 
-    Labels and points have what is behind glass; colours show it, and distances are of the glass.
+    What is behind glass counts as seen, for labels and points; colours show it, and distances are
+    of the glass.
     """
 
-    def __init__(self, height: int, width: int, parts: Callable[[], Mapping[str, Sequence[str]]]):
-        """Binds the camera.
+    def __init__(
+        self, camera: str, height: int, width: int, parts: Callable[[], Mapping[str, Sequence[str]]]
+    ):
+        """Chooses the camera.
 
         Args:
-            height, width: of images [pixels].
+            camera, height, width: as of `CameraView`.
             parts: gives the names of the models that make up each of the `LABELS`; whatever
                 deforms or flows is "object", everything else "background".
         """
-        self._view = CameraView("task", height, width, marks=False)
-        self._behind_glass = CameraView("task", height, width, marks=False, glass=False)
-        self._height, self._width, self._parts = height, width, parts
+        super().__init__(camera, height, width, marks=False)
+        self._behind_glass = CameraView(camera, height, width, marks=False, glass=False)
+        self._parts = parts
         self._model: mujoco.MjModel | None = None
         self._labels, self._has_glass = np.zeros(0, np.uint8), False
 
-    def observables(self) -> dict[str, observable.Generic]:
-        """The observables by name."""
-        view, image = self._view, (self._height, self._width)
-        colors = specs.BoundedArray((*image, 3), np.uint8, 0, 255)
-        labels = specs.BoundedArray(image, np.uint8, 0, len(LABELS) - 1)
-        cloud = specs.Array((NUM_CLOUD_POINTS, 4), np.float32)
-        return {
-            "rgb": CameraObservable(view.rgb, colors),
-            "depth": CameraObservable(view.depth, specs.Array(image, np.float32)),
-            "segmentation": CameraObservable(self.segmentation, labels),
-            "point_cloud": CameraObservable(self.point_cloud, cloud),
-        }
+    def labels(self, physics) -> np.ndarray:
+        """Index into `LABELS` (height, width) uint8 of what each pixel shows."""
+        return self._labelled(physics)[0]
 
-    def segmentation(self, physics) -> np.ndarray:
-        """Index into `LABELS` (height, width) uint8 of what each pixel shows.
+    def points(self, physics) -> np.ndarray:
+        """Points (n, 3) [m] of the object, one for each pixel that shows it."""
+        labels, depth = self._labelled(physics)
+        shown = labels == LABELS.index("object")
+        return point_clouds.seen_points(depth, shown, self.calibration(physics))
 
-        Where an object is behind glass it is the object, else what has walls of glass.
-        """
+    def _labelled(self, physics) -> tuple[np.ndarray, np.ndarray]:
+        """Labels (height, width) and distances [m], of an object where it is behind glass."""
         self._read(physics.model.ptr)
-        labels = self._labelled(self._view, physics)
-        if self._has_glass:
-            behind = self._labelled(self._behind_glass, physics)
-            glass = labels == LABELS.index("container")
-            labels[glass & (behind == LABELS.index("object"))] = LABELS.index("object")
-        return labels
+        labels, depth = self._first(self, physics)
+        if not self._has_glass:
+            return labels, depth
+        behind, further = self._first(self._behind_glass, physics)
+        through = (labels == LABELS.index("container")) & (behind == LABELS.index("object"))
+        return np.where(through, behind, labels), np.where(through, further, depth)
 
     def _read(self, model: mujoco.MjModel) -> None:
         """Notes what is what in a model."""
@@ -80,43 +75,48 @@ class TaskCamera:
             )
             self._has_glass = bool(np.any(model.geom_group == GLASS_GROUP))
 
-    def _labelled(self, view: CameraView, physics) -> np.ndarray:
-        """Index into `LABELS` of the first thing that a view shows in each pixel."""
-        seen = view.segmentation(physics)
+    def _first(self, view: CameraView, physics) -> tuple[np.ndarray, np.ndarray]:
+        """Labels and distances of the first thing that a view shows in each pixel."""
+        seen, depth = view.surfaces(physics)
         kind, index = seen[..., 1], seen[..., 0]
         labels = np.where(kind >= 0, LABELS.index("object"), 0).astype(np.uint8)
-        geoms = kind == mujoco.mjtObj.mjOBJ_GEOM
+        geoms = kind == _GEOM
         labels[geoms] = self._labels[index[geoms]]
-        return labels
+        return labels, depth
 
-    def point_cloud(self, physics) -> np.ndarray:
-        """Points of the object that are seen (1024, 4) float32: x, y, z [m] and 1, or zeros.
 
-        If there are more, they are taken evenly from the pixels in reading order.
-        """
-        shown = self.segmentation(physics) == LABELS.index("object")
-        view = self._behind_glass if self._has_glass else self._view
-        image = np.where(shown, view.depth(physics), np.nan)
-        rows, columns = np.nonzero(shown)
-        depth = image[rows, columns].astype(float)
-        # Where the object ends, a pixel may have the label of one surface and the depth of another.
-        around = _neighbours(image, rows, columns)
-        sure = np.abs(depth - np.nanmedian(around, axis=0)) < EDGE_DEPTH
-        sure &= depth - np.nanmin(around, axis=0) < LAYER_DEPTH
-        rows, columns, depth = rows[sure], columns[sure], depth[sure]
-        model, data = physics.model.ptr, physics.data.ptr
-        camera = model.camera("task").id
-        pitch = 2.0 * math.tan(math.radians(model.cam_fovy[camera]) / 2) / self._height
-        right = (columns + 0.5 - self._width / 2) * pitch * depth
-        up = (self._height / 2 - rows - 0.5) * pitch * depth
-        local = np.column_stack([right, up, -depth])
-        points = data.cam_xpos[camera] + product(local, data.cam_xmat[camera].reshape(3, 3).T)
-        if len(points) > NUM_CLOUD_POINTS:
-            points = points[np.linspace(0, len(points) - 1, NUM_CLOUD_POINTS).astype(int)]
-        cloud = np.zeros((NUM_CLOUD_POINTS, 4), np.float32)
-        cloud[: len(points), :3] = points
-        cloud[: len(points), 3] = 1.0
-        return cloud
+def fixed_observables(
+    height: int, width: int, parts: Callable[[], Mapping[str, Sequence[str]]]
+) -> dict[str, observable.Generic]:
+    """The observables of the cameras of the arena by name.
+
+    Args:
+        height, width: of images [pixels].
+        parts: as of `LabelledView`.
+    """
+    task, *pair = (LabelledView(name, height, width, parts) for name in ("task", *EXTERNAL))
+    image = height, width
+    colors = specs.BoundedArray((*image, 3), np.uint8, 0, 255)
+    labels = specs.BoundedArray(image, np.uint8, 0, len(LABELS) - 1)
+    cloud = specs.Array((point_clouds.NUM_CLOUD_POINTS, 4), np.float32)
+    return {
+        "rgb": CameraObservable([task], task.rgb, colors),
+        "depth": CameraObservable([task], task.depth, specs.Array(image, np.float32)),
+        "segmentation": CameraObservable([task], task.labels, labels),
+        "external_rgb": _colors_of(pair),
+        "external_depth": CameraObservable(
+            pair,
+            lambda physics: np.array([view.depth(physics) for view in pair]),
+            specs.Array((len(pair), *image), np.float32),
+        ),
+        "point_cloud": CameraObservable(
+            pair,
+            lambda physics: point_clouds.cloud(
+                np.concatenate([view.points(physics) for view in pair])
+            ),
+            cloud,
+        ),
+    }
 
 
 def wrist_observables(
@@ -128,25 +128,14 @@ def wrist_observables(
         cameras: their names, as `Actor.wrists` has them.
         height, width: of images [pixels].
     """
-    if not cameras:
-        return {}
     views = [CameraView(camera, height, width, marks=False) for camera in cameras]
-    spec = specs.BoundedArray((len(views), height, width, 3), np.uint8, 0, 255)
-    return {
-        WRIST_RGB: CameraObservable(lambda physics: np.array([v.rgb(physics) for v in views]), spec)
-    }
+    return {WRIST_RGB: _colors_of(views)} if views else {}
 
 
 def _label(body: str, owners: Mapping[str, int]) -> int:
     """The label of a body: that of the innermost model around it that has one."""
     models = reversed(body.split("/")[:-1])
     return next((owners[model] for model in models if model in owners), 0)
-
-
-def _neighbours(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Pixels (9, n) of the 3 x 3 around each of n; NaN beyond the image."""
-    padded = np.pad(image, 1, constant_values=np.nan)
-    return np.array([padded[rows + i, columns + j] for i in range(3) for j in range(3)])
 
 
 @contextlib.contextmanager
@@ -164,13 +153,25 @@ def blank_images() -> Iterator[None]:
 
 
 class CameraObservable(observable.Generic):
-    """An observable with a given specification: without one, it would be rendered to find out."""
+    """An observable with a given specification: without one, it would be rendered to find out.
 
-    def __init__(self, look: Callable, spec: specs.Array):
-        self._spec = spec
+    Attributes:
+        views: of the cameras that it is from.
+    """
+
+    def __init__(self, views: Sequence[CameraView], look: Callable, spec: specs.Array):
+        self.views, self._spec = tuple(views), spec
         zeros = functools.partial(np.zeros, spec.shape, spec.dtype)
         super().__init__(lambda physics: zeros() if _blank.get() else look(physics))
 
     @property
     def array_spec(self) -> specs.Array:
         return self._spec
+
+
+def _colors_of(views: Sequence[CameraView]) -> CameraObservable:
+    """What several cameras see: (cameras, height, width, 3) uint8."""
+    spec = specs.BoundedArray((len(views), *views[0].size, 3), np.uint8, 0, 255)
+    return CameraObservable(
+        views, lambda physics: np.array([view.rgb(physics) for view in views]), spec
+    )

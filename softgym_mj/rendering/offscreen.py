@@ -21,6 +21,7 @@ from softgym_mj.exceptions import (
     check_name,
 )
 from softgym_mj.jobs.files import whole, write_whole
+from softgym_mj.rendering.calibration import Calibration
 
 if TYPE_CHECKING:
     from softgym_mj.rendering.drawing import SceneCamera
@@ -109,7 +110,12 @@ def camera_ids(model) -> dict[str, int]:
 
 
 class CameraView:
-    """Renders one camera at one size; the scene is kept until the physics changes."""
+    """Renders one camera at one size; the scene is kept until the physics changes.
+
+    Attributes:
+        camera: its name.
+        size: (height, width) of images [pixels].
+    """
 
     def __init__(
         self,
@@ -137,25 +143,43 @@ class CameraView:
         """
         if passes is not None:
             check_count("passes", passes, 1, MOST_PASSES)
-        self._camera, self._passes = camera, passes
+        self.camera, self._passes = camera, passes
         self._marks, self._glass = marks, glass
-        self._height, self._width = check_image_size("size", (height, width), LARGEST_IMAGE)
+        self.size = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None
         self._view: Any = None
 
     def rgb(self, physics) -> np.ndarray:
         """Image (height, width, 3) uint8."""
-        return self._render(physics, lambda view: view.colors(self._passes or view.look.passes))
+        return self._render(
+            physics, lambda view: view.colors(self._passes or view.look.passes).copy()
+        )
 
     def depth(self, physics) -> np.ndarray:
         """Metric distance along the view direction (height, width) float32 [m]."""
-        return self._render(physics, lambda view: view.render(depth=True)).astype(np.float32)
+        return self.surfaces(physics)[1]
 
     def segmentation(self, physics) -> np.ndarray:
         """What each pixel shows (height, width, 2) int: id and `mujoco.mjtObj`; -1 for nothing."""
-        return self._render(physics, lambda view: view.render(segmentation=True))
+        return self.surfaces(physics)[0]
 
-    def _render(self, physics, draw: "Callable[[SceneCamera], np.ndarray]") -> np.ndarray:
+    def surfaces(self, physics) -> tuple[np.ndarray, np.ndarray]:
+        """`segmentation` and `depth` of one pass: they agree at every edge."""
+        shown, depth = self._render(physics, lambda view: view.surfaces())
+        return shown.copy(), depth.astype(np.float32)
+
+    def calibration(self, physics) -> Calibration:
+        """Where the camera is now, and how it projects into these images."""
+        refresh_poses(physics)
+        model, data = physics.model.ptr, physics.data.ptr
+        return Calibration.of(model, data, self._number(model), *self.size)
+
+    def _number(self, model) -> int:
+        cameras = camera_ids(model)
+        check_name("camera", self.camera, cameras)
+        return cameras[self.camera]
+
+    def _render(self, physics, draw: "Callable[[SceneCamera], Any]") -> Any:
         import mujoco
 
         from softgym_mj.rendering.drawing import SceneCamera
@@ -164,18 +188,17 @@ class CameraView:
         _claim()
         data = physics.data.ptr
         refresh_poses(physics)
-        cameras = camera_ids(physics.model.ptr)
-        check_name("camera", self._camera, cameras)
+        camera = self._number(physics.model.ptr)
         try:
             if self._data is not data:
-                size, camera = (self._height, self._width), cameras[self._camera]
-                seen = SizedView(physics, *size) if isinstance(physics, SizedPhysics) else physics
-                self._view = SceneCamera(seen, *size, camera)
+                sized = isinstance(physics, SizedPhysics)
+                seen = SizedView(physics, *self.size) if sized else physics
+                self._view = SceneCamera(seen, *self.size, camera)
                 self._view.option.geomgroup[GLASS_GROUP] = self._glass
                 if not self._marks:
                     self._view.option.sitegroup[:] = 0
                 self._data = data
-            return draw(self._view).copy()
+            return draw(self._view)
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
             if _OTHER_THREAD in str(error):
                 raise UnavailableError(

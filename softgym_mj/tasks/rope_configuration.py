@@ -91,7 +91,9 @@ class RopeConfiguration(Task):
         seen = specs.BoundedArray((height, width, 3), np.uint8, 0, 255)
         return {
             GOAL_RGB: CameraObservable(
-                lambda physics: self._shown_goal(physics, height, width), seen
+                [CameraView("task", height, width)],
+                lambda physics: self._shown_goal(physics, height, width),
+                seen,
             )
         }
 

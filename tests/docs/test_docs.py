@@ -32,7 +32,7 @@ def blocks(language, text=README):
 
 @pytest.mark.parametrize(
     "code",
-    blocks("python") + blocks("python", MIGRATION) + blocks("python", DOMAIN),
+    [code for page in (README, MIGRATION, DOMAIN, ARGUMENTS) for code in blocks("python", page)],
     ids=lambda code: code.splitlines()[0],
 )
 def test_python_blocks_run(code):

@@ -5,7 +5,8 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.rendering.observables import LABELS, NUM_CLOUD_POINTS
+from softgym_mj.rendering.observables import LABELS
+from softgym_mj.rendering.point_clouds import NUM_CLOUD_POINTS
 from softgym_mj.tasks.shared.observations import OBSERVATIONS
 
 SIZE = (160, 200)
@@ -52,7 +53,7 @@ def test_cloud_points_lie_on_the_object(task, spacing):
     distance = np.linalg.norm(points[:, None] - env.task.points(), axis=2)
     # From a surface point to the nearest vertex: half a diagonal of the mesh, and its thickness.
     assert distance.min(axis=1).max() < 0.75 * spacing + 0.007
-    # Of a flat thing the camera sees all that no picker hides.
+    # Of a flat thing the cameras see all that no picker hides.
     if task == "fold_cloth":
         assert np.percentile(distance.min(axis=0), 95) < 0.025
 

@@ -8,7 +8,7 @@ from dm_control.composer.observation import observable
 
 from softgym_mj.exceptions import InvalidArgumentError, check_image_size
 from softgym_mj.metrics import Array, namespace
-from softgym_mj.rendering.observables import TaskCamera
+from softgym_mj.rendering.observables import fixed_observables
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.tasks.shared.state import Episode, State
 
@@ -98,8 +98,10 @@ OBSERVATIONS = {
     "depth": "float32 image (height, width) of distances along the view direction [m]",
     "segmentation": "uint8 image (height, width) of what is seen: 0 background, 1 object (also "
     "behind glass), 2 actor, 3 container",
-    "point_cloud": "float32 (1024, 4): x, y, z of points of the object that the camera sees, and "
-    "1; rows of zeros where it sees fewer",
+    "external_rgb": "uint8 images (2, height, width, 3) from the cameras on the left and right",
+    "external_depth": "float32 images (2, height, width) from these cameras, as `depth` [m]",
+    "point_cloud": "float32 (1024, 4): x, y, z of points of the object that these cameras see, "
+    "spread evenly, and 1; rows of zeros where they see fewer",
 }
 GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can show it.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
@@ -139,10 +141,9 @@ def make_observables(
     states = {
         name: observable.Generic(lambda physics, name=name: task.observe(name)) for name in STATES
     }
-    camera = TaskCamera(height, width, lambda: task.scene.segmentation_models)
     found = collections.OrderedDict(
         **states,
-        **camera.observables(),
+        **fixed_observables(height, width, lambda: task.scene.segmentation_models),
         **task.actor.own_observables(height, width),
         **task.own_observables(height, width),
     )
