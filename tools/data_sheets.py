@@ -194,12 +194,12 @@ def domain(task: Task) -> str:
     """The domain parameters."""
     rows = [
         (
-            f"`{p.name}`", p.unit, f"{p.nominal:.3g}",
+            f"`{p.name}`", p.kind, p.unit, f"{p.nominal:.3g}",
             *(f"{low:.3g} to {high:.3g}" for low, high in (p.usual, p.valid)), p.summary,
         )
         for p in task.domain.parameters
     ]  # fmt: skip
-    return table(("parameter", "unit", "nominal", "usual", "valid", "what it is"), rows)
+    return table(("parameter", "kind", "unit", "nominal", "usual", "valid", "what it is"), rows)
 
 
 def info(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> str:

@@ -64,7 +64,7 @@ class Eye:
         angle = model.cam_fovy[camera]
         half = self._wider * math.tan(math.radians(angle) / 2)
         model.cam_fovy[camera] = 2 * math.degrees(math.atan(half))
-        seen = np.isin(self._camera.segmentation(self._env.physics), SEEN)
+        seen = np.isin(self._camera.labels(self._env.physics), SEEN)
         model.cam_fovy[camera] = angle
         edge = (len(seen) - self._side) // 2
         picture = seen[edge : edge + self._side, edge : edge + self._side]

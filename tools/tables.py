@@ -198,9 +198,9 @@ def parameters() -> str:
         label = next((group for group, members in groups.items() if members == names), None)
         usual, valid = (f"{low:.3g} to {high:.3g}" for low, high in (p.usual, p.valid))
         label = label or ", ".join(f"`{name}`" for name in names)
-        row = label, f"`{p.name}`", p.unit, f"{p.nominal:.3g}", usual, valid, p.summary
+        row = label, f"`{p.name}`", p.kind, p.unit, f"{p.nominal:.3g}", usual, valid, p.summary
         rows.append(f"| {' | '.join(row)} |".replace("|  |", "| |"))
-    return table("| task | parameter | unit | nominal | usual | valid | what it is |", rows)
+    return table("| task | parameter | kind | unit | nominal | usual | valid | what it is |", rows)
 
 
 def between(text: str, name: str, new: str) -> str:

@@ -1,4 +1,4 @@
-"""The scene every task plays in: a table in a room, its lights and cameras."""
+"""The scene every task plays in: a table in a room, lights and cameras."""
 
 import dataclasses
 import math
@@ -9,31 +9,29 @@ from scipy.spatial.transform import Rotation
 
 from softgym_mj import assets
 from softgym_mj.entities.flex import GRIPPER_CONTACT, OBJECT_CONTACT
-from softgym_mj.entities.room import add_lights, add_room
+from softgym_mj.entities.lights import Lights
+from softgym_mj.entities.room import Room
 from softgym_mj.entities.views import EXTERNAL_AZIMUTHS, VIEWS, CameraPose, View
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.rendering.look import FAST, TEXT, Look
 from softgym_mj.rendering.observables import EXTERNAL
 from softgym_mj.variations.parametric import Parametric
-from softgym_mj.variations.randomization import Parameter, shifted
+from softgym_mj.variations.randomization import Adjustable, shifted
 
 _SHIFTS = tuple(
-    shifted(f"camera_{axis}", "m", 0.02, 0.1, f"shift of the task's camera along {axis.upper()}")
-    for axis in "xyz"
+    shifted(f"camera_{axis}", "m", 0.02, 0.1, f"shift of the task's camera along {what}", "visual")
+    for axis, what in zip("xyz", "XYZ", strict=True)
 )
 # Turns about the camera's own axes: right, up and backward.
 _TURNS = tuple(
-    shifted(f"camera_{turn}", "deg", 1.0, 5.0, f"turn of the task's camera {how}")
+    shifted(f"camera_{turn}", "deg", 1.0, 5.0, f"turn of the task's camera {how}", "visual")
     for turn, how in (("tilt", "upward"), ("pan", "to the left"), ("roll", "counter-clockwise"))
 )
+_ZOOM = shifted("camera_fov", "deg", 1.5, 6.0, "to the task's camera's field of view", "visual")
 SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
 # [s] With MuJoCo's 0.02 s a rope that hangs over a rod of 4 mm sinks through it: all its weight is
 # borne by two light vertices. MuJoCo makes it twice the physics step at least.
 _SOLID_TIME = 0.01
-
-_BRIGHTNESS = Parameter(
-    "floor_brightness", "", 1.0, (0.8, 1.0), (0.5, 1.0), "factor to the floor's colour"
-)
 
 
 class Arena(composer.Arena, Parametric):
@@ -44,10 +42,11 @@ class Arena(composer.Arena, Parametric):
 
     Attributes:
         view: from where it is looked at.
-        parameters: domain parameters: the pose of the task's camera, the floor's colour.
+        parameters: domain parameters: of the task's camera.
+        adjustable: itself and what else has domain parameters: the room and the lights.
     """
 
-    parameters = (*_SHIFTS, *_TURNS, _BRIGHTNESS)
+    parameters = (*_SHIFTS, *_TURNS, _ZOOM)
 
     def _build(
         self, view: View | str = "cloth", arms: bool = False, look: Look = FAST, name: str = "arena"
@@ -81,8 +80,9 @@ class Arena(composer.Arena, Parametric):
             self._mjcf_root.worldbody.add("camera", name=camera_name)
             self.place(camera_name, place)
         self._mjcf_root.custom.add("text", name=TEXT, data=look.name)
-        add_room(self._mjcf_root, view.middle, look)
-        add_lights(self._mjcf_root, view.middle, pose.azimuth, look)
+        room = Room(self._mjcf_root, view.middle, look)
+        lights = Lights(self._mjcf_root, view.middle, pose.azimuth, look)
+        self.adjustable: tuple[Adjustable, ...] = (self, room, lights)
 
     def place(self, name: str, pose: CameraPose) -> mjcf.Element:
         """Puts one of its cameras elsewhere, from the next compilation on; returns it."""
@@ -99,8 +99,7 @@ class Arena(composer.Arena, Parametric):
         turn = Rotation.from_euler("XYZ", [values[p.name] for p in _TURNS], degrees=True)
         pose = Rotation.from_quat(self._pose.quaternion, scalar_first=True)
         camera.quat = (pose * turn).as_quat(scalar_first=True)
-        brightness = values[_BRIGHTNESS.name]
-        self._mjcf_root.find("material", "table").rgba = [*[brightness] * 3, 1.0]
+        camera.fovy = self._pose.field_of_view + values[_ZOOM.name]
 
     def add_solid(self, type: str, **attributes: object) -> mjcf.Element:
         """Adds a rigid shape that stays where it is: a rod, a shelf, a table, a wall.

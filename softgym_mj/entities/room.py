@@ -1,18 +1,28 @@
-"""A table in a room, and its lights: seen, and felt by nothing."""
+"""A table in a room: seen, and felt by nothing."""
 
-import math
+import functools
+from collections.abc import Callable, Sequence
 
-import numpy as np
 from dm_control import mjcf
 
 from softgym_mj.rendering import look as looks
-from softgym_mj.rendering.look import Look, Surface
-from softgym_mj.rendering.textures import plaster
+from softgym_mj.rendering.look import Color, Look, Surface
+from softgym_mj.rendering.textures import granite, plaster, printed, tiles, wood
+from softgym_mj.variations.parametric import Parametric
+from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted, tinted
 
 # [m] Of the table: half its sides, its top's thickness, its height above the floor of the room.
 HALF_SIDES, TOP, HEIGHT = (1.3, 1.1), 0.04, 0.75
 SHEET = 0.002  # [m] Thickness of the laminate upon it.
-LAMP_DISTANCE = 3.0  # [m] Of the lights from the middle of what happens.
+# What the table may be of, and its colour: a metre of it is one picture.
+TABLES: dict[str, tuple[Callable[..., mjcf.Asset], Color]] = {
+    "plaster": (plaster, looks.TABLE.rgba[:3]),
+    "wood": (wood, (0.72, 0.57, 0.42)),
+    "granite": (granite, (0.68, 0.67, 0.65)),
+    "tiles": (tiles, (0.80, 0.82, 0.83)),
+    "stripes": (functools.partial(printed, name="stripes"), (0.70, 0.74, 0.70)),
+    "checks": (functools.partial(printed, name="checks"), (0.76, 0.71, 0.66)),
+}
 _SEEN = {"contype": 0, "conaffinity": 0, "mass": 0.0}  # Of geoms.
 
 
@@ -31,50 +41,71 @@ def add_material(root: mjcf.RootElement, name: str, surface: Surface, **texture:
     )  # fmt: skip
 
 
-def add_room(root: mjcf.RootElement, middle: float, look: Look) -> None:
-    """Adds a table whose top is at z = 0, about X = `middle` [m], and what is around it."""
-    root.asset.add(
-        "texture", name="sky", type="skybox", builtin="gradient", rgb1=looks.HORIZON,
-        rgb2=looks.SKY, width=64, height=384,
+class Room(Parametric):
+    """A table whose top is at z = 0, and what is around it."""
+
+    parameters = (
+        chosen("table_pattern", tuple(TABLES), 3, "of the table"),
+        scaled("table_scale", "", 1.0, 1.5, 2.5, "size of the table's pattern", "visual"),
+        shifted("table_hue", "deg", 25.0, 180.0, "by which the table's colour is turned", "visual"),
+        Parameter(
+            "table_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "that the table's colour gains",
+            "visual",
+        ),
+        Parameter(
+            "table_brightness", "", 1.0, (0.75, 1.0), (0.5, 1.0), "factor to the table's colour",
+            "visual",
+        ),
+        shifted("backdrop_hue", "deg", 40.0, 180.0, "by which sky and room are turned", "visual"),
+        Parameter(
+            "backdrop_saturation", "", 0.0, (0.0, 0.1), (0.0, 0.4), "that sky and room gain",
+            "visual",
+        ),
+        Parameter(
+            "backdrop_brightness", "", 1.0, (0.7, 1.0), (0.4, 1.0), "factor to sky and room",
+            "visual",
+        ),
     )  # fmt: skip
-    root.visual.rgba.haze = [*looks.HORIZON, 1.0]
-    picture = plaster(look.texture_size, looks.TABLE.rgba[:3])
-    root.asset.add("texture", name="table", type="2d", file=picture)
-    white = looks.Surface((1.0, 1.0, 1.0, 1.0), looks.TABLE.specular, looks.TABLE.shininess)
-    add_material(root, "table", white, texture="table", texrepeat=[1, 1], texuniform="true")
-    add_material(root, "table_edge", looks.TABLE_EDGE)
-    add_material(root, "room", looks.ROOM)
-    for name, thickness, top in (("table", SHEET, 0.0), ("table_edge", TOP, -SHEET)):
+
+    def __init__(self, root: mjcf.RootElement, middle: float, look: Look):
+        """Adds it to a model.
+
+        Args:
+            root: the model.
+            middle: X [m] of the middle of the table.
+            look: how fine textures are.
+        """
+        self._root, self._size = root, look.texture_size
+        self._sky = root.asset.add(
+            "texture", name="sky", type="skybox", builtin="gradient", width=64, height=384
+        )
+        self._texture = root.asset.add("texture", name="table", type="2d")
+        white = looks.Surface((1.0, 1.0, 1.0, 1.0), looks.TABLE.specular, looks.TABLE.shininess)
+        add_material(root, "table", white, texture="table", texuniform="true")
+        add_material(root, "table_edge", looks.TABLE_EDGE)
+        add_material(root, "room", looks.ROOM)
+        for name, thickness, top in (("table", SHEET, 0.0), ("table_edge", TOP, -SHEET)):
+            root.worldbody.add(
+                "geom", name=name, type="box", size=[*HALF_SIDES, thickness / 2],
+                pos=[middle, 0.0, top - thickness / 2], material=name, **_SEEN,
+            )  # fmt: skip
         root.worldbody.add(
-            "geom", name=name, type="box", size=[*HALF_SIDES, thickness / 2],
-            pos=[middle, 0.0, top - thickness / 2], material=name, **_SEEN,
+            "geom", name="room", type="plane", size=[0.0, 0.0, 0.1], pos=[middle, 0.0, -HEIGHT],
+            material="room", **_SEEN,
         )  # fmt: skip
-    root.worldbody.add(
-        "geom", name="room", type="plane", size=[0.0, 0.0, 0.1], pos=[middle, 0.0, -HEIGHT],
-        material="room", **_SEEN,
-    )  # fmt: skip
+        self._set_parameters()
 
+    def _set_parameters(self) -> None:
+        index, seed = choice(self._values["table_pattern"], len(TABLES))
+        texture, color = list(TABLES.values())[index]
+        self._texture.file = texture(self._size, self._tinted("table", color), seed)
+        repeat = 1.0 / self._values["table_scale"]
+        self._root.find("material", "table").texrepeat = [repeat, repeat]
+        horizon = self._tinted("backdrop", looks.HORIZON)
+        self._sky.rgb1, self._sky.rgb2 = horizon, self._tinted("backdrop", looks.SKY)
+        self._root.visual.rgba.haze = [*horizon, 1.0]
+        self._root.find("material", "room").rgba = self._tinted("backdrop", looks.ROOM.rgba)
 
-def add_lights(root: mjcf.RootElement, middle: float, camera: float, look: Look) -> None:
-    """Adds the lights: where they stand depends on where the task's camera does.
-
-    Args:
-        root: the model.
-        middle: X [m] of what they shine at.
-        camera: azimuth of the task's camera [rad].
-        look: how fine shadows are.
-    """
-    quality, headlight = root.visual.quality, root.visual.headlight
-    quality.shadowsize, quality.offsamples = look.shadow_size, look.samples
-    headlight.ambient, headlight.diffuse = [looks.AMBIENT] * 3, [looks.HEADLIGHT] * 3
-    headlight.specular = [0.0] * 3
-    for light in looks.LIGHTS:
-        azimuth = camera + math.radians(light.azimuth)
-        elevation = math.radians(light.elevation)
-        flat = math.cos(elevation)
-        place = np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])
-        root.worldbody.add(
-            "light", name=light.name, pos=LAMP_DISTANCE * place + [middle, 0.0, 0.0], dir=-place,
-            directional="true", diffuse=light.diffuse, specular=light.specular,
-            castshadow=str(light.has_shadow).lower(),
-        )  # fmt: skip
+    def _tinted(self, thing: str, color: Sequence[float]) -> tuple[float, ...]:
+        parts = ("hue", "saturation", "brightness")
+        return tinted(color, *(self._values[f"{thing}_{part}"] for part in parts))

@@ -10,10 +10,11 @@ from softgym_mj.exceptions import check_name
 from softgym_mj.kinds import typed
 from softgym_mj.native.meshes import ROPE, tube, tube_faces
 from softgym_mj.rendering.look import CORD, FAST, Look
+from softgym_mj.rendering.patterns import CORDS
 from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES, still
 from softgym_mj.rendering.surfaces import ROPE_SKIN, rope_shape
 from softgym_mj.rendering.textures import strands
-from softgym_mj.variations.randomization import scaled, shifted, turned
+from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted, tinted
 
 # [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.
 LENGTH = 0.5
@@ -38,7 +39,9 @@ PARAMETERS = (
     scaled("bend_damping", "s", BEND_DAMPING, 2.0, 5.0, "dashpot to stiffness"),
     scaled("density", "kg/m", MASS / LENGTH, 1.4, 2.0, "mass of a unit of length"),
     scaled("friction", "", FRICTION, 1.2, 1.6, "on the floor and on itself"),
-    shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
+    shifted("hue", "deg", 20.0, 90.0, "by which colours are turned", "visual"),
+    Parameter("brightness", "", 1.0, (0.75, 1.25), (0.5, 1.45), "factor to colours", "visual"),
+    chosen("pattern", CORDS, 2, "of the strands"),
 )
 
 
@@ -109,9 +112,12 @@ class Rope(Flex):
         flexcomp = self._mjcf_root.worldbody.flexcomp[0]
         flexcomp.mass = values["density"] * LENGTH
         flexcomp.contact.friction = [values["friction"]]
-        color = turned(self._color, values["hue"])
+        color = tinted(self._color, values["hue"], brightness=values["brightness"])
         flexcomp.rgba = color
-        self._mjcf_root.find("texture", "strands").file = strands(self._look, color[:3], ROPE.lobes)
+        index, seed = choice(values["pattern"], len(CORDS))
+        self._mjcf_root.find("texture", "strands").file = strands(
+            self._look, color[:3], ROPE.lobes, CORDS[index], seed
+        )
         self._set_material(
             stretch=values["stretch_stiffness"],
             bend=values["bend_stiffness"],

@@ -13,9 +13,10 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
 from softgym_mj.rendering.look import FABRIC, FAST, Look
+from softgym_mj.rendering.patterns import FABRICS
 from softgym_mj.rendering.skins import HIDDEN_FLEXES, SkinFile, closed
 from softgym_mj.rendering.textures import weave
-from softgym_mj.variations.randomization import Parameter, scaled, shifted, turned
+from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted, tinted
 
 # [m] Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).
 THICKNESS = 0.01
@@ -101,7 +102,11 @@ class Fabric:
                 "added_mass", "kg/m^2", self.added_mass, (0.0, max(self.added_mass, 0.1)),
                 (0.0, max(2.0 * self.added_mass, 0.5)), "air taken along",
             ),
-            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
+            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned", "visual"),
+            Parameter(
+                "brightness", "", 1.0, (0.8, 1.0), (0.65, 1.0), "factor to colours", "visual"
+            ),
+            chosen("pattern", FABRICS, 3, "of the front, fainter on the back"),
         )  # fmt: skip
 
 
@@ -186,9 +191,14 @@ class Sheet(Flex):
             drag=values["drag"],
             added_mass=values["added_mass"],
         )
-        front, back = (turned(color, values["hue"])[:3] for color in self._colors)
-        texture = self._mjcf_root.find("texture", "weave")
-        texture.file = weave(self._look, (front, back), self._has_strip)
+        front, back = (
+            tinted(color[:3], values["hue"], brightness=values["brightness"])
+            for color in self._colors
+        )
+        index, seed = choice(values["pattern"], len(FABRICS))
+        self._mjcf_root.find("texture", "weave").file = weave(
+            self._look, (front, back), self._has_strip, FABRICS[index], seed
+        )
 
     @abc.abstractmethod
     def _mass(self, density: float) -> float:

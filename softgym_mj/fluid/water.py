@@ -13,7 +13,7 @@ from softgym_mj.rendering.look import FAST, WATER, Look
 from softgym_mj.rendering.skins import DRAWN_SKINS, loose_triangles
 from softgym_mj.rendering.surfaces import PARTICLES, WATER_INSTANCE, WATER_SKIN
 from softgym_mj.variations.parametric import Parametric
-from softgym_mj.variations.randomization import scaled, shifted, turned
+from softgym_mj.variations.randomization import Parameter, scaled, shifted, tinted
 
 TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
 MOST_PARTICLES = 200_000  # Of the plugin: a step of as many takes a tenth of a second.
@@ -108,7 +108,10 @@ class Water(composer.Entity, Parametric):
             scaled("viscosity", "m^2/s", liquid.viscosity, 2.0, 5.0, "kinematic viscosity"),
             scaled("cohesion", "m/s^2", liquid.cohesion, 1.4, 2.0, "attraction of particles"),
             scaled("wall_friction", "", liquid.friction, 2.0, 5.0, "on the walls of the cups"),
-            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned"),
+            shifted("hue", "deg", 20.0, 90.0, "by which colours are turned", "visual"),
+            Parameter(
+                "opacity", "", WATER.rgba[3], (0.4, 0.65), (0.2, 0.9), "of its surface", "visual"
+            ),
         )
         self.arrays: dict[str, np.ndarray] = {}
         self._liquid, self._resolution = liquid, resolution
@@ -123,7 +126,7 @@ class Water(composer.Entity, Parametric):
         self._material = self._mjcf_root.asset.add(
             "material", name="water", specular=WATER.specular, shininess=WATER.shininess
         )
-        self._set_color(0.0)
+        self._set_color(0.0, WATER.rgba[3])
         self._numbers = self._mjcf_root.custom.add("numeric", name=PARTICLES, data=[0.0] * 2)
         self._set_resolution(resolution)
         self.set_look(FAST)
@@ -137,8 +140,8 @@ class Water(composer.Entity, Parametric):
             file=loose_triangles(look.water_triangles),
         )  # fmt: skip
 
-    def _set_color(self, hue: float) -> None:
-        self._material.rgba = turned(WATER.rgba, hue)
+    def _set_color(self, hue: float, opacity: float) -> None:
+        self._material.rgba = [*tinted(WATER.rgba[:3], hue), opacity]
         self._configure("rgba", *self._material.rgba)  # Of viewers that do not write the skin.
 
     def _set_parameters(self) -> None:
@@ -146,7 +149,7 @@ class Water(composer.Entity, Parametric):
         self._configure("viscosity", values["viscosity"])
         self._configure("cohesion", values["cohesion"])
         self._configure("friction", values["wall_friction"])
-        self._set_color(values["hue"])
+        self._set_color(values["hue"], values["opacity"])
 
     def _configure(self, key: str, *values):
         text = " ".join(str(value) for value in values)

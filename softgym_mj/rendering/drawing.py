@@ -6,13 +6,12 @@ import mujoco
 import numpy as np
 from dm_control.mujoco import engine
 
-from softgym_mj.rendering.look import SUN_RADIUS, look_of
+from softgym_mj.rendering.look import GAMMA, SUN_RADIUS, look_of
 from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES
 from softgym_mj.rendering.surfaces import Surface, find_surfaces
 
 MAX_GEOMS = 2000  # In a scene: arms from meshes have some hundred.
 CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL gives glass a black one.
-GAMMA = 2.2  # Of pixels: means are taken of light.
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _LIGHT = (np.arange(256) / 255.0).astype(np.float32) ** GAMMA  # Of the values of a pixel.
 

@@ -107,6 +107,7 @@ LIGHTS = (
 )
 AMBIENT, HEADLIGHT = 0.32, 0.10  # Light from all sides, and from the camera.
 SKY, HORIZON = (0.86, 0.88, 0.90), (0.93, 0.935, 0.94)
+GAMMA = 2.2  # Of pixels: they are powers of light.
 SUN_RADIUS = 0.28  # Of the disc in which the sun is moved between passes, at the distance 1.
 
 

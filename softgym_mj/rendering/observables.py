@@ -14,6 +14,7 @@ from softgym_mj.rendering import point_clouds
 from softgym_mj.rendering.offscreen import GLASS_GROUP, CameraView
 
 EXTERNAL = ("left", "right")  # Cameras with depth that stand beside the scene, by name.
+EXTERNAL_RGB = "external_rgb"  # uint8 (2, height, width, 3): from those cameras.
 WRIST_RGB = "wrist_rgb"  # uint8 (arms, height, width, 3): from the cameras on the hands of arms.
 LABELS = ("background", "object", "actor", "container")
 _GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)  # An array compares with the enum itself pixel by pixel.
@@ -103,7 +104,7 @@ def fixed_observables(
         "rgb": CameraObservable([task], task.rgb, colors),
         "depth": CameraObservable([task], task.depth, specs.Array(image, np.float32)),
         "segmentation": CameraObservable([task], task.labels, labels),
-        "external_rgb": _colors_of(pair),
+        EXTERNAL_RGB: _colors_of(pair),
         "external_depth": CameraObservable(
             pair,
             lambda physics: np.array([view.depth(physics) for view in pair]),

@@ -21,6 +21,7 @@ PRESETS = {
     "in_distribution": "every parameter within its usual range",
     "out_of_distribution": "every parameter outside of its usual range, within the valid one",
 }
+KINDS = {"physics": "what is felt", "visual": "what is only seen, in images"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Parameter:
         usual: range of the preset "in_distribution".
         valid: range within which it is accepted and the simulation was tried.
         summary: what it is.
+        kind: of which of the `KINDS` it is.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Parameter:
     usual: Range
     valid: Range
     summary: str
+    kind: str = "physics"
 
     def ranges(self, setting: object) -> tuple[Range, ...]:
         """The ranges to draw from.
@@ -87,24 +90,58 @@ class Parameter:
 
 
 def scaled(
-    name: str, unit: str, nominal: float, usual: float, valid: float, summary: str
+    name: str,
+    unit: str,
+    nominal: float,
+    usual: float,
+    valid: float,
+    summary: str,
+    kind: str = "physics",
 ) -> Parameter:
     """A positive parameter that varies by the factors `usual` and `valid`, down and up."""
     within, accepted = ((nominal / factor, nominal * factor) for factor in (usual, valid))
-    return Parameter(name, unit, nominal, within, accepted, summary)
+    return Parameter(name, unit, nominal, within, accepted, summary, kind)
 
 
-def shifted(name: str, unit: str, usual: float, valid: float, summary: str) -> Parameter:
+def shifted(
+    name: str, unit: str, usual: float, valid: float, summary: str, kind: str = "physics"
+) -> Parameter:
     """A parameter that is nominally 0 and varies by `usual` and `valid`, down and up."""
-    return Parameter(name, unit, 0.0, (-usual, usual), (-valid, valid), summary)
+    return Parameter(name, unit, 0.0, (-usual, usual), (-valid, valid), summary, kind)
 
 
-def turned(color: Sequence[float], hue: float) -> tuple[float, ...]:
-    """A colour (r, g, b, a) in 0..1 with its hue turned by `hue` [deg]; the same one for 0."""
-    if hue == 0.0:
+def chosen(name: str, choices: Sequence[str], usual: int, summary: str) -> Parameter:
+    """A visual parameter whose whole part chooses; the first is nominal, the first few are usual.
+
+    What is random about a choice, `choice` derives from the parts after the point.
+    """
+    listed = ", ".join(f"{i} {choice}" for i, choice in enumerate(choices))
+    valid = (0.0, float(len(choices)))
+    return Parameter(name, "", 0.0, (0.0, float(usual)), valid, f"{summary}: {listed}", "visual")
+
+
+def choice(value: float, number: int) -> tuple[int, int]:
+    """Which of `number` things the whole part of a value chooses, and a seed from the rest."""
+    index = min(int(value), number - 1)
+    return index, int((value - index) * 2**32)
+
+
+def tinted(
+    color: Sequence[float], hue: float = 0.0, saturation: float = 0.0, brightness: float = 1.0
+) -> tuple[float, ...]:
+    """A colour (r, g, b) or (r, g, b, a) in 0..1 made another one; the same one by default.
+
+    Args:
+        color: the colour.
+        hue: by which it is turned [deg].
+        saturation: that is added to its own, in 0..1.
+        brightness: factor.
+    """
+    if (hue, saturation, brightness) == (0.0, 0.0, 1.0):
         return tuple(color)
-    turn, saturation, value = colorsys.rgb_to_hsv(*color[:3])
-    return (*colorsys.hsv_to_rgb((turn + hue / 360.0) % 1.0, saturation, value), color[3])
+    turn, own, value = colorsys.rgb_to_hsv(*color[:3])
+    new = (turn + hue / 360.0) % 1.0, min(own + saturation, 1.0), min(value * brightness, 1.0)
+    return (*colorsys.hsv_to_rgb(*new), *color[3:])
 
 
 class Adjustable(Protocol):
@@ -154,7 +191,8 @@ class DomainRandomization:
 
         Args:
             setting: one of `PRESETS` for all parameters, or a dict from names of parameters to a
-                number, a pair (low, high) or a preset; the others stay nominal.
+                number, a pair (low, high) or a preset, and from `KINDS` to a preset for those of
+                the kind that are not named; the others stay nominal.
             parts: what has parameters.
 
         Raises:
@@ -164,12 +202,15 @@ class DomainRandomization:
         named = {p.name: p for part in parts for p in part.parameters}
         if isinstance(setting, Mapping):
             for name in setting:
-                check_name("domain parameter", name, named)
-            settings = {name: setting.get(name, "nominal") for name in named}
+                check_name("domain parameter", name, (*named, *KINDS))
+            kinds = {kind: setting.get(kind, "nominal") for kind in KINDS}
+            for kind, preset in kinds.items():
+                check_name(kind, preset, PRESETS)
+            settings = {name: setting.get(name, kinds[p.kind]) for name, p in named.items()}
         elif setting in PRESETS:
             settings = dict.fromkeys(named, setting)
         else:
-            choices = [*PRESETS, "a dict of " + ", ".join(named)]
+            choices = [*PRESETS, "a dict of " + ", ".join((*KINDS, *named))]
             raise InvalidArgumentError("domain", setting, choices)
         self.parameters = tuple(named.values())
         self.ranges = {p.name: p.ranges(settings[p.name]) for p in self.parameters}

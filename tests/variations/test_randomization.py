@@ -12,7 +12,7 @@ from softgym_mj.entities import Fabric
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import DEFAULT_DIMS, Cloth
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
-from softgym_mj.variations.randomization import DomainRandomization, scaled, shifted, turned
+from softgym_mj.variations.randomization import DomainRandomization, scaled, shifted, tinted
 
 # Attributes of the cloth plugin, and the domain parameters of a cloth that they are.
 MATERIAL = {
@@ -117,9 +117,11 @@ def test_bad_settings_say_what_is_valid(setting, words):
     assert all(word in str(raised.value) for word in words)
 
 
-def test_turned_colours():
-    assert turned((1.0, 0.0, 0.0, 0.5), 120.0) == pytest.approx((0.0, 1.0, 0.0, 0.5))
-    assert turned((1.0, 0.5, 0.0, 1.0), -30.0) == pytest.approx((1.0, 0.0, 0.0, 1.0))
+def test_tinted_colours():
+    assert tinted((1.0, 0.0, 0.0, 0.5), 120.0) == pytest.approx((0.0, 1.0, 0.0, 0.5))
+    assert tinted((1.0, 0.5, 0.0, 1.0), -30.0) == pytest.approx((1.0, 0.0, 0.0, 1.0))
+    assert tinted((0.8, 0.8, 0.8), 0.0, 0.5, 0.5) == pytest.approx((0.4, 0.2, 0.2))
+    assert tinted((0.1, 0.2, 0.3)) == (0.1, 0.2, 0.3)
 
 
 @pytest.mark.parametrize("task", TASKS)

@@ -269,7 +269,7 @@ class Task(composer.Task, abc.ABC):
     def after_compile(self, physics, random_state):
         self.random = random_state
         self._episode, self._stored = None, {}  # Sizes are others.
-        self.scene.compiled()
+        self.scene.compiled(physics)
         physics.legacy_step = False  # Steps are whole: what holds vertices sets velocities before.
 
     def points(self) -> np.ndarray:

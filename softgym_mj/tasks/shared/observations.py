@@ -8,7 +8,7 @@ from dm_control.composer.observation import observable
 
 from softgym_mj.exceptions import InvalidArgumentError, check_image_size
 from softgym_mj.metrics import Array, namespace
-from softgym_mj.rendering.observables import fixed_observables
+from softgym_mj.rendering.observables import EXTERNAL_RGB, WRIST_RGB, fixed_observables
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.tasks.shared.state import Episode, State
 
@@ -103,6 +103,11 @@ OBSERVATIONS = {
     "point_cloud": "float32 (1024, 4): x, y, z of points of the object that these cameras see, "
     "spread evenly, and 1; rows of zeros where they see fewer",
 }
+TAKEN = (
+    "rgb",
+    EXTERNAL_RGB,
+    WRIST_RGB,
+)  # What has the faults of a sensor, where a domain has some.
 GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can show it.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 
@@ -147,6 +152,10 @@ def make_observables(
         **task.actor.own_observables(height, width),
         **task.own_observables(height, width),
     )
+    for name in found.keys() & TAKEN:
+        found[name].corruptor = lambda images, random_state, name=name: task.scene.seen(
+            name, images, task.variation
+        )
     for name in enabled_names(observation, found):
         found[name].enabled = True
     return found

@@ -17,6 +17,7 @@ from softgym_mj.entities.views import View
 from softgym_mj.fluid import Water
 from softgym_mj.rendering.look import Look
 from softgym_mj.robots.base import Actor
+from softgym_mj.tasks.shared.sensor import TaskSensor
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.variations.randomization import Adjustable, Prefixed
 
@@ -29,6 +30,7 @@ class Scene:
     Attributes:
         arena: the floor and the cameras, with everything in it.
         materials: what deforms or flows, by model name.
+        sensor: what images that are observed have been taken with.
         cups: that of the actor, then those that stand still.
         flexes: what grippers can hold: the vertices of all flexes, numbered on in their order.
         most_strained: largest relative elongation of an edge at an end of an env step in this
@@ -59,6 +61,7 @@ class Scene:
         self.cups = [*held, *(thing for thing in objects if isinstance(thing, Cup))]
         self.flexes = FlexGroup([o for o in self.materials.values() if isinstance(o, Flex)])
         self.arena = Arena(view, actor.hides_view, look)
+        self.sensor = TaskSensor()
         for thing in self.objects:
             thing.set_look(look)
         for flex in self.flexes.flexes:
@@ -84,7 +87,8 @@ class Scene:
         parts = self.materials.items()
         several = len(parts) > 1
         return [
-            self.arena,
+            *self.arena.adjustable,
+            self.sensor,
             *(Prefixed(part, name) if several else part for name, part in parts),
         ]
 
@@ -100,9 +104,13 @@ class Scene:
         pairs: Iterable[Any] = zip(self.objects, sizes, strict=False)
         return any([thing.resize(size) for thing, size in pairs])
 
-    def compiled(self) -> None:
+    def compiled(self, physics) -> None:
         """Forgets what depends on sizes."""
-        self._present = {}
+        self._present, self._data = {}, physics.data.ptr
+
+    def seen(self, name: str, images: np.ndarray, variation: int) -> np.ndarray:
+        """What is observed now, in a variation, of drawn images (..., height, width, 3) uint8."""
+        return self.sensor.seen(images, name, variation, self._data.time)
 
     # ------------------------------------------------------------------ states
 

@@ -1,0 +1,54 @@
+"""`TaskSensor`: domain parameters of the cameras whose images are observed."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from softgym_mj.rendering.sensor import LOSSLESS, Sensor
+from softgym_mj.robots.base import SIM_STEP
+from softgym_mj.variations.indices import generator
+from softgym_mj.variations.randomization import Parameter, scaled
+
+
+class TaskSensor:
+    """Changes coloured images that are observed; not those of `render`, depths or labels.
+
+    An image depends on the variation and on the time in the episode, not on how many were taken.
+
+    Attributes:
+        parameters: domain parameters.
+    """
+
+    parameters = (
+        Parameter("sensor_blur", "pixels", 0.0, (0.0, 0.6), (0.0, 1.3), "deviation", "visual"),
+        scaled("sensor_exposure", "", 1.0, 1.15, 1.35, "factor to pixels", "visual"),
+        Parameter(
+            "sensor_noise", "1/255", 0.0, (0.0, 4.0), (0.0, 10.0), "deviation of a pixel", "visual"
+        ),
+        Parameter(
+            "sensor_quality", "", LOSSLESS, (60.0, LOSSLESS), (25.0, LOSSLESS),
+            "of JPEG; 100 is without", "visual",
+        ),
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self._sensor = Sensor()
+
+    def adjust(self, values: Mapping[str, float]) -> bool:
+        """Sets all parameters; False: nothing of the model changes."""
+        faults = {name.removeprefix("sensor_"): value for name, value in values.items()}
+        self._sensor = Sensor(**faults)
+        return False
+
+    def seen(self, images: np.ndarray, name: str, variation: int, time: float) -> np.ndarray:
+        """What is observed of drawn images.
+
+        Args:
+            images: (..., height, width, 3) uint8.
+            name: of the observation.
+            variation: index.
+            time: in the episode [s].
+        """
+        if self._sensor == Sensor():
+            return images
+        return self._sensor(images, generator(f"{name}/{round(time / SIM_STEP)}", variation))
