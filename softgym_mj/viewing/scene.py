@@ -18,6 +18,7 @@ AMBIENCE = 0.4  # Of light from all sides; with mjviser's 0.8, colours are bleac
 # Of a texture: patches along its height, whose mean colours are shown, and by how much the sums of
 # their channels differ where they are alike. Threads differ less, the sides of a cloth more.
 PATCHES, ALIKE = 32, 0.35
+RARE = 0.1  # Part of the faces of a skin that is not worth a colour of its own.
 _SHOWN_GROUPS = 3  # Geoms of further groups are there for contact.
 
 
@@ -40,15 +41,17 @@ def skin_parts(model: mujoco.MjModel, skin: int) -> list[tuple[np.ndarray, np.nd
     places = model.skin_texcoord[first : first + number][faces].mean(axis=1)
     row, column = (places[:, ::-1] % 1.0 * cells.shape[:2]).astype(int).T
     colors = cells[row, column]
-    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    # The commonest colour, then the commonest of those that differ; what is between two is neither.
+    kept: list[np.ndarray] = []
     left = np.ones(len(faces), bool)
-    while left.any():
-        color = np.median(colors[left], axis=0)
-        nearest = colors[left][np.abs(colors[left] - color).sum(axis=1).argmin()]
-        alike = left & (np.abs(colors - nearest).sum(axis=1) < ALIKE)
-        parts.append((rgba * [*colors[alike].mean(axis=0), 1.0], faces[alike]))
+    while left.mean() > RARE:
+        median = np.median(colors[left], axis=0)
+        color = colors[left][np.abs(colors[left] - median).sum(axis=1).argmin()]
+        alike = left & (np.abs(colors - color).sum(axis=1) < ALIKE)
+        kept.append(colors[alike].mean(axis=0))
         left &= ~alike
-    return parts
+    nearest = np.abs(colors[:, None] - np.array(kept)).sum(axis=2).argmin(axis=1)
+    return [(rgba * [*color, 1.0], faces[nearest == i]) for i, color in enumerate(kept)]
 
 
 def _opacity(rgba: np.ndarray) -> float | None:

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 import softgym_mj
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
-from softgym_mj.rendering.observables import LABELS, TaskCamera
+from softgym_mj.rendering.observables import LABELS, LabelledView
 from softgym_mj.rendering.offscreen import GLASS_GROUP, CameraView
 
 SIZE, GEOM = (160, 160), mujoco.mjtObj.mjOBJ_GEOM
@@ -114,5 +114,5 @@ def test_the_outline_is_where_the_goal_is():
 
 def test_the_camera_of_labels_needs_no_cups():
     env, _ = look("spread_cloth", observation="reduced")
-    labels = TaskCamera(*SIZE, lambda: {}).segmentation(env.physics)
+    labels = LabelledView("task", *SIZE, lambda: {}).labels(env.physics)
     assert set(np.unique(labels)) == {0, LABELS.index("object")}

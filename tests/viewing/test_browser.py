@@ -30,14 +30,14 @@ with_chromium = pytest.mark.skipif(
 
 
 def test_the_sides_of_a_cloth_and_its_strip_have_two_colours():
-    physics = softgym_mj.load("fold_cloth", split="all").physics
-    parts = scene.skin_parts(physics.model.ptr, 0)
+    env = softgym_mj.load("fold_cloth", split="all")
+    parts = scene.skin_parts(env.physics.model.ptr, 0)
     colors = np.array([rgba[:3] for rgba, _ in parts])
     for own in FRONT_COLOR, BACK_COLOR:
         assert np.abs(colors - own[:3]).max(axis=1).min() < 0.2
     assert len(parts) == 2
     sizes = [len(faces) for _, faces in parts]
-    assert sum(sizes) == physics.model.ptr.skin_facenum[0]
+    assert sum(sizes) == env.physics.model.ptr.skin_facenum[0]
     assert min(sizes) > 0.45 * sum(sizes)  # The strip changes places.
 
 
