@@ -45,8 +45,9 @@ def skin_parts(model: mujoco.MjModel, skin: int) -> list[tuple[np.ndarray, np.nd
     kept: list[np.ndarray] = []
     left = np.ones(len(faces), bool)
     while left.mean() > RARE:
-        median = np.median(colors[left], axis=0)
-        color = colors[left][np.abs(colors[left] - median).sum(axis=1).argmin()]
+        bins, which = np.unique(np.round(6.0 * colors[left]), axis=0, return_inverse=True)
+        commonest = which.ravel() == np.bincount(which.ravel(), minlength=len(bins)).argmax()
+        color = colors[left][commonest].mean(axis=0)
         alike = left & (np.abs(colors - color).sum(axis=1) < ALIKE)
         kept.append(colors[alike].mean(axis=0))
         left &= ~alike
