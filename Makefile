@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo notebooks test test-all lint bench sheets films gallery docs native clean
+.PHONY: demo notebooks test test-all lint bench sheets films gallery photos docs native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
@@ -48,6 +48,10 @@ films: $(VENV)/.installed
 # Draws every task with every actor, docs/gallery.
 gallery: $(VENV)/.installed
 	$(BIN)/python -m tools.gallery
+
+# Photographs of each material, docs/photos: some minutes.
+photos: $(VENV)/.installed-dev
+	$(BIN)/python -m tools.photos
 
 # Builds the documentation site into build/site; a warning is an error.
 docs: $(VENV)/.installed-dev

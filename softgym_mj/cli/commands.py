@@ -18,7 +18,7 @@ import typer
 import typer.core
 
 import softgym_mj
-from softgym_mj.cli import data, evaluation, view
+from softgym_mj.cli import data, evaluation, photo, view
 from softgym_mj.cli.console import (
     Actor,
     Grasp,
@@ -60,6 +60,7 @@ app.command()(evaluation.plot)
 app.command()(data.generate)
 app.command()(data.record)
 app.command()(view.view)
+app.command()(photo.photo)
 
 _VIDEO_SIZE = 480  # Side of a video [pixels].
 

@@ -5,7 +5,7 @@ import abc
 import mujoco
 import numpy as np
 
-from softgym_mj.native.meshes import PLAIN, ROPE, tube, water_mesh
+from softgym_mj.native.meshes import MOST_TRIANGLES, PLAIN, ROPE, Mesh, tube, water_mesh
 from softgym_mj.rendering.look import Look
 from softgym_mj.rendering.skins import DRAWN_SKINS
 
@@ -17,7 +17,11 @@ WATER_SKIN, WATER_INSTANCE, PARTICLES = "water_surface", "water", "particles"
 
 
 class Surface(abc.ABC):
-    """A skin of a model whose vertices are written by us."""
+    """A skin of a model whose vertices are written by us.
+
+    Attributes:
+        skin: its number.
+    """
 
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData, skin: int, prefix: str, look: Look
@@ -30,7 +34,7 @@ class Surface(abc.ABC):
             prefix: of the names in the model that it is part of.
             look: of the model.
         """
-        first = model.skin_vertadr[skin]
+        self.skin, first = skin, model.skin_vertadr[skin]
         self._part = slice(first, first + model.skin_vertnum[skin])
 
     @abc.abstractmethod
@@ -61,10 +65,15 @@ class WaterSurface(Surface):
         first = model.plugin_stateadr[instance] + 1  # As `Water.after_compile` says.
         number, self._spacing = model.numeric(prefix + PARTICLES).data.tolist()
         self._points = data.plugin_state[first : first + 3 * int(number)].reshape(-1, 3)
-        self._cell, self._most = look.water_cell * self._spacing, look.water_triangles
+        self._cell, self._most = look.water_cell, look.water_triangles
+
+    def mesh(self, cell: float, most: int = MOST_TRIANGLES) -> Mesh:
+        """The surface, of cells [rest distances] and at most so many triangles."""
+        spacing = self._spacing
+        return water_mesh(self._points, spacing, cell * spacing, most_triangles=most)
 
     def write(self, vertices, normals):
-        mesh = water_mesh(self._points, self._spacing, self._cell, most_triangles=self._most)
+        mesh = self.mesh(self._cell, self._most)
         corners, own = mesh.faces.ravel(), vertices[self._part]
         own[: len(corners)], own[len(corners) :] = mesh.vertices[corners], 0.0
         normals[self._part][: len(corners)] = mesh.normals[corners]

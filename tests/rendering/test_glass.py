@@ -56,7 +56,7 @@ def test_clouds_of_water_have_its_depth_behind_glass():
 
 def test_without_cups_nothing_is_rendered_twice(monkeypatch):
     views = []
-    monkeypatch.setattr(CameraView, "segmentation", spy(CameraView.segmentation, views))
+    monkeypatch.setattr(CameraView, "surfaces", spy(CameraView.surfaces, views))
     look("straighten_rope", observation="segmentation")
     assert len(views) == 1
     look("pour_water", observation="segmentation")

@@ -1,0 +1,62 @@
+"""The command `softgym-mj photo`."""
+
+import pathlib
+from typing import Annotated
+
+import typer
+
+import softgym_mj
+from softgym_mj.cli.console import Actor, Grasp, Task, Trust, console, given, progress_bar
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.policies.factory import SIMPLE, make_policy
+from softgym_mj.registry import find
+from softgym_mj.rendering import photo as photos
+from softgym_mj.rendering.look import PAPER
+from softgym_mj.rendering.offscreen import write_picture
+
+
+def photo(
+    task: Task,
+    actor: Actor = None,
+    grasp: Grasp = None,
+    variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
+    step: Annotated[int, typer.Option(help="Env steps before the photograph.", min=0)] = 0,
+    policy: Annotated[
+        str, typer.Option(help=f"Until then: {', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
+    ] = "scripted",
+    trust: Trust = False,
+    camera: Annotated[str, typer.Option(help="task, overview or another of the model.")] = "task",
+    size: Annotated[int, typer.Option(help="Image side [pixels].")] = 512,
+    samples: Annotated[
+        int, typer.Option(help="Of which a pixel is the mean; glass and water want 256.", min=1)
+    ] = photos.SAMPLES,
+    denoise: Annotated[bool, typer.Option(help="Remove the grain.")] = True,
+    film: Annotated[
+        bool, typer.Option("--film", help="A video of the whole episode instead, from its start.")
+    ] = False,
+    every: Annotated[int, typer.Option(help="Env steps between its pictures.", min=1)] = 1,
+    out: Annotated[
+        pathlib.Path | None, typer.Option(help="The file; TASK.png or TASK.mp4 if not given.")
+    ] = None,
+) -> None:
+    """Photographs a task with a renderer that follows light: seconds to minutes a picture."""
+    record = find(task)
+    view = photos.PhotoCamera(camera, size, samples, denoise)  # Refuses before anything is played.
+    env = softgym_mj.load(record, split="all", look=PAPER.name, **given(actor=actor, grasp=grasp))
+    act = make_policy(policy, env, trust=trust)
+    file = out or pathlib.Path(f"{record.name}.{'mp4' if film else 'png'}")
+    with progress_bar() as progress:
+        if film:
+            bar = progress.add_task("env steps", total=env.horizon)
+            photos.film(env, act, variation, view, every=every,
+                        on_step=lambda: progress.advance(bar)).write(file)  # fmt: skip
+        else:
+            timestep = env.reset(variation)
+            for _ in progress.track(range(step), description="env steps"):
+                if timestep.last():
+                    raise InvalidArgumentError("step", step, f"at most {env.step_count}")
+                timestep = env.step(act(timestep))
+            bar = progress.add_task("samples", total=samples)
+            picture = view.rgb(env.physics, lambda number: progress.advance(bar, number))
+            write_picture(picture, file)
+    console.print(f"wrote {file}")

@@ -1,0 +1,5 @@
+"""Photoreal stills and films: a renderer that follows light, Mitsuba 3 (`softgym_mj[photo]`)."""
+
+from softgym_mj.rendering.photo.camera import SAMPLES, PhotoCamera, film, still
+
+__all__ = ["SAMPLES", "PhotoCamera", "film", "still"]

@@ -1,0 +1,80 @@
+"""The photographs of the README and of docs/pictures.md, docs/photos: one of each material.
+
+`python -m tools.photos` (`make photos`) writes them; minutes each. Names of photographs: only
+these.
+"""
+
+import dataclasses
+import pathlib
+import sys
+from collections.abc import Mapping, Sequence
+
+import mujoco
+from PIL import Image
+
+from softgym_mj.envs.load import load
+from softgym_mj.policies.factory import make_policy
+from softgym_mj.rendering import photo
+
+FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "photos"
+SIZE = 512  # Side [pixels].
+QUALITY = 92  # Of the JPEGs: no blocks are seen.
+
+
+@dataclasses.dataclass(frozen=True)
+class Still:
+    """What is photographed.
+
+    Attributes:
+        task: its name.
+        step: env steps of the expert before.
+        middle: what the camera looks at [m].
+        azimuth, elevation: of the direction in which it looks [deg].
+        distance: from there [m].
+        samples: of a pixel.
+        settings: of the task.
+    """
+
+    task: str
+    step: int
+    middle: tuple[float, float, float]
+    azimuth: float
+    elevation: float
+    distance: float
+    samples: int = 64
+    settings: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def camera(self) -> mujoco.MjvCamera:
+        """The camera."""
+        camera = mujoco.MjvCamera()
+        camera.lookat[:], camera.distance = self.middle, self.distance
+        camera.azimuth, camera.elevation = self.azimuth, self.elevation
+        return camera
+
+
+STILLS = {
+    "cloth": Still("fold_cloth", 20, (0.06, 0.06, 0.10), 72, -30, 0.95),
+    "rope": Still("rope_configuration", 35, (0.01, 0.02, 0.02), 62, -40, 0.44),
+    "water": Still("pour_water", 58, (0.55, 0.0, 0.22), 80, -20, 1.3, 128),
+    "arms": Still("fold_cloth", 40, (0.0, 0.0, 0.22), 172, -26, 1.8, settings={"actor": "franka"}),
+}
+
+
+def main(names: Sequence[str]) -> None:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in names or STILLS:
+        chosen = STILLS[name]
+        env = load(chosen.task, split="all", look="paper", **chosen.settings)
+        act = make_policy("scripted", env)
+        timestep = env.reset(env.task.example_variation)
+        for _ in range(chosen.step):
+            timestep = env.step(act(timestep))
+        picture = photo.still(env, chosen.camera, SIZE, chosen.samples)
+        file = FOLDER / f"{name}.jpg"
+        Image.fromarray(picture).save(file, quality=QUALITY, subsampling=0)
+        print(f"{file.name}: {file.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
