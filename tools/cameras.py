@@ -28,6 +28,7 @@ from softgym_mj.entities.sheet import Sheet
 from softgym_mj.envs.environment import Environment
 from softgym_mj.fluid import Water
 from softgym_mj.jobs.executors import make_executor
+from softgym_mj.native.meshes import tube, tube_faces
 from softgym_mj.registry import TASKS
 from softgym_mj.rendering.offscreen import refresh_poses
 from softgym_mj.robots.arm_actor import ArmActor
@@ -35,7 +36,6 @@ from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.menagerie import SHOWN_GROUPS
 from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.indices import SPLITS
-from softgym_mj.viewing.scene import tube
 from tools.framing import loaded, played
 from tools.silhouettes import CORNERS, boxes, covered, sampled
 
@@ -174,7 +174,9 @@ def surface(env: Environment) -> np.ndarray:
         if isinstance(thing, Sheet):
             found.append(thing.points()[thing.triangles])
         elif isinstance(thing, Rope):
-            vertices, triangles = tube(thing.points(), thing.radius)
+            shape = {"sides": 8, "rings_per_edge": 1}
+            vertices, _ = tube(thing.points(), thing.radius, **shape)
+            triangles, _ = tube_faces(thing.num_points, **shape)
             found.append(vertices[triangles])
     cups = np.array([cup_corners(cup) for cup in env.task.scene.cups]).reshape(-1, 8, 3)
     return np.concatenate([*found, boxes(cups)])
