@@ -42,7 +42,7 @@ class World:
 
     def __init__(self, arm: str, kind: str = "rope", base_height: float = 0.0, table: float = 0.0):
         target = Cloth((20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
-        arena, self.arms = Arena(kind), Arms(ARMS[arm], 1, base_height)
+        arena, self.arms = Arena(), Arms(ARMS[arm], 1, base_height)
         if table:
             arena.mjcf_model.worldbody.add(
                 "geom", type="box", pos=[0, 0, table / 2], size=[0.4, 0.3, table / 2],

@@ -71,11 +71,10 @@ def test_the_bar_is_where_facts_say(env):
     assert task.episode.goal["level"] == pytest.approx(height, rel=1e-12)
     model, data = env.physics.model.ptr, env.physics.data.ptr
     mujoco.mj_kinematics(model, data)
-    bar = model.geom("level/bar").id
+    bar = model.site("level/bar").id
     near = task.target.pose[0] - target.length / 2
-    np.testing.assert_allclose(data.geom_xpos[bar], [near, 0.0, height], atol=1e-12)
-    np.testing.assert_allclose(model.geom_size[bar], [0.0025, target.width / 2, 0.0025])
-    assert not model.geom_contype[bar] and not model.geom_conaffinity[bar]
+    np.testing.assert_allclose(data.site_xpos[bar], [near, 0.0, height], atol=1e-12)
+    np.testing.assert_allclose(model.site_size[bar], [0.0025, target.width / 2, 0.0025])
 
 
 def test_the_bar_tells_where_the_water_will_stand():

@@ -9,6 +9,7 @@ import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.rope import RADIUS
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.tasks.rope_configuration import goal_name
 from softgym_mj.tasks.shared.letters import LETTERS
 from softgym_mj.tasks.shared.letters import letter as line
@@ -33,14 +34,14 @@ def letter(name, count=41):
     return np.column_stack([line(name, count), np.full(count, RADIUS)])
 
 
-def apart(pixels, goal):
-    """Distances (m, n) [m] of m pixels of a square image from the n vertices of a goal."""
+def apart(env, pixels, goal):
+    """Distances (m, n) [m] of m pixels of an image, on the floor, from the n vertices of a goal."""
+    view = CameraView("task", *pixels.shape).calibration(env.physics)
     rows, columns = np.nonzero(pixels)
-    middle = (len(pixels) - 1) / 2
-    # The camera sees 0.704 m of the floor from 0.85 m above.
-    pitch = 2 * 0.85 * np.tan(np.deg2rad(22.5)) / len(pixels)
-    x, y = (columns - middle) * pitch, (middle - rows) * pitch
-    return np.hypot(x[:, None] - goal[:, 0], y[:, None] - goal[:, 1])
+    seen = np.column_stack([columns, rows])
+    near, far = (view.unproject(seen, np.full(len(seen), depth)) for depth in (0.0, 1.0))
+    floor = near + (far - near) * (near[:, 2] / (near[:, 2] - far[:, 2]))[:, None]
+    return np.hypot(floor[:, :1] - goal[:, 0], floor[:, 1:2] - goal[:, 1])
 
 
 def place(env, vertices):
@@ -120,13 +121,14 @@ def test_observations_contain_the_goal():
 
 def test_the_letter_is_drawn_on_the_floor():
     env = make(observation="rgb", image_size=(256, 256))
-    seen = {}
+    seen, view = {}, CameraView("task", 256, 256)
     for variation in (800, 801, 803, 812):
-        image = env.reset(variation).observation["rgb"].astype(int)
-        orange = (
-            (image[..., 0] > 130) & (image[..., 2] < 120) & (image[..., 0] > image[..., 1] + 30)
-        )
-        distance = apart(orange, letter(goal_name(variation))).min(axis=1)
+        observed = env.reset(variation).observation["rgb"].astype(int)
+        image = view.rgb(env.physics).astype(int)
+        red, tone, blue = np.moveaxis(image, -1, 0)
+        green = (tone > red + 40) & (tone > blue + 20)
+        assert not np.any((observed[..., 1] > observed[..., 0] + 40) & green)
+        distance = apart(env, green, letter(goal_name(variation))).min(axis=1)
         assert len(distance) > 100 and distance.max() < 0.015
         seen[goal_name(variation)] = True
     assert len(seen) > 2
@@ -146,9 +148,9 @@ def test_the_goal_image_shows_the_rope_on_the_letter():
     found = [env.step(action).observation["full"] for action in act[3:]]
     np.testing.assert_array_equal(found, expected)  # Looking changes nothing.
     goal = letter(goal_name(803))
-    blue = apart((image[..., 2] > 150) & (image[..., 0] < 80), goal)
+    blue = apart(env, image[..., 2] > image[..., 0] + 60, goal)
     assert blue.min(axis=1).max() < 0.015 and blue.min(axis=0).max() < 0.01
-    dark = apart(image.max(axis=2) < 100, goal)  # The rope's own shadow, but none of a picker.
+    dark = apart(env, image.max(axis=2) < 60, goal)  # The rope's own shadow, but no picker.
     assert dark.min(axis=1).max(initial=0.0) < 0.025
 
 

@@ -146,12 +146,18 @@ def test_the_window_shows_the_state_and_takes_keys(monkeypatch):
         ]
     )
     window.Window(session, viewer).run()
-    # The picture of straighten_rope is seen from above, X to the right.
-    np.testing.assert_allclose(seen[-1] - start[0, :3], [0.05, 0.0, 0.0], atol=1e-9)
+    # To the right in the picture, along the nearer axis.
+    _, axes = camera.pose(session.env, "task")
+    right, back = axes[:, 0], axes[:, 2]
+    along = np.abs(right).argmax()
+    expected = 0.05 * np.eye(3)[along] * np.sign(right[along])
+    np.testing.assert_allclose(seen[-1] - start[0, :3], expected, atol=1e-9)
     np.testing.assert_allclose(viewer.balls[-1], session.teleoperation.targets[:, :3])
-    assert viewer.cam.azimuth == pytest.approx(90.0)
-    assert viewer.cam.elevation == pytest.approx(-90.0)
-    np.testing.assert_allclose(viewer.cam.lookat, [0.0, 0.0, camera.LOOK_AT_HEIGHT], atol=1e-9)
+    assert viewer.cam.azimuth == pytest.approx(np.rad2deg(np.arctan2(-back[1], -back[0])))
+    assert viewer.cam.elevation == pytest.approx(-np.rad2deg(np.arcsin(back[2])))
+    place, _ = camera.pose(session.env, "task")
+    toward = np.array(viewer.cam.lookat) - place
+    np.testing.assert_allclose(toward / np.linalg.norm(toward), -back, atol=1e-9)
     (*_, names, values), (*_, labels, uses) = viewer.texts[-1]
     assert "normalized performance" in names and "picker 1 closed" in values
     assert labels.count("\n") == uses.count("\n") == len(keys.keys_of(session.teleoperation)) - 1

@@ -61,13 +61,13 @@ def finish_of(model: mujoco.MjModel, material: int) -> Clear | Opaque:
 
 
 def linear(values: npt.ArrayLike) -> np.ndarray:
-    """Light of sRGB's values in 0..1."""
+    """Light (...) of sRGB's values (...) in 0..1."""
     values = np.asarray(values, float)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def pixels(light: np.ndarray) -> np.ndarray:
-    """sRGB's values, uint8, of light; what is brighter than 1 is white."""
+    """sRGB's values (...), uint8, of light (...); what is brighter than 1 is white."""
     light = np.clip(light, 0.0, 1.0)
     values = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.round(255.0 * values).astype(np.uint8)
