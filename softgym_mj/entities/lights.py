@@ -72,6 +72,7 @@ class Lights(Parametric):
         self._root, self._middle = root, middle
         quality, headlight = root.visual.quality, root.visual.headlight
         quality.shadowsize, quality.offsamples = look.shadow_size, look.samples
+        quality.numslices, quality.numstacks = look.slices, look.slices // 2
         headlight.specular = [0.0] * 3
         self._camera = camera
         self._lights: list[mjcf.Element] = []

@@ -13,6 +13,10 @@ from softgym_mj.variations.randomization import Parameter, choice, chosen, scale
 
 # [m] Of the table: half its sides, its top's thickness, its height above the floor of the room.
 HALF_SIDES, TOP, HEIGHT = (1.3, 1.1), 0.04, 0.75
+# Of the room: a plane that vanishes in haze, and a box whose far edge is seen but which is drawn in
+# half the time.
+ENDLESS: dict[str, object] = {"type": "plane", "size": [0.0, 0.0, 0.1]}
+LARGE: dict[str, object] = {"type": "box", "size": [15.0, 15.0, 0.001]}
 SHEET = 0.002  # [m] Thickness of the laminate upon it.
 # What the table may be of, and its colour: a metre of it is one picture.
 TABLES: dict[str, tuple[Callable[..., mjcf.Asset], Color]] = {
@@ -89,10 +93,10 @@ class Room(Parametric):
                 "geom", name=name, type="box", size=[*HALF_SIDES, thickness / 2],
                 pos=[middle, 0.0, top - thickness / 2], material=name, **_SEEN,
             )  # fmt: skip
+        floor = ENDLESS if look.is_endless else LARGE
         root.worldbody.add(
-            "geom", name="room", type="plane", size=[0.0, 0.0, 0.1], pos=[middle, 0.0, -HEIGHT],
-            material="room", **_SEEN,
-        )  # fmt: skip
+            "geom", name="room", **floor, pos=[middle, 0.0, -HEIGHT], material="room", **_SEEN
+        )
         self._set_parameters()
 
     def _set_parameters(self) -> None:

@@ -31,6 +31,8 @@ class Look:
         threads: of the weave along a side of a sheet.
         rope_sides, rope_rings: of a drawn rope: corners of its section, sections along an edge.
         is_stranded: whether ropes have strands.
+        is_endless: whether the floor of the room vanishes in haze.
+        slices: corners of what stands for a circle.
         water_cell: side of the grid that the surface of water is found on [rest distances].
         water_triangles: of this surface at most; where it would have more, the cells are larger.
     """
@@ -46,12 +48,14 @@ class Look:
     rope_sides: int
     rope_rings: int
     is_stranded: bool
+    is_endless: bool
+    slices: int
     water_cell: float
     water_triangles: int
 
 
-FAST = Look("fast", 256, 4, 1, 1, 2, 256, 24, 8, 3, False, 1.0, 4_000)
-PAPER = Look("paper", 2048, 4, 24, 1, 4, 2048, 180, 24, 8, True, 0.5, 24_000)
+FAST = Look("fast", 256, 4, 1, 1, 1, 256, 24, 8, 3, False, False, 16, 1.25, 6_000)
+PAPER = Look("paper", 2048, 4, 24, 1, 4, 2048, 180, 24, 8, True, True, 40, 0.5, 24_000)
 LOOKS = {look.name: look for look in (FAST, PAPER)}
 
 
@@ -128,11 +132,11 @@ class Surface:
 
 TABLE = Surface((0.80, 0.79, 0.77, 1.0))
 TABLE_EDGE = Surface((0.62, 0.48, 0.34, 1.0))
-ROOM = Surface((0.70, 0.70, 0.71, 1.0))
+ROOM = Surface((0.74, 0.74, 0.74, 1.0))
 FABRIC = Surface((1.0, 1.0, 1.0, 1.0), 0.05, 0.05)
 CORD = Surface((1.0, 1.0, 1.0, 1.0), 0.15, 0.2)
 GLASS = Surface((0.75, 0.86, 0.90, 0.22), 0.9, 0.9)
 WATER = Surface((0.10, 0.42, 0.75, 0.5), 0.8, 0.9)
 STEEL = Surface((0.63, 0.65, 0.68, 1.0), 0.5, 0.6)
-GRAPHITE = Surface((0.17, 0.18, 0.20, 1.0), 0.25, 0.3)
+GRAPHITE = Surface((0.25, 0.27, 0.30, 1.0), 0.25, 0.3)
 SIGNAL = Surface((0.95, 0.52, 0.10, 1.0), 0.2, 0.3)

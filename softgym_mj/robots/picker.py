@@ -22,13 +22,11 @@ from softgym_mj.robots.workspace import Workspace
 MASS = 1e4
 MOST_PICKERS = 32  # More stand in a ring that is wider than any workspace.
 # What is drawn, in radii: from, to above the centre, radius, surface. A ball of rubber, which is
-# what is felt, on a shaft with a collar and a flange.
+# what is felt, on a shaft with a collar.
 _BALL = GRAPHITE
 _PARTS = (
-    ("collar", 0.72, 1.02, 0.62, STEEL),
-    ("ring", 1.02, 1.14, 0.62, SIGNAL),
-    ("shaft", 1.14, 2.50, 0.24, STEEL),
-    ("flange", 2.50, 2.74, 0.50, GRAPHITE),
+    ("collar", 0.76, 1.08, 0.60, SIGNAL),
+    ("shaft", 1.08, 2.70, 0.26, STEEL),
 )
 
 
