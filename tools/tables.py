@@ -14,19 +14,20 @@ from softgym_mj.evaluation import comparison, plots
 from softgym_mj.registry import TASKS
 from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.randomization import Parameter
-from tools import framing
+from tools import framing, gallery
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES = (
+README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES = (
     ROOT / "README.md",
     DOCS / "domain.md",
     DOCS / "robots.md",
     DOCS / "validation.md",
     DOCS / "results.md",
     DOCS / "recipes.md",
+    DOCS / "pictures.md",
 )
-PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES)
+PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES)
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -203,6 +204,15 @@ def parameters() -> str:
     return table("| task | parameter | kind | unit | nominal | usual | valid | what it is |", rows)
 
 
+def stills() -> str:
+    """Pictures of all tasks with every kind of actor."""
+    rows = []
+    for name in TASKS:
+        shown = (f"![{name}, {actor}](gallery/{name}-{actor}.jpg)" for actor in gallery.ACTORS)
+        rows.append(f"| `{name}` | {' | '.join(shown)} |")
+    return table("| task | pickers, cup | Franka | Sawyer |", rows)
+
+
 def between(text: str, name: str, new: str) -> str:
     """A page with what is between its comments `name` and `/name` replaced."""
     start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
@@ -224,6 +234,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[README] = between(texts[README], "tasks", overview(scores))
     texts[README] = between(texts[README], "speed", materials())
     texts[README] = between(texts[README], "processes", processes())
+    texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
     texts[RECIPES] = with_table(texts[RECIPES], learning())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
