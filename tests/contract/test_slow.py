@@ -83,7 +83,7 @@ def scores_of_the_expert(task, **settings):
         ("fold_cloth", 0.9),
         ("fold_crumpled_cloth", 0.6),
         ("drop_cloth", 0.8),
-        ("drop_fold_cloth", 0.6),
+        ("drop_fold_cloth", 0.7),
         ("transport_water", 0.99),
         ("pour_water", 0.9),
         ("pour_water_amount", 0.9),

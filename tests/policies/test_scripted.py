@@ -55,6 +55,14 @@ def test_spread_cloth_is_spread():
     assert info["max_edge_strain"] < 0.15
 
 
+@pytest.mark.parametrize("variation", [942, 953, 989])
+def test_a_dropped_cloth_lies_folded(variation):
+    # Let down in a heap on the right spot, it scores as much, but covers half of its place.
+    info = play("drop_fold_cloth", variation)
+    assert info["outline_iou"] >= 0.8
+    assert info["mean_corner_distance"] <= 0.03
+
+
 def test_water_is_carried_to_the_goal_without_a_drop():
     for variation in (800, 806):
         info = play("transport_water", variation, fidelity="fast")
