@@ -253,6 +253,7 @@ def sheet(name: str) -> str:
     parts = [
         f"# {name}\n",
         f"{record.summary}\n",
+        f"![The scripted expert](../films/{name}.webp)\n",
         facts,
         "## Goal and reward\n",
         *(line for label in ("", "Goal", "Reward", "Bounds", "End") for line in text[label]),

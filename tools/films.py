@@ -1,7 +1,7 @@
-"""The moving pictures of the README, docs/films: the scripted expert at each task.
+"""The moving pictures of README and docs, docs/films: the scripted expert at each task.
 
 `python -m tools.films` (`make films`) writes them; a quarter of an hour without a GPU. Names of
-tasks: only theirs.
+tasks: only theirs. And `tasks.webp`: all of them side by side, made of the others.
 """
 
 import pathlib
@@ -19,6 +19,7 @@ FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "films"
 SIZE = 240  # Side [pixels].
 PASSES = 8  # Of which a picture is the mean: shadows are soft, edges smooth.
 QUALITY = 60  # Of WebP, 0..100.
+COLUMNS = 5  # Of the film of all tasks.
 HOLD = 1200  # Of the end, before it starts anew [ms].
 STILL = 0.3  # Mean difference of two pictures without motion [of 255].
 REST = 6  # Pictures kept after the last motion.
@@ -42,6 +43,25 @@ def write_film(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.Pa
     )  # fmt: skip
 
 
+def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
+    """Films side by side, as pictures and milliseconds each; those that have ended stand still."""
+    films, duration = [], 0
+    for name in TASKS:
+        with Image.open(folder / f"{name}.webp") as film:
+            pictures = []
+            for i in range(film.n_frames):
+                film.seek(i)
+                pictures.append(np.asarray(film.convert("RGB")))
+                duration = duration or int(film.info["duration"])
+            films.append(pictures)
+    frames = []
+    for i in range(max(map(len, films))):
+        shown = [pictures[min(i, len(pictures) - 1)] for pictures in films]
+        rows = (shown[k : k + COLUMNS] for k in range(0, len(shown), COLUMNS))
+        frames.append(np.vstack([np.hstack(row) for row in rows]))
+    return frames, duration
+
+
 def main(names: Sequence[str]) -> None:
     for name in names or TASKS:
         env = load(name, split="all", look="paper")
@@ -53,6 +73,7 @@ def main(names: Sequence[str]) -> None:
         score = episode.info["normalized_performance"][-1]
         print(f"{file.name}: {len(frames)} pictures, {file.stat().st_size / 1e3:.0f} kB, "
               f"normalised performance {score:.2f}")  # fmt: skip
+    write_film(*all_tasks(FOLDER), FOLDER / "tasks.webp")
 
 
 if __name__ == "__main__":

@@ -167,14 +167,8 @@ def pictures() -> str:
 
 
 def overview(scores: experts.Scores) -> str:
-    """The README's tables of the tasks: pictures, goals, scores, speeds."""
+    """The README's table of the tasks: goals, scores, speeds."""
     rates = measured("throughput")["tasks"]
-    lines = []
-    every = list(TASKS)
-    for names in (every[i : i + 5] for i in range(0, len(every), 5)):
-        lines.append(f"| {' | '.join(f'![{n}](docs/films/{n}.webp)' for n in names)} |")
-        lines.append(f"| {' | '.join(f'`{n}`' for n in names)} |")
-    lines.insert(1, "|" + ":-:|" * 5)
     rows = []
     for name, record in TASKS.items():
         score = cells(scores[name])[0] if name in scores else "not yet played"
@@ -182,7 +176,7 @@ def overview(scores: experts.Scores) -> str:
         page = f"[`{name}`](docs/tasks/{name}.md)"
         rows.append(f"| {page} | {record.tags[0]} | {record.summary} | {score} | {rate} |")
     head = "| task | | goal | scripted expert | env steps/s, one core |"
-    return "\n".join([*lines, "", table(head, rows)])
+    return table(head, rows)
 
 
 def parameters() -> str:

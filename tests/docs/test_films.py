@@ -20,6 +20,9 @@ def moving_dot(n, still):
 
 def test_every_task_has_a_small_moving_picture():
     files = {file.stem: file for file in films.FOLDER.glob("*.webp")}
+    with Image.open(files.pop("tasks")) as picture:
+        assert picture.size == (films.COLUMNS * films.SIZE, 2 * films.SIZE)
+        assert picture.n_frames > 90
     assert set(files) == set(TASKS)
     sizes = [file.stat().st_size for file in files.values()]
     assert max(sizes) < LARGEST and sum(sizes) < ALL
