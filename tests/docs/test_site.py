@@ -15,7 +15,7 @@ def test_the_site_builds_without_warnings(tmp_path):
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     home = (tmp_path / "index.html").read_text()
-    for part in ('href="validation/"', 'href="fluid/"', 'src="films/fold_cloth.webp"'):
+    for part in ('href="validation/"', 'href="fluid/"', 'src="films/tasks.webp"'):
         assert part in home
     assert (tmp_path / "notebooks" / "01_quickstart.ipynb").is_file()
     robots = (tmp_path / "reference" / "robots" / "index.html").read_text()
