@@ -27,6 +27,7 @@ from softgym_mj.cli.console import (
     Trust,
     console,
     first_variations,
+    for_people,
     given,
     progress_bar,
 )
@@ -35,7 +36,7 @@ from softgym_mj.exceptions import SoftGymError
 from softgym_mj.jobs.files import make_folder, write_json
 from softgym_mj.policies.episodes import Episode, play
 from softgym_mj.policies.factory import SIMPLE
-from softgym_mj.registry import TaskRecord, find
+from softgym_mj.registry import find
 from softgym_mj.rendering.look import PAPER
 from softgym_mj.rendering.offscreen import CameraView, write_picture
 
@@ -160,7 +161,7 @@ def rollout(
     record, variations = find(task), first_variations(split, episodes)
     if video is not None:
         make_folder(video)
-    env = softgym_mj.load(record, split=split, **_settings(record, actor, grasp, look))
+    env = softgym_mj.load(record, split=split, **for_people(record, actor, grasp, look))
     for index in variations:
         episode = _filmed(env, policy, index, video is not None, seed=seed, trust=trust)
         if video is not None:
@@ -185,7 +186,7 @@ def oracle(
 ) -> None:
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
     record = find(task)
-    settings = _settings(record, actor, grasp, look)
+    settings = for_people(record, actor, grasp, look)
     variations = first_variations(split, episodes)
     make_folder(out)
     env = softgym_mj.load(record, split=split, **settings)
@@ -211,15 +212,6 @@ def oracle(
         f"{record.name}: mean {summary['mean']:.3f}, min {min(values):.3f}, "
         f"max {max(values):.3f} of {len(values)}; wrote {file} and {out / name}.mp4"
     )
-
-
-def _settings(
-    record: TaskRecord, actor: str | None, grasp: str | None, look: str | None
-) -> dict[str, Any]:
-    """Arguments of a task whose pictures are for people; a custom one need not take a look."""
-    if look is None and "look" in record.arguments:
-        look = PAPER.name
-    return given(actor=actor, grasp=grasp, look=look)
 
 
 def _filmed(env, policy: str, variation: int, filmed: bool, **settings: Any) -> Episode:

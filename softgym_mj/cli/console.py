@@ -9,8 +9,8 @@ import rich.progress
 import typer
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.registry import TASKS
-from softgym_mj.rendering.look import LOOKS
+from softgym_mj.registry import TASKS, TaskRecord
+from softgym_mj.rendering.look import LOOKS, PAPER
 from softgym_mj.variations.indices import split_indices
 
 console = rich.console.Console()
@@ -52,6 +52,15 @@ Ray = Annotated[
 def given(**options: str | None) -> dict[str, Any]:
     """Those of some options that were given, as arguments of a task."""
     return {name: value for name, value in options.items() if value is not None}
+
+
+def for_people(
+    record: TaskRecord, actor: str | None, grasp: str | None, look: str | None = None
+) -> dict[str, Any]:
+    """Arguments of a task whose pictures are for people; a custom one need not take a look."""
+    if look is None and "look" in record.arguments:
+        look = PAPER.name
+    return given(actor=actor, grasp=grasp, look=look)
 
 
 def parsed_settings(settings: str) -> dict[str, Any]:

@@ -6,12 +6,11 @@ from typing import Annotated
 import typer
 
 import softgym_mj
-from softgym_mj.cli.console import Actor, Grasp, Task, Trust, console, given, progress_bar
+from softgym_mj.cli.console import Actor, Grasp, Task, Trust, console, for_people, progress_bar
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.factory import SIMPLE, make_policy
 from softgym_mj.registry import find
 from softgym_mj.rendering import photo as photos
-from softgym_mj.rendering.look import PAPER
 from softgym_mj.rendering.offscreen import write_picture
 
 
@@ -42,7 +41,7 @@ def photo(
     """Photographs a task with a renderer that follows light: seconds to minutes a picture."""
     record = find(task)
     view = photos.PhotoCamera(camera, size, samples, denoise)  # Refuses before anything is played.
-    env = softgym_mj.load(record, split="all", look=PAPER.name, **given(actor=actor, grasp=grasp))
+    env = softgym_mj.load(record, split="all", **for_people(record, actor, grasp))
     act = make_policy(policy, env, trust=trust)
     file = out or pathlib.Path(f"{record.name}.{'mp4' if film else 'png'}")
     with progress_bar() as progress:

@@ -88,9 +88,10 @@ class Rope(Flex):
         self._set_parameters()
 
     def set_look(self, look: Look) -> None:
-        self._look = look
-        self._set_skin()
-        self._set_parameters()
+        if look != self._look:
+            self._look = look
+            self._set_skin()
+            self._set_parameters()
 
     def _set_skin(self) -> None:
         shape = rope_shape(self._look)

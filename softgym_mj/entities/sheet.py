@@ -139,9 +139,10 @@ class Sheet(Flex):
         add_material(self._mjcf_root, "fabric", FABRIC, texture="weave")
 
     def set_look(self, look: Look) -> None:
-        self._look = look
-        self._set_skin()
-        self._set_parameters()
+        if look != self._look:
+            self._look = look
+            self._set_skin()
+            self._set_parameters()
 
     def intersections(self) -> int:
         """Number of places where the sheet passes through itself now (some milliseconds)."""

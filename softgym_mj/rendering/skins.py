@@ -39,12 +39,10 @@ class SkinFile(mjcf.Asset):
             places: (b, 3) [m] of these bodies where the vertices are as given.
             bodies: gives their names (b) in the whole model.
         """
-        self._mesh = b"".join(
+        sizes = len(vertices), len(texcoords), len(faces), len(places)
+        self._mesh = struct.pack("<4i", *sizes) + b"".join(
             np.ascontiguousarray(part, kind).tobytes()
             for part, kind in ((vertices, "<f4"), (texcoords, "<f4"), (faces, "<i4"))
-        )
-        self._mesh = (
-            struct.pack("<4i", len(vertices), len(texcoords), len(faces), len(places)) + self._mesh
         )
         self._weights = []
         for column, place in zip(weights.T, places, strict=True):

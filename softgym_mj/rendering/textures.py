@@ -4,6 +4,7 @@ import functools
 import io
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 from dm_control import mjcf
 
@@ -32,6 +33,18 @@ def asset(pixels: np.ndarray) -> mjcf.Asset:
     file = io.BytesIO()
     imageio.imwrite(file, pixels, extension=".png", compress_level=1)
     return mjcf.Asset(file.getvalue(), ".png")
+
+
+def texture_of(model: mujoco.MjModel, material: int) -> np.ndarray | None:
+    """The colours (height, width, 3) uint8 of a material's texture, if it has a flat one."""
+    if material < 0:
+        return None
+    number = model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB]
+    if number < 0 or model.tex_type[number] != mujoco.mjtTexture.mjTEXTURE_2D:
+        return None
+    shape = model.tex_height[number], model.tex_width[number], model.tex_nchannel[number]
+    first = model.tex_adr[number]
+    return model.tex_data[first : first + np.prod(shape)].reshape(shape)[..., :3]
 
 
 def _noise(random: np.random.Generator, size: int, octaves: Sequence[int]) -> np.ndarray:

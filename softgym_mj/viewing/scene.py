@@ -12,6 +12,7 @@ from softgym_mj.rendering.drawing import MAX_GEOMS, show_surfaces
 from softgym_mj.rendering.look import look_of
 from softgym_mj.rendering.offscreen import refresh
 from softgym_mj.rendering.surfaces import find_surfaces
+from softgym_mj.rendering.textures import texture_of
 
 EXTRA = "viewer"  # The extra that brings viser and mjviser.
 AMBIENCE = 0.4  # Of light from all sides; with mjviser's 0.8, colours are bleached.
@@ -28,14 +29,11 @@ def skin_parts(model: mujoco.MjModel, skin: int) -> list[tuple[np.ndarray, np.nd
     faces = model.skin_face[first : first + number]
     material = model.skin_matid[skin]
     rgba = model.mat_rgba[material]
-    texture = model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB]
-    if texture < 0:
+    texture = texture_of(model, material)
+    if texture is None:
         return [(rgba, faces)]
-    height, width = model.tex_height[texture], model.tex_width[texture]
-    start = model.tex_adr[texture]
-    pixels = model.tex_data[start : start + 3 * height * width].reshape(height, width, 3) / 255.0
     # Means of patches: without threads.
-    side = height // PATCHES
+    pixels, side = texture / 255.0, len(texture) // PATCHES
     cells = pixels[: PATCHES * side].reshape(PATCHES, side, -1, side, 3).mean(axis=(1, 3))
     first, number = model.skin_texcoordadr[skin], model.skin_vertnum[skin]
     places = model.skin_texcoord[first : first + number][faces].mean(axis=1)

@@ -19,8 +19,9 @@ from softgym_mj.registry import TaskRecord
 from softgym_mj.rendering import photo
 from softgym_mj.rendering.offscreen import CameraView, camera_ids, refresh
 from softgym_mj.rendering.photo import shapes
-from softgym_mj.rendering.photo.materials import FINISHES, Clear, linear, texture
+from softgym_mj.rendering.photo.materials import FINISHES, Clear, linear
 from softgym_mj.rendering.photo.scene import Scene
+from softgym_mj.rendering.textures import texture_of
 
 SIZE = 320  # Of silhouettes: a rope is some pixels wide.
 # Tasks, and what of them is looked at: parts of names in the model.
@@ -104,11 +105,11 @@ def test_cloth_has_the_colour_of_its_texture(mi):
     light = linear(photo.still(env, size=64, samples=32, denoise=False) / 255.0)
     scene = scene_of(mi, env.physics)
     names = seen(mi, scene, 64)
-    weave = texture(model, model.skin_matid[0])
+    weave = texture_of(model, model.skin_matid[0])
     is_up = scene.seen.skinnormal.reshape(-1, 3)[:, 2] > 0.5
     columns, rows = (model.skin_texcoord[is_up] * weave.shape[1::-1]).astype(int).T
     albedo = linear(weave[rows, columns] / 255.0).mean(axis=0)
-    table = linear(texture(model, model.material("table").id) / 255.0)
+    table = linear(texture_of(model, model.material("table").id) / 255.0)
     on_table = light[names == "table"].mean(axis=0) / table.mean(axis=(0, 1))
     on_cloth = light[mask(names, ["cloth/"])].mean(axis=0)
     np.testing.assert_allclose(on_cloth, albedo * on_table, rtol=0.2, atol=0.02)

@@ -84,7 +84,6 @@ def test_a_pyramid_touches_what_it_is_around():
         np.testing.assert_allclose(back / np.linalg.norm(back), direction.axes[2], atol=5e-3)
 
 
-@pytest.mark.skipif(not framing.FILE.exists(), reason="not yet measured")
 def test_the_figures_are_of_all_tasks():
     found = json.loads(framing.FILE.read_text())
     for figures in found.values():

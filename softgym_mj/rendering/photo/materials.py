@@ -7,6 +7,8 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from softgym_mj.rendering.textures import texture_of
+
 Color = tuple[float, float, float]  # (r, g, b) in 0..1, in linear light.
 
 
@@ -73,18 +75,6 @@ def pixels(light: np.ndarray) -> np.ndarray:
     return np.round(255.0 * values).astype(np.uint8)
 
 
-def texture(model: mujoco.MjModel, material: int) -> np.ndarray | None:
-    """The colours (height, width, 3) uint8 of a material's texture, if it has a flat one."""
-    if material < 0:
-        return None
-    number = model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB]
-    if number < 0 or model.tex_type[number] != mujoco.mjtTexture.mjTEXTURE_2D:
-        return None
-    shape = model.tex_height[number], model.tex_width[number], model.tex_nchannel[number]
-    first = model.tex_adr[number]
-    return model.tex_data[first : first + np.prod(shape)].reshape(shape)[..., :3]
-
-
 def bsdf(mi: Any, model: mujoco.MjModel, geom: mujoco.MjvGeom, has_texture: bool) -> Any:
     """The BSDF of a geom of a scene; `mi` is Mitsuba."""
     finish = finish_of(model, geom.matid)
@@ -93,7 +83,7 @@ def bsdf(mi: Any, model: mujoco.MjModel, geom: mujoco.MjvGeom, has_texture: bool
         clear = {"type": "dielectric", "int_ior": finish.index, "specular_transmittance": tint}
         return mi.load_dict(clear)
     color = linear(geom.rgba[:3])
-    picture = texture(model, geom.matid) if has_texture else None
+    picture = texture_of(model, geom.matid) if has_texture else None
     base: dict[str, Any] = {"type": "rgb", "value": color.tolist()}
     if picture is not None:
         light = (color * linear(picture / 255.0)).astype(np.float32)

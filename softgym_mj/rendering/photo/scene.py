@@ -6,8 +6,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from softgym_mj.rendering.drawing import MAX_GEOMS, look_of, show_surfaces
-from softgym_mj.rendering.look import HORIZON, SKY
+from softgym_mj.rendering.drawing import MAX_GEOMS, show_surfaces
+from softgym_mj.rendering.look import HORIZON, SKY, look_of
 from softgym_mj.rendering.photo import shapes
 from softgym_mj.rendering.photo.materials import Clear, bsdf, finish_of, linear
 from softgym_mj.rendering.photo.shapes import Triangles
