@@ -1,8 +1,9 @@
 """`Environment`: a dm_control composer environment with variations, exact snapshots and info."""
 
+import contextlib
 import copy
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import dm_env
 import mujoco
@@ -221,12 +222,36 @@ class Environment(composer.Environment):
             if before is not None:
                 self.set_state(before)
             raise SnapshotError(f"the snapshot is damaged: {error}") from error
+        self._restore(snapshot)
+        self._observation_updater.reset(self._physics_proxy, self._random_state)
+
+    def _restore(self, snapshot: Snapshot) -> None:
         mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
         self._task.set_state(copy.deepcopy(snapshot.task))
         self.step_count = snapshot.step_count
         self._reset_next_step = snapshot.ended
         self._random_state.set_state(snapshot.random_state)
-        self._observation_updater.reset(self._physics_proxy, self._random_state)
+
+    @contextlib.contextmanager
+    def rehearsal(self) -> Iterator[Callable[[np.ndarray], bool]]:
+        """Within it, env steps are tried without observations; at its end all is as it was before.
+
+        It gives a function that takes an env step and says whether the episode goes on.
+        """
+        snapshot, warnings = self.get_state(), self._data.warning.number.copy()
+        try:
+            yield self._try
+        finally:
+            self._restore(snapshot)
+            self._data.warning.number[:] = warnings
+
+    def _try(self, action: np.ndarray) -> bool:
+        self._hooks.before_step(self._physics_proxy, action, self._random_state)
+        for _ in range(self._n_sub_steps):
+            self._substep(action)
+        self._hooks.after_step(self._physics_proxy, self._random_state)
+        self.step_count += 1
+        return self.step_count < self.horizon
 
     def _check_origin(self, snapshot: Snapshot) -> None:
         """Raises unless a snapshot is of the same task with the same settings."""
