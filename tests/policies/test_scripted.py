@@ -9,13 +9,13 @@ from softgym_mj.policies.experts import EXPERTS, make_policy
 
 
 def play(task, variation, **kwargs):
-    """Final info of an episode."""
+    """Final info of an episode; whether the expert had finished by then is a key of its own."""
     env = softgym_mj.load(task, split="evaluate", **kwargs)
     act = make_policy(env)
     timestep = env.reset(variation)
     while not timestep.last():
         timestep = env.step(act(timestep))
-    return env.info()
+    return {**env.info(), "finished": act.finished}
 
 
 def test_every_task_has_an_expert():
@@ -51,11 +51,24 @@ def test_straighten_rope_is_solved():
 
 def test_spread_cloth_is_spread():
     info = play("spread_cloth", 810)
-    assert info["normalized_performance"] > 0.8
+    assert info["normalized_performance"] > 0.95 and info["finished"]
     assert info["max_edge_strain"] < 0.15
 
 
-@pytest.mark.parametrize("variation", [942, 953, 989])
+def test_a_heap_is_folded():
+    # What is taken first is not a good choice, so that it takes two rounds.
+    info = play("fold_crumpled_cloth", 970)
+    assert info["normalized_performance"] > 0.9 and info["finished"]
+
+
+def test_a_rope_is_laid_in_the_shape_of_a_letter():
+    info = play("rope_configuration", 816)
+    assert info["normalized_performance"] > 0.9 and info["finished"]
+
+
+@pytest.mark.parametrize(
+    "variation", [953, *(pytest.param(v, marks=pytest.mark.slow) for v in (942, 989))]
+)
 def test_a_dropped_cloth_lies_folded(variation):
     # Let down in a heap on the right spot, it scores as much, but covers half of its place.
     info = play("drop_fold_cloth", variation)

@@ -1,5 +1,6 @@
 """`ClothExpert`: finds its way on a sheet and takes vertices of it."""
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 
@@ -17,7 +18,7 @@ NEAR_GOAL = 2  # Grid steps from a vertex within which a hold counts as one of i
 OVERSHOOT = 0.02  # [m] By which a vertex is pulled beyond its place; cloth springs back.
 MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.
 APART = 0.15  # [m] Least distance of two places that the pickers work at together.
-PUT_STEPS = 13  # Env steps that putting vertices in their places needs at least.
+TRIALS = 4  # How often a pair is taken at most; the last two times wherever that is.
 LIFT = 0.8  # Fraction of full speed at which cloth is carried.
 
 
@@ -44,17 +45,16 @@ class ClothExpert(PickerExpert):
         """That with which gripper `i` can take a vertex [m], negative if it cannot."""
         return self._grasp(vertex)[2] if self._can_reach(i, vertex) else -1.0
 
-    def _exposed_near(self, goals: Sequence[int], taker: int | None = None) -> int:
+    def _exposed_near(self, goals: Sequence[int], taker: int | None = None, rank: int = 0) -> int:
         """The free vertex that can be taken and is the fewest grid steps from one of `goals`.
 
-        By the gripper `taker`, or whichever is nearest.
+        By the gripper `taker`, or whichever is nearest; there are `rank` nearer ones.
         """
         free = np.setdiff1d(np.arange(self._target.num_points), self._actor.held).tolist()
         free.sort(key=lambda v: min(self._steps(g, v) for g in goals))
-        for v in free:
-            if self._clearance(self._nearest_picker(v) if taker is None else taker, v) > 0.0:
-                return v
-        return free[0]
+        takers = (self._nearest_picker(v) if taker is None else taker for v in free)
+        can_take = (v for i, v in zip(takers, free, strict=True) if self._clearance(i, v) > 0.0)
+        return next(itertools.islice(can_take, rank, None), free[0])
 
     def _take(
         self, wanted: dict[int, int], grips: list[bool], away: float = NEAR_GOAL
@@ -90,13 +90,14 @@ class ClothExpert(PickerExpert):
         return int(np.argmin(np.linalg.norm(offsets, axis=1)))
 
     def _take_pair(
-        self, pairs: Sequence[tuple[int, int, float]], grips: list[bool]
+        self, pairs: Sequence[tuple[int, int, float]], grips: list[bool], rank: int
     ) -> Iterator[np.ndarray]:
         """Takes both vertices of a pair, one after the other where the cloth has to be lifted.
 
         Args:
             pairs: (vertex, vertex, distance in the flat cloth [m]) to choose from.
             grips: set where it succeeds.
+            rank: of the vertex that is taken first where both are hidden.
         """
         low, high = self._actor.limits
         ends = sorted({vertex for a, b, _ in pairs for vertex in (a, b)})
@@ -105,14 +106,14 @@ class ClothExpert(PickerExpert):
         wanted = dict(enumerate(self._matched([a, b])))
         if min(self._clearance(i, v) for i, v in wanted.items()) > 0.0:
             yield from self._take(wanted, grips)
-        for trial in range(6):
+        for trial in range(TRIALS):
             at_end = [self._nearest(int(held), ends) is not None for held in self._actor.held]
             if all(grips):
-                if all(at_end) or trial > 3:
+                if all(at_end) or trial >= TRIALS - 2:
                     return
                 grips[int(at_end[0])] = False  # Go on with the one at an end.
             if not any(grips):
-                vertex = self._exposed_near(ends)
+                vertex = self._exposed_near(ends, rank=rank)
                 yield from self._take({self._nearest_picker(vertex): vertex}, grips)
                 if not any(grips):
                     continue
@@ -134,15 +135,9 @@ class ClothExpert(PickerExpert):
                 vertex = self._exposed_near(list(near), other)
             yield from self._take({other: vertex}, grips)
 
-    def _mend(self, placed: np.ndarray) -> Iterator[np.ndarray]:
-        """Puts what lies far from its place (n, 3) [m] there, or waits if nothing does."""
-        chosen = self._misplaced(placed)
-        yield from self._put(chosen, placed) if chosen else self._wait()
-
     def _wait(self) -> Iterator[np.ndarray]:
-        """Gets out of the way and rests."""
+        """Gets out of the way."""
         yield from self._move(self._raised(TRAVEL_HEIGHT), OPEN)
-        yield self._rest(OPEN)
 
     def _misplaced(self, placed: np.ndarray) -> list[int]:
         """Up to two vertices far from their places (n, 3) [m] that can be taken."""

@@ -7,12 +7,15 @@ go when it is about level. The numbers of the swing were found by random search 
 variations.
 """
 
+import functools
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
 
 from softgym_mj.policies.experts.picker_expert import CLOSED, OPEN
 from softgym_mj.policies.experts.regrasping import RegraspingExpert
+from softgym_mj.policies.experts.rehearsing import Plan, RehearsingExpert
 
 # For cloths up to some width [m]: the middle of these widths and half their range [m], velocities
 # along X in the env steps of the swing and along Z in the last ones, as fractions of full speed,
@@ -42,9 +45,13 @@ UNCALM = 0.1  # [m/s] The same before it is tossed.
 OUTSIDE = 0.045  # [m] By which pickers ought to be outside of the edges.
 FLIPPED = 0.07  # [m] Along Y, by which a corner is not below its end of the fold.
 SHAKE = (1.0, 1.0, -1.0, -1.0)  # Velocities along Z in env steps, as fractions of full speed.
-SWINGING = 0.2  # [m/s] Mean speed from which it is not tossed.
+SWAYING = 0.2  # [m/s] Mean speed from which it is not tossed.
+SWINGING = 0.3, 0.15  # [m/s] Speeds up to which a vertex is taken where it is.
+PACES = 0.9, 1.0, 1.1  # Of the swing.
+SHIFTS = -0.06, -0.03, 0.0, 0.03, 0.06  # [m] Of its start.
+IOU_PRICE, CORNER_PRICE = 0.3, 1.0  # Performance that outline IoU and corners off [1/m] are worth.
 LANDING = 16  # Env steps that the swing and the fall take.
-LATEST = 70  # Env step after which the cloth is not taken anew.
+LATEST = 75  # Env step after which the cloth is not taken anew.
 CLEARING = 2  # Env steps in which pickers move away from what they have let go.
 RISE, RISEN = 0.3, 1.0  # Fraction of full speed and height [m] of grippers out of the way.
 
@@ -55,33 +62,97 @@ CLEARANCE = 0.25  # Share of its width by which the cloth is carried higher than
 WAITING = 5  # Env steps for the cloth to come to rest.
 
 
-class DropFoldCloth(RegraspingExpert):
+class DropFoldCloth(RegraspingExpert, RehearsingExpert):
     """Folds the cloth in the air; arms carry it over its place and drop it from low as it is."""
 
     def _episode(self) -> Iterator[np.ndarray]:
         cloth, held = self._env.task.cloth, self._actor.held
         columns = cloth.shape[1]
-        middle = (held // columns * columns + columns // 2).tolist()
+        self._middle = (held // columns * columns + columns // 2).tolist()
         if not self._has_arms:
-            yield from self._fold(middle)
-        folded = self._actor.held.tolist() == middle
-        yield from self._swing() if folded else self._let_down()
-        yield from self._move(self._raised(RISEN), OPEN, RISE)
+            while take := self._next_take():
+                yield from take()
+        yield from self._best_fall()()
+        yield from self._away()
 
-    def _fold(self, middle: list[int]) -> Iterator[np.ndarray]:
-        """Holds the cloth by the ends of its middle column, hanging straight."""
+    def _next_take(self) -> Plan | None:
+        """What changes the hold of the cloth, where that leads to a better fold."""
+        if self._env.step_count >= LATEST or self._actor.held.max() < 0:
+            return None
+        takes = self._tosses() if self._folded() else self._fetches()
+        outcomes = self._outcomes(takes, self._fold)
+        stays = self._folded() and self._outcome(self._fall, self._lie) >= outcomes.max()
+        return None if stays else takes[outcomes.argmax()]
+
+    def _fetches(self) -> list[Plan]:
+        """Ways to take the ends of the middle column."""
+        orders = (0, 1), (1, 0)
+        ways = itertools.product(orders, SWINGING)
+        fetches: list[Plan] = [
+            functools.partial(self._regrasp, self._middle, *way, LATEST) for way in ways
+        ]
+        if self._speed() >= CALM:
+            fetches.append(functools.partial(self._calm, CALM, LATEST))
+        return fetches
+
+    def _tosses(self) -> list[Plan]:
+        """Ways to take them from outside: one of them or both."""
+        ways = (True, True), (True, False), (False, True)
+        return [functools.partial(self._calm_toss, np.array(anew)) for anew in ways]
+
+    def _calm_toss(self, anew: np.ndarray) -> Iterator[np.ndarray]:
+        yield from self._calm(UNCALM, LATEST)
+        if self._flipped():
+            yield from self._shake()
+        yield from self._toss(anew)
+
+    def _fold(self) -> Iterator[np.ndarray]:
+        """Takes the cloth as well as it goes without trying, and lets it fall."""
         while self._env.step_count < LATEST:
-            yield from self._regrasp(middle, LATEST)
-            if self._actor.held.tolist() != middle:
-                return
+            yield from self._regrasp(self._middle, (0, 1), SWINGING[0], LATEST)
+            if not self._folded():
+                break
             yield from self._calm(UNCALM, LATEST)
             if flipped := self._flipped():
                 yield from self._shake()
             inside = self._outside() < OUTSIDE
-            if inside.any() and (flipped or self._speed() < SWINGING):
+            if inside.any() and (flipped or self._speed() < SWAYING):
                 yield from self._toss(inside)
             elif not flipped:
-                return
+                break
+        yield from self._fall()
+        yield from self._lie()
+
+    def _fall(self) -> Iterator[np.ndarray]:
+        yield from self._swing() if self._folded() else self._let_down()
+
+    def _best_fall(self) -> Plan:
+        """The way of letting the cloth fall after which it lies best."""
+        if self._has_arms or not self._folded():
+            return self._let_down
+        ways = itertools.product(PACES, SHIFTS)
+        swings = [functools.partial(self._swing, *way) for way in ways]
+        outcomes = self._outcomes(swings, self._lie)
+        return swings[outcomes.argmax()]
+
+    def _away(self) -> Iterator[np.ndarray]:
+        yield from self._move(self._raised(RISEN), OPEN, RISE)
+
+    def _lie(self) -> Iterator[np.ndarray]:
+        """Waits for the end of the episode."""
+        yield from self._away()
+        while True:
+            yield self._rest(OPEN)
+
+    def _value(self) -> float:
+        # A heap in the right place is no fold.
+        info = self._env.task.info()
+        lies = IOU_PRICE * info["outline_iou"] - CORNER_PRICE * info["mean_corner_distance"]
+        return info["normalized_performance"] + lies
+
+    def _folded(self) -> bool:
+        """Whether it is held by the ends of its middle column."""
+        return self._actor.held.tolist() == self._middle
 
     def _outside(self) -> np.ndarray:
         """By how much pickers are further outside (2,) [m] than what they hold."""
@@ -103,32 +174,36 @@ class DropFoldCloth(RegraspingExpert):
         """Mean speed of the cloth [m/s]."""
         return float(np.linalg.norm(self._target.velocities(), axis=1).mean())
 
-    def _velocities(self) -> np.ndarray:
-        """Along X and Z (n, 2) in the env steps of the swing, as fractions of full speed."""
+    def _velocities(self, pace: float = 1.0) -> np.ndarray:
+        """Along X and Z (n, 2) in the env steps of the swing, as fractions of full speed.
+
+        Those along X are multiplied by `pace`.
+        """
         width = self._env.task.cloth.size[0]
         band = self._band()
         share = (width - BANDS[band][1]) / BANDS[band][2]
         along, up = (np.array(x[band][0]) + share * np.array(x[band][1]) for x in (ALONG, UP))
         up = np.concatenate([np.zeros(len(along) - len(up)), up])
-        return np.clip(np.column_stack([along, up]), -1.0, 1.0)
+        return np.clip(np.column_stack([pace * along, up]), -1.0, 1.0)
 
     def _band(self) -> int:
         return int(self._env.task.cloth.size[0] >= BANDS[0][0])
 
-    def _start(self) -> np.ndarray:
-        """Where the ends of the fold (2, 3) [m] are before the swing."""
+    def _start(self, shift: float = 0.0) -> np.ndarray:
+        """Where the ends of the fold (2, 3) [m] are before the swing: `shift` [m] further."""
         cloth = self._env.task.cloth
         (width, depth), carry = cloth.size, CARRY[self._band()]
         heights = self._stride * self._velocities()[:, 1].cumsum()
         start = np.zeros((2, 3))
-        start[:, 0] = width / 2 - np.dot(carry, (1.0, width - BANDS[0][0], depth - BANDS[0][0]))
+        carried = np.dot(carry, (1.0, width - BANDS[0][0], depth - BANDS[0][0]))
+        start[:, 0] = shift + width / 2 - carried
         start[:, 1] = cloth.flat()[self._actor.held, 1]
         start[:, 2] = LOWEST - min(0.0, heights.min())
         return start
 
-    def _calm(self, speed: float, latest: int) -> Iterator[np.ndarray]:
+    def _calm(self, speed: float, latest: int, shift: float = 0.0) -> Iterator[np.ndarray]:
         """Brings the fold to the start; pickers follow the swinging cloth, which damps it."""
-        start, held = self._start(), self._actor.held.copy()
+        start, held = self._start(shift), self._actor.held.copy()
         most = SPREADING * self._stride
         while self._env.step_count < latest:
             points = self._target.points()
@@ -141,10 +216,10 @@ class DropFoldCloth(RegraspingExpert):
             ways = np.clip(ways / self._stride, -1.0, 1.0)
             yield np.column_stack([ways, np.ones(2)]).ravel()
 
-    def _swing(self) -> Iterator[np.ndarray]:
+    def _swing(self, pace: float = 1.0, shift: float = 0.0) -> Iterator[np.ndarray]:
         """Swings the folded cloth and lets it go."""
-        yield from self._calm(CALM, self._env.horizon - LANDING)
-        for along, up in self._velocities():
+        yield from self._calm(CALM, self._env.horizon - LANDING, shift)
+        for along, up in self._velocities(pace):
             yield np.tile([along, 0.0, up, 1.0], 2)
         away = self._actor.positions() - self._target.points()[self._actor.held]
         away /= np.linalg.norm(away, axis=1)[:, None]

@@ -12,19 +12,28 @@ from softgym_mj.policies.experts.heap_expert import HeapExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
 PACE = 0.05  # [m] Way of the pickers in an env step while the cloth is laid down.
-HANGING = 10  # Env steps for the cloth to come to rest before it is laid down.
+END_ROWS = 1, 4  # At either end of the middle column, where it may be taken.
+HANGING = 4  # Env steps for the cloth to come to rest before it is laid down.
 
 
 class FoldCrumpledCloth(HeapExpert):
     """Takes both ends of the middle column, hangs the cloth up and lays it down towards +X."""
 
-    done, redo, round_steps = 0.93, 0.1, 48
+    redo = 0.93
 
-    def _pairs(self) -> list[tuple[int, int, float]]:
-        """The ends of the middle column and their distance [m]."""
+    def _pairs(self) -> list[list[tuple[int, int, float]]]:
+        """The ends of the middle column, or vertices about them, and their distances [m]."""
         cloth = self._env.task.cloth
-        middle = cloth.shape[1] // 2
-        return [(cloth.index(0, middle), cloth.index(-1, middle), cloth.size[1])]
+        rows, columns = cloth.shape
+        middle, pitch = columns // 2, cloth.size[1] / (rows - 1)
+        return [
+            [
+                (cloth.index(i, middle), cloth.index(-1 - j, middle), (rows - 1 - i - j) * pitch)
+                for i in range(number)
+                for j in range(number)
+            ]
+            for number in END_ROWS
+        ]
 
     def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
         """Stretches the held column along Y and lays the cloth down, from its edges on."""

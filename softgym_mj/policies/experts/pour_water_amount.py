@@ -14,10 +14,12 @@ class PourWaterAmount(PourWater):
 
     def _pour(self, x, height, theta, used):
         task, least, before = self._env.task, theta - BACK, 0.0
-        while True:
+        enough, done = task.episode.goal["share"] - SHORT, False
+        while not done:
             out = 1.0 - task.info()["fraction_in_cup"]
             expected = out + IN_THE_AIR * (out - before)
+            done = theta == least and out == before >= enough
             before = out
-            theta += TIP if expected < task.episode.goal["share"] - SHORT else -BACK
+            theta += TIP if expected < enough else -BACK
             theta = float(np.clip(theta, least, DRAINED))
             yield x, height(theta), theta

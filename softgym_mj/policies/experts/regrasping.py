@@ -1,7 +1,7 @@
 """`RegraspingExpert`: takes a cloth that hangs from both grippers by other vertices."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -12,7 +12,6 @@ REACH = 0.055  # [m] From which a vertex is taken: there, pickers touch it.
 NEARBY = 0.075  # [m] From where a picker that closes on its way takes the vertex nearest to it.
 CLEAR = 0.02  # [m] By which the next vertex ought to be further away.
 STANDOFF = 0.06  # [m] Further distance at which a vertex that swings is awaited.
-SWINGING = 0.3  # [m/s] Speed from which it does.
 OUTSIDE = 0.25  # [m] Distance from the hanging cloth at which a gripper passes it on its way down.
 ROOM = 0.1  # [m] Between the lowest grippers and a vertex that is to be taken from the side.
 DETOUR = 0.1  # [m] Of clearance for which a gripper goes 1 m further.
@@ -40,13 +39,22 @@ _DIRECTIONS = _directions()
 class RegraspingExpert(ClothExpert):
     """Takes hanging cloth anew, one gripper after the other, while it hangs from the other one."""
 
-    def _regrasp(self, wanted: list[int], latest: int) -> Iterator[np.ndarray]:
-        """Takes a vertex with each gripper; gives up after `latest` env steps of the episode."""
-        for i, vertex in enumerate(wanted):
-            if self._actor.held[i] != vertex:
-                yield from self._fetch(i, vertex, latest)
+    def _regrasp(
+        self, wanted: list[int], order: Sequence[int], swinging: float, latest: int
+    ) -> Iterator[np.ndarray]:
+        """Takes a vertex with each gripper; gives up after `latest` env steps of the episode.
 
-    def _fetch(self, i: int, vertex: int, latest: int) -> Iterator[np.ndarray]:
+        Args:
+            wanted: the vertices.
+            order: of the grippers.
+            swinging: speed of a vertex [m/s] from which it is awaited.
+            latest: env step.
+        """
+        for i in order:
+            if self._actor.held[i] != wanted[i]:
+                yield from self._fetch(i, wanted[i], swinging, latest)
+
+    def _fetch(self, i: int, vertex: int, swinging: float, latest: int) -> Iterator[np.ndarray]:
         """Lets go with gripper `i` and takes a vertex as soon as it is the nearest one."""
         other, low = 1 - i, self._actor.limits[0][2]
         flat, held = self._env.task.cloth.flat(), int(self._actor.held[other])
@@ -62,7 +70,7 @@ class RegraspingExpert(ClothExpert):
             velocities = self._target.velocities()
             ahead = self._target.points() + self._env.control_timestep() * velocities
             centre, direction = self._side_grasp(i, vertex, ahead)
-            swings = np.linalg.norm(velocities[vertex]) > SWINGING
+            swings = np.linalg.norm(velocities[vertex]) > swinging
             far = np.linalg.norm(centre - goals[i]) > 2 * STANDOFF
             if not taking and (swings or far):
                 centre = centre + STANDOFF * direction

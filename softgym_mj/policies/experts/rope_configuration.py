@@ -1,30 +1,54 @@
 """The expert of RopeConfiguration: puts what lies worst where it belongs, two at a time."""
 
+import functools
+import itertools
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from softgym_mj.native.arithmetic import length
-from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED, PickerExpert
+from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED
+from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 
 TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centres, with open grips and holding.
 LAID = 0.045  # [m] The same where a vertex is let go.
 PUTTING = 0.4  # Fraction of full speed at which vertices are carried.
-APART = 6  # Least number of segments between the two vertices.
+WORST = 8  # Vertices of which one or two are carried at a time.
+NEXT, APART = 3, 6  # Least numbers of segments between them, and between two that are carried.
+BEYOND = 1.0, 1.2  # Shares of the way to its place that a vertex is carried; the rope springs back.
 ROOM = 0.05  # [m] Least distance of the two pickers.
-GOOD = 0.01  # [m] Error of a vertex that is left alone.
+GOOD = 0.004  # [m] Error of a vertex that is left alone.
+BEAM = 4  # Plans whose sequels are tried where none helps at once.
+ERROR_PRICE = 23.0  # [1/m] Normalised performance that a mean error of the vertices costs.
 
 
-class RopeConfiguration(PickerExpert):
-    """Takes up to two vertices, carries them to their places, and again."""
+class RopeConfiguration(RehearsingExpert):
+    """Takes up to two vertices, carries them to their places, and again as long as it helps."""
 
     def _episode(self) -> Iterator[np.ndarray]:
-        while True:
-            if places := self._chosen():
-                yield from self._put(places)
-            else:
-                yield from self._move(self._raised(TRAVEL), OPEN)
-                yield self._rest(OPEN)
+        while plan := self._next():
+            yield from plan()
+        yield from self._move(self._raised(TRAVEL), OPEN)
+
+    def _next(self) -> Plan | None:
+        """What brings the rope nearest to the letter, at once or by what can follow."""
+        value, plans = self._value(), self._puts()
+        outcomes = self._outcomes(plans)
+        best = np.argsort(-outcomes, kind="stable")[:BEAM]
+        if len(best) and outcomes[best[0]] < value + GAIN:
+            sequels = [self._outcome(plans[i], value=self._best_put) for i in best]
+            outcomes[best] = sequels
+            best = best[[int(np.argmax(sequels))]]
+        return plans[best[0]] if len(best) and outcomes[best[0]] >= value + GAIN else None
+
+    def _best_put(self) -> float:
+        return self._outcomes(self._puts()).max(initial=-math.inf)
+
+    def _value(self) -> float:
+        # Where most of a rope lies well, but the wrong way round, key points alone say too little.
+        error = np.linalg.norm(self._goal() - self._target.points(), axis=1).mean()
+        return super()._value() - ERROR_PRICE * float(error)
 
     def _goal(self) -> np.ndarray:
         """The letter (41, 3) [m] from the end that suits the rope."""
@@ -32,24 +56,25 @@ class RopeConfiguration(PickerExpert):
         errors = [np.linalg.norm(vertices - g, axis=1).sum() for g in (goal, goal[::-1])]
         return goal if errors[0] <= errors[1] else goal[::-1]
 
-    def _chosen(self) -> dict[int, tuple[int, np.ndarray]]:
-        """By gripper, up to two vertices that lie wrong and where they belong (3,) [m]."""
+    def _puts(self) -> list[Plan]:
+        """Ways to carry one or two of the vertices that lie worst to their places, or beyond."""
         goal, vertices = self._goal(), self._target.points()
         error = np.linalg.norm(goal - vertices, axis=1)
         room = max(ROOM, self._actor.least_distance)
-        chosen: list[int] = []
+        worst: list[int] = []
         for v in np.argsort(-error, kind="stable").tolist():
-            if error[v] < GOOD or len(chosen) == 2:
+            if error[v] < GOOD or len(worst) == WORST:
                 break
-            free = all(
-                abs(v - w) >= APART
-                and length(vertices[v] - vertices[w]) > room
-                and length(goal[v] - goal[w]) > room
-                for w in chosen
-            )
-            if free and self._grasp(v)[2] > 0.0 and self._takers([*chosen, v], goal):
-                chosen.append(v)
-        return {i: (v, goal[v]) for i, v in self._takers(chosen, goal).items()}
+            if all(abs(v - w) >= NEXT for w in worst) and self._grasp(v)[2] > 0.0:
+                worst.append(v)
+        choices = [[v] for v in worst]
+        for v, w in itertools.combinations(worst, 2):
+            distances = length(vertices[v] - vertices[w]), length(goal[v] - goal[w])
+            if abs(v - w) >= APART and min(distances) > room:
+                choices.append([v, w])
+        takers = [self._takers(chosen, goal) for chosen in choices]
+        places = [{i: (v, goal[v]) for i, v in by.items()} for by in takers if by]
+        return [functools.partial(self._put, p, beyond) for p in places for beyond in BEYOND]
 
     def _takers(self, vertices: list[int], goal: np.ndarray) -> dict[int, int]:
         """Which gripper can carry which vertex to where it belongs in `goal` (41, 3) [m].
@@ -75,8 +100,10 @@ class RopeConfiguration(PickerExpert):
         above = place * [1.0, 1.0, 0.0] + [0.0, 0.0, LAID]
         return self._can_reach(i, vertex) and np.allclose(self._actor.within_reach(i, above), above)
 
-    def _put(self, places: dict[int, tuple[int, np.ndarray]]) -> Iterator[np.ndarray]:
-        """Takes vertices from above and puts them down at their places."""
+    def _put(
+        self, places: dict[int, tuple[int, np.ndarray]], beyond: float
+    ) -> Iterator[np.ndarray]:
+        """Takes vertices from above and puts them down at their places, or further by a factor."""
         goals = self._raised(TRAVEL)
         for i, (vertex, _) in places.items():
             goals[i, :2] = self._grasp(vertex)[0][:2]
@@ -92,7 +119,7 @@ class RopeConfiguration(PickerExpert):
         yield self._step(self._actor.positions(), grips)
         goals = self._raised(CARRY)
         for i, (vertex, place) in places.items():
-            goals[i] += (place - self._target.vertex(vertex)) * [1.0, 1.0, 0.0]
+            goals[i] += beyond * (place - self._target.vertex(vertex)) * [1.0, 1.0, 0.0]
         for i in idle:
             goals = self._aside(goals, i)
         yield from self._move(goals, grips, PUTTING, near=PASSED / 5)

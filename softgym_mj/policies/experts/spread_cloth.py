@@ -17,13 +17,13 @@ TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pul
 class SpreadCloth(HeapExpert):
     """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
 
-    done, redo, round_steps = 0.98, 0.35, 45
+    redo = 0.8
 
-    def _pairs(self) -> list[tuple[int, int, float]]:
-        """The sides as (corner, corner, length [m])."""
+    def _pairs(self) -> list[list[tuple[int, int, float]]]:
+        """The two sides of either direction, as (corner, corner, length [m])."""
         p1, p2, p3, p4 = self._env.task.cloth.corners.tolist()
         width, depth = self._env.task.cloth.size
-        return [(p1, p2, depth), (p3, p4, depth), (p1, p3, width), (p2, p4, width)]
+        return [[(p1, p2, depth), (p3, p4, depth)], [(p1, p3, width), (p2, p4, width)]]
 
     def _places(self) -> np.ndarray:
         """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
