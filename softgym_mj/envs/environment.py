@@ -106,12 +106,12 @@ class Environment(composer.Environment):
         )
 
     def _recompile_physics(self):
-        # As in the base class, but for the kind of physics.
+        # As in the base class, but for the kind of physics, whose OpenGL context stays.
         previous = getattr(self, "_physics", None)
-        if previous:
-            previous.free()
         self._physics = SizedPhysics.from_mjcf_model(self._task.root_entity.mjcf_model)
         self._physics.legacy_step = self._legacy_step
+        if previous:
+            previous.free_for(self._physics)
 
     def _recompile_physics_and_update_observables(self):
         with blank_images():

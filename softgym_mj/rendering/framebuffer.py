@@ -1,9 +1,12 @@
 """`SizedPhysics`: physics with an off-screen buffer as large as its largest image."""
 
+import threading
+
 import mujoco
 import numpy as np
-from dm_control import mjcf
-from dm_control.mujoco import engine
+from dm_control import _render, mjcf
+from dm_control._render import base
+from dm_control.mujoco import engine, wrapper
 from dm_control.rl import control
 
 
@@ -14,6 +17,9 @@ class SizedPhysics(mjcf.Physics):
     """
 
     _size = (0, 0)  # (height, width) of the buffer [pixels].
+    # The OpenGL context, which takes a tenth of a second to make, and the thread that uses it.
+    _gl: base.ContextBase | None = None
+    _thread = 0
     _warned = False
     _warnings: np.ndarray | None = None  # A view of how often MuJoCo has warned of what.
 
@@ -56,16 +62,37 @@ class SizedPhysics(mjcf.Physics):
         size = self.model.vis.global_
         largest = size.offheight, size.offwidth
         size.offheight, size.offwidth = height, width
+        if self._gl is None:
+            self._gl, self._thread = _render.Renderer(width, height), threading.get_ident()
+            self._gl.increment_refcount()
         try:
-            self._make_rendering_contexts()
+            made = wrapper.MjrContext(self.model, self._gl)
         finally:
             size.offheight, size.offwidth = largest
+        self._contexts = engine.Contexts(gl=self._gl, mujoco=made)
         self._size = height, width
 
     def _grow(self, height: int, width: int) -> None:
         with self._contexts.gl.make_current() as context:
             context.call(mujoco.mjr_resizeOffscreen, width, height, self._contexts.mujoco.ptr)
         self._size = height, width
+
+    def free_for(self, successor: "SizedPhysics") -> None:
+        """Frees what is held, but for the OpenGL context, which the successor takes over.
+
+        That is so within a thread: no other one may work with it.
+        """
+        if self._thread == threading.get_ident():
+            successor._gl, successor._thread, self._gl = self._gl, self._thread, None
+        self.free()
+
+    def free(self) -> None:
+        """Frees what is held; the physics must not be used any more."""
+        super().free()
+        if self._gl is not None:
+            self._gl.decrement_refcount()
+            self._gl.free()
+            self._gl = None
 
 
 class SizedView:

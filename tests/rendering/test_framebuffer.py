@@ -80,3 +80,15 @@ def test_another_thread_is_told_why():
         observation, _ = thread.submit(own.reset, seed=0).result()
         assert np.array_equal(observation, env.reset(seed=0)[0])
         thread.submit(own.close).result()
+
+
+def test_the_context_outlives_a_change_of_the_model():
+    env = softgym_mj.load("fold_cloth", observation="rgb", image_size=(32, 32), fidelity="fast")
+    env.reset(1)
+    context, size = env.physics.contexts.gl, env.physics.model.nv
+    other = env.reset(2).observation["rgb"]
+    assert env.physics.model.nv != size and env.physics.contexts.gl is context
+    fresh = softgym_mj.load("fold_cloth", observation="rgb", image_size=(32, 32), fidelity="fast")
+    np.testing.assert_array_equal(fresh.reset(2).observation["rgb"], other)
+    env.close()
+    assert context._refcount == 0
