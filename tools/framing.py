@@ -118,18 +118,19 @@ def measured(task: str, actor: str) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tasks", nargs="*", default=[*TASKS], help="all if none is named")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--key", default="after", help='of the figures: "before" or "after"')
     arguments = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    calls = [(task, actor) for task in TASKS for actor in ACTORS]
+    calls = [(task, actor) for task in arguments.tasks for actor in ACTORS]
     with make_executor(arguments.jobs) as executor:
         figures = executor.all(measured, calls)
     found = json.loads(FILE.read_text()) if FILE.exists() else {}
-    found[arguments.key] = {}
+    of_key = found.setdefault(arguments.key, {})
     for (task, actor), values in zip(calls, figures, strict=True):
         rounded = {name: round(value, 4) for name, value in values.items()}
-        found[arguments.key].setdefault(task, {})[actor] = rounded
+        of_key.setdefault(task, {})[actor] = rounded
     FILE.write_text(json.dumps(found, indent=1) + "\n")
 
 
