@@ -55,7 +55,7 @@ class Still:
 
 STILLS = {
     "cloth": Still("fold_cloth", 20, (0.06, 0.06, 0.10), 72, -30, 0.95),
-    "rope": Still("rope_configuration", 35, (0.01, 0.02, 0.02), 62, -40, 0.44),
+    "rope": Still("rope_configuration", 17, (0.01, 0.02, 0.02), 62, -40, 0.5),
     "water": Still("pour_water", 58, (0.55, 0.0, 0.22), 80, -20, 1.3, 128),
     "arms": Still("fold_cloth", 40, (0.0, 0.0, 0.22), 172, -26, 1.8, settings={"actor": "franka"}),
 }
