@@ -3,35 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
-#include "native/vec.h"
+#include "cloth/plugin/drag.h"
 
 namespace softgym_mj::cloth {
-namespace {
-
-constexpr double kAirDensity = 1.2;  // [kg/m^3]
-// Vertices whose gap is below this share of the thickness touch something: they move no air.
-constexpr double kTouching = 0.1;
-
-}  // namespace
-
 void AddDrag(const Mesh& mesh, const Start& start, double timestep, std::vector<double>* acceleration) {
   for (const Mesh::Triangle& triangle : mesh.triangles) {
     const Material& material = mesh.materials[mesh.part[triangle.vertex[0]]];
     if (material.drag <= 0 || !(triangle.area > 0)) continue;
-    Vector x[3], v = {0, 0, 0}, a = {0, 0, 0};
-    for (int k = 0; k < 3; ++k) {
-      x[k] = FromArray(&start.position[3 * triangle.vertex[k]]);
-      v = v + (1.0 / 3) * FromArray(&start.velocity[3 * triangle.vertex[k]]);
-      a = a + (1.0 / 3) * FromArray(&start.acceleration[3 * triangle.vertex[k]]);
-    }
-    Vector n = Cross(x[1] - x[0], x[2] - x[0]);
-    const double twice = Norm(n);
-    if (!(twice > 0)) continue;
-    n = (1 / twice) * n;
-    // Of the speed at the end of the step, so that what is light stops and does not turn round.
-    const double own = mesh.density[mesh.part[triangle.vertex[0]]] * triangle.area;
-    const double rate = 0.5 * kAirDensity * material.drag * triangle.area / own * std::fabs(Dot(n, v));
-    const double damped = own * rate * Dot(n, v + timestep * a) / (1 + rate * timestep);
+    Vector n;
+    const double damped = Drag(start.position.data(), start.velocity.data(), start.acceleration.data(), triangle.vertex,
+                               triangle.area, mesh.density[mesh.part[triangle.vertex[0]]], material.drag, timestep, &n);
     for (int k = 0; k < 3; ++k) {
       const int vertex = triangle.vertex[k];
       if (start.inverse_mass[vertex] == 0) continue;

@@ -120,6 +120,7 @@ Body* Bodies::Find(int id) {
   }
   body.inverse_mass = std::max({c[0][0], c[1][1], c[2][2]});
   body.gives_way = body.inverse_mass > kImmovable;
+  body.rigid.gives_way = body.gives_way;
   if (!body.gives_way) std::fill(&c[0][0], &c[0][0] + 36, 0.0);
   for (int k = 0; k < 6; ++k) body.rigid.move[k] = h_ * body.velocity[k];
   of_body_[id] = static_cast<int>(bodies_.size());

@@ -12,6 +12,13 @@ namespace softgym_mj::cloth {
 
 class ChainRows {
  public:
+  // A number or three of each edge; vertex has one more.
+  struct Row {
+    std::vector<int> vertex, edge;
+    std::vector<float> start, length, gamma, keep, before, impulse;  // As in EdgeBlock.
+    std::vector<double> lower, diagonal, right, normal;              // Of the system.
+  };
+
   // To be called when the mesh or the length of a substep [s] has changed.
   void Reset(const Mesh& mesh, double h);
   // `after`: by how much each edge got longer after its last turn [m].
@@ -22,16 +29,9 @@ class ChainRows {
   // Writes `after` for the next step.
   void Keep(const Points& points, double* after) const;
 
+  const std::vector<Row>& rows() const { return rows_; }
+
  private:
-  // A number or three of each edge; vertex has one more.
-  struct Row {
-    std::vector<int> vertex, edge;
-    std::vector<float> start, length, gamma, keep, before, impulse;  // As in EdgeBlock.
-    std::vector<double> lower, diagonal, right, normal;              // Of the system.
-  };
-
-  static void SolveRow(const Points& points, Row* row);
-
   std::vector<Row> rows_;
 };
 

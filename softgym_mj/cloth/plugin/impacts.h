@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cloth/plugin/kernels.h"
+#include "cloth/plugin/meets.h"
 #include "native/aligned.h"
 
 namespace softgym_mj::cloth {
@@ -17,8 +18,6 @@ struct Motion {
   std::vector<double> velocity;  // (n, 3) [m/s], at the end.
   std::vector<double> mass;      // [kg]; huge where something holds a vertex.
 };
-
-constexpr double kPressed = 1e-3;  // [m] By which impacts may press vertices into solids and planes.
 
 // What vertices that would pass through each other do: they move as one, which keeps the momentum, or stand still.
 enum class Zones { kMove, kStand };

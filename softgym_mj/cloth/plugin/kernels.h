@@ -93,8 +93,9 @@ struct Turn {
 struct Rigid {
   double move[6];           // In the substep [m], [rad].
   double compliance[6][6];  // 0 of one that does not give way.
-  double impulse[6];        // In the sweep, to be emptied by whoever reads it [kg m], [kg m^2].
-  float centre[3];          // [m]
+  bool gives_way;
+  double impulse[6];  // In the sweep, to be emptied by whoever reads it [kg m], [kg m^2].
+  float centre[3];    // [m]
 };
 
 // Rows of a geom and points of triangles, of cords or of vertices.

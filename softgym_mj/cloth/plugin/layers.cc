@@ -5,19 +5,12 @@
 #include <limits>
 #include <utility>
 
+#include "cloth/plugin/method.h"
+#include "cloth/plugin/pair_rules.h"
+
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr float kInterest = 1.3f;  // Pairs further apart than this many thicknesses are left out.
-// Boxes get this share of the reach more, so that candidates can be kept for some steps of slow motion.
-constexpr float kSlack = 0.25f;
-// Edges in flat surfaces, whose normals are within 14 degrees of the pair's, count only if they overlap by more than
-// this share of the thickness: vertices and triangles do their work.
-constexpr float kFlat = 0.97f, kOverlap = 0.1f;
-// Pieces of a cord with at most one piece between them are as near as their thickness when it is straight: friction
-// between them would lock its bending.
-constexpr int kNextPieces = 2;
-constexpr int kBetweenEnds = 15;  // Region of two edges whose nearest points are not at their ends.
 // Pairs that are apart by more than this share of the thickness do not push for now.
 constexpr float kNotYet = 0.01f;
 // Vertices that lie in one place, or fly apart at any speed, make pairs of all with all: of 64 x 64 vertices a hundred
@@ -100,9 +93,12 @@ void Layers::Reset(const Mesh& mesh, const ClothKernels& kernels) {
   ends_.clear();
   for (const Mesh::Triangle& t : mesh.triangles) corners_.insert(corners_.end(), t.vertex, t.vertex + 3);
   for (const Mesh::Edge& e : mesh.edges) ends_.insert(ends_.end(), e.vertex, e.vertex + 2);
+  owned_.clear();
+  sides_.clear();
+  for (const Mesh::Triangle& t : mesh.triangles) owned_.push_back(t.owned);
+  for (const Mesh::Edge& e : mesh.edges) sides_.insert(sides_.end(), e.triangle, e.triangle + 2);
   chain_.assign(mesh.edges.size(), -1);
   place_.assign(mesh.edges.size(), 0);
-  cord_.assign(mesh.edges.size(), 0);
   owner_.assign(mesh.NumVertices(), -1);
   for (size_t c = 0; c < mesh.chains.size(); ++c) {
     for (size_t i = 0; i < mesh.chains[c].edge.size(); ++i) {
@@ -111,7 +107,6 @@ void Layers::Reset(const Mesh& mesh, const ClothKernels& kernels) {
     }
     for (size_t i = 0; i < mesh.chains[c].edge.size(); ++i) {
       const int edge = mesh.chains[c].edge[i];
-      cord_[edge] = 1;
       for (int v : mesh.edges[edge].vertex) owner_[v] = owner_[v] < 0 ? edge : owner_[v];
     }
   }
@@ -206,39 +201,8 @@ void Layers::Filter(const Scene& scene, const std::vector<int>& candidates,
 void Layers::FindNormals(const Mesh& mesh, const AlignedFloats& position) {
   normals_.resize(3 * mesh.triangles.size());
   for (size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const int* v = mesh.triangles[t].vertex;
-    const float *a = &position[4 * v[0]], *b = &position[4 * v[1]], *c = &position[4 * v[2]];
-    const float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, w[3] = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
-    const float n[3] = {u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]};
-    const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    for (int k = 0; k < 3; ++k) normals_[3 * t + k] = length > 0 ? n[k] / length : 0;
+    FindNormal(position.data(), mesh.triangles[t].vertex, &normals_[3 * t]);
   }
-}
-
-bool Layers::IsFlat(const Mesh::Edge& edge, const float* normal) const {
-  for (int t : edge.triangle) {
-    if (t < 0) continue;
-    const float* n = &normals_[3 * t];
-    if (std::fabs(n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2]) < kFlat) return false;
-  }
-  return edge.triangle[0] >= 0;
-}
-
-bool Layers::Counts(const Mesh& mesh, const Pair& pair) const {
-  if (!pair.edges) return mesh.triangles[pair.second].owned >> pair.region & 1;
-  if (AreCords(pair)) {
-    for (int k = 0; k < 4; ++k) {
-      // At an end: of the edge that owns it.
-      const int only = pair.region & 3 << (k & 2), edge = k < 2 ? pair.first : pair.second;
-      if (only == 1 << k && owner_[pair.vertex[k]] != edge) return false;
-    }
-    if (chain_[pair.first] != chain_[pair.second]) return true;
-    return std::abs(place_[pair.first] - place_[pair.second]) > kNextPieces;
-  }
-  if (pair.region != kBetweenEnds) return false;  // Vertices and triangles do its work.
-  const float thickness = mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
-  if (pair.distance < (1 - kOverlap) * thickness) return true;
-  return !IsFlat(mesh.edges[pair.first], pair.normal) || !IsFlat(mesh.edges[pair.second], pair.normal);
 }
 
 void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const AlignedFloats& move) {
@@ -257,10 +221,11 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
   Filter(scene, edge_candidates_, kernels_->FilterEdges);
   FindNormals(mesh, position);
   pairs.clear();
+  const PairRules rules = {owned_.data(), sides_.data(), normals_.data(), chain_.data(), place_.data(), owner_.data()};
   const auto left_out = [&](const Pair& pair) {
-    const bool counts = Counts(mesh, pair);
+    const bool counts = Counts(rules, pair, mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])]);
     if (counts) pairs.push_back(pair);
-    return !counts && pair.edges && AreCords(pair);
+    return !counts && pair.edges && AreCords(rules, pair);
   };
   found_.erase(std::remove_if(found_.begin(), found_.end(), left_out), found_.end());
 }

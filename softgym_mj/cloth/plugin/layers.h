@@ -46,6 +46,16 @@ class Layers {
   // Whether one of them, or a marked vertex, is at a vertex.
   bool IsNear(int vertex) const { return near_vertex_[vertex]; }
 
+  // Of each edge: the cord that it belongs to, and where; or -1.
+  const std::vector<int>& chain() const { return chain_; }
+  const std::vector<int>& place() const { return place_; }
+  // Of each vertex: the edge of a cord that it is counted with.
+  const std::vector<int>& owner() const { return owner_; }
+  // Vertices, triangles and edges, those near at rest near each other, and -1 for empty places.
+  const std::vector<int>& vertex_order() const { return vertices_.id; }
+  const std::vector<int>& triangle_order() const { return triangles_.id; }
+  const std::vector<int>& edge_order() const { return edges_.id; }
+
  private:
   // Items of one kind and the boxes around them.
   struct Tree {
@@ -64,20 +74,17 @@ class Layers {
   bool Collect(Tree* a, Tree* b, bool same, std::vector<int>* out);
   void Filter(const Scene& scene, const std::vector<int>& candidates,
               int (*filter)(const Scene&, const int*, int, Pair*));
-  bool IsFlat(const Mesh::Edge& edge, const float* normal) const;
-  bool AreCords(const Pair& pair) const { return cord_[pair.first] > 0 && cord_[pair.second] > 0; }
-  bool Counts(const Mesh& mesh, const Pair& pair) const;
   void FindNormals(const Mesh& mesh, const AlignedFloats& position);
 
   const ClothKernels* kernels_ = nullptr;
   float reach_ = 0;  // Largest distance at which pairs are of interest [m].
   Tree vertices_, triangles_, edges_;
   std::vector<int> corners_, ends_;  // Of triangles, and of edges.
-  std::vector<int> chain_, place_;   // Of each edge: the cord that it belongs to, and where; or -1.
-  std::vector<float> cord_;          // 1 of those, else 0.
-  std::vector<int> owner_;           // Of each vertex: the edge of a cord that it is counted with.
-  std::vector<float> normals_;       // Of triangles.
-  AlignedFloats low_, high_;         // Boxes of the vertices that the candidates were found with.
+  std::vector<int> owned_, sides_;   // See PairRules.
+  std::vector<int> chain_, place_;
+  std::vector<int> owner_;
+  std::vector<float> normals_;  // Of triangles.
+  AlignedFloats low_, high_;    // Boxes of the vertices that the candidates were found with.
   std::vector<int> triangle_candidates_, edge_candidates_;
   std::vector<Pair> found_;
   bool all_overlaps_ = true, all_pairs_ = true;

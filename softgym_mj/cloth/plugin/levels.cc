@@ -5,20 +5,12 @@
 #include <utility>
 
 #include "cloth/plugin/kernels.h"
+#include "cloth/plugin/method.h"
 
 namespace softgym_mj::cloth {
 namespace {
 
 constexpr size_t kFew = 300;  // Keys that are sorted faster by comparing them.
-
-// As the finalizer of MurmurHash3 by Appleby, which is in the public domain.
-std::uint32_t Mix(std::uint32_t h) {
-  h ^= h >> 16;
-  h *= 0x85ebca6bu;
-  h ^= h >> 13;
-  h *= 0xc2b2ae35u;
-  return h ^ h >> 16;
-}
 
 // Sorts by the upper 32 bits; the order of equal ones stays.
 void SortByHash(std::vector<std::uint64_t>* keys, std::vector<std::uint64_t>* other) {
@@ -43,9 +35,7 @@ void Levels::Order(const int* vertices, int rows, int corners, const std::uint8_
                    std::vector<int>* order) {
   keys_.resize(rows);
   for (int row = 0; row < rows; ++row) {
-    std::uint32_t hash = 0;
-    for (int k = 0; k < corners; ++k) hash = Mix(hash * 31 + static_cast<std::uint32_t>(vertices[corners * row + k]));
-    keys_[row] = std::uint64_t{hash} << 32 | static_cast<std::uint32_t>(row);
+    keys_[row] = std::uint64_t{RowHash(vertices + corners * row, corners)} << 32 | static_cast<std::uint32_t>(row);
   }
   SortByHash(&keys_, &sorted_);
   taken_.assign(static_cast<size_t>(kWords) * num_vertices, 0);

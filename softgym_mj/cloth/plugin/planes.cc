@@ -3,14 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cloth/plugin/method.h"
+
 namespace softgym_mj::cloth {
-namespace {
-
-// Vertices further from a plane than they move in two steps and this [m] cannot reach it in a step.
-constexpr double kPlaneMargin = 0.02;
-
-}  // namespace
-
 Plane Planes::Active::View(const std::vector<int>& some) {
   return {{normal[0], normal[1], normal[2]}, gap.data(), friction.data(), impulse.data(), some.data(),
           static_cast<int>(some.size())};

@@ -1,4 +1,4 @@
-// Finds pairs of features that may touch. See native/simd.h for what this must not use.
+// Whether two features may touch, for T = float or `Lanes`. See native/simd.h for what this must not use.
 
 #ifndef SOFTGYM_MJ_CLOTH_SEARCH_H_
 #define SOFTGYM_MJ_CLOTH_SEARCH_H_
@@ -12,115 +12,33 @@ namespace {
 
 constexpr float kParallel = 1e-6f;  // Squared sine below which edges count as parallel.
 
-inline void BoundItems(const float* low, const float* high, const int* corners, Boxes* out) {
-  Lanes3 least, most;
-  for (int k = 0; k < 3; ++k) {
-    int index[kBlock];
-    for (int i = 0; i < kBlock; ++i) index[i] = corners[3 * i + k];
-    Lanes unused;
-    const Lanes3 a = Gather(low, index, &unused), b = Gather(high, index, &unused);
-    least = k ? Lanes3{Min(a.x, least.x), Min(a.y, least.y), Min(a.z, least.z)} : a;
-    most = k ? Lanes3{Max(b.x, most.x), Max(b.y, most.y), Max(b.z, most.z)} : b;
-  }
-  Store3(least, out->low);
-  Store3(most, out->high);
-}
-
-// The boxes of `eight` that overlap one box, as bits.
-inline unsigned Touching(const Boxes& eight, const Lanes3& low, const Lanes3& high) {
-  const Lanes3 least = Load3(eight.low), most = Load3(eight.high);
-  return Bits((LessEqual(least.x, high.x) & LessEqual(low.x, most.x)) &
-              (LessEqual(least.y, high.y) & LessEqual(low.y, most.y)) &
-              (LessEqual(least.z, high.z) & LessEqual(low.z, most.z)));
-}
-inline void Broadcast(const Boxes& eight, int i, Lanes3* low, Lanes3* high) {
-  *low = {Lanes(eight.low[0][i]), Lanes(eight.low[1][i]), Lanes(eight.low[2][i])};
-  *high = {Lanes(eight.high[0][i]), Lanes(eight.high[1][i]), Lanes(eight.high[2][i])};
-}
-
-inline bool ShareCorner(const int* a, const int* b) {
-  bool same = false;
-  for (int i = 0; i < 3; ++i) same |= (a[i] == b[0]) | (a[i] == b[1]) | (a[i] == b[2]);
-  return same;
-}
-
-inline int OverlapLeaves(const BoxTree& a, int leaf_a, const BoxTree& b, int leaf_b, bool same, int* out) {
-  int count = 0;
-  const Boxes &of_a = a.items[leaf_a], &of_b = b.items[leaf_b];
-  // Only items that touch the other leaf's box.
-  Lanes3 low, high;
-  Broadcast(b.leaves[leaf_b / kBlock], leaf_b % kBlock, &low, &high);
-  unsigned near_a = Touching(of_a, low, high);
-  if (!near_a) return 0;
-  Broadcast(a.leaves[leaf_a / kBlock], leaf_a % kBlock, &low, &high);
-  const unsigned near_b = Touching(of_b, low, high);
-  if (!near_b) return 0;
-  for (; near_a; near_a &= near_a - 1) {
-    const int i = __builtin_ctz(near_a), at = kBlock * leaf_a + i;
-    Broadcast(of_a, i, &low, &high);
-    unsigned bits = Touching(of_b, low, high) & near_b;
-    if (same && leaf_a == leaf_b) bits &= ~0u << (i + 1);
-    for (; bits; bits &= bits - 1) {
-      const int other = kBlock * leaf_b + __builtin_ctz(bits);
-      if (ShareCorner(a.corners + 3 * at, b.corners + 3 * other)) continue;
-      out[2 * count] = at;
-      out[2 * count++ + 1] = other;
-    }
-  }
-  return count;
-}
-
-inline int Overlap(const BoxTree& a, const BoxTree& b, bool same, int* out, int capacity, bool* full) {
-  int count = 0;
-  *full = false;
-  for (int node_a = 0; node_a < a.num_nodes; ++node_a) {
-    const float* p = a.bounds + 6 * node_a;
-    for (int node_b = same ? node_a : 0; node_b < b.num_nodes; ++node_b) {
-      const float* q = b.bounds + 6 * node_b;
-      if (p[0] > q[3] || q[0] > p[3] || p[1] > q[4] || q[1] > p[4] || p[2] > q[5] || q[2] > p[5]) continue;
-      for (int i = 0; i < kBlock; ++i) {
-        const int leaf_a = kBlock * node_a + i;
-        if (leaf_a >= a.num_leaves) break;
-        Lanes3 low, high;
-        Broadcast(a.leaves[node_a], i, &low, &high);
-        unsigned bits = Touching(b.leaves[node_b], low, high);
-        if (same && node_a == node_b) bits &= ~0u << i;
-        for (; bits; bits &= bits - 1) {
-          const int leaf_b = kBlock * node_b + __builtin_ctz(bits);
-          *full = count + kBlock * kBlock > capacity;
-          if (*full) return count;
-          count += OverlapLeaves(a, leaf_a, b, leaf_b, same, out + 2 * count);
-        }
-      }
-    }
-  }
-  return count;
-}
-
 // Parameter of the point of segment a-b closest to p, with ap = p - a.
-inline Lanes AlongSegment(const Lanes3& ab, const Lanes3& ap) {
-  return Min(Max(Inner(ab, ap) / Max(Inner(ab, ab), Lanes(kTinySquare)), Lanes(0.0f)), Lanes(1.0f));
+template <class T>
+inline T AlongSegment(const Vec3<T>& ab, const Vec3<T>& ap) {
+  return Min(Max(Inner(ab, ap) / Max(Inner(ab, ab), T(kTinySquare)), T(0.0f)), T(1.0f));
 }
 
 // Weights of the point of triangle abc closest to p.
-inline void ClosestOnTriangle(const Lanes3& p, const Lanes3& a, const Lanes3& b, const Lanes3& c, Lanes weight[3]) {
-  const Lanes zero(0.0f), one(1.0f);
-  const Lanes3 ab = b - a, ac = c - a, bc = c - b, ap = p - a, bp = p - b;
+template <class T>
+inline void ClosestOnTriangle(const Vec3<T>& p, const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c, T weight[3]) {
+  const T zero(0.0f), one(1.0f);
+  const Vec3<T> ab = b - a, ac = c - a, bc = c - b, ap = p - a, bp = p - b;
   // Inside: barycentric coordinates of the projection.
-  const Lanes bb = Inner(ab, ab), bcc = Inner(ab, ac), cc = Inner(ac, ac), pb = Inner(ab, ap), pc = Inner(ac, ap);
-  const Lanes scale = one / Max(NegativeMultiplyAdd(bcc, bcc, bb * cc), Lanes(1e-30f));
-  const Lanes v = NegativeMultiplyAdd(bcc, pc, cc * pb) * scale, w = NegativeMultiplyAdd(bcc, pb, bb * pc) * scale;
-  const Lanes u = one - v - w;
-  const Mask inside = Less(zero, u) & Less(zero, v) & Less(zero, w);
+  const T bb = Inner(ab, ab), bcc = Inner(ab, ac), cc = Inner(ac, ac), pb = Inner(ab, ap), pc = Inner(ac, ap);
+  const T scale = one / Max(NegativeMultiplyAdd(bcc, bcc, bb * cc), T(1e-30f));
+  const T v = NegativeMultiplyAdd(bcc, pc, cc * pb) * scale, w = NegativeMultiplyAdd(bcc, pb, bb * pc) * scale;
+  const T u = one - v - w;
+  const auto inside = Less(zero, u) & Less(zero, v) & Less(zero, w);
   // On the border: the nearest of the three sides' closest points.
-  const Lanes s1 = AlongSegment(ab, ap), s2 = AlongSegment(ac, ap), s3 = AlongSegment(bc, bp);
-  const auto square = [](const Lanes3& d) { return Inner(d, d); };
-  const Lanes d1 = square(AddScaled(ap, -s1, ab)), d2 = square(AddScaled(ap, -s2, ac));
-  const Lanes d3 = square(AddScaled(bp, -s3, bc));
-  const Mask first = LessEqual(d1, d2) & LessEqual(d1, d3), second = LessEqual(d2, d3);
-  const Lanes wa = Select(first, one - s1, Select(second, one - s2, zero));
-  const Lanes wb = Select(first, s1, Select(second, zero, one - s3));
-  const Lanes wc = Select(first, zero, Select(second, s2, s3));
+  const T s1 = AlongSegment(ab, ap), s2 = AlongSegment(ac, ap), s3 = AlongSegment(bc, bp);
+  const auto square = [](const Vec3<T>& d) { return Inner(d, d); };
+  const T d1 = square(AddScaled(ap, -s1, ab)), d2 = square(AddScaled(ap, -s2, ac));
+  const T d3 = square(AddScaled(bp, -s3, bc));
+  const auto first = LessEqual(d1, d2) & LessEqual(d1, d3);
+  const auto second = LessEqual(d2, d3);
+  const T wa = Select(first, one - s1, Select(second, one - s2, zero));
+  const T wb = Select(first, s1, Select(second, zero, one - s3));
+  const T wc = Select(first, zero, Select(second, s2, s3));
   weight[0] = Select(inside, u, wa);
   weight[1] = Select(inside, v, wb);
   weight[2] = Select(inside, w, wc);
@@ -128,143 +46,54 @@ inline void ClosestOnTriangle(const Lanes3& p, const Lanes3& a, const Lanes3& b,
 
 // Parameters of the closest points of segments from a along u and from c along v. Ericson, Real-Time Collision
 // Detection (2005), section 5.1.9.
-inline void ClosestOnSegments(const Lanes3& u, const Lanes3& v, const Lanes3& r, Lanes* s, Lanes* t) {
-  const Lanes zero(0.0f), one(1.0f);
-  const Lanes uu = Inner(u, u), vv = Inner(v, v), uv = Inner(u, v), ur = Inner(u, r), vr = Inner(v, r);
-  const Lanes det = NegativeMultiplyAdd(uv, uv, uu * vv);
-  const auto clamp = [&](Lanes x) { return Min(Max(x, zero), one); };
-  const Mask skew = Less(Lanes(kParallel) * (uu * vv), det);
-  *s = Select(skew, clamp(NegativeMultiplyAdd(ur, vv, uv * vr) / Max(det, Lanes(1e-30f))), Lanes(0.5f));
-  const Lanes free = MultiplyAdd(uv, *s, vr) / Max(vv, Lanes(kTinySquare));
+template <class T>
+inline void ClosestOnSegments(const Vec3<T>& u, const Vec3<T>& v, const Vec3<T>& r, T* s, T* t) {
+  const T zero(0.0f), one(1.0f);
+  const T uu = Inner(u, u), vv = Inner(v, v), uv = Inner(u, v), ur = Inner(u, r), vr = Inner(v, r);
+  const T det = NegativeMultiplyAdd(uv, uv, uu * vv);
+  const auto clamp = [&](T x) { return Min(Max(x, zero), one); };
+  const auto skew = Less(T(kParallel) * (uu * vv), det);
+  *s = Select(skew, clamp(NegativeMultiplyAdd(ur, vv, uv * vr) / Max(det, T(1e-30f))), T(0.5f));
+  const T free = MultiplyAdd(uv, *s, vr) / Max(vv, T(kTinySquare));
   *t = clamp(free);
-  const Lanes again = clamp((uv * *t - ur) / Max(uu, Lanes(kTinySquare)));
+  const T again = clamp((uv * *t - ur) / Max(uu, T(kTinySquare)));
   *s = Select(Equal(free, *t), *s, again);
 }
 
-// What eight pairs need, their reach among it [m].
-struct Eight {
-  int vertex[4][kBlock];
-  Lanes3 position[4], move[4];
-  Lanes thickness;
-};
-
-inline void Describe(const Scene& scene, Eight* eight) {
-  float thickness[kBlock];
-  for (int i = 0; i < kBlock; ++i) {
-    const int a = scene.part[eight->vertex[0][i]], b = scene.part[eight->vertex[3][i]];
-    thickness[i] = scene.thickness[a * scene.num_parts + b];
-  }
-  eight->thickness = Lanes::Load(thickness);
-  Lanes unused;
+// Whether two features, the first of `num_first` vertices, may come nearer than `reach` in a step.
+template <class T>
+inline auto MayMeet(const Vec3<T> position[4], const Vec3<T> move[4], int num_first, const T weight[4], T reach,
+                    Vec3<T>* normal, T* distance) {
+  Vec3<T> apart = {T(0.0f), T(0.0f), T(0.0f)};
+  for (int k = 0; k < 4; ++k) apart = AddScaled(apart, weight[k], position[k]);
+  *distance = Sqrt(Inner(apart, apart));
+  *normal = (T(1.0f) / Max(*distance, T(kTinyLength))) * apart;
+  T lowest(1e30f), highest(-1e30f);
   for (int k = 0; k < 4; ++k) {
-    eight->position[k] = Gather(scene.position, eight->vertex[k], &unused);
-    eight->move[k] = Gather(scene.move, eight->vertex[k], &unused);
-  }
-}
-
-// Appends those of the eight pairs, `wanted` as bits, that may touch.
-inline int Append(const Scene& scene, const Eight& eight, int num_first, const Lanes weight[4], unsigned wanted,
-                  const int* ids, bool edges, Pair* out) {
-  Lanes3 apart = {Lanes(0.0f), Lanes(0.0f), Lanes(0.0f)};
-  for (int k = 0; k < 4; ++k) apart = AddScaled(apart, weight[k], eight.position[k]);
-  const Lanes distance = Sqrt(Inner(apart, apart));
-  const Lanes3 normal = (Lanes(1.0f) / Max(distance, Lanes(kTinyLength))) * apart;
-  Lanes lowest(1e30f), highest(-1e30f);
-  for (int k = 0; k < 4; ++k) {
-    const Lanes along = Inner(normal, eight.move[k]);
+    const T along = Inner(*normal, move[k]);
     if (k < num_first) {
       lowest = Min(lowest, along);
     } else {
       highest = Max(highest, along);
     }
   }
-  const Lanes approach = Max(highest - lowest, Lanes(0.0f));
-  wanted &=
-      Bits(Less(distance - approach, Lanes(scene.interest) * eight.thickness) & Less(Lanes(kTinyLength), distance));
-  if (!wanted) return 0;
-  float q[4][kBlock], n[3][kBlock], d[kBlock];
-  for (int k = 0; k < 4; ++k) weight[k].Store(q[k]);
-  Store3(normal, n);
-  distance.Store(d);
-  int count = 0;
-  for (; wanted; wanted &= wanted - 1) {
-    const int i = __builtin_ctz(wanted);
-    Pair& pair = out[count++];
-    int region = 0;
-    for (int k = 0; k < 4; ++k) {
-      pair.vertex[k] = eight.vertex[k][i];
-      pair.weight[k] = q[k][i];
-      region |= (q[k][i] != 0) << k;
-    }
-    for (int k = 0; k < 3; ++k) pair.normal[k] = n[k][i];
-    pair.distance = d[i];
-    pair.edges = edges;
-    pair.region = static_cast<std::int16_t>(edges ? region : region >> 1);
-    pair.first = ids[2 * i];
-    pair.second = ids[2 * i + 1];
-  }
-  return count;
+  const T approach = Max(highest - lowest, T(0.0f));
+  return Less(*distance - approach, reach) & Less(T(kTinyLength), *distance);
 }
 
-inline int FilterTriangles(const Scene& scene, const int* pairs, int count, Pair* out) {
-  int found = 0;
-  for (int first = 0; first < count; first += kBlock) {
-    const int size = count - first < kBlock ? count - first : kBlock;
-    const int* ids = pairs + 2 * first;
-    Eight eight;
-    for (int i = 0; i < kBlock; ++i) {
-      const int* id = ids + 2 * (i < size ? i : 0);
-      eight.vertex[0][i] = id[0];
-      for (int k = 0; k < 3; ++k) eight.vertex[k + 1][i] = scene.triangles[3 * id[1] + k];
+// Whether the sides of a pair approach by more than `share` of their distance.
+inline bool Approaches(const float* now, const Pair& pair, float share) {
+  float low = 1e30f, high = -1e30f;
+  for (int k = 0; k < 4; ++k) {
+    const float* u = now + 4 * pair.vertex[k];
+    const float along = pair.normal[0] * u[0] + pair.normal[1] * u[1] + pair.normal[2] * u[2];
+    if (k < 1 + pair.edges) {
+      low = along < low ? along : low;
+    } else {
+      high = along > high ? along : high;
     }
-    Describe(scene, &eight);
-    Lanes on[3];
-    const Lanes3* x = eight.position;
-    ClosestOnTriangle(x[0], x[1], x[2], x[3], on);
-    const Lanes weight[4] = {Lanes(1.0f), -on[0], -on[1], -on[2]};
-    found += Append(scene, eight, 1, weight, (1u << size) - 1, ids, false, out + found);
   }
-  return found;
-}
-
-inline int FilterEdges(const Scene& scene, const int* pairs, int count, Pair* out) {
-  int found = 0;
-  const Lanes one(1.0f);
-  for (int first = 0; first < count; first += kBlock) {
-    const int size = count - first < kBlock ? count - first : kBlock;
-    const int* ids = pairs + 2 * first;
-    Eight eight;
-    for (int i = 0; i < kBlock; ++i) {
-      const int* id = ids + 2 * (i < size ? i : 0);
-      for (int k = 0; k < 4; ++k) eight.vertex[k][i] = scene.edges[2 * id[k / 2] + k % 2];
-    }
-    Describe(scene, &eight);
-    const Lanes3* x = eight.position;
-    Lanes s, t;
-    ClosestOnSegments(x[1] - x[0], x[3] - x[2], x[0] - x[2], &s, &t);
-    const Lanes weight[4] = {one - s, s, t - one, -t};
-    found += Append(scene, eight, 2, weight, (1u << size) - 1, ids, true, out + found);
-  }
-  return found;
-}
-
-inline int FindApproaching(const float* now, const Pair* pairs, int count, float share, int* out) {
-  int found = 0;
-  for (int i = 0; i < count; ++i) {
-    const Pair& pair = pairs[i];
-    float low = 1e30f, high = -1e30f;
-    for (int k = 0; k < 4; ++k) {
-      const float* u = now + 4 * pair.vertex[k];
-      const float along = pair.normal[0] * u[0] + pair.normal[1] * u[1] + pair.normal[2] * u[2];
-      if (k < 1 + pair.edges) {
-        low = along < low ? along : low;
-      } else {
-        high = along > high ? along : high;
-      }
-    }
-    if (high - low > share * pair.distance) out[found++] = i;
-  }
-  return found;
+  return high - low > share * pair.distance;
 }
 
 }  // namespace

@@ -97,53 +97,51 @@ inline bool MayClose(const Points& points, const SolidBlock& block, const Rigid*
   return Bits(Less(Lanes::Load(block.gap), reach)) != 0;
 }
 
-inline void FindSolid(const Points& points, const float* start, const Geom& geom, const Rigid* body, SolidBlock* blocks,
-                      int count, bool nearest, float substeps) {
+inline void FindSolid(const Points& points, const float* start, const Geom& geom, const Rigid* body, SolidBlock* block,
+                      bool nearest, float substeps) {
   const bool search = nearest && substeps > 0;
-  for (SolidBlock* block = blocks; block < blocks + count; ++block) {
-    if (substeps == 0 && !block->active) continue;
-    Lanes weight[3], w[3], unused;
-    Lanes3 world[3], corner[3];
-    for (int k = 0; k < 3; ++k) {
-      weight[k] = Lanes::Load(block->weight[k]);
-      world[k] = Gather(start, block->vertex[k], &unused) + Gather(points.before, block->vertex[k], &w[k]);
-      corner[k] = ToLocal(geom.pose, world[k]);
-    }
-    Lanes away(0.0f);
-    if (search) {
-      const Lanes zero(0.0f);
-      const Mask cord = Less(zero, Lanes::Load(block->cord));
-      corner[2] = {Select(cord, corner[1].x, corner[2].x), Select(cord, corner[1].y, corner[2].y),
-                   Select(cord, corner[1].z, corner[2].z)};
-      Approach(geom, corner, weight);
-      weight[1] = weight[1] + Select(cord, weight[2], zero);
-      weight[2] = Select(cord, zero, weight[2]);
-      for (int k = 0; k < 3; ++k) {
-        weight[k].Store(block->weight[k]);
-        away = Select(Less(Lanes(kCorner), weight[k]), Lanes(kNowhere), away);
-      }
-    }
-    Lanes3 point = AddScaled(AddScaled(weight[0] * corner[0], weight[1], corner[1]), weight[2], corner[2]), local;
-    const Lanes distance = SidedDistance(geom, point, block->side, &local);
-    (distance - Lanes::Load(block->radius) + away).Store(block->gap);
-    Store3(Rotate<Lanes>(geom.pose, local), block->normal);
-    Lanes mass(0.0f);
-    for (int k = 0; k < 3; ++k) mass = MultiplyAdd(weight[k] * weight[k], w[k], mass);
-    if (body) {
-      const Lanes3 there = AddScaled(AddScaled(weight[0] * world[0], weight[1], world[1]), weight[2], world[2]);
-      const Lanes3 centre = {Lanes(body->centre[0]), Lanes(body->centre[1]), Lanes(body->centre[2])};
-      const Lanes3 arm = there - centre;
-      Store3(arm, block->arm);
-      // At most what the point gives way for a unit impulse in any direction. All eight rows may push the body.
-      const double (*c)[6] = body->compliance;
-      const float linear = static_cast<float>(c[0][0] + c[1][1] + c[2][2]);
-      const float angular = static_cast<float>(c[3][3] + c[4][4] + c[5][5]);
-      mass = mass +
-             Lanes(static_cast<float>(kBlock)) * MultiplyAdd(Lanes(2 * angular), Inner(arm, arm), Lanes(2 * linear));
-    }
-    mass.Store(block->mass);
-    if (substeps > 0) block->active = MayClose(points, *block, body, substeps);
+  if (substeps == 0 && !block->active) return;
+  Lanes weight[3], w[3], unused;
+  Lanes3 world[3], corner[3];
+  for (int k = 0; k < 3; ++k) {
+    weight[k] = Lanes::Load(block->weight[k]);
+    world[k] = Gather(start, block->vertex[k], &unused) + Gather(points.before, block->vertex[k], &w[k]);
+    corner[k] = ToLocal(geom.pose, world[k]);
   }
+  Lanes away(0.0f);
+  if (search) {
+    const Lanes zero(0.0f);
+    const Mask cord = Less(zero, Lanes::Load(block->cord));
+    corner[2] = {Select(cord, corner[1].x, corner[2].x), Select(cord, corner[1].y, corner[2].y),
+                 Select(cord, corner[1].z, corner[2].z)};
+    Approach(geom, corner, weight);
+    weight[1] = weight[1] + Select(cord, weight[2], zero);
+    weight[2] = Select(cord, zero, weight[2]);
+    for (int k = 0; k < 3; ++k) {
+      weight[k].Store(block->weight[k]);
+      away = Select(Less(Lanes(kCorner), weight[k]), Lanes(kNowhere), away);
+    }
+  }
+  Lanes3 point = AddScaled(AddScaled(weight[0] * corner[0], weight[1], corner[1]), weight[2], corner[2]), local;
+  const Lanes distance = SidedDistance(geom, point, block->side, &local);
+  (distance - Lanes::Load(block->radius) + away).Store(block->gap);
+  Store3(Rotate<Lanes>(geom.pose, local), block->normal);
+  Lanes mass(0.0f);
+  for (int k = 0; k < 3; ++k) mass = MultiplyAdd(weight[k] * weight[k], w[k], mass);
+  if (body) {
+    const Lanes3 there = AddScaled(AddScaled(weight[0] * world[0], weight[1], world[1]), weight[2], world[2]);
+    const Lanes3 centre = {Lanes(body->centre[0]), Lanes(body->centre[1]), Lanes(body->centre[2])};
+    const Lanes3 arm = there - centre;
+    Store3(arm, block->arm);
+    // At most what the point gives way for a unit impulse in any direction. All eight rows may push the body.
+    const double (*c)[6] = body->compliance;
+    const float linear = static_cast<float>(c[0][0] + c[1][1] + c[2][2]);
+    const float angular = static_cast<float>(c[3][3] + c[4][4] + c[5][5]);
+    mass =
+        mass + Lanes(static_cast<float>(kBlock)) * MultiplyAdd(Lanes(2 * angular), Inner(arm, arm), Lanes(2 * linear));
+  }
+  mass.Store(block->mass);
+  if (substeps > 0) block->active = MayClose(points, *block, body, substeps);
 }
 
 // Applies the change of the impulses on eight points to the vertices and, the other way, to the body.
@@ -153,7 +151,7 @@ inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes
     const Lanes3 x = Gather(points.now, block.vertex[k], &mass);
     Scatter(points.now, block.vertex[k], AddScaled(x, Lanes::Load(block.weight[k]) * mass, change), mass);
   }
-  if (!body) return;
+  if (!body || !body->gives_way) return;
   const Lanes3 arm = Load3(block.arm);
   const Lanes3 moment = {NegativeMultiplyAdd(arm.z, change.y, arm.y * change.z),
                          NegativeMultiplyAdd(arm.x, change.z, arm.z * change.x),
@@ -168,59 +166,54 @@ inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes
   }
 }
 
-inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* blocks, int count, Rigid* body,
-                       Turn turn) {
+inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* block, Rigid* body, Turn turn) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
-  for (SolidBlock* block = blocks; block < blocks + count; ++block) {
-    if (!block->active) continue;
-    const Lanes gap = Lanes::Load(block->gap), mass = Lanes::Load(block->mass);
-    const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
-    Lanes3 moved = {zero, zero, zero};
-    for (int k = 0; k < 3; ++k) {
-      Lanes unused;
-      const int* vertex = block->vertex[k];
-      moved = AddScaled(moved, Lanes::Load(block->weight[k]),
-                        Gather(points.now, vertex, &unused) - Gather(points.before, vertex, &unused));
-    }
-    if (body) {
-      float m[6];
-      for (int i = 0; i < 6; ++i) m[i] = static_cast<float>(body->move[i]);
-      const Lanes3 arm = Load3(block->arm), turned = {Lanes(m[3]), Lanes(m[4]), Lanes(m[5])};
-      const Lanes3 along = {NegativeMultiplyAdd(turned.z, arm.y, turned.y * arm.z),
-                            NegativeMultiplyAdd(turned.x, arm.z, turned.z * arm.x),
-                            NegativeMultiplyAdd(turned.y, arm.x, turned.x * arm.y)};
-      moved = moved - along - Lanes3{Lanes(m[0]), Lanes(m[1]), Lanes(m[2])};
-    }
-    const Lanes3 normal = Load3(block->normal);
-    const Lanes way = Inner(normal, moved);
-    const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
-    const Lanes impulse = Min(Max(old - violation / (mass + gamma), zero), Lanes(row.most));
-    Lanes3 held = {zero, zero, zero};
-    const Lanes3 old_held = turn.first ? held : Load3(block->held);
-    if (!turn.first || Bits(Less(zero, impulse))) {
-      const Lanes3 slip = AddScaled(moved, -way, normal);
-      held = AddScaled(old_held, Lanes(-1.0f) / Max(mass, Lanes(1e-12f)), slip);
-      held = Grip(Inner(held, held), Lanes::Load(block->friction) * impulse) * held;
-      PushSolid(points, *block, AddScaled(held - old_held, impulse - old, normal), body);
-    }
-    impulse.Store(block->impulse);
-    Store3(held, block->held);
-    if (turn.last) {
-      Store3(AddScaled(Load3(block->total) + held, impulse, normal), block->total);
-      (Lanes::Load(block->pressed) + impulse).Store(block->pressed);
-    }
+  if (!block->active) return;
+  const Lanes gap = Lanes::Load(block->gap), mass = Lanes::Load(block->mass);
+  const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
+  Lanes3 moved = {zero, zero, zero};
+  for (int k = 0; k < 3; ++k) {
+    Lanes unused;
+    const int* vertex = block->vertex[k];
+    moved = AddScaled(moved, Lanes::Load(block->weight[k]),
+                      Gather(points.now, vertex, &unused) - Gather(points.before, vertex, &unused));
+  }
+  if (body) {
+    float m[6];
+    for (int i = 0; i < 6; ++i) m[i] = static_cast<float>(body->move[i]);
+    const Lanes3 arm = Load3(block->arm), turned = {Lanes(m[3]), Lanes(m[4]), Lanes(m[5])};
+    const Lanes3 along = {NegativeMultiplyAdd(turned.z, arm.y, turned.y * arm.z),
+                          NegativeMultiplyAdd(turned.x, arm.z, turned.z * arm.x),
+                          NegativeMultiplyAdd(turned.y, arm.x, turned.x * arm.y)};
+    moved = moved - along - Lanes3{Lanes(m[0]), Lanes(m[1]), Lanes(m[2])};
+  }
+  const Lanes3 normal = Load3(block->normal);
+  const Lanes way = Inner(normal, moved);
+  const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
+  const Lanes impulse = Min(Max(old - violation / (mass + gamma), zero), Lanes(row.most));
+  Lanes3 held = {zero, zero, zero};
+  const Lanes3 old_held = turn.first ? held : Load3(block->held);
+  if (!turn.first || Bits(Less(zero, impulse))) {
+    const Lanes3 slip = AddScaled(moved, -way, normal);
+    held = AddScaled(old_held, Lanes(-1.0f) / Max(mass, Lanes(1e-12f)), slip);
+    held = Grip(Inner(held, held), Lanes::Load(block->friction) * impulse) * held;
+    PushSolid(points, *block, AddScaled(held - old_held, impulse - old, normal), body);
+  }
+  impulse.Store(block->impulse);
+  Store3(held, block->held);
+  if (turn.last) {
+    Store3(AddScaled(Load3(block->total) + held, impulse, normal), block->total);
+    (Lanes::Load(block->pressed) + impulse).Store(block->pressed);
   }
 }
 
-inline void WarmSolid(const Points& points, SolidBlock* blocks, int count, Rigid* body, float share) {
-  for (SolidBlock* block = blocks; block < blocks + count; ++block) {
-    if (!block->active) continue;
-    const Lanes impulse = Lanes(share) * Lanes::Load(block->impulse);
-    const Lanes3 held = Lanes(share) * Load3(block->held);
-    impulse.Store(block->impulse);
-    Store3(held, block->held);
-    PushSolid(points, *block, AddScaled(held, impulse, Load3(block->normal)), body);
-  }
+inline void WarmSolid(const Points& points, SolidBlock* block, Rigid* body, float share) {
+  if (!block->active) return;
+  const Lanes impulse = Lanes(share) * Lanes::Load(block->impulse);
+  const Lanes3 held = Lanes(share) * Load3(block->held);
+  impulse.Store(block->impulse);
+  Store3(held, block->held);
+  PushSolid(points, *block, AddScaled(held, impulse, Load3(block->normal)), body);
 }
 
 }  // namespace

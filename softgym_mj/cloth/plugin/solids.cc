@@ -4,13 +4,12 @@
 #include <cmath>
 #include <limits>
 
-#include "native/shapes.h"
+#include "cloth/plugin/method.h"
+#include "cloth/plugin/near.h"
 
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr double kSlack = 0.002;    // [m] Beyond what can come near in a step.
-constexpr double kBodyHaste = 0.2;  // [m/s] By which bodies may be faster at the end of a step than at its start.
 // [N] With which a body that is told where to go, as pickers are, pushes a point at most: it comes through what it
 // presses against the floor or another one, instead of tearing it.
 constexpr double kMostForce = 0.1;
@@ -60,6 +59,8 @@ double Friction(const mjModel* m, int geom, int flex) {
   const int ahead = m->geom_priority[geom] - m->flex_priority[flex];
   return ahead > 0 ? of_geom : ahead < 0 ? of_flex : std::max(of_geom, of_flex);
 }
+
+float MostPush(double h) { return static_cast<float>(kMostForce * h * h); }
 
 std::string CheckGeoms(const mjModel* m, const Mesh& mesh) {
   for (int g = 0; g < m->ngeom; ++g) {
@@ -117,7 +118,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     bool touches = false;
     for (size_t p = 0; p < mesh.flexes.size(); ++p) touches |= MayTouch(m, g, mesh, static_cast<int>(p));
     if (!touches) continue;
-    double margin = radius + kSlack;
+    double margin = radius + kSolidMargin;
     const double* centre = d->geom_xpos + 3 * g;
     // Bodies are looked at only if their geoms may be near: nothing moves further than this in a step.
     const auto away = [&](double most) {
@@ -176,31 +177,9 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
   active->triangles.clear();
   const int dummy = mesh.NumVertices();
   const Geom& view = active->view;
-  const auto distance = [&](const float* x) {
-    Vec3<float> normal;
-    return Distance<float>(view.shape, view.size, ToLocal(view.pose, Vec3<float>{x[0], x[1], x[2]}), &normal);
-  };
-  // Whether some vertices may come near: of the middle of them, less how far the furthest of them is from it.
   const float bound = static_cast<float>(m_->geom_rbound[active->geom]);
   const auto near = [&](const int* vertex, int corners) {
-    float middle[3] = {0, 0, 0}, furthest = 0, fastest = 0, away = 0;
-    for (int k = 0; k < 3; ++k) {
-      for (int c = 0; c < corners; ++c) middle[k] += position_[4 * vertex[c] + k];
-      middle[k] /= corners;
-      away += (middle[k] - view.pose[k]) * (middle[k] - view.pose[k]);
-    }
-    for (int c = 0; c < corners; ++c) {
-      float square = 0;
-      for (int k = 0; k < 3; ++k) {
-        const float d = position_[4 * vertex[c] + k] - middle[k];
-        square += d * d;
-      }
-      furthest = std::max(furthest, square);
-      fastest = std::max(fastest, position_[4 * vertex[c] + 3]);
-    }
-    const float reach = std::sqrt(furthest) + static_cast<float>(margin) + fastest;
-    if (away > (bound + reach) * (bound + reach)) return false;
-    return distance(middle) < reach;
+    return ComesNear(position_.data(), vertex, corners, view, bound, static_cast<float>(margin));
   };
   std::vector<bool> touches(mesh.flexes.size());
   for (size_t p = 0; p < mesh.flexes.size(); ++p) touches[p] = MayTouch(m_, active->geom, mesh, static_cast<int>(p));
@@ -311,7 +290,7 @@ void Solids::Sweep(const ClothKernels& kernels, const Points& points, const Cont
   for (Active& active : actives_) {
     Rigid* rigid = active.body >= 0 ? &bodies_.all()[active.body].rigid : nullptr;
     ContactRow limited = row;
-    if (rigid && !bodies_.all()[active.body].gives_way) limited.most = static_cast<float>(kMostForce * h_ * h_);
+    if (rigid && !bodies_.all()[active.body].gives_way) limited.most = MostPush(h_);
     for (auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
       kernels.SweepSolid(points, limited, blocks->data(), static_cast<int>(blocks->size()), rigid, turn);
     }

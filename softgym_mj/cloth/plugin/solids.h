@@ -32,6 +32,8 @@ struct Contact {
 // Whether a geom and a flex may touch, and with which friction: MuJoCo's rules.
 bool MayTouch(const mjModel* m, int geom, const Mesh& mesh, int part);
 double Friction(const mjModel* m, int geom, int flex);
+// The largest impulse in a substep of h [s] of a body that is told where to go [kg m].
+float MostPush(double h);
 // "" or what is wrong with a geom that may touch.
 std::string CheckGeoms(const mjModel* m, const Mesh& mesh);
 

@@ -5,22 +5,15 @@
 #include <mujoco/mujoco.h>
 
 #include "cloth/plugin/air.h"
+#include "cloth/plugin/method.h"
 
 namespace softgym_mj::cloth {
 namespace {
 
 constexpr double kRecovery = 1;  // [m/s] At which overlaps are left at most.
-// A vertex' reference position follows when it is further away than this [m]; slower ones count as standing still.
-// Without it the normals of a heap jitter, and it never comes to rest.
-constexpr double kHysteresis = 5e-4;
-constexpr float kVouched = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
-constexpr int kMaxSearches = 4;
-constexpr int kLifts = 3;  // Times that solids are looked for on the way that impact zones have changed.
+constexpr int kLifts = 3;        // Times that solids are looked for on the way that impact zones have changed.
 // Planes are so much stiffer than other contacts: they come last, so that nothing undoes what they do.
 constexpr float kFirm = 5;
-// Substeps after which the nearest points of triangles to solids are found anew, if nothing moves further in them [m].
-constexpr int kSearchInterval = 5;
-constexpr double kSearchWay = 0.01;
 // Share of its impulses that a contact near a light body starts a substep with. Decisive: what is between them and the
 // floor has to learn of their weight.
 constexpr float kWarm = 0.9f;
@@ -141,7 +134,7 @@ bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
                   const Kept& kept, Motion* motion) {
   FindLayers(mesh, start, *solids, kept);
   const bool complete = layers_.complete() && solids->complete();
-  search_interval_ = solids->fastest() * kSearchInterval > settings_.substeps * kSearchWay ? 1 : kSearchInterval;
+  search_interval_ = SearchInterval(solids->fastest(), settings_.substeps);
   StartPoints(mesh, start);
   driven_.Start(start);
   edges_.Start(start, kept.after_edge);

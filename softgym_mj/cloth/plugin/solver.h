@@ -38,6 +38,12 @@ class Solver {
             const Kept& kept, Motion* motion);
 
   double substep() const { return h_; }
+  const ContactRow& contact() const { return contact_; }
+  const ContactRow& plane_row() const { return plane_row_; }
+  const EdgeRows& edges() const { return edges_; }
+  const HingeRows& hinges() const { return hinges_; }
+  const ChainRows& chains() const { return chains_; }
+  const Layers& layers() const { return layers_; }
 
  private:
   void StartPoints(const Mesh& mesh, const Start& start);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "cloth/plugin/edges.h"
 #include "cloth/plugin/levels.h"
 
 namespace softgym_mj::cloth {
@@ -37,30 +38,8 @@ Compliance Comply(double stiffness, double damping, double h) {
   return {b, b / (std::max(stiffness, 1e-12) * h * h)};
 }
 
-float StartWay(const std::vector<double>& position, int a, int b, float way[3]) {
-  float square = 0;
-  for (int k = 0; k < 3; ++k) {
-    way[k] = static_cast<float>(position[3 * a + k] - position[3 * b + k]);
-    square += way[k] * way[k];
-  }
-  return std::sqrt(square);
-}
-
-float LengthNow(const Points& points, int a, int b, const float way[3]) {
-  float square = 0;
-  for (int k = 0; k < 3; ++k) {
-    const float d = way[k] + (points.now[4 * a + k] - points.now[4 * b + k]);
-    square += d * d;
-  }
-  return std::sqrt(square);
-}
-
-void AddForce(const Points& points, int vertex, const float way[3], double force, std::vector<double>* forces) {
-  if (points.now[4 * vertex + 3] > 0) return;
-  double length = 0;
-  for (int k = 0; k < 3; ++k) length += static_cast<double>(way[k]) * way[k];
-  length = std::max(std::sqrt(length), 1e-9);
-  for (int k = 0; k < 3; ++k) (*forces)[3 * vertex + k] += force * way[k] / length;
+void AddForceIfHeld(const Points& points, int vertex, const float way[3], double force, std::vector<double>* forces) {
+  if (!(points.now[4 * vertex + 3] > 0)) AddForce(way, force, &(*forces)[3 * vertex]);
 }
 
 void EdgeRows::Reset(const Mesh& mesh, double h) {
@@ -104,7 +83,7 @@ void EdgeRows::Start(const cloth::Start& start, const double* after) {
     EdgeBlock& block = blocks_[i / kBlock];
     const int lane = i % kBlock, a = block.vertex[0][lane], b = block.vertex[1][lane];
     float way[3];
-    block.before[lane] = StartWay(start.position, a, b, way) - static_cast<float>(after[order_[i]]);
+    block.before[lane] = StartWay(start.position.data(), a, b, way) - static_cast<float>(after[order_[i]]);
     for (int k = 0; k < 3; ++k) block.start[k][lane] = way[k];
     if (start.inverse_mass[a] > 0 && start.inverse_mass[b] > 0) continue;
     held_.push_back(static_cast<int>(i));
@@ -121,8 +100,8 @@ void EdgeRows::AddHoldingForces(const Points& points, double share, std::vector<
     const int lane = i % kBlock, a = block.vertex[0][lane], b = block.vertex[1][lane];
     float way[3];
     for (int k = 0; k < 3; ++k) way[k] = block.start[k][lane] + (points.now[4 * a + k] - points.now[4 * b + k]);
-    AddForce(points, a, way, share * block.impulse[lane], forces);
-    AddForce(points, b, way, -share * block.impulse[lane], forces);
+    AddForceIfHeld(points, a, way, share * block.impulse[lane], forces);
+    AddForceIfHeld(points, b, way, -share * block.impulse[lane], forces);
   }
 }
 

@@ -18,12 +18,8 @@ struct Compliance {
 };
 Compliance Comply(double stiffness, double damping, double h);
 
-// Fills `way` from vertex b to vertex a at the start of the step; returns its length [m].
-float StartWay(const std::vector<double>& position, int a, int b, float way[3]);
-// The length now of what was `way` at the start of the step [m].
-float LengthNow(const Points& points, int a, int b, const float way[3]);
 // Adds a force [N] along `way` to those of a vertex (n, 3), if it is held.
-void AddForce(const Points& points, int vertex, const float way[3], double force, std::vector<double>* forces);
+void AddForceIfHeld(const Points& points, int vertex, const float way[3], double force, std::vector<double>* forces);
 
 // Edges of surfaces, solved by one sweep.
 class EdgeRows {
@@ -38,10 +34,14 @@ class EdgeRows {
   // Writes `after` for the next step.
   void Keep(const Points& points, double* after) const;
 
+  const Aligned<EdgeBlock>& blocks() const { return blocks_; }
+  // The edge of each lane, or -1.
+  const std::vector<int>& order() const { return order_; }
+
  private:
   Aligned<EdgeBlock> blocks_;
-  std::vector<int> order_;  // The edge of each lane, or -1.
-  std::vector<int> held_;   // Lanes of edges with a vertex that is held.
+  std::vector<int> order_;
+  std::vector<int> held_;  // Lanes of edges with a vertex that is held.
 };
 
 // Bending of surfaces and of cords.
@@ -53,10 +53,16 @@ class HingeRows {
   // Bends if it is time to.
   void Bend(const ClothKernels& kernels, const Points& points, int substep);
 
+  const Aligned<HingeBlock>& blocks() const { return blocks_; }
+  // The hinge of each lane, or -1.
+  const std::vector<int>& order() const { return order_; }
+  // Substeps from one bending to the next.
+  int interval() const { return interval_; }
+
  private:
   Aligned<HingeBlock> blocks_;
-  std::vector<int> order_;  // The hinge of each lane, or -1.
-  int interval_ = 1;        // Substeps from one bending to the next.
+  std::vector<int> order_;
+  int interval_ = 1;
 };
 
 }  // namespace softgym_mj::cloth

@@ -38,30 +38,28 @@ inline Lanes3 Gather(const float* p, const int* index, Lanes* w) {
 }
 inline void Scatter(float* p, const int* index, const Lanes3& a, Lanes w) { Scatter4(p, index, a.x, a.y, a.z, w); }
 
-inline void Move(const Points& points) {
-  for (int i = 0; i < 4 * points.count; i += kLanes) {
-    const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
-    moved.Store(points.moved + i);
-    now.Store(points.before + i);
-    (now + (moved + Lanes::Load(points.bent_drift + i))).Store(points.now + i);
-  }
+// Of eight numbers of the points, from `i` on.
+inline void Move(const Points& points, int i) {
+  const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
+  moved.Store(points.moved + i);
+  now.Store(points.before + i);
+  (now + (moved + Lanes::Load(points.bent_drift + i))).Store(points.now + i);
 }
 
-inline void MoveAir(const Points& points) {
-  for (int first = 0; first < points.count; first += kBlock) {
-    const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
-    Lanes w, unused;
-    const Lanes3 now = Gather(points.now, index, &w), before = Gather(points.before, index, &unused);
-    const Lanes3 air = Gather(points.air, index, &unused), last = Gather(points.moved, index, &unused);
-    const Lanes gained = Inner(air, (now - before) - last);
-    Scatter(points.now, index, AddScaled(now, -gained, air), w);
-  }
+// Of eight vertices, from `first` on.
+inline void MoveAir(const Points& points, int first) {
+  const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
+  Lanes w, unused;
+  const Lanes3 now = Gather(points.now, index, &w), before = Gather(points.before, index, &unused);
+  const Lanes3 air = Gather(points.air, index, &unused), last = Gather(points.moved, index, &unused);
+  const Lanes gained = Inner(air, (now - before) - last);
+  Scatter(points.now, index, AddScaled(now, -gained, air), w);
 }
 
 // One row of an edge. `d`: from the second to the first vertex. Returns the impulse and sets its direction and the
 // length after it.
 template <class T>
-SGM_DEVICE inline T EdgeImpulse(const Vec3<T>& d, T length, T gamma, T keep, T mass, T* before, Vec3<T>* normal) {
+inline T EdgeImpulse(const Vec3<T>& d, T length, T gamma, T keep, T mass, T* before, Vec3<T>* normal) {
   const T now = Max(Sqrt(Inner(d, d)), T(kTinyLength));
   const T inverse = T(1.0f) / now;
   *normal = {d.x * inverse, d.y * inverse, d.z * inverse};
@@ -71,159 +69,146 @@ SGM_DEVICE inline T EdgeImpulse(const Vec3<T>& d, T length, T gamma, T keep, T m
   return impulse;
 }
 
-inline void SweepEdges(const Points& points, EdgeBlock* blocks, int count) {
-  for (EdgeBlock* block = blocks; block < blocks + count; ++block) {
-    Lanes wa, wb, before = Lanes::Load(block->before);
-    const Lanes3 a = Gather(points.now, block->vertex[0], &wa), b = Gather(points.now, block->vertex[1], &wb);
-    Lanes3 normal;
-    const Lanes impulse = EdgeImpulse(Load3(block->start) + (a - b), Lanes::Load(block->length),
-                                      Lanes::Load(block->gamma), Lanes::Load(block->keep), wa + wb, &before, &normal);
-    before.Store(block->before);
-    impulse.Store(block->impulse);
-    Scatter(points.now, block->vertex[0], AddScaled(a, wa * impulse, normal), wa);
-    Scatter(points.now, block->vertex[1], AddScaled(b, -(wb * impulse), normal), wb);
-  }
+inline void SweepEdges(const Points& points, EdgeBlock* block) {
+  Lanes wa, wb, before = Lanes::Load(block->before);
+  const Lanes3 a = Gather(points.now, block->vertex[0], &wa), b = Gather(points.now, block->vertex[1], &wb);
+  Lanes3 normal;
+  const Lanes impulse = EdgeImpulse(Load3(block->start) + (a - b), Lanes::Load(block->length),
+                                    Lanes::Load(block->gamma), Lanes::Load(block->keep), wa + wb, &before, &normal);
+  before.Store(block->before);
+  impulse.Store(block->impulse);
+  Scatter(points.now, block->vertex[0], AddScaled(a, wa * impulse, normal), wa);
+  Scatter(points.now, block->vertex[1], AddScaled(b, -(wb * impulse), normal), wb);
 }
 
-// Bending in one step as long as `substeps`; its change of velocity is spread evenly over them.
-inline void Bend(const Points& points, HingeBlock* blocks, int count, float substeps) {
-  const Lanes n(substeps), square(substeps * substeps), share(1.0f / (substeps * substeps));
-  for (int i = 0; i < 4 * points.count; i += kLanes) {
-    const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
-    MultiplyAdd(square, Lanes::Load(points.drift + i), MultiplyAdd(n, moved, now)).Store(points.predicted + i);
+// Bending in one step as long as `substeps`: where points would be without it, from number `i` on,
+inline Lanes Unbent(const Points& points, int i, float substeps) {
+  const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
+  return MultiplyAdd(Lanes(substeps * substeps), Lanes::Load(points.drift + i),
+                     MultiplyAdd(Lanes(substeps), moved, now));
+}
+// its rows,
+inline void SweepHinges(const Points& points, HingeBlock* block) {
+  Lanes w[4], masses[4], mass(0.0f);
+  Lanes3 x[4], sum = Load3(block->start);
+  for (int k = 0; k < 4; ++k) {
+    x[k] = Gather(points.predicted, block->vertex[k], &masses[k]);
+    const Lanes weight = Lanes::Load(block->weight[k]);
+    sum = AddScaled(sum, weight, x[k]);
+    w[k] = weight * masses[k];
+    mass = MultiplyAdd(weight, w[k], mass);
   }
-  for (HingeBlock* block = blocks; block < blocks + count; ++block) {
-    Lanes w[4], masses[4], mass(0.0f);
-    Lanes3 x[4], sum = Load3(block->start);
-    for (int k = 0; k < 4; ++k) {
-      x[k] = Gather(points.predicted, block->vertex[k], &masses[k]);
-      const Lanes weight = Lanes::Load(block->weight[k]);
-      sum = AddScaled(sum, weight, x[k]);
-      w[k] = weight * masses[k];
-      mass = MultiplyAdd(weight, w[k], mass);
-    }
-    const Lanes scale = Lanes(-1.0f) / (mass + Lanes::Load(block->gamma));
-    const Lanes3 impulse = scale * AddScaled(sum, -Lanes::Load(block->keep), Load3(block->before));
-    Store3(AddScaled(sum, mass, impulse), block->before);
-    for (int k = 0; k < 4; ++k) {
-      Scatter(points.predicted, block->vertex[k], AddScaled(x[k], w[k], impulse), masses[k]);
-    }
+  const Lanes scale = Lanes(-1.0f) / (mass + Lanes::Load(block->gamma));
+  const Lanes3 impulse = scale * AddScaled(sum, -Lanes::Load(block->keep), Load3(block->before));
+  Store3(AddScaled(sum, mass, impulse), block->before);
+  for (int k = 0; k < 4; ++k) {
+    Scatter(points.predicted, block->vertex[k], AddScaled(x[k], w[k], impulse), masses[k]);
   }
-  for (int i = 0; i < 4 * points.count; i += kLanes) {
-    const Lanes now = Lanes::Load(points.now + i), moved = now - Lanes::Load(points.before + i);
-    const Lanes drift = Lanes::Load(points.drift + i);
-    const Lanes free = MultiplyAdd(square, drift, MultiplyAdd(n, moved, now));
-    MultiplyAdd(share, Lanes::Load(points.predicted + i) - free, drift).Store(points.bent_drift + i);
-  }
+}
+// and its change of velocity, spread evenly over the substeps.
+inline void SpreadBend(const Points& points, int i, float substeps) {
+  const Lanes bent = Lanes::Load(points.predicted + i) - Unbent(points, i, substeps);
+  MultiplyAdd(Lanes(1.0f / (substeps * substeps)), bent, Lanes::Load(points.drift + i)).Store(points.bent_drift + i);
 }
 
 // What an impulse has to make up for along the normal: gaps may close; overlaps are springs with dashpots, but leave
 // at a limited speed. `gap` at the last turn, `way` since then.
 template <class T>
-SGM_DEVICE inline T ContactViolation(T gap, T way, T b, T recovery) {
+inline T ContactViolation(T gap, T way, T b, T recovery) {
   return way + Select(Less(gap, T(0.0f)), Max(b * gap, -recovery), gap);
 }
 
 // Coulomb's cone: the share of what friction would hold that it may.
 template <class T>
-SGM_DEVICE inline T Grip(T square, T most) {
+inline T Grip(T square, T most) {
   return Min(T(1.0f), Max(most, T(0.0f)) / Sqrt(Max(square, T(kTinySquare))));
 }
 
-inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock* blocks, int count, Turn turn) {
+inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock* block, Turn turn) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
-  for (LayerBlock* block = blocks; block < blocks + count; ++block) {
-    const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
-    // What does not push by now is met in the next substep.
-    if (!turn.first && !Bits(Less(zero, old))) continue;
-    Lanes w[4], masses[4];
-    Lanes3 x[4], sum = {zero, zero, zero};
-    for (int k = 0; k < 4; ++k) {
-      x[k] = Gather(points.now, block->vertex[k], &masses[k]);
-      const Lanes weight = Lanes::Load(block->weight[k]);
-      sum = AddScaled(sum, weight, x[k]);
-      w[k] = weight * masses[k];
-    }
-    const Lanes3 normal = Load3(block->normal), before = Load3(block->before);
-    const Lanes3 moved = sum - before;
-    const Lanes way = Inner(normal, moved), mass = Lanes::Load(block->mass);
-    const Lanes gap = MultiplyAdd(Lanes(1.0f), Inner(normal, before), Lanes::Load(block->gap));
-    const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
-    const Lanes impulse = Max(NegativeMultiplyAdd(violation, Lanes::Load(block->inverse), old), zero);
-    impulse.Store(block->impulse);
-    if (turn.first && !Bits(Less(zero, impulse))) {
-      Store3(sum, block->before);
-      continue;
-    }
-    // Friction holds what slips, up to its share of the normal impulse.
-    const Lanes3 slip = AddScaled(moved, -way, normal);
-    const Lanes inverse = Lanes(1.0f) / Max(mass, Lanes(1e-12f));
-    const Lanes3 old_held = turn.first ? Lanes3{zero, zero, zero} : Load3(block->held);
-    Lanes3 held = AddScaled(old_held, -inverse, slip);
-    const Lanes grip = Grip(Inner(held, held), Lanes::Load(block->friction) * impulse);
-    held = grip * held;
-    const Lanes3 change = AddScaled(held - old_held, impulse - old, normal);
-    for (int k = 0; k < 4; ++k) {
-      Scatter(points.now, block->vertex[k], AddScaled(x[k], w[k], change), masses[k]);
-    }
-    Store3(held, block->held);
-    if (turn.last) Store3(AddScaled(sum, mass, change), block->before);
+  const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
+  // What does not push by now is met in the next substep.
+  if (!turn.first && !Bits(Less(zero, old))) return;
+  Lanes w[4], masses[4];
+  Lanes3 x[4], sum = {zero, zero, zero};
+  for (int k = 0; k < 4; ++k) {
+    x[k] = Gather(points.now, block->vertex[k], &masses[k]);
+    const Lanes weight = Lanes::Load(block->weight[k]);
+    sum = AddScaled(sum, weight, x[k]);
+    w[k] = weight * masses[k];
   }
+  const Lanes3 normal = Load3(block->normal), before = Load3(block->before);
+  const Lanes3 moved = sum - before;
+  const Lanes way = Inner(normal, moved), mass = Lanes::Load(block->mass);
+  const Lanes gap = MultiplyAdd(Lanes(1.0f), Inner(normal, before), Lanes::Load(block->gap));
+  const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
+  const Lanes impulse = Max(NegativeMultiplyAdd(violation, Lanes::Load(block->inverse), old), zero);
+  impulse.Store(block->impulse);
+  if (turn.first && !Bits(Less(zero, impulse))) {
+    Store3(sum, block->before);
+    return;
+  }
+  // Friction holds what slips, up to its share of the normal impulse.
+  const Lanes3 slip = AddScaled(moved, -way, normal);
+  const Lanes inverse = Lanes(1.0f) / Max(mass, Lanes(1e-12f));
+  const Lanes3 old_held = turn.first ? Lanes3{zero, zero, zero} : Load3(block->held);
+  Lanes3 held = AddScaled(old_held, -inverse, slip);
+  const Lanes grip = Grip(Inner(held, held), Lanes::Load(block->friction) * impulse);
+  held = grip * held;
+  const Lanes3 change = AddScaled(held - old_held, impulse - old, normal);
+  for (int k = 0; k < 4; ++k) {
+    Scatter(points.now, block->vertex[k], AddScaled(x[k], w[k], change), masses[k]);
+  }
+  Store3(held, block->held);
+  if (turn.last) Store3(AddScaled(sum, mass, change), block->before);
 }
 
 // Gives vertices a share of the impulses of the last substep.
-inline void WarmLayers(const Points& points, LayerBlock* blocks, int count, float share) {
-  for (LayerBlock* block = blocks; block < blocks + count; ++block) {
-    const Lanes impulse = Lanes(share) * Lanes::Load(block->impulse);
-    const Lanes3 held = Lanes(share) * Load3(block->held);
-    impulse.Store(block->impulse);
-    if (!Bits(Less(Lanes(0.0f), impulse))) continue;
-    Store3(held, block->held);
-    const Lanes3 change = AddScaled(held, impulse, Load3(block->normal));
-    for (int k = 0; k < 4; ++k) {
-      Lanes mass;
-      const Lanes3 x = Gather(points.now, block->vertex[k], &mass);
-      Scatter(points.now, block->vertex[k], AddScaled(x, Lanes::Load(block->weight[k]) * mass, change), mass);
-    }
+inline void WarmLayers(const Points& points, LayerBlock* block, float share) {
+  const Lanes impulse = Lanes(share) * Lanes::Load(block->impulse);
+  const Lanes3 held = Lanes(share) * Load3(block->held);
+  impulse.Store(block->impulse);
+  if (!Bits(Less(Lanes(0.0f), impulse))) return;
+  Store3(held, block->held);
+  const Lanes3 change = AddScaled(held, impulse, Load3(block->normal));
+  for (int k = 0; k < 4; ++k) {
+    Lanes mass;
+    const Lanes3 x = Gather(points.now, block->vertex[k], &mass);
+    Scatter(points.now, block->vertex[k], AddScaled(x, Lanes::Load(block->weight[k]) * mass, change), mass);
   }
 }
 
-inline void SweepPlane(const Points& points, const ContactRow& row, const Plane& plane, Turn turn) {
+// Of the eight vertices from `first` on.
+inline void SweepPlane(const Points& points, const ContactRow& row, const Plane& plane, int first, Turn turn) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
   const Lanes3 normal = {Lanes(plane.normal[0]), Lanes(plane.normal[1]), Lanes(plane.normal[2])};
-  for (int i = 0; i < plane.num_blocks; ++i) {
-    const int first = plane.blocks[i];
-    const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
-    Lanes w, unused;
-    const Lanes3 now = Gather(points.now, index, &w), before = Gather(points.before, index, &unused);
-    const Lanes3 moved = now - before;
-    const Lanes way = Inner(normal, moved);
-    const Lanes gap = Lanes::Load(plane.gap + first) + Inner(normal, before);
-    Lanes old = zero;
-    Lanes3 old_held = {zero, zero, zero};
-    if (!turn.first) old_held = Gather(plane.impulse, index, &old);
-    const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
-    const Lanes impulse = Max(old - violation / (w + gamma), zero);
-    const Lanes3 slip = AddScaled(moved, -way, normal);
-    const Lanes inverse = Lanes(1.0f) / Max(w, Lanes(1e-12f));
-    Lanes3 held = AddScaled(old_held, -inverse, slip);
-    held = Grip(Inner(held, held), Lanes::Load(plane.friction + first) * impulse) * held;
-    Scatter(points.now, index, AddScaled(now, w, AddScaled(held - old_held, impulse - old, normal)), w);
-    Scatter(plane.impulse, index, held, impulse);
-  }
+  const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
+  Lanes w, unused;
+  const Lanes3 now = Gather(points.now, index, &w), before = Gather(points.before, index, &unused);
+  const Lanes3 moved = now - before;
+  const Lanes way = Inner(normal, moved);
+  const Lanes gap = Lanes::Load(plane.gap + first) + Inner(normal, before);
+  Lanes old = zero;
+  Lanes3 old_held = {zero, zero, zero};
+  if (!turn.first) old_held = Gather(plane.impulse, index, &old);
+  const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
+  const Lanes impulse = Max(old - violation / (w + gamma), zero);
+  const Lanes3 slip = AddScaled(moved, -way, normal);
+  const Lanes inverse = Lanes(1.0f) / Max(w, Lanes(1e-12f));
+  Lanes3 held = AddScaled(old_held, -inverse, slip);
+  held = Grip(Inner(held, held), Lanes::Load(plane.friction + first) * impulse) * held;
+  Scatter(points.now, index, AddScaled(now, w, AddScaled(held - old_held, impulse - old, normal)), w);
+  if (plane.impulse) Scatter(plane.impulse, index, held, impulse);
 }
 
-inline void WarmPlane(const Points& points, const Plane& plane, float share) {
+inline void WarmPlane(const Points& points, const Plane& plane, int first, float share) {
   const Lanes3 normal = {Lanes(plane.normal[0]), Lanes(plane.normal[1]), Lanes(plane.normal[2])};
-  for (int i = 0; i < plane.num_blocks; ++i) {
-    const int first = plane.blocks[i];
-    const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
-    Lanes w, impulse;
-    const Lanes3 now = Gather(points.now, index, &w), held = Lanes(share) * Gather(plane.impulse, index, &impulse);
-    impulse = Lanes(share) * impulse;
-    Scatter(points.now, index, AddScaled(now, w, AddScaled(held, impulse, normal)), w);
-    Scatter(plane.impulse, index, held, impulse);
-  }
+  const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
+  Lanes w, impulse;
+  const Lanes3 now = Gather(points.now, index, &w), held = Lanes(share) * Gather(plane.impulse, index, &impulse);
+  impulse = Lanes(share) * impulse;
+  Scatter(points.now, index, AddScaled(now, w, AddScaled(held, impulse, normal)), w);
+  Scatter(plane.impulse, index, held, impulse);
 }
 
 }  // namespace

@@ -1,0 +1,206 @@
+// The search for pairs on a processor: boxes in leaves of eight, candidates eight at a time. See native/simd.h for what
+// this must not use.
+
+#ifndef SOFTGYM_MJ_CLOTH_SEARCH_LOOPS_H_
+#define SOFTGYM_MJ_CLOTH_SEARCH_LOOPS_H_
+
+#include "cloth/plugin/kernels.h"
+#include "cloth/plugin/search.h"
+#include "cloth/plugin/sweeps.h"
+#include "native/simd.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+inline void BoundItems(const float* low, const float* high, const int* corners, Boxes* out) {
+  Lanes3 least, most;
+  for (int k = 0; k < 3; ++k) {
+    int index[kBlock];
+    for (int i = 0; i < kBlock; ++i) index[i] = corners[3 * i + k];
+    Lanes unused;
+    const Lanes3 a = Gather(low, index, &unused), b = Gather(high, index, &unused);
+    least = k ? Lanes3{Min(a.x, least.x), Min(a.y, least.y), Min(a.z, least.z)} : a;
+    most = k ? Lanes3{Max(b.x, most.x), Max(b.y, most.y), Max(b.z, most.z)} : b;
+  }
+  Store3(least, out->low);
+  Store3(most, out->high);
+}
+
+// The boxes of `eight` that overlap one box, as bits.
+inline unsigned Touching(const Boxes& eight, const Lanes3& low, const Lanes3& high) {
+  const Lanes3 least = Load3(eight.low), most = Load3(eight.high);
+  return Bits((LessEqual(least.x, high.x) & LessEqual(low.x, most.x)) &
+              (LessEqual(least.y, high.y) & LessEqual(low.y, most.y)) &
+              (LessEqual(least.z, high.z) & LessEqual(low.z, most.z)));
+}
+inline void Broadcast(const Boxes& eight, int i, Lanes3* low, Lanes3* high) {
+  *low = {Lanes(eight.low[0][i]), Lanes(eight.low[1][i]), Lanes(eight.low[2][i])};
+  *high = {Lanes(eight.high[0][i]), Lanes(eight.high[1][i]), Lanes(eight.high[2][i])};
+}
+
+inline bool ShareCorner(const int* a, const int* b) {
+  bool same = false;
+  for (int i = 0; i < 3; ++i) same |= (a[i] == b[0]) | (a[i] == b[1]) | (a[i] == b[2]);
+  return same;
+}
+
+inline int OverlapLeaves(const BoxTree& a, int leaf_a, const BoxTree& b, int leaf_b, bool same, int* out) {
+  int count = 0;
+  const Boxes &of_a = a.items[leaf_a], &of_b = b.items[leaf_b];
+  // Only items that touch the other leaf's box.
+  Lanes3 low, high;
+  Broadcast(b.leaves[leaf_b / kBlock], leaf_b % kBlock, &low, &high);
+  unsigned near_a = Touching(of_a, low, high);
+  if (!near_a) return 0;
+  Broadcast(a.leaves[leaf_a / kBlock], leaf_a % kBlock, &low, &high);
+  const unsigned near_b = Touching(of_b, low, high);
+  if (!near_b) return 0;
+  for (; near_a; near_a &= near_a - 1) {
+    const int i = __builtin_ctz(near_a), at = kBlock * leaf_a + i;
+    Broadcast(of_a, i, &low, &high);
+    unsigned bits = Touching(of_b, low, high) & near_b;
+    if (same && leaf_a == leaf_b) bits &= ~0u << (i + 1);
+    for (; bits; bits &= bits - 1) {
+      const int other = kBlock * leaf_b + __builtin_ctz(bits);
+      if (ShareCorner(a.corners + 3 * at, b.corners + 3 * other)) continue;
+      out[2 * count] = at;
+      out[2 * count++ + 1] = other;
+    }
+  }
+  return count;
+}
+
+inline int Overlap(const BoxTree& a, const BoxTree& b, bool same, int* out, int capacity, bool* full) {
+  int count = 0;
+  *full = false;
+  for (int node_a = 0; node_a < a.num_nodes; ++node_a) {
+    const float* p = a.bounds + 6 * node_a;
+    for (int node_b = same ? node_a : 0; node_b < b.num_nodes; ++node_b) {
+      const float* q = b.bounds + 6 * node_b;
+      if (p[0] > q[3] || q[0] > p[3] || p[1] > q[4] || q[1] > p[4] || p[2] > q[5] || q[2] > p[5]) continue;
+      for (int i = 0; i < kBlock; ++i) {
+        const int leaf_a = kBlock * node_a + i;
+        if (leaf_a >= a.num_leaves) break;
+        Lanes3 low, high;
+        Broadcast(a.leaves[node_a], i, &low, &high);
+        unsigned bits = Touching(b.leaves[node_b], low, high);
+        if (same && node_a == node_b) bits &= ~0u << i;
+        for (; bits; bits &= bits - 1) {
+          const int leaf_b = kBlock * node_b + __builtin_ctz(bits);
+          *full = count + kBlock * kBlock > capacity;
+          if (*full) return count;
+          count += OverlapLeaves(a, leaf_a, b, leaf_b, same, out + 2 * count);
+        }
+      }
+    }
+  }
+  return count;
+}
+
+// What eight pairs need, their reach among it [m].
+struct Eight {
+  int vertex[4][kBlock];
+  Lanes3 position[4], move[4];
+  Lanes thickness;
+};
+
+inline void Describe(const Scene& scene, Eight* eight) {
+  float thickness[kBlock];
+  for (int i = 0; i < kBlock; ++i) {
+    const int a = scene.part[eight->vertex[0][i]], b = scene.part[eight->vertex[3][i]];
+    thickness[i] = scene.thickness[a * scene.num_parts + b];
+  }
+  eight->thickness = Lanes::Load(thickness);
+  Lanes unused;
+  for (int k = 0; k < 4; ++k) {
+    eight->position[k] = Gather(scene.position, eight->vertex[k], &unused);
+    eight->move[k] = Gather(scene.move, eight->vertex[k], &unused);
+  }
+}
+
+// Appends those of the eight pairs, `wanted` as bits, that may touch.
+inline int Append(const Scene& scene, const Eight& eight, int num_first, const Lanes weight[4], unsigned wanted,
+                  const int* ids, bool edges, Pair* out) {
+  Lanes3 normal;
+  Lanes distance;
+  wanted &= Bits(MayMeet(eight.position, eight.move, num_first, weight, Lanes(scene.interest) * eight.thickness,
+                         &normal, &distance));
+  if (!wanted) return 0;
+  float q[4][kBlock], n[3][kBlock], d[kBlock];
+  for (int k = 0; k < 4; ++k) weight[k].Store(q[k]);
+  Store3(normal, n);
+  distance.Store(d);
+  int count = 0;
+  for (; wanted; wanted &= wanted - 1) {
+    const int i = __builtin_ctz(wanted);
+    Pair& pair = out[count++];
+    int region = 0;
+    for (int k = 0; k < 4; ++k) {
+      pair.vertex[k] = eight.vertex[k][i];
+      pair.weight[k] = q[k][i];
+      region |= (q[k][i] != 0) << k;
+    }
+    for (int k = 0; k < 3; ++k) pair.normal[k] = n[k][i];
+    pair.distance = d[i];
+    pair.edges = edges;
+    pair.region = static_cast<std::int16_t>(edges ? region : region >> 1);
+    pair.first = ids[2 * i];
+    pair.second = ids[2 * i + 1];
+  }
+  return count;
+}
+
+inline int FilterTriangles(const Scene& scene, const int* pairs, int count, Pair* out) {
+  int found = 0;
+  for (int first = 0; first < count; first += kBlock) {
+    const int size = count - first < kBlock ? count - first : kBlock;
+    const int* ids = pairs + 2 * first;
+    Eight eight;
+    for (int i = 0; i < kBlock; ++i) {
+      const int* id = ids + 2 * (i < size ? i : 0);
+      eight.vertex[0][i] = id[0];
+      for (int k = 0; k < 3; ++k) eight.vertex[k + 1][i] = scene.triangles[3 * id[1] + k];
+    }
+    Describe(scene, &eight);
+    Lanes on[3];
+    const Lanes3* x = eight.position;
+    ClosestOnTriangle(x[0], x[1], x[2], x[3], on);
+    const Lanes weight[4] = {Lanes(1.0f), -on[0], -on[1], -on[2]};
+    found += Append(scene, eight, 1, weight, (1u << size) - 1, ids, false, out + found);
+  }
+  return found;
+}
+
+inline int FilterEdges(const Scene& scene, const int* pairs, int count, Pair* out) {
+  int found = 0;
+  const Lanes one(1.0f);
+  for (int first = 0; first < count; first += kBlock) {
+    const int size = count - first < kBlock ? count - first : kBlock;
+    const int* ids = pairs + 2 * first;
+    Eight eight;
+    for (int i = 0; i < kBlock; ++i) {
+      const int* id = ids + 2 * (i < size ? i : 0);
+      for (int k = 0; k < 4; ++k) eight.vertex[k][i] = scene.edges[2 * id[k / 2] + k % 2];
+    }
+    Describe(scene, &eight);
+    const Lanes3* x = eight.position;
+    Lanes s, t;
+    ClosestOnSegments(x[1] - x[0], x[3] - x[2], x[0] - x[2], &s, &t);
+    const Lanes weight[4] = {one - s, s, t - one, -t};
+    found += Append(scene, eight, 2, weight, (1u << size) - 1, ids, true, out + found);
+  }
+  return found;
+}
+
+inline int FindApproaching(const float* now, const Pair* pairs, int count, float share, int* out) {
+  int found = 0;
+  for (int i = 0; i < count; ++i) {
+    if (Approaches(now, pairs[i], share)) out[found++] = i;
+  }
+  return found;
+}
+
+}  // namespace
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_SEARCH_LOOPS_H_
