@@ -10,20 +10,15 @@
 #ifndef SOFTGYM_MJ_NATIVE_SIMD_H_
 #define SOFTGYM_MJ_NATIVE_SIMD_H_
 
+#ifndef __CUDACC__
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
+#endif
 
 #if defined(__AVX2__) && defined(__FMA__)
 #define SGM_AVX2 1
 #include <immintrin.h>
-#endif
-
-// Marks functions that a compiler for GPUs shall make code of, too.
-#ifdef __CUDACC__
-#define SGM_DEVICE __host__ __device__
-#else
-#define SGM_DEVICE
 #endif
 
 namespace softgym_mj {
@@ -137,6 +132,60 @@ inline int Compress(int first, unsigned bits, int* out) {
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_add_epi32(lanes, _mm256_set1_epi32(first)));
   return __builtin_popcount(bits);
 }
+
+#elif defined(__CUDACC__)
+
+// Eight threads in a row have a lane each; all of them are where one of them is.
+inline int Lane() { return static_cast<int>(threadIdx.x) % kLanes; }
+
+struct Mask {
+  bool v;
+};
+
+struct Lanes {
+  float v;
+
+  Lanes() = default;
+  explicit Lanes(float a) : v(a) {}
+  static Lanes Load(const float* p) { return Lanes(p[Lane()]); }
+  void Store(float* p) const { p[Lane()] = v; }
+};
+
+inline Lanes operator+(Lanes a, Lanes b) { return Lanes(__fadd_rn(a.v, b.v)); }
+inline Lanes operator-(Lanes a, Lanes b) { return Lanes(__fsub_rn(a.v, b.v)); }
+inline Lanes operator*(Lanes a, Lanes b) { return Lanes(__fmul_rn(a.v, b.v)); }
+inline Lanes operator/(Lanes a, Lanes b) { return Lanes(__fdiv_rn(a.v, b.v)); }
+inline Lanes operator-(Lanes a) { return Lanes(-a.v); }
+inline Lanes MultiplyAdd(Lanes a, Lanes b, Lanes c) { return Lanes(__fmaf_rn(a.v, b.v, c.v)); }
+inline Lanes NegativeMultiplyAdd(Lanes a, Lanes b, Lanes c) { return Lanes(__fmaf_rn(-a.v, b.v, c.v)); }
+inline Lanes Min(Lanes a, Lanes b) { return Lanes(a.v < b.v ? a.v : b.v); }
+inline Lanes Max(Lanes a, Lanes b) { return Lanes(a.v > b.v ? a.v : b.v); }
+inline Lanes Sqrt(Lanes a) { return Lanes(__fsqrt_rn(a.v)); }
+inline Lanes Abs(Lanes a) { return Lanes(fabsf(a.v)); }
+inline Lanes CopySign(Lanes a, Lanes sign) { return Lanes(copysignf(a.v, sign.v)); }
+inline Mask Less(Lanes a, Lanes b) { return {a.v < b.v}; }
+inline Mask LessEqual(Lanes a, Lanes b) { return {a.v <= b.v}; }
+inline Mask Equal(Lanes a, Lanes b) { return {a.v == b.v}; }
+inline Mask operator&(Mask a, Mask b) { return {a.v && b.v}; }
+inline Mask operator|(Mask a, Mask b) { return {a.v || b.v}; }
+inline Lanes Select(Mask mask, Lanes a, Lanes b) { return mask.v ? a : b; }
+inline unsigned Bits(Mask mask) {
+  const unsigned first = threadIdx.x % 32 / kLanes * kLanes;
+  return __ballot_sync(0xffu << first, mask.v) >> first & 0xffu;
+}
+inline float Sum(Lanes a) {
+  const unsigned eight = 0xffu << threadIdx.x % 32 / kLanes * kLanes;
+  for (int far = kLanes / 2; far > 0; far /= 2) a.v = __fadd_rn(a.v, __shfl_xor_sync(eight, a.v, far));
+  return a.v;
+}
+inline void Gather4(const float* p, const int* index, Lanes* x, Lanes* y, Lanes* z, Lanes* w) {
+  const float4 a = *reinterpret_cast<const float4*>(p + 4 * index[Lane()]);
+  x->v = a.x, y->v = a.y, z->v = a.z, w->v = a.w;
+}
+inline void Scatter4(float* p, const int* index, Lanes x, Lanes y, Lanes z, Lanes w) {
+  *reinterpret_cast<float4*>(p + 4 * index[Lane()]) = make_float4(x.v, y.v, z.v, w.v);
+}
+inline Lanes Pick(const float* p, const int* index) { return Lanes(p[index[Lane()]]); }
 
 #else
 
