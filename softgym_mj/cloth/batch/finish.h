@@ -1,0 +1,156 @@
+// The end of a step: nothing passes through anything, as `Solver::Finish` and `Impacts` see to it.
+
+#ifndef SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
+#define SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
+
+#include "cloth/batch/search.h"
+#include "cloth/batch/world.h"
+#include "cloth/plugin/meets.h"
+#include "cloth/plugin/method.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+// The zone that a vertex is in: the lowest of its vertices.
+inline int ZoneOf(const World& w, int v) {
+  while (w.zone[v] != v) v = w.zone[v];
+  return v;
+}
+
+// See `Impacts::Prevent`; zones stand still if `stand`.
+inline int PreventImpacts(const World& w, bool stand) {
+  const Model& m = *w.model;
+  Step* step = w.step;
+  const int n = m.vertices;
+  Each(n, [&](int v) { w.zone[v] = v; });
+  Once([&] { step->changed = 0; });
+  for (int round = 0; round < kMaxRounds; ++round) {
+    Each(n, [&](int v) {
+      for (int k = 0; k < 3; ++k) w.end[4 * v + k] = static_cast<float>(w.motion[3 * v + k]);
+    });
+    Once([&] { step->num_near = 0; });
+    Each(step->num_found, [&](int i) {
+      const Pair& pair = w.found[i];
+      if (!Approaches(w.end, pair, 1 - kNearest)) return;
+      bool one = true;
+      for (int k = 1; k < 4; ++k) one = one && ZoneOf(w, pair.vertex[0]) == ZoneOf(w, pair.vertex[k]);
+      if (pair.distance < kPast || one || !Meets(pair, w.start, w.motion)) return;
+      w.near[Add(&step->num_near, 1)] = i;
+    });
+    if (step->num_near == 0) break;
+    Once([&] {
+      for (int i = 0; i < step->num_near; ++i) {
+        const Pair& pair = w.found[w.near[i]];
+        for (int k = 1; k < 4; ++k) {
+          const int a = ZoneOf(w, pair.vertex[0]), b = ZoneOf(w, pair.vertex[k]);
+          w.zone[a > b ? a : b] = a > b ? b : a;
+        }
+      }
+      // Mass, displacement and velocity times mass, number of vertices.
+      for (int i = 0; i < 8 * n; ++i) w.sum[i] = 0;
+      for (int v = 0; v < n; ++v) {
+        double* s = w.sum + 8 * ZoneOf(w, v);
+        s[0] += w.mass[v];
+        s[7] += 1;
+        for (int k = 0; k < 3; ++k) {
+          s[1 + k] += w.mass[v] * w.motion[3 * v + k];
+          s[4 + k] += w.mass[v] * w.speed[3 * v + k];
+        }
+      }
+      step->changed = 0;
+    });
+    Each(n, [&](int v) {
+      const double* s = w.sum + 8 * ZoneOf(w, v);
+      if (s[7] == 1) return;
+      Add(&step->changed, 1);
+      const double share = !stand || s[0] > kImmovable ? 1 / s[0] : 0;
+      for (int k = 0; k < 3; ++k) {
+        w.motion[3 * v + k] = share * s[1 + k];
+        w.speed[3 * v + k] = share * s[4 + k];
+      }
+    });
+  }
+  const int changed = step->changed;
+  Wait();
+  return changed;
+}
+
+// See `Planes::LiftOut`. Whether there was anything.
+inline bool LiftOut(const World& w) {
+  const Model& m = *w.model;
+  Once([&] { w.step->lifted = 0; });
+  Each(m.vertices, [&](int v) {
+    if (w.yielding[v] == 0) return;
+    double *move = w.motion + 3 * v, *velocity = w.speed + 3 * v, way = 0, speed = 0;
+    float normal[3];
+    for (int k = 0; k < 3; ++k) {
+      normal[k] = static_cast<float>(m.plane_normal[k]);
+      way += normal[k] * move[k];
+      speed += normal[k] * velocity[k];
+    }
+    const double gap = w.plane_gap[v], lift = (gap < -kPressed ? gap : -kPressed) - (gap + way);
+    if (!(lift > 0)) return;
+    w.step->lifted = 1;
+    for (int k = 0; k < 3; ++k) {
+      move[k] += lift * normal[k];
+      velocity[k] -= (speed < 0 ? speed : 0.0) * normal[k];
+    }
+  });
+  return w.step->lifted;
+}
+
+// Displacements and final velocities of the step.
+inline void FinishMotion(const World& w) {
+  const Model& m = *w.model;
+  Step* step = w.step;
+  const int n = m.vertices;
+  Each(n, [&](int v) {
+    const bool held = w.inverse_mass[v] == 0;
+    w.mass[v] = held ? 1e12 : m.At<double>(m.mass_at)[v];
+    for (int k = 0; k < 3; ++k) {
+      const float now = w.points.now[4 * v + k];
+      w.motion[3 * v + k] = held ? m.timestep * w.velocity[3 * v + k] : now;
+      w.speed[3 * v + k] = held ? w.velocity[3 * v + k] : (static_cast<double>(now) - w.points.before[4 * v + k]) / m.h;
+    }
+  });
+  Each(step->num_driven, [&](int i) {
+    const int v = w.driven[i];
+    w.mass[v] = m.At<double>(m.mass_at)[v];
+    for (int k = 0; k < 3; ++k) w.motion[3 * v + k] += w.given[3 * i + k];
+  });
+  int changed = PreventImpacts(w, false);
+  // Pairs that were not of interest may be by now.
+  const float most = kVouched * m.thickness;
+  for (int search = 0; search < kMaxSearches; ++search) {
+    Each(3, [&](int k) {
+      double mean = 0;
+      for (int v = 0; v < n; ++v) mean += w.motion[3 * v + k] / n;
+      step->mean[k] = mean;
+      step->furthest = 0;
+    });
+    Each(n, [&](int v) {
+      float square = 0;
+      for (int k = 0; k < 3; ++k) {
+        w.end[4 * v + k] = static_cast<float>(w.motion[3 * v + k] - step->mean[k]);
+        const float d = w.end[4 * v + k] - w.move[4 * v + k];
+        square += d * d;
+      }
+      TakeLargest(&step->furthest, square);
+    });
+    if (step->furthest <= most * most) break;
+    Each(n, [&](int v) {
+      for (int k = 0; k < 3; ++k) w.move[4 * v + k] = w.end[4 * v + k];
+    });
+    FindPairs(w);
+    const int more = PreventImpacts(w, false);
+    changed += more;
+    if (!more) break;
+  }
+  // What is squeezed against a plane has nowhere to go.
+  if (changed && LiftOut(w)) PreventImpacts(w, true);
+}
+
+}  // namespace
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_

@@ -1,0 +1,53 @@
+#include "cloth/batch/host.h"
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include "cloth/batch/world.h"
+#include "native/export.h"
+#include "native/instructions.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+auto ChooseStepOne() {
+#ifdef SOFTGYM_MJ_X86
+  return UseAvx2() ? StepOneAvx2 : StepOnePortable;
+#else
+  return StepOnePortable;
+#endif
+}
+
+}  // namespace
+}  // namespace softgym_mj::cloth
+
+// Bytes of memory that a world of a model needs.
+SGM_EXPORT long long softgym_mj_cloth_batch_scratch(const char* model) {
+  using namespace softgym_mj::cloth;
+  Memory memory(nullptr);
+  World unused;
+  TakeScratch(*reinterpret_cast<const Model*>(model), &memory, &unused);
+  return memory.size();
+}
+
+// How many of these a model has: vertices, edges, grippers.
+SGM_EXPORT void softgym_mj_cloth_batch_counts(const char* bytes, int* counts) {
+  const auto& model = *reinterpret_cast<const softgym_mj::cloth::Model*>(bytes);
+  counts[0] = model.vertices, counts[1] = model.edges, counts[2] = model.grippers;
+}
+
+// A step of all worlds by some threads; `turns`: see group.h.
+SGM_EXPORT void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batch, int threads, int turns) {
+  using namespace softgym_mj::cloth;
+  const auto step = ChooseStepOne();
+  std::atomic<int> next{0};
+  const auto work = [&] {
+    for (int i = next++; i < batch->num_worlds; i = next++) step(*batch, i, turns);
+  };
+  std::vector<std::thread> others;
+  for (int t = 1; t < std::min(threads, batch->num_worlds); ++t) others.emplace_back(work);
+  work();
+  for (std::thread& other : others) other.join();
+}

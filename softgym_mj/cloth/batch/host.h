@@ -1,0 +1,29 @@
+// Worlds of a batch, and steps of them on a processor.
+
+#ifndef SOFTGYM_MJ_CLOTH_BATCH_HOST_H_
+#define SOFTGYM_MJ_CLOTH_BATCH_HOST_H_
+
+namespace softgym_mj::cloth {
+
+// Arrays of all worlds, with room in each row for the largest model. See World.
+struct Batch {
+  int num_worlds, num_grippers, most_vertices, most_edges;
+  const char* models;         // One behind the other;
+  const long long* model_at;  // (num_worlds,) where that of each world begins.
+  double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
+  char* scratch;  // (num_worlds, scratch_size) bytes, zeros at first and after a change of a world's model.
+  long long scratch_size;
+  const double *targets, *goals;
+  const int* held;
+  int* flags;  // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
+};
+
+// A step of world `i`; `turns`: see group.h.
+void StepOnePortable(const Batch& batch, int i, int turns);
+#ifdef SOFTGYM_MJ_X86
+void StepOneAvx2(const Batch& batch, int i, int turns);
+#endif
+
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_BATCH_HOST_H_

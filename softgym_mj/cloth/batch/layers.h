@@ -1,0 +1,148 @@
+// Rows of layers in a step: what `Layers` makes of the pairs.
+
+#ifndef SOFTGYM_MJ_CLOTH_BATCH_LAYERS_H_
+#define SOFTGYM_MJ_CLOTH_BATCH_LAYERS_H_
+
+#include "cloth/batch/rows.h"
+#include "cloth/batch/search.h"
+#include "cloth/batch/world.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+// A number for each pair but 0: above it if it is a vertex and a triangle, below it if it is two edges.
+inline double KeptKey(const Model& m, const Pair& pair) {
+  if (pair.edges) return -1.0 - static_cast<double>(pair.first) * m.edges - pair.second;
+  return 1.0 + static_cast<double>(pair.first) * m.triangles + pair.second;
+}
+
+// Number of the first of a pair among all vertices and edges; -1 of a number that is no key.
+inline int FirstOf(const Model& m, double key) {
+  const bool edges = key < 0;
+  const double first = ((edges ? -key : key) - 1) / (edges ? m.edges : m.triangles);
+  if (!(first >= 0 && first < (edges ? m.edges : m.vertices))) return -1;
+  return (edges ? m.vertices : 0) + static_cast<int>(first);
+}
+
+// Positions for the search, which follow vertices that have moved, and displacements of those that do not stand.
+inline void FollowReference(const World& w) {
+  const Model& m = *w.model;
+  const double dt = m.timestep;
+  Each(3, [&](int k) {
+    double mean = 0;
+    for (int v = 0; v < m.vertices; ++v) mean += dt * w.velocity[3 * v + k] / m.vertices;
+    w.step->mean[k] = mean;
+    w.step->moves = 0;
+  });
+  Each(m.vertices, [&](int v) {
+    double away = 0, way = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double d = w.start[3 * v + k] - w.reference[3 * v + k], u = dt * w.velocity[3 * v + k];
+      away += d * d;
+      way += u * u;
+    }
+    const bool stands = way < kHysteresis * kHysteresis;
+    if (!stands) w.step->moves = 1;
+    for (int k = 0; k < 3; ++k) {
+      if (away > kHysteresis * kHysteresis) w.reference[3 * v + k] = w.start[3 * v + k];
+      w.position[4 * v + k] = static_cast<float>(w.reference[3 * v + k]);
+      w.move[4 * v + k] = stands ? 0 : static_cast<float>(dt * w.velocity[3 * v + k]);
+    }
+  });
+  // A cloth that is carried as a whole closes nothing.
+  Each(w.step->moves ? m.vertices : 0, [&](int v) {
+    for (int k = 0; k < 3; ++k) w.move[4 * v + k] -= static_cast<float>(w.step->mean[k]);
+  });
+}
+
+inline void MakeLayerRows(const World& w) {
+  const Model& m = *w.model;
+  Rows* rows = &w.step->layers;
+  Once([&] { rows->count = w.step->num_pairs; });
+  Each(rows->count, [&](int i) {
+    const Pair& pair = w.pairs[i];
+    for (int k = 0; k < 4; ++k) rows->vertex[4 * i + k] = pair.vertex[k];
+    const unsigned number = static_cast<unsigned>(pair.edges) << 31 | static_cast<unsigned>(pair.first) << 16 |
+                            static_cast<unsigned>(pair.second);
+    rows->key[i] = RowKey(pair.vertex, 4, number);
+  });
+  MakeLevels(w, 4, false, rows, [&](int v) { return w.yielding[v] > 0; });
+  // What was kept, by the first of a pair.
+  Each(m.vertices + m.edges, [&](int i) { w.head[i] = -1; });
+  const int kept = kKeptPairs * m.vertices;
+  Each(kept, [&](int i) {
+    const int first = w.after_layers[4 * i] == 0 ? -1 : FirstOf(m, w.after_layers[4 * i]);
+    if (first >= 0) w.next[i] = Exchange(&w.head[first], i);
+  });
+  Each(kBlock * rows->blocks, [&](int i) {
+    LayerBlock& block = w.layers[i / kBlock];
+    const int lane = i % kBlock, row = rows->order[i];
+    block.gap[lane] = 1;
+    block.friction[lane] = block.mass[lane] = block.inverse[lane] = block.impulse[lane] = 0;
+    for (int k = 0; k < 3; ++k) block.normal[k][lane] = block.before[k][lane] = block.held[k][lane] = 0;
+    for (int k = 0; k < 4; ++k) block.vertex[k][lane] = m.vertices, block.weight[k][lane] = 0;
+    if (row < 0) return;
+    const Pair& pair = w.pairs[row];
+    float mass = 0;
+    for (int k = 0; k < 4; ++k) {
+      block.vertex[k][lane] = pair.vertex[k];
+      block.weight[k][lane] = pair.weight[k];
+      mass += pair.weight[k] * pair.weight[k] * w.yielding[pair.vertex[k]];
+    }
+    const double key = KeptKey(m, pair);
+    int found = w.head[FirstOf(m, key)];
+    while (found >= 0 && w.after_layers[4 * found] != key) found = w.next[found];
+    double gap = -m.thickness;
+    for (int k = 0; k < 3; ++k) {
+      double apart = 0;
+      for (int c = 0; c < 4; ++c) apart += static_cast<double>(pair.weight[c]) * w.start[3 * pair.vertex[c] + k];
+      if (found >= 0) block.before[k][lane] = static_cast<float>(-w.after_layers[4 * found + 1 + k]);
+      gap += pair.normal[k] * apart;
+      block.normal[k][lane] = pair.normal[k];
+    }
+    block.gap[lane] = static_cast<float>(gap);
+    block.friction[lane] = m.friction;
+    block.mass[lane] = mass;
+    block.inverse[lane] = mass > 0 ? 1 / (mass + m.contact.gamma) : 0;
+  });
+}
+
+// See `Layers::Keep`.
+inline void KeepLayers(const World& w) {
+  const Model& m = *w.model;
+  const Rows& rows = w.step->layers;
+  const int size = kKeptPairs * m.vertices;
+  Each(4 * size, [&](int i) { w.after_layers[i] = 0; });
+  Each(3 * m.vertices, [&](int i) { w.later[i] = 0; });
+  Once([&] { w.step->num_kept = 0; });
+  for (int level = rows.levels; level-- > 0;) {
+    const int first = kBlock * rows.begin[level];
+    Each(kBlock * rows.begin[level + 1] - first, [&](int place) {
+      const LayerBlock& block = w.layers[(first + place) / kBlock];
+      const int lane = place % kBlock;
+      if (!(block.impulse[lane] > 0)) return;
+      double moved[3] = {0, 0, 0}, change[3];
+      for (int k = 0; k < 3; ++k) {
+        change[k] = block.held[k][lane] + static_cast<double>(block.impulse[lane]) * block.normal[k][lane];
+      }
+      for (int c = 0; c < 4; ++c) {
+        const int v = block.vertex[c][lane];
+        const double weight = block.weight[c][lane], mass = w.points.now[4 * v + 3];
+        for (int k = 0; k < 3; ++k) {
+          double* later = &w.later[3 * v + k];
+          moved[k] += weight * (w.points.now[4 * v + k] - w.with_layers[4 * v + k] + *later);
+          if (mass > 0) *later += weight * mass * change[k];
+        }
+      }
+      const int n = Add(&w.step->num_kept, 1);
+      if (n >= size) return;
+      w.after_layers[4 * n] = KeptKey(m, w.pairs[rows.order[first + place]]);
+      for (int k = 0; k < 3; ++k) w.after_layers[4 * n + 1 + k] = moved[k];
+    });
+  }
+}
+
+}  // namespace
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_BATCH_LAYERS_H_

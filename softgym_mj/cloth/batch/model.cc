@@ -1,0 +1,232 @@
+// Makes a `Model` of a compiled mjModel.
+
+#include "cloth/batch/model.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+#include "cloth/plugin/workspace.h"
+#include "native/export.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+constexpr int kAlign = 32;
+// Places for pairs and rows: those of a heap of 20 x 20 vertices are 7 and 3 a vertex.
+constexpr int kCandidatesOfVertex = 64, kFoundOfVertex = 24, kRowsOfVertex = 12;
+constexpr int kMostVertices = 1 << 13;  // Keys of pairs have 15 and 16 bits for what they are of.
+
+class Writer {
+ public:
+  explicit Writer(std::string* out) : out_(out) {}
+  template <class T>
+  int Array(const T* data, size_t count) {
+    out_->resize((out_->size() + kAlign - 1) / kAlign * kAlign);
+    const int at = static_cast<int>(out_->size());
+    out_->append(reinterpret_cast<const char*>(data), count * sizeof(T));
+    return at;
+  }
+  template <class V>
+  int operator()(const V& values) {
+    return Array(values.data(), values.size());
+  }
+
+ private:
+  std::string* out_;
+};
+
+// Where levels begin: a block is of the next one if it has a vertex in common with those before in its own, but for
+// `shared`, which fills empty lanes.
+template <class Block, int corners>
+std::vector<int> Levels(const Aligned<Block>& blocks, int vertices, int shared) {
+  std::vector<int> begins = {0}, level_of(vertices + 1, -1);
+  for (size_t b = 0; b < blocks.size(); ++b) {
+    const auto each = [&](const auto& f) {
+      for (int k = 0; k < corners; ++k) {
+        for (int lane = 0; lane < kBlock; ++lane) {
+          if (blocks[b].vertex[k][lane] != shared) f(blocks[b].vertex[k][lane]);
+        }
+      }
+    };
+    const int level = static_cast<int>(begins.size());
+    bool clash = false;
+    each([&](int v) { clash |= level_of[v] == level; });
+    if (clash) begins.push_back(static_cast<int>(b));
+    each([&](int v) { level_of[v] = static_cast<int>(begins.size()); });
+  }
+  begins.push_back(static_cast<int>(blocks.size()));
+  return begins;
+}
+
+// Of each vertex, in order, which items it is a corner of.
+void Invert(const std::vector<int>& corners, int of_item, int vertices, std::vector<int>* first,
+            std::vector<int>* items) {
+  first->assign(vertices + 1, 0);
+  for (int v : corners) {
+    if (v >= 0) ++(*first)[v + 1];
+  }
+  for (int v = 0; v < vertices; ++v) (*first)[v + 1] += (*first)[v];
+  items->resize(first->back());
+  std::vector<int> place(first->begin(), first->end() - 1);
+  for (size_t i = 0; i < corners.size(); ++i) {
+    if (corners[i] >= 0) (*items)[place[corners[i]]++] = static_cast<int>(i) / of_item;
+  }
+}
+
+std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& grippers, double room,
+                  std::string* out) {
+  const Mesh& mesh = w.mesh;
+  const int count = mesh.NumVertices();
+  if (mesh.flexes.size() != 1) return "expected one flex.";
+  if (count > kMostVertices) return "expected at most " + std::to_string(kMostVertices) + " vertices.";
+  Model model = {};
+  const Material& material = mesh.materials[0];
+  model.is_surface = m->flex_dim[mesh.flexes[0]] == 2;
+  model.vertices = count;
+  model.padded = (count + 1 + kBlock - 1) / kBlock * kBlock;
+  model.triangles = static_cast<int>(mesh.triangles.size());
+  model.edges = static_cast<int>(mesh.edges.size());
+  model.candidates = static_cast<int>(room * kCandidatesOfVertex * count);
+  model.found = static_cast<int>(room * kFoundOfVertex * count);
+  model.rows = static_cast<int>(room * kRowsOfVertex * count);
+  model.timestep = m->opt.timestep;
+  model.h = w.solver.substep();
+  model.substeps = w.settings.substeps;
+  mju_copy3(model.gravity, m->opt.gravity);
+  model.contact = w.solver.contact();
+  model.plane_row = w.solver.plane_row();
+  model.gripper_row = w.solver.contact();
+  model.gripper_row.most = MostPush(w.solver.substep());
+  model.thickness = mesh.thickness[0];
+  model.friction = mesh.friction[0];
+  model.radius = mesh.radius[0];
+  model.density = mesh.density[0];
+  model.drag = material.drag;
+  model.added_mass = material.added_mass;
+  model.takes_air = material.added_mass > 0;
+  if (w.planes.size() != 1 || !w.planes[0].touches[0]) return "expected one plane, the floor.";
+  mju_copy3(model.plane_point, w.planes[0].point);
+  mju_copy3(model.plane_normal, w.planes[0].normal);
+  model.plane_friction = w.planes[0].friction[0];
+  model.grippers = static_cast<int>(grippers.size());
+  for (int g : grippers) {
+    if (m->geom_type[g] != mjGEOM_SPHERE || !MayTouch(m, g, mesh, 0)) return "expected spheres as grippers.";
+    model.gripper_friction = static_cast<float>(Friction(m, g, mesh.flexes[0]));
+    model.gripper_radius = static_cast<float>(m->geom_size[3 * g]);
+  }
+
+  out->assign(sizeof(Model), 0);
+  Writer write(out);
+  std::vector<double> origin(3 * count);
+  std::vector<float> inverse_mass(model.padded, 0.0f);
+  for (int v = 0; v < count; ++v) {
+    if (w.vertices[v].dof < 0) return "expected free vertices.";
+    mju_copy3(&origin[3 * v], m->body_pos + 3 * w.vertices[v].body);
+    inverse_mass[v] = static_cast<float>(1 / mesh.mass[v]);
+  }
+  model.origin_at = write(origin);
+  model.inverse_mass_at = write(inverse_mass);
+  model.mass_at = write(mesh.mass);
+
+  const EdgeRows& edges = w.solver.edges();
+  const HingeRows& hinges = w.solver.hinges();
+  const std::vector<int> edge_levels = Levels<EdgeBlock, 2>(edges.blocks(), count, count);
+  const std::vector<int> hinge_levels = Levels<HingeBlock, 4>(hinges.blocks(), count, count);
+  model.edge_blocks = static_cast<int>(edges.blocks().size());
+  model.edge_levels = model.edge_blocks ? static_cast<int>(edge_levels.size()) - 1 : 0;
+  model.hinge_blocks = static_cast<int>(hinges.blocks().size());
+  model.hinge_levels = model.hinge_blocks ? static_cast<int>(hinge_levels.size()) - 1 : 0;
+  model.bend_interval = hinges.interval();
+  model.edge_blocks_at = write(edges.blocks());
+  model.edge_order_at = write(edges.order());
+  model.edge_levels_at = write(edge_levels);
+  model.hinge_blocks_at = write(hinges.blocks());
+  model.hinge_order_at = write(hinges.order());
+  model.hinge_levels_at = write(hinge_levels);
+
+  std::vector<int> corners, ends, sides, owned, lanes(2 * edges.order().size(), -1), first, items;
+  std::vector<double> area;
+  for (const Mesh::Triangle& t : mesh.triangles) {
+    corners.insert(corners.end(), t.vertex, t.vertex + 3);
+    area.push_back(t.area);
+    owned.push_back(t.owned);
+  }
+  for (const Mesh::Edge& e : mesh.edges) {
+    ends.insert(ends.end(), e.vertex, e.vertex + 2);
+    sides.insert(sides.end(), e.triangle, e.triangle + 2);
+  }
+  for (size_t i = 0; i < edges.order().size(); ++i) {
+    if (edges.order()[i] < 0) continue;
+    for (int k = 0; k < 2; ++k) lanes[2 * i + k] = mesh.edges[edges.order()[i]].vertex[k];
+  }
+  Invert(corners, 3, count, &first, &items);
+  model.triangles_of_at = write(first);
+  model.triangle_of_at = write(items);
+  Invert(lanes, 2, count, &first, &items);
+  model.lanes_of_at = write(first);
+  model.lane_of_at = write(items);
+  model.triangle_vertex_at = write(corners);
+  model.triangle_area_at = write(area);
+  model.triangle_owned_at = write(owned);
+  model.edge_vertex_at = write(ends);
+  model.edge_triangle_at = write(sides);
+
+  const Layers& layers = w.solver.layers();
+  model.chain_at = write(layers.chain());
+  model.place_at = write(layers.place());
+  model.owner_at = write(layers.owner());
+  std::vector<int> chain_first = {0}, chain_vertex, chain_edge;
+  std::vector<float> length, gamma, keep;
+  for (const ChainRows::Row& row : w.solver.chains().rows()) {
+    chain_vertex.insert(chain_vertex.end(), row.vertex.begin(), row.vertex.end());
+    chain_edge.insert(chain_edge.end(), row.edge.begin(), row.edge.end());
+    length.insert(length.end(), row.length.begin(), row.length.end());
+    gamma.insert(gamma.end(), row.gamma.begin(), row.gamma.end());
+    keep.insert(keep.end(), row.keep.begin(), row.keep.end());
+    chain_first.push_back(static_cast<int>(chain_edge.size()));
+  }
+  model.chains = static_cast<int>(chain_first.size()) - 1;
+  model.chain_edges = static_cast<int>(chain_edge.size());
+  model.chain_first_at = write(chain_first);
+  model.chain_vertex_at = write(chain_vertex);
+  model.chain_edge_at = write(chain_edge);
+  model.chain_length_at = write(length);
+  model.chain_gamma_at = write(gamma);
+  model.chain_keep_at = write(keep);
+
+  model.vertex_order_at = write(layers.vertex_order());
+  model.triangle_order_at = write(layers.triangle_order());
+  model.edge_order_by_place_at = write(layers.edge_order());
+  model.vertex_leaves = static_cast<int>(layers.vertex_order().size()) / kBlock;
+  model.triangle_leaves = static_cast<int>(layers.triangle_order().size()) / kBlock;
+  model.edge_leaves = static_cast<int>(layers.edge_order().size()) / kBlock;
+  out->resize((out->size() + kAlign - 1) / kAlign * kAlign);
+  model.size = static_cast<int>(out->size());
+  std::memcpy(&(*out)[0], &model, sizeof(Model));
+  return "";
+}
+
+}  // namespace
+}  // namespace softgym_mj::cloth
+
+// Writes the Model of a compiled mjModel of which mjData has made a step, with these geoms as grippers and `room` times
+// as many places for contacts as usual: as many bytes as `capacity` says. Returns how many there are; what is wrong is
+// written into `error` instead, and 0 returned.
+SGM_EXPORT int softgym_mj_cloth_batch_model(const mjModel* m, const mjData* d, const int* grippers, int num_grippers,
+                                            double room, char* out, int capacity, char* error, int error_size) {
+  using namespace softgym_mj::cloth;
+  int instance;
+  const Workspace* w = FindWorkspace(m, d, &instance);
+  std::string bytes;
+  const std::string wrong = w ? Write(m, *w, std::vector<int>(grippers, grippers + num_grippers), room, &bytes)
+                              : "no flex carries the plugin.";
+  std::snprintf(error, error_size, "%s", wrong.c_str());
+  if (!wrong.empty()) return 0;
+  std::memcpy(out, bytes.data(), std::min<size_t>(bytes.size(), capacity));
+  return static_cast<int>(bytes.size());
+}

@@ -1,0 +1,39 @@
+// A step of one world of a `Batch`, for whoever has the memory at hand: a processor or a block of a GPU.
+
+#ifndef SOFTGYM_MJ_CLOTH_BATCH_ONE_H_
+#define SOFTGYM_MJ_CLOTH_BATCH_ONE_H_
+
+#include "cloth/batch/host.h"
+#include "cloth/batch/step.h"
+
+namespace softgym_mj::cloth {
+namespace {
+
+inline void StepWorldOf(const Batch& batch, int i) {
+  SGM_SHARED World w;
+  Once([&] {
+    w.model = reinterpret_cast<const Model*>(batch.models + batch.model_at[i]);
+    const long long vertices = static_cast<long long>(batch.most_vertices) * i, grippers = batch.num_grippers * i;
+    w.targets = batch.targets + 3 * grippers;
+    w.goals = batch.goals + 3 * grippers;
+    w.held = batch.held + grippers;
+    w.valid = batch.valid + i;
+    w.qpos = batch.qpos + 3 * vertices;
+    w.qvel = batch.qvel + 3 * vertices;
+    w.reference = batch.reference + 3 * vertices;
+    w.after_edge = batch.after_edge + static_cast<long long>(batch.most_edges) * i;
+    w.holding_force = batch.holding_force + vertices;
+    w.after_layers = batch.after_layers + 4 * kKeptPairs * vertices;
+    w.gripper_qpos = batch.gripper_qpos + 3 * grippers;
+    w.gripper_qvel = batch.gripper_qvel + 3 * grippers;
+    Memory scratch(batch.scratch + batch.scratch_size * i);
+    TakeScratch(*w.model, &scratch, &w);
+  });
+  StepWorld(w);
+  Once([&] { batch.flags[i] |= w.step->flags; });
+}
+
+}  // namespace
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_BATCH_ONE_H_

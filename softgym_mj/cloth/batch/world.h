@@ -1,0 +1,195 @@
+// One world of a batch: its state, what it is told in a step, and the memory that a step needs.
+
+#ifndef SOFTGYM_MJ_CLOTH_BATCH_WORLD_H_
+#define SOFTGYM_MJ_CLOTH_BATCH_WORLD_H_
+
+#include "cloth/batch/model.h"
+#include "cloth/plugin/kernels.h"
+#include "native/group.h"
+
+namespace softgym_mj::cloth {
+
+constexpr int kMostLevels = 256;  // Of rows without a common vertex.
+constexpr int kKeptPairs = 2;     // Of each vertex, see Kept.
+
+// What went wrong in a step, as bits. All but the first: some contacts were left out.
+enum Flag { kNotFinite = 1, kCandidatesFull = 2, kPairsFull = 4, kRowsFull = 8, kLevelsFull = 16 };
+
+struct Bounds {
+  float low[3], high[3];  // [m]
+};
+
+// Rows in levels.
+struct Rows {
+  int count, blocks, levels;  // `blocks`: of eight places.
+  Key* key;                   // Of each row: its order. Never two alike.
+  int* vertex;                // (count, corners)
+  int* level;                 // Of each row.
+  int* order;                 // The row of each place, or -1.
+  int begin[kMostLevels + 1], filled[kMostLevels];
+};
+
+// Contact of one gripper.
+struct Touch {
+  Geom geom;
+  Rigid rigid;
+  double centre[3], shift[3];  // At the start of the step, and since then [m].
+  Rows points, triangles;
+  SolidBlock *point_blocks, *triangle_blocks;
+};
+
+// Few numbers of a step.
+struct Step {
+  int flags, remaining, num_driven, num_kept, num_near, found_one;
+  int num_candidates[2];  // Vertices and triangles, edges and edges.
+  int num_found, num_pairs;
+  int covers, moves, changed, lifted;
+  float furthest;
+  double fastest, mean[3];
+  Rows layers;
+};
+
+struct World {
+  const Model* model;
+  // What it is told: where grippers go (grippers, 3) [m], the vertex that each holds, or less than 0, and where these
+  // go (grippers, 3) [m].
+  const double *targets, *goals;
+  const int* held;
+
+  // Its state: `valid` is 1 once the rest of it is; then as in Kept. Grippers (grippers, 3) [m], [m/s].
+  double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers;
+  double *gripper_qpos, *gripper_qvel;
+
+  // What follows is only memory, but for boxes and candidates, which are kept while they suffice.
+  Step* step;
+  Points points;
+  float *with_layers, *position, *move, *end, *low, *high, *solid_position;
+  double *start, *velocity, *acceleration, *drag, *later, *motion, *speed, *mass, *forces, *sum;
+  float *inverse_mass, *yielding;
+  int *driven, *head, *next, *zone, *near, *touches, *plane_near;
+  float *place, *plane_gap, *plane_friction;
+  double* given;
+  EdgeBlock* edges;
+  HingeBlock* hinges;
+  float *chain_start, *chain_before, *chain_impulse, *chain_way;
+  double *chain_lower, *chain_diagonal, *chain_right, *chain_normal;
+  Boxes *vertex_boxes, *triangle_boxes, *edge_boxes;      // In leaves of eight,
+  Bounds *vertex_leaves, *triangle_leaves, *edge_leaves;  // and around these.
+  int *triangle_candidates, *edge_candidates;
+  float* normals;
+  Pair *found, *pairs;
+  LayerBlock* layers;
+  Key* best;
+  Key* taken;
+  Touch* touch;
+};
+
+// Takes arrays from a piece of memory, or only counts how much of it they need.
+class Memory {
+ public:
+  explicit Memory(char* start) : start_(start) {}
+  template <class T>
+  void Take(T** p, long long count) {
+    constexpr long long kAlign = 32;
+    size_ = (size_ + kAlign - 1) / kAlign * kAlign;
+    *p = start_ ? reinterpret_cast<T*>(start_ + size_) : nullptr;
+    size_ += count * static_cast<long long>(sizeof(T));
+  }
+  long long size() const { return (size_ + 31) / 32 * 32; }
+
+ private:
+  char* start_;
+  long long size_ = 0;
+};
+
+inline int Blocks(int rows) { return (rows + kBlock - 1) / kBlock + kMostLevels; }
+
+inline void TakeRows(Memory* memory, int most, int corners, Rows* rows) {
+  memory->Take(&rows->key, most);
+  memory->Take(&rows->vertex, corners * most);
+  memory->Take(&rows->level, most);
+  memory->Take(&rows->order, kBlock * Blocks(most));
+}
+
+// Rows lie in the memory themselves, if there is any.
+inline void TakeScratch(const Model& model, Memory* memory, World* w) {
+  const int n = model.vertices, p = 4 * model.padded, e = model.chain_edges;
+  memory->Take(&w->step, 1);
+  memory->Take(&w->touch, model.grippers);
+  float* air = nullptr;
+  float** const of_points[] = {&w->points.now,
+                               &w->points.before,
+                               &w->points.drift,
+                               &w->points.bent_drift,
+                               &w->points.predicted,
+                               &w->points.moved,
+                               &air,
+                               &w->with_layers,
+                               &w->position,
+                               &w->move,
+                               &w->end,
+                               &w->low,
+                               &w->high,
+                               &w->solid_position};
+  for (float** a : of_points) memory->Take(a, p);
+  w->points.air = air;
+  w->points.count = model.padded;
+  double** const of_vertices[] = {&w->start,  &w->velocity, &w->acceleration, &w->later,
+                                  &w->motion, &w->speed,    &w->forces};
+  for (double** a : of_vertices) memory->Take(a, 3 * n);
+  memory->Take(&w->drag, 4 * model.triangles);
+  memory->Take(&w->mass, n);
+  memory->Take(&w->sum, 8 * n);
+  memory->Take(&w->inverse_mass, model.padded);
+  memory->Take(&w->yielding, model.padded);
+  memory->Take(&w->plane_gap, model.padded);
+  memory->Take(&w->plane_friction, model.padded);
+  memory->Take(&w->plane_near, model.padded / kBlock);
+  memory->Take(&w->touches, n);
+  memory->Take(&w->zone, n);
+  memory->Take(&w->driven, model.grippers);
+  memory->Take(&w->place, 3 * model.grippers);
+  memory->Take(&w->given, 3 * model.grippers);
+  memory->Take(&w->head, n + model.edges);
+  memory->Take(&w->next, kKeptPairs * n);
+  memory->Take(&w->edges, model.edge_blocks);
+  memory->Take(&w->hinges, model.hinge_blocks);
+  memory->Take(&w->chain_before, e);
+  memory->Take(&w->chain_impulse, e);
+  memory->Take(&w->chain_start, 3 * e);
+  memory->Take(&w->chain_way, 3 * e);
+  memory->Take(&w->chain_lower, e);
+  memory->Take(&w->chain_diagonal, e);
+  memory->Take(&w->chain_right, e);
+  memory->Take(&w->chain_normal, 3 * e);
+  memory->Take(&w->vertex_boxes, model.vertex_leaves);
+  memory->Take(&w->triangle_boxes, model.triangle_leaves);
+  memory->Take(&w->edge_boxes, model.edge_leaves);
+  memory->Take(&w->vertex_leaves, model.vertex_leaves);
+  memory->Take(&w->triangle_leaves, model.triangle_leaves);
+  memory->Take(&w->edge_leaves, model.edge_leaves);
+  memory->Take(&w->triangle_candidates, 2 * model.candidates);
+  memory->Take(&w->edge_candidates, 2 * model.candidates);
+  memory->Take(&w->normals, 3 * model.triangles);
+  memory->Take(&w->found, model.found);
+  memory->Take(&w->near, model.found);
+  memory->Take(&w->pairs, model.rows);
+  memory->Take(&w->layers, Blocks(model.rows));
+  memory->Take(&w->best, model.padded);
+  memory->Take(&w->taken, kMostLevels / 64 * model.padded);
+  Rows unused;
+  TakeRows(memory, model.rows, 4, w->step ? &w->step->layers : &unused);
+  for (int g = 0; g < model.grippers; ++g) {
+    Touch of_none;
+    Touch* touch = w->touch ? w->touch + g : &of_none;
+    const int elements = model.is_surface ? model.triangles : model.edges;
+    TakeRows(memory, n, 3, &touch->points);
+    TakeRows(memory, elements, 3, &touch->triangles);
+    memory->Take(&touch->point_blocks, Blocks(n));
+    memory->Take(&touch->triangle_blocks, Blocks(elements));
+  }
+}
+
+}  // namespace softgym_mj::cloth
+
+#endif  // SOFTGYM_MJ_CLOTH_BATCH_WORLD_H_

@@ -1,0 +1,179 @@
+"""`Worlds`: many flexes with grippers over a floor, stepped together without MuJoCo.
+
+A world makes the same steps as the plugin in a model with one flex, spheres that are told where to
+go, and a plane: the same bits. The program is written for one thread or for a block of a GPU.
+"""
+
+import ctypes
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.native.library import load_plugin
+
+ALIGNMENT = 64  # [bytes] Of models and memory.
+KEPT_PAIRS = 2  # As in batch/world.h.
+# What may go wrong in a step, as bits: numbers that are not finite; and no room for all candidates,
+# pairs, rows or levels, so that some contacts were left out.
+NOT_FINITE, CANDIDATES_FULL, PAIRS_FULL, ROWS_FULL, LEVELS_FULL = (1 << i for i in range(5))
+
+_REASON = 256  # [characters]
+_FIELDS = {
+    "valid": (),
+    "qpos": ("vertices", 3),
+    "qvel": ("vertices", 3),
+    "reference": ("vertices", 3),
+    "after_edge": ("edges",),
+    "holding_force": ("vertices",),
+    "after_layers": ("vertices", KEPT_PAIRS, 4),
+    "gripper_qpos": ("grippers", 3),
+    "gripper_qvel": ("grippers", 3),
+}
+
+
+class _Batch(ctypes.Structure):
+    """`Batch` of batch/host.h."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("worlds", "grippers", "vertices", "edges")),
+        *((name, ctypes.c_void_p) for name in ("models", "model_at", *_FIELDS, "scratch")),
+        ("scratch_size", ctypes.c_longlong),
+        *((name, ctypes.c_void_p) for name in ("targets", "goals", "held", "flags")),
+    )
+
+
+def _library() -> ctypes.CDLL:
+    library = ctypes.CDLL(str(load_plugin()))
+    pointer, count = ctypes.c_void_p, ctypes.c_int
+    library.softgym_mj_cloth_batch_model.argtypes = [
+        pointer, pointer, pointer, count, ctypes.c_double,
+        pointer, count, ctypes.c_char_p, count,
+    ]  # fmt: skip
+    library.softgym_mj_cloth_batch_scratch.argtypes = [pointer]
+    library.softgym_mj_cloth_batch_scratch.restype = ctypes.c_longlong
+    library.softgym_mj_cloth_batch_counts.argtypes = [pointer, pointer]
+    library.softgym_mj_cloth_batch_step.argtypes = [pointer, count, count]
+    return library
+
+
+def aligned(size: int) -> np.ndarray:
+    """Zeros (size,) uint8 that begin at a multiple of `ALIGNMENT`."""
+    whole = np.zeros(size + ALIGNMENT, np.uint8)
+    first = -whole.ctypes.data % ALIGNMENT
+    return whole[first : first + size]
+
+
+def describe(model: mujoco.MjModel, grippers: Sequence[int], room: float = 1.0) -> np.ndarray:
+    """What `Worlds` have to know of a model, as bytes (size,) uint8.
+
+    Args:
+        model: with one flex that the plugin moves, over a plane.
+        grippers: geoms that are told where to go, all alike: spheres.
+        room: for contacts, as a share of what suits heaps.
+
+    Raises:
+        InvalidArgumentError: if there is anything else in it that the flex touches.
+    """
+    library, error = _library(), ctypes.create_string_buffer(_REASON)
+    geoms = np.array(grippers, np.int32)
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)  # From then on the plugin knows it.
+    out = aligned(0)
+    for _ in range(2):  # Its size, then its content.
+        size = library.softgym_mj_cloth_batch_model(
+            model._address, data._address, geoms.ctypes.data, len(geoms), room,
+            out.ctypes.data, len(out), error, _REASON,
+        )  # fmt: skip
+        if not size:
+            raise InvalidArgumentError(
+                f"model cannot be stepped in a batch: {error.value.decode()}"
+            )
+        out = out if len(out) == size else aligned(size)
+    return out
+
+
+class Worlds:
+    """The state of worlds, arrays with a row for each, and their steps.
+
+    Worlds differ in size: rows have room for the largest model.
+
+    Attributes:
+        counts: vertices, edges and grippers of each world (num_worlds, 3).
+        qpos, qvel: of slides of vertices (num_worlds, vertices, 3) [m], [m/s].
+        gripper_qpos, gripper_qvel: of grippers (num_worlds, grippers, 3) [m], [m/s].
+        holding_force: with which its edges pulled a vertex that was held, mean of the last step
+            (num_worlds, vertices) [N].
+        valid: 1 of worlds that have made a step from where they are (num_worlds,); to be set to 0
+            after vertices have been placed.
+        reference, after_edge, after_layers: by which a step depends on those before it, as the
+            state of the plugin.
+        flags: what went wrong so far, as bits (num_worlds,) int32.
+    """
+
+    valid: np.ndarray
+    qpos: np.ndarray
+    qvel: np.ndarray
+    reference: np.ndarray
+    after_edge: np.ndarray
+    holding_force: np.ndarray
+    after_layers: np.ndarray
+    gripper_qpos: np.ndarray
+    gripper_qvel: np.ndarray
+
+    def __init__(self, models: Sequence[np.ndarray], num_threads: int = 1, turns: int = 0):
+        """Worlds of zeros.
+
+        Args:
+            models: of each world, from `describe`; several may be the same array.
+            num_threads: that step worlds at a time.
+            turns: in which order each part of a step is done, which changes no bit: for tests.
+        """
+        self._library, self._threads, self._turns = _library(), num_threads, turns
+        distinct = {id(model): model for model in models}
+        places = np.cumsum([0, *(-(-len(m) // ALIGNMENT) * ALIGNMENT for m in distinct.values())])
+        self._models = aligned(int(places[-1]))
+        counts, scratch, at = {}, 0, {}
+        for (key, model), place in zip(distinct.items(), places.tolist(), strict=False):
+            self._models[place : place + len(model)] = model
+            found = np.zeros(3, np.int32)
+            self._library.softgym_mj_cloth_batch_counts(model.ctypes.data, found.ctypes.data)
+            size = self._library.softgym_mj_cloth_batch_scratch(model.ctypes.data)
+            counts[key], at[key], scratch = found, place, max(scratch, size)
+        self.counts = np.array([counts[id(model)] for model in models])
+        self._model_at = np.array([at[id(model)] for model in models], np.int64)
+        scratch = -(-scratch // ALIGNMENT) * ALIGNMENT
+        self._scratch = aligned(scratch * len(models)).reshape(len(models), scratch)
+        most = dict(
+            zip(("vertices", "edges", "grippers"), self.counts.max(0).tolist(), strict=True)
+        )
+        for name, shape in _FIELDS.items():
+            sizes = [most.get(n, n) if isinstance(n, str) else n for n in shape]
+            setattr(self, name, np.zeros((len(models), *sizes)))
+        self.flags = np.zeros(len(models), np.int32)
+
+    def step(self, targets: np.ndarray, held: np.ndarray, goals: np.ndarray) -> None:
+        """Makes a step of all worlds.
+
+        Args:
+            targets: where grippers go (num_worlds, grippers, 3) [m].
+            held: the vertex that each holds, or less than 0 (num_worlds, grippers).
+            goals: where these go (num_worlds, grippers, 3) [m].
+        """
+        arrays = {
+            "models": self._models, "model_at": self._model_at, "scratch": self._scratch,
+            **{name: getattr(self, name) for name in _FIELDS},
+            "targets": np.ascontiguousarray(targets, float),
+            "goals": np.ascontiguousarray(goals, float),
+            "held": np.ascontiguousarray(held, np.int32), "flags": self.flags,
+        }  # fmt: skip
+        batch = _Batch(
+            worlds=len(self.flags),
+            grippers=self.gripper_qpos.shape[1],
+            vertices=self.qpos.shape[1],
+            edges=self.after_edge.shape[1],
+            scratch_size=self._scratch.shape[1],
+            **{name: array.ctypes.data for name, array in arrays.items()},
+        )
+        self._library.softgym_mj_cloth_batch_step(ctypes.byref(batch), self._threads, self._turns)

@@ -1,0 +1,117 @@
+// The threads that work on one world of a batch: those of a block on a GPU, or one of a processor.
+//
+// A program for a world is a sequence of loops; in none of them may what one turn does depend on another turn, but by
+// the functions below that say so. On a processor `Turns` makes the turns of each loop come in another order: what
+// comes out must have the same bits.
+
+#ifndef SOFTGYM_MJ_NATIVE_GROUP_H_
+#define SOFTGYM_MJ_NATIVE_GROUP_H_
+
+#include "native/simd.h"
+
+namespace softgym_mj {
+namespace {
+
+using Key = unsigned long long;
+
+#ifdef __CUDACC__
+
+// Of what all threads of a group have together.
+#define SGM_SHARED __shared__
+
+inline void Wait() { __syncthreads(); }
+
+// Calls f(i) for 0 <= i < count. All have been called when it returns.
+template <class F>
+inline void Each(int count, F f) {
+  for (int i = static_cast<int>(threadIdx.x); i < count; i += static_cast<int>(blockDim.x)) f(i);
+  Wait();
+}
+
+// Calls f(i) for first <= i < end, each by eight threads, the lanes of `Lanes`.
+template <class F>
+inline void EachBlock(int first, int end, F f) {
+  const int threads = static_cast<int>(blockDim.x) / kLanes;
+  for (int i = first + static_cast<int>(threadIdx.x) / kLanes; i < end; i += threads) f(i);
+  Wait();
+}
+
+// Adds, and returns what was there before. In which order the turns do so is not known.
+inline int Add(int* p, int n) { return atomicAdd(p, n); }
+inline int Exchange(int* p, int n) { return atomicExch(p, n); }
+inline void TakeLeast(Key* p, Key key) { atomicMin(p, key); }
+// Of numbers that are not negative.
+inline void TakeLargest(float* p, float a) { atomicMax(reinterpret_cast<int*>(p), __float_as_int(a)); }
+inline void TakeLargest(double* p, double a) { atomicMax(reinterpret_cast<long long*>(p), __double_as_longlong(a)); }
+inline void SetBits(int* p, int bits) { atomicOr(p, bits); }
+inline int FirstBit(Key bits) { return __ffsll(static_cast<long long>(bits)) - 1; }
+
+#else
+
+#define SGM_SHARED
+
+// The order in which turns come: 0 as they are counted, 1 the other way round, else mixed, each number otherwise.
+inline int& Turns() {
+  static thread_local int turns = 0;
+  return turns;
+}
+
+template <class F>
+inline void InTurns(int first, int end, F f) {
+  const int count = end - first, turns = Turns();
+  if (turns == 0) {
+    for (int i = first; i < end; ++i) f(i);
+  } else if (turns == 1) {
+    for (int i = end; i-- > first;) f(i);
+  } else {
+    // Steps without a common divisor with the count come to every place once.
+    const auto divisor = [](long long a, long long b) {
+      while (b) {
+        const long long rest = a % b;
+        a = b, b = rest;
+      }
+      return a;
+    };
+    long long step = 7919LL * turns + 1;
+    while (count > 1 && divisor(step, count) != 1) ++step;
+    for (long long i = 0, at = turns % (count + 1); i < count; ++i, at += step) f(first + static_cast<int>(at % count));
+  }
+}
+
+inline void Wait() {}
+template <class F>
+inline void Each(int count, F f) {
+  InTurns(0, count, f);
+}
+template <class F>
+inline void EachBlock(int first, int end, F f) {
+  InTurns(first, end, f);
+}
+inline int Add(int* p, int n) {
+  const int before = *p;
+  *p += n;
+  return before;
+}
+inline int Exchange(int* p, int n) {
+  const int before = *p;
+  *p = n;
+  return before;
+}
+inline void TakeLeast(Key* p, Key key) { *p = key < *p ? key : *p; }
+inline void TakeLargest(float* p, float a) { *p = a > *p ? a : *p; }
+inline void TakeLargest(double* p, double a) { *p = a > *p ? a : *p; }
+inline void SetBits(int* p, int bits) { *p |= bits; }
+inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
+
+#endif  // __CUDACC__
+
+// Calls f once.
+template <class F>
+inline void Once(F f) {
+  Each(1, [&](int) { f(); });
+}
+
+}  // namespace
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_NATIVE_GROUP_H_
