@@ -10,11 +10,12 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.native.library import load_plugin
 
 ALIGNMENT = 64  # [bytes] Of models and memory.
 KEPT_PAIRS = 2  # As in batch/world.h.
+EDGES_OF_VERTEX = 3  # At most, of surfaces.
 # What may go wrong in a step, as bits: numbers that are not finite; and no room for all candidates,
 # pairs, rows or levels, so that some contacts were left out.
 NOT_FINITE, CANDIDATES_FULL, PAIRS_FULL, ROWS_FULL, LEVELS_FULL = (1 << i for i in range(5))
@@ -38,7 +39,7 @@ class _Batch(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("worlds", "grippers", "vertices", "edges")),
-        *((name, ctypes.c_void_p) for name in ("models", "model_at", *_FIELDS, "scratch")),
+        *((name, ctypes.c_void_p) for name in ("models", *_FIELDS, "scratch")),
         ("scratch_size", ctypes.c_longlong),
         *((name, ctypes.c_void_p) for name in ("targets", "goals", "held", "flags")),
     )
@@ -100,7 +101,6 @@ class Worlds:
     Worlds differ in size: rows have room for the largest model.
 
     Attributes:
-        counts: vertices, edges and grippers of each world (num_worlds, 3).
         qpos, qvel: of slides of vertices (num_worlds, vertices, 3) [m], [m/s].
         gripper_qpos, gripper_qvel: of grippers (num_worlds, grippers, 3) [m], [m/s].
         holding_force: with which its edges pulled a vertex that was held, mean of the last step
@@ -122,36 +122,50 @@ class Worlds:
     gripper_qpos: np.ndarray
     gripper_qvel: np.ndarray
 
-    def __init__(self, models: Sequence[np.ndarray], num_threads: int = 1, turns: int = 0):
-        """Worlds of zeros.
+    def __init__(
+        self, num_worlds: int, vertices: int, grippers: int, *, num_threads: int = 1, turns: int = 0
+    ):
+        """Worlds of zeros without models.
 
         Args:
-            models: of each world, from `describe`; several may be the same array.
+            num_worlds: how many.
+            vertices: of the largest model.
+            grippers: of each model.
             num_threads: that step worlds at a time.
             turns: in which order each part of a step is done, which changes no bit: for tests.
         """
         self._library, self._threads, self._turns = _library(), num_threads, turns
-        distinct = {id(model): model for model in models}
-        places = np.cumsum([0, *(-(-len(m) // ALIGNMENT) * ALIGNMENT for m in distinct.values())])
-        self._models = aligned(int(places[-1]))
-        counts, scratch, at = {}, 0, {}
-        for (key, model), place in zip(distinct.items(), places.tolist(), strict=False):
-            self._models[place : place + len(model)] = model
-            found = np.zeros(3, np.int32)
-            self._library.softgym_mj_cloth_batch_counts(model.ctypes.data, found.ctypes.data)
-            size = self._library.softgym_mj_cloth_batch_scratch(model.ctypes.data)
-            counts[key], at[key], scratch = found, place, max(scratch, size)
-        self.counts = np.array([counts[id(model)] for model in models])
-        self._model_at = np.array([at[id(model)] for model in models], np.int64)
-        scratch = -(-scratch // ALIGNMENT) * ALIGNMENT
-        self._scratch = aligned(scratch * len(models)).reshape(len(models), scratch)
-        most = dict(
-            zip(("vertices", "edges", "grippers"), self.counts.max(0).tolist(), strict=True)
-        )
+        sizes = {"vertices": vertices, "edges": EDGES_OF_VERTEX * vertices, "grippers": grippers}
         for name, shape in _FIELDS.items():
-            sizes = [most.get(n, n) if isinstance(n, str) else n for n in shape]
-            setattr(self, name, np.zeros((len(models), *sizes)))
-        self.flags = np.zeros(len(models), np.int32)
+            known = [sizes.get(n, n) if isinstance(n, str) else n for n in shape]
+            setattr(self, name, np.zeros((num_worlds, *known)))
+        self.flags = np.zeros(num_worlds, np.int32)
+        self._sizes = sizes
+        self._models: list[np.ndarray | None] = [None] * num_worlds
+        self._addresses = np.zeros(num_worlds, np.uint64)
+        self._scratch = aligned(0).reshape(1, 0)
+
+    def start(self, i: int, model: np.ndarray) -> None:
+        """Gives world `i` a model, from `describe`, and empties its rows.
+
+        Raises:
+            InvalidArgumentError: for a model that is larger than the rows.
+        """
+        counts = np.zeros(3, np.int32)
+        self._library.softgym_mj_cloth_batch_counts(model.ctypes.data, counts.ctypes.data)
+        vertices, edges, grippers = counts.tolist()
+        fits = vertices <= self._sizes["vertices"] and edges <= self._sizes["edges"]
+        if not fits or grippers != self._sizes["grippers"]:
+            raise InvalidArgumentError("model", tuple(counts.tolist()), f"within {self._sizes}")
+        self._models[i], self._addresses[i] = model, model.ctypes.data
+        needed = self._library.softgym_mj_cloth_batch_scratch(model.ctypes.data)
+        if needed > self._scratch.shape[1]:
+            size = -(-needed // ALIGNMENT) * ALIGNMENT
+            self._scratch = aligned(size * len(self.flags)).reshape(-1, size)
+        self._scratch[i] = 0
+        for name in _FIELDS:
+            getattr(self, name)[i] = 0.0
+        self.flags[i] = 0
 
     def step(self, targets: np.ndarray, held: np.ndarray, goals: np.ndarray) -> None:
         """Makes a step of all worlds.
@@ -160,9 +174,14 @@ class Worlds:
             targets: where grippers go (num_worlds, grippers, 3) [m].
             held: the vertex that each holds, or less than 0 (num_worlds, grippers).
             goals: where these go (num_worlds, grippers, 3) [m].
+
+        Raises:
+            LifecycleError: if a world has no model yet.
         """
+        if not self._addresses.all():
+            raise LifecycleError("a world has no model yet: call start() before step()")
         arrays = {
-            "models": self._models, "model_at": self._model_at, "scratch": self._scratch,
+            "models": self._addresses, "scratch": self._scratch,
             **{name: getattr(self, name) for name in _FIELDS},
             "targets": np.ascontiguousarray(targets, float),
             "goals": np.ascontiguousarray(goals, float),
@@ -170,9 +189,7 @@ class Worlds:
         }  # fmt: skip
         batch = _Batch(
             worlds=len(self.flags),
-            grippers=self.gripper_qpos.shape[1],
-            vertices=self.qpos.shape[1],
-            edges=self.after_edge.shape[1],
+            **self._sizes,
             scratch_size=self._scratch.shape[1],
             **{name: array.ctypes.data for name, array in arrays.items()},
         )

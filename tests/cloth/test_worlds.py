@@ -5,7 +5,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.cloth.worlds import CANDIDATES_FULL, NOT_FINITE, Worlds, describe
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 
 # Task, variation, env steps.
 EPISODES = (
@@ -17,6 +17,15 @@ EPISODES = (
     ("drop_cloth", 811, 8),
     ("drop_fold_cloth", 812, 8),
 )
+
+
+def _worlds(models, **settings):
+    """Worlds of these models."""
+    most = 600  # Vertices of the largest one.
+    worlds = Worlds(len(models), most, 2, **settings)
+    for i, model in enumerate(models):
+        worlds.start(i, model)
+    return worlds
 
 
 def _model(env, room=1.0):
@@ -85,7 +94,7 @@ def _play_and_check(followed, worlds, number, seed=0):
 @pytest.mark.parametrize(("task", "variation", "number"), EPISODES)
 def test_a_world_makes_the_steps_of_the_plugin(task, variation, number):
     followed = _Followed(task, variation)
-    worlds = Worlds([_model(followed.env)])
+    worlds = _worlds([_model(followed.env)])
     followed.place(worlds, 0)
     _play_and_check([followed], worlds, number)
     assert worlds.flags[0] == 0
@@ -95,7 +104,7 @@ def test_a_world_makes_the_steps_of_the_plugin(task, variation, number):
 @pytest.mark.parametrize("task", ["rope_configuration", "fold_crumpled_cloth", "drop_cloth"])
 def test_no_bit_depends_on_the_order_of_what_is_done_at_once(task, turns):
     followed = _Followed(task, 806, fidelity="fast")
-    worlds = Worlds([_model(followed.env)], turns=turns)
+    worlds = _worlds([_model(followed.env)], turns=turns)
     followed.place(worlds, 0)
     _play_and_check([followed], worlds, 6)
 
@@ -106,10 +115,10 @@ def test_worlds_of_different_sizes_side_by_side():
     ]
     models = [_model(each.env) for each in followed]
     assert len({len(model) for model in models}) == 3
-    worlds = Worlds([*models, models[0]], num_threads=2)
+    worlds = _worlds([*models, models[0]], num_threads=2)
     for i, each in enumerate([*followed, followed[0]]):
         each.place(worlds, i)
-    twin = Worlds([models[0]])
+    twin = _worlds([models[0]])
     followed[0].place(twin, 0)
     for told in zip(*(each.steps(each.actions(3, 0)) for each in followed), strict=True):
         worlds.step(*(np.stack([*arrays, arrays[0]]) for arrays in zip(*told, strict=True)))
@@ -123,7 +132,7 @@ def test_worlds_of_different_sizes_side_by_side():
 def _heaps(number, room=1.0):
     """Worlds with the same heap, and what they are told to drop a picker's vertex on it."""
     followed = _Followed("spread_cloth", 803, fidelity="fast")
-    worlds = Worlds([_model(followed.env, room)] * number)
+    worlds = _worlds([_model(followed.env, room)] * number)
     for i in range(number):
         followed.place(worlds, i)
     return followed, worlds
@@ -143,7 +152,7 @@ def test_a_world_that_is_not_finite_changes_no_other():
 def test_a_world_without_room_for_its_contacts_is_flagged(turns):
     followed = _Followed("spread_cloth", 803, fidelity="fast")
     models = [_model(followed.env), _model(followed.env, 0.01)]
-    worlds = Worlds(models, turns=turns)
+    worlds = _worlds(models, turns=turns)
     for i in range(2):
         followed.place(worlds, i)
     for told in followed.steps(followed.actions(2, 0)):
@@ -157,13 +166,13 @@ def test_a_world_without_room_for_its_contacts_is_flagged(turns):
 
 def test_a_state_continues_in_any_world():
     followed, worlds = _heaps(1)
-    other = Worlds([_model(followed.env)] * 2)
+    other = _worlds([_model(followed.env)] * 2)
     told = list(followed.steps(followed.actions(4, 0)))
     for each in told[:16]:
         worlds.step(*(array[None] for array in each))
     for name in vars(worlds):
         array = getattr(worlds, name)
-        if not name.startswith("_") and name not in ("counts", "flags"):
+        if not name.startswith("_") and name != "flags":
             getattr(other, name)[1] = array[0]
     for each in told[16:]:
         worlds.step(*(array[None] for array in each))
@@ -179,3 +188,8 @@ def test_what_does_not_fit_is_refused():
     arm = softgym_mj.load("straighten_rope", split=[800], actor="franka")
     with pytest.raises(InvalidArgumentError, match="expected spheres as grippers"):
         describe(arm.physics.model.ptr, [1])
+    rope = softgym_mj.load("straighten_rope", split=[800])
+    with pytest.raises(InvalidArgumentError, match=r"model=.41, 40, 2."):
+        Worlds(1, 40, 2).start(0, _model(rope))
+    with pytest.raises(LifecycleError, match="no model"):
+        Worlds(1, 40, 2).step(*np.zeros((3, 1, 2, 3)))

@@ -8,8 +8,7 @@ namespace softgym_mj::cloth {
 // Arrays of all worlds, with room in each row for the largest model. See World.
 struct Batch {
   int num_worlds, num_grippers, most_vertices, most_edges;
-  const char* models;         // One behind the other;
-  const long long* model_at;  // (num_worlds,) where that of each world begins.
+  const char* const* models;  // (num_worlds,) a Model each.
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
   char* scratch;  // (num_worlds, scratch_size) bytes, zeros at first and after a change of a world's model.
   long long scratch_size;

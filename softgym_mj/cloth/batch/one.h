@@ -12,7 +12,7 @@ namespace {
 inline void StepWorldOf(const Batch& batch, int i) {
   SGM_SHARED World w;
   Once([&] {
-    w.model = reinterpret_cast<const Model*>(batch.models + batch.model_at[i]);
+    w.model = reinterpret_cast<const Model*>(batch.models[i]);
     const long long vertices = static_cast<long long>(batch.most_vertices) * i, grippers = batch.num_grippers * i;
     w.targets = batch.targets + 3 * grippers;
     w.goals = batch.goals + 3 * grippers;
