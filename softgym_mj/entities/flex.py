@@ -49,7 +49,10 @@ class Flex(Entity, Parametric):
         timestep: physics step [s].
         radius: contact radius [m]: the height of the vertices of an object that lies on the floor.
         vertex_ids: indices (num_points,) of the vertices among all flex vertices of the model.
-        edges: vertex indices (num_edges, 2) of the mesh edges.
+        edges: vertex indices (num_edges, 2) of the mesh edges, `rest_lengths` (num_edges,) at rest
+            [m].
+        origin: where vertices are (num_points, 3) when their slides are 0 [m].
+        slides, slide_velocities: (num_points, 3) [m], [m/s], views of what is simulated.
         arrays: what measures need to know that depends on the size, by name: nothing, but for a
             `Cloth`.
     """
@@ -134,31 +137,31 @@ class Flex(Entity, Parametric):
         self.vertex_ids = np.arange(first, first + count)
         bodies = model.flex_vertbodyid[first : first + count]
         self._dofs = np.array(model.body_dofadr[bodies])
-        self._origin = np.array(model.body_pos[bodies])
-        self._qpos, self._qvel = slide_views(model, data, bodies)
+        self.origin = np.array(model.body_pos[bodies])
+        self.slides, self.slide_velocities = slide_views(model, data, bodies)
         self._dof_mass = model.dof_M0
         self._model, self._data = model, data
         solver.forget_damping(model)
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self.edges = np.array(model.flex_edge[edges])
-        self._rest_lengths = np.array(model.flexedge_length0[edges])
+        self.rest_lengths = np.array(model.flexedge_length0[edges])
         self._held, self._ways = {}, {}
 
     def points(self) -> np.ndarray:
         """Current vertex positions (num_points, 3) [m] in the world frame, a fresh array."""
-        return self._origin + self._qpos
+        return self.origin + self.slides
 
     def offsets(self, point: np.ndarray) -> np.ndarray:
         """Vertex positions (..., num_points, 3) [m] relative to points (..., 3)."""
-        return self._qpos + (self._origin - point[..., None, :])
+        return self.slides + (self.origin - point[..., None, :])
 
     def vertex(self, index: int) -> np.ndarray:
         """Current position (3,) [m] of one vertex."""
-        return self._origin[index] + self._qpos[index]
+        return self.origin[index] + self.slides[index]
 
     def velocities(self) -> np.ndarray:
         """Current vertex velocities (num_points, 3) [m/s], a fresh array."""
-        return self._qvel.copy()
+        return self.slide_velocities.copy()
 
     def set_points(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
         """Places the vertices: `positions` (num_points, 3) [m], `velocities` alike [m/s]."""
@@ -167,14 +170,14 @@ class Flex(Entity, Parametric):
             raise InvalidArgumentError(
                 "positions", positions.shape, f"finite array of shape ({self.num_points}, 3)"
             )
-        self._qpos[:] = positions - self._origin
-        self._qvel[:] = velocities
+        self.slides[:] = positions - self.origin
+        self.slide_velocities[:] = velocities
 
     def edge_strain(self) -> np.ndarray:
         """Relative elongation (num_edges,) of every edge: 0 at rest, negative when compressed."""
         vertices = self.points()
         difference = vertices[self.edges[:, 0]] - vertices[self.edges[:, 1]]
-        return np.linalg.norm(difference, axis=1) / self._rest_lengths - 1.0
+        return np.linalg.norm(difference, axis=1) / self.rest_lengths - 1.0
 
     # ------------------------------------------------------------------ holding vertices
 
@@ -205,7 +208,7 @@ class Flex(Entity, Parametric):
         start, end = min(first, second), max(first, second)  # Sums depend on the direction.
         if start not in self._ways:
             shape = (self.num_points, self.num_points)
-            mesh = scipy.sparse.csr_array((self._rest_lengths, tuple(self.edges.T)), shape=shape)
+            mesh = scipy.sparse.csr_array((self.rest_lengths, tuple(self.edges.T)), shape=shape)
             self._ways[start] = scipy.sparse.csgraph.dijkstra(mesh, directed=False, indices=start)
         return (1.0 + self.hold_stretch) * float(self._ways[start][end])
 
@@ -222,4 +225,4 @@ class Flex(Entity, Parametric):
 
         The velocity is recomputed from the position at every call, so errors do not add up.
         """
-        self._qvel[index] = (target - self._origin[index] - self._qpos[index]) / duration
+        self.slide_velocities[index] = (target - self.origin[index] - self.slides[index]) / duration

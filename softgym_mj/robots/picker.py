@@ -60,6 +60,8 @@ class Picker(Gripper):
     Attributes:
         radius: of the spheres [m].
         pick_distance: largest distance [m] between a picker's centre and a vertex it can take.
+        grip_limits: of their centres.
+        slides, slide_velocities: (num_pickers, 3) [m], [m/s], views of what is simulated.
     """
 
     name = "picker"
@@ -115,7 +117,7 @@ class Picker(Gripper):
         bodies = [
             model.body(f"{self._mjcf_root.model}/picker_{i}").id for i in range(self.num_grippers)
         ]
-        self._qpos, self._qvel = slide_views(model, data, bodies)
+        self.slides, self.slide_velocities = slide_views(model, data, bodies)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
         # Facts 2.3: a ring of radius 2 r sqrt(n - 1) from FleX's +z, which is -Y here.
@@ -129,15 +131,15 @@ class Picker(Gripper):
         self._holding.reset()
         self._set_workspace(workspace)
         self._centre[:] = positions
-        self._qpos[:] = positions
-        self._qvel[:] = 0.0
+        self.slides[:] = positions
+        self.slide_velocities[:] = 0.0
 
     def _set_workspace(self, workspace: Workspace):
         super()._set_workspace(workspace)
         self._low = np.asarray(workspace.low) + self.radius
         self._high = np.asarray(workspace.high) - self.radius
         low, high = (np.tile(end, (self.num_grippers, 1)) for end in (self._low, self._high))
-        self._limits = GripLimits(low, high, self.pick_distance)
+        self.grip_limits = GripLimits(low, high, self.pick_distance)
 
     @property
     def _centre(self) -> np.ndarray:
@@ -145,7 +147,7 @@ class Picker(Gripper):
 
     def plan(self) -> None:
         before = self._centre
-        self._holding.step(self._command, self._limits)
+        self._holding.step(self._command, self.grip_limits)
         self._step = self._centre - before
 
     def take(self, vertices: Sequence[int]) -> None:
@@ -156,8 +158,8 @@ class Picker(Gripper):
         position = self._centre
         if fraction < 1.0:
             position = position - (1.0 - fraction) * self._step
-        np.subtract(position, self._qpos, out=self._qvel)
-        self._qvel /= timestep
+        np.subtract(position, self.slides, out=self.slide_velocities)
+        self.slide_velocities /= timestep
         self._holding.drive(position, timestep)
 
     def held_positions(self) -> np.ndarray:

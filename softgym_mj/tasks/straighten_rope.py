@@ -68,6 +68,6 @@ class StraightenRope(Task):
         keys = self.rope.key_points
         return {f"{len(keys)} key points (x, y, z each) [m]": state.points["rope"][..., keys, :]}
 
-    def diagnostics(self) -> dict[str, float | int]:
-        initial = self.normalized(self.episode.initial_performance)
-        return {**super().diagnostics(), "initial_normalized_performance": initial}
+    def remarks(self, episode: Episode) -> dict[str, Array]:
+        initial = metrics.normalize(episode.initial_performance, *self.bounds(episode))
+        return {"initial_normalized_performance": initial}

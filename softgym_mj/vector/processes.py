@@ -50,7 +50,7 @@ class ProcessBackend(Backend):
         """
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         if num_workers is None:
-            num_workers = min(num_envs, _num_cores())
+            num_workers = min(num_envs, num_cores())
         self.num_workers = check_count("num_workers", num_workers, 1, min(num_envs, MOST_PROCESSES))
         known = multiprocessing.get_all_start_methods()
         if context is None:
@@ -123,7 +123,7 @@ class ProcessBackend(Backend):
         )
 
 
-def _num_cores() -> int:
+def num_cores() -> int:
     """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

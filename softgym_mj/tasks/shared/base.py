@@ -69,6 +69,7 @@ class Task(composer.Task, abc.ABC):
         store: where these are kept; None alike.
         domain: what varies besides the initial state.
         random: the generator of the environment, which dm_control's wrappers draw from.
+        counts_intersections: whether info has them.
         arguments: those, as text, that have to agree for a snapshot to fit, besides `snapshot_key`.
     """
 
@@ -129,7 +130,7 @@ class Task(composer.Task, abc.ABC):
         held = () if tool is None else (tool.cup,)
         self.scene = Scene(objects, self.actor, held, self.view, marks, find_look(look))
         self.flexes, self.objects = self.scene.flexes, self.scene.objects
-        self._count_intersections = count_intersections
+        self.counts_intersections = count_intersections
         self.domain = DomainRandomization(domain, self.scene.adjustable)
         counts = sum(thing.num_points for thing in self.scene.materials.values())
         self.max_points = counts if start is None else start.max_points
@@ -238,6 +239,10 @@ class Task(composer.Task, abc.ABC):
         """Further scalars (...) for info and results, as other work has them; only read there."""
         return {}
 
+    def remarks(self, episode: Episode) -> dict[str, Array]:
+        """Further scalars (...) for info that say how an episode has started."""
+        return {}
+
     def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
         """Further observables by name, with images of height x width pixels."""
         return {}
@@ -249,7 +254,7 @@ class Task(composer.Task, abc.ABC):
 
     def diagnostics(self) -> dict[str, float | int]:
         """Further scalars for info."""
-        return self.scene.diagnostics(self._count_intersections)
+        return self.scene.diagnostics(self.counts_intersections)
 
     # ------------------------------------------------------------------ episode
 
@@ -296,7 +301,8 @@ class Task(composer.Task, abc.ABC):
         checks.check_bounds(self.bounds(self._episode))
         if not self._named:
             checks.check_reduced(self.reduced(self.state(), self._episode))
-            further = self.last_quality, self.diagnostics(), self.actor.diagnostics()
+            remarks = self.remarks(self._episode)
+            further = self.last_quality, remarks, self.diagnostics(), self.actor.diagnostics()
             checks.check_names((self._measures.info, *further))
             self._named = True
 
@@ -356,19 +362,26 @@ class Task(composer.Task, abc.ABC):
 
     def info(self) -> dict[str, float | int | bool]:
         """Scalars of the last evaluation; the reward is the sum of the "reward_*" entries."""
-        measures = self.last_evaluation
-        normalized = self.normalized(measures.performance)
+        found = self.describe(self.state(), self.episode, self.last_evaluation)
         return {
-            "performance": measures.performance,
-            "normalized_performance": normalized,
-            "success": bool(normalized >= self.success),
-            **{f"reward_{name}": value for name, value in measures.rewards.items()},
-            **measures.info,
-            **self.last_quality,
+            **{name: np.asarray(value).item() for name, value in found.items()},
             **self.diagnostics(),
             **self.actor.diagnostics(),
             **{f"domain_{name}": self.domain.values[name] for name in self.domain.varying},
             "variation": self._variation,
+        }
+
+    def describe(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
+        """What info says of a state by its points alone: (...) by name."""
+        normalized = metrics.normalize(measures.performance, *self.bounds(episode))
+        return {
+            "performance": measures.performance,
+            "normalized_performance": normalized,
+            "success": normalized >= self.success,
+            **{f"reward_{name}": value for name, value in measures.rewards.items()},
+            **measures.info,
+            **self.quality(state, episode, measures),
+            **self.remarks(episode),
         }
 
     @property
