@@ -5,7 +5,8 @@ go, and a plane: the same bits. The program is written for one thread or for a b
 """
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -21,8 +22,9 @@ EDGES_OF_VERTEX = 3  # At most, of surfaces.
 NOT_FINITE, CANDIDATES_FULL, PAIRS_FULL, ROWS_FULL, LEVELS_FULL = (1 << i for i in range(5))
 
 _REASON = 256  # [characters]
-_FIELDS = {
-    "valid": (),
+ONE = "one"
+_FIELDS: dict[str, tuple[Any, ...]] = {
+    "valid": (ONE,),
     "qpos": ("vertices", 3),
     "qvel": ("vertices", 3),
     "reference": ("vertices", 3),
@@ -105,7 +107,7 @@ class Worlds:
         gripper_qpos, gripper_qvel: of grippers (num_worlds, grippers, 3) [m], [m/s].
         holding_force: with which its edges pulled a vertex that was held, mean of the last step
             (num_worlds, vertices) [N].
-        valid: 1 of worlds that have made a step from where they are (num_worlds,); to be set to 0
+        valid: 1 of worlds that have made a step from where they are (num_worlds, 1); to be set to 0
             after vertices have been placed.
         reference, after_edge, after_layers: by which a step depends on those before it, as the
             state of the plugin.
@@ -136,14 +138,19 @@ class Worlds:
         """
         self._library, self._threads, self._turns = _library(), num_threads, turns
         sizes = {"vertices": vertices, "edges": EDGES_OF_VERTEX * vertices, "grippers": grippers}
-        for name, shape in _FIELDS.items():
-            known = [sizes.get(n, n) if isinstance(n, str) else n for n in shape]
-            setattr(self, name, np.zeros((num_worlds, *known)))
+        for name, (kind, *shape) in _FIELDS.items():
+            setattr(self, name, np.zeros((num_worlds, {**sizes, ONE: 1}[kind], *shape)))
         self.flags = np.zeros(num_worlds, np.int32)
         self._sizes = sizes
         self._models: list[np.ndarray | None] = [None] * num_worlds
         self._addresses = np.zeros(num_worlds, np.uint64)
         self._scratch = aligned(0).reshape(1, 0)
+
+    def _counts(self, model: np.ndarray) -> dict[str, int]:
+        """How many vertices, edges and grippers a model has, by name."""
+        counts = np.zeros(3, np.int32)
+        self._library.softgym_mj_cloth_batch_counts(model.ctypes.data, counts.ctypes.data)
+        return dict(zip(self._sizes, counts.tolist(), strict=True))
 
     def start(self, i: int, model: np.ndarray) -> None:
         """Gives world `i` a model, from `describe`, and empties its rows.
@@ -151,12 +158,10 @@ class Worlds:
         Raises:
             InvalidArgumentError: for a model that is larger than the rows.
         """
-        counts = np.zeros(3, np.int32)
-        self._library.softgym_mj_cloth_batch_counts(model.ctypes.data, counts.ctypes.data)
-        vertices, edges, grippers = counts.tolist()
-        fits = vertices <= self._sizes["vertices"] and edges <= self._sizes["edges"]
-        if not fits or grippers != self._sizes["grippers"]:
-            raise InvalidArgumentError("model", tuple(counts.tolist()), f"within {self._sizes}")
+        counts = self._counts(model)
+        fits = all(counts[name] <= most for name, most in self._sizes.items())
+        if not fits or counts["grippers"] != self._sizes["grippers"]:
+            raise InvalidArgumentError("model", counts, f"within {self._sizes}")
         self._models[i], self._addresses[i] = model, model.ctypes.data
         needed = self._library.softgym_mj_cloth_batch_scratch(model.ctypes.data)
         if needed > self._scratch.shape[1]:
@@ -166,6 +171,23 @@ class Worlds:
         for name in _FIELDS:
             getattr(self, name)[i] = 0.0
         self.flags[i] = 0
+
+    def get_state(self, i: int) -> dict[str, np.ndarray]:
+        """The state of world `i` (n, ...) by name, for `set_state` of a world of the same model."""
+        model = self._models[i]
+        if model is None:
+            raise LifecycleError(f"world {i} has no model yet: call start() before get_state()")
+        counts = {**self._counts(model), ONE: 1}
+        return {
+            name: getattr(self, name)[i, : counts[kind]].copy()
+            for name, (kind, *_) in _FIELDS.items()
+        }
+
+    def set_state(self, i: int, state: Mapping[str, np.ndarray]) -> None:
+        """Restores what `get_state` returned: what follows has the same bits."""
+        for name, array in state.items():
+            getattr(self, name)[i] = 0.0
+            getattr(self, name)[i, : len(array)] = array
 
     def step(self, targets: np.ndarray, held: np.ndarray, goals: np.ndarray) -> None:
         """Makes a step of all worlds.

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from gymnasium.vector import AutoresetMode
 
-from softgym_mj.exceptions import check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.registry import TaskRecord, find
 
 if TYPE_CHECKING:
+    from softgym_mj.vector.backend import Backend
     from softgym_mj.vector.base import VectorEnv
 
-_DEVICES = ("cpu",)
+_DEVICES = ("cpu", "host")
 _MODES = [mode.value for mode in AutoresetMode]
 
 
@@ -32,9 +33,12 @@ def make_vec(
     Args:
         task: task name, or as in `registry.find`.
         num_envs: number of environments, 1 or more.
-        device: what simulates: "cpu", worker processes.
-        num_workers: number of processes, 1..num_envs; by default one a core. Two a core balance
-            variations that differ a lot in cost, as those of water do; each costs some time.
+        device: what simulates: "cpu", worker processes; "host", rows of arrays in this process,
+            which know pickers with one rope or cloth, and states: the same bits, for tests of what
+            is made for GPUs.
+        num_workers: number of processes, or of threads of "host", 1..num_envs; by default one a
+            core. Two a core balance variations that differ a lot in cost, as those of water do;
+            each costs some time.
         autoreset_mode: what follows the last step of an episode. "NextStep": the next step
             resets, ignores its action and has reward 0. "SameStep": the last step returns the
             first observation of the next episode, and its own in info["final_obs"] and
@@ -60,5 +64,13 @@ def make_vec(
 
     variations = split_indices(split)
     make = functools.partial(SoftGymEnv, record, split=split, **task_kwargs)
-    backend = ProcessBackend(make, num_envs, num_workers=num_workers, context=context)
+    backend: Backend
+    if device == "host":
+        from softgym_mj.vector.batch.backend import BatchBackend
+
+        if context is not None:
+            raise InvalidArgumentError("context", context, "None: there are no processes")
+        backend = BatchBackend(make(), num_envs, num_threads=num_workers)
+    else:
+        backend = ProcessBackend(make, num_envs, num_workers=num_workers, context=context)
     return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))

@@ -1,0 +1,1 @@
+"""`BatchBackend`: environments as rows of arrays, stepped together without MuJoCo."""

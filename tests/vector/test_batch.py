@@ -1,0 +1,250 @@
+"""Rows of arrays in place of environments: their oracle is `SoftGymEnv`, bit by bit."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+import softgym_mj
+import softgym_mj.tasks.straighten_rope
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
+from softgym_mj.vector.batch.backend import BatchBackend
+from softgym_mj.vector.batch.rows import Rows
+from tests.vector.same import same
+
+TASKS = [name for name, record in softgym_mj.TASKS.items() if "water" not in record.tags]
+STATES = ["full", "full_mask", "held", "markov", "proprioception", "reduced"]
+VARIATIONS = [803, 806, 811]
+
+
+def _make(task, number=3, **settings):
+    settings = {"observation": STATES, "fidelity": "fast", "split": "all", **settings}
+    return softgym_mj.make_vec(task, number, device="host", **settings)
+
+
+def _env(task, **settings):
+    settings = {"observation": STATES, "fidelity": "fast", "split": "all", **settings}
+    return SoftGymEnv(task, **settings)
+
+
+def _actions(envs, number, seed=0):
+    """Random ones with the grips mostly on."""
+    shape = (number, *envs.action_space.shape)
+    actions = np.random.default_rng(seed).uniform(-1.0, 1.0, shape).astype(np.float32)
+    actions[..., 3::4] += 0.7
+    return actions.clip(-1.0, 1.0)
+
+
+def _check(i, batch, alone):
+    """That row `i` of what a batch returns is what an environment returned."""
+    observations, infos = batch
+    observation, info = alone
+    for name, array in observation.items():
+        np.testing.assert_array_equal(observations[name][i], array, err_msg=name)
+        assert observations[name].dtype == array.dtype
+    assert {name for name in infos if not name.startswith("_")} == set(info)
+    for name, value in info.items():
+        assert infos[f"_{name}"][i]
+        # Sums over rows of an array differ in the last bit.
+        assert infos[name][i] == pytest.approx(value, rel=1e-12, abs=1e-13), name
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_row_is_an_environment(task):
+    envs, alone = _make(task), [_env(task) for _ in VARIATIONS]
+    batch = envs.reset(options={"variation": VARIATIONS})
+    for i, (env, variation) in enumerate(zip(alone, VARIATIONS, strict=True)):
+        _check(i, batch, env.reset(options={"variation": variation}))
+    for actions in _actions(envs, 6):
+        observations, rewards, terminated, truncated, infos = envs.step(actions)
+        for i, env in enumerate(alone):
+            observation, reward, *ended, info = env.step(actions[i])
+            _check(i, (observations, infos), (observation, info))
+            assert rewards[i] == pytest.approx(reward, rel=1e-12, abs=1e-13)
+            assert [terminated[i], truncated[i]] == ended
+    envs.close()
+
+
+def test_domain_parameters_differ_from_row_to_row():
+    domain = {"physics": "in_distribution"}
+    task = "spread_cloth"
+    envs, alone = _make(task, domain=domain), [_env(task, domain=domain) for _ in VARIATIONS]
+    batch = envs.reset(options={"variation": VARIATIONS})
+    for i, (env, variation) in enumerate(zip(alone, VARIATIONS, strict=True)):
+        _check(i, batch, env.reset(options={"variation": variation}))
+    for actions in _actions(envs, 3):
+        observations, _, _, _, infos = envs.step(actions)
+        for i, env in enumerate(alone):
+            observation, _, _, _, info = env.step(actions[i])
+            _check(i, (observations, infos), (observation, info))
+    assert len(set(infos["domain_friction"])) == 3
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_it_plays_what_worker_processes_play(mode):
+    settings = {"observation": "reduced", "fidelity": "fast", "horizon": 3, "autoreset_mode": mode}
+    here = softgym_mj.make_vec("straighten_rope", 3, device="host", **settings)
+    there = softgym_mj.make_vec("straighten_rope", 3, num_workers=1, **settings)
+    options = {"stagger": True}
+    first, second = (envs.reset(seed=5, options=options) for envs in (here, there))
+    np.testing.assert_array_equal(first[0], second[0])
+    for actions in _actions(here, 8):
+        mine, theirs = here.step(actions), there.step(actions)
+        for ours, others in zip(mine[:4], theirs[:4], strict=True):
+            np.testing.assert_allclose(ours, others, rtol=1e-12)
+        np.testing.assert_array_equal(mine[4]["variation"], theirs[4]["variation"])
+        assert mine[4].keys() == theirs[4].keys()
+    here.close()
+    there.close()
+
+
+def test_who_resets_who_is_told_to():
+    envs = _make("straighten_rope", autoreset_mode="Disabled", horizon=2)
+    envs.reset(seed=0)
+    actions = _actions(envs, 3)
+    envs.step(actions[0])
+    before, *_, truncated, _ = envs.step(actions[1])
+    assert truncated.all()
+    with pytest.raises(LifecycleError, match="have ended"):
+        envs.step(actions[2])
+    mask = np.array([False, True, False])
+    after, _ = envs.reset(options={"reset_mask": mask, "variation": 806})
+    same = (before["reduced"] == after["reduced"]).all(1)
+    assert same.tolist() == [True, False, True]
+    envs.close()
+
+
+@pytest.mark.parametrize("task", ["drop_cloth", "rope_configuration"])
+def test_snapshots_go_to_environments_and_back(task):
+    envs = _make(task)
+    envs.reset(options={"variation": VARIATIONS})
+    actions = _actions(envs, 8)
+    for each in actions[:4]:
+        envs.step(each)
+    states = envs.get_state()
+    later = [envs.step(each) for each in actions[4:]]
+    # In other rows, of another number of them.
+    more = _make(task, 4)
+    more.reset(seed=0)
+    more.set_state([states[2], states[1], states[0], states[1]])
+    rows = [2, 1, 0, 1]
+    for each, (observations, rewards, *_) in zip(actions[4:], later, strict=True):
+        others, their_rewards = more.step(each[rows])[:2]
+        for name, array in observations.items():
+            np.testing.assert_array_equal(others[name], array[rows])
+        np.testing.assert_allclose(their_rewards, rewards[rows], rtol=1e-13)
+    # In an environment, and from there into a row.
+    env = _env(task)
+    env.set_state(states[1])
+    env.step(actions[4][1])
+    middle = env.get_state()
+    for each, (observations, *_) in zip(actions[5:], later[1:], strict=True):
+        observation = env.step(each[1])[0]
+        for name, array in observation.items():
+            np.testing.assert_array_equal(observations[name][1], array)
+    more.set_state([middle] * 4)
+    for each, (observations, *_) in zip(actions[5:], later[1:], strict=True):
+        others = more.step(np.tile(each[1], (4, 1)))[0]
+        np.testing.assert_array_equal(others["full"], np.tile(observations["full"][1], (4, 1)))
+    with pytest.raises(SnapshotError, match="is of task"):
+        _make("fold_cloth", 1).set_state([middle])
+    envs.close()
+    more.close()
+
+
+def test_a_row_that_diverges_ends_alone():
+    envs = _make("spread_cloth", autoreset_mode="NextStep")
+    twin = _make("spread_cloth", autoreset_mode="NextStep")
+    for each in (envs, twin):
+        each.reset(options={"variation": VARIATIONS})
+    envs.backend._worlds.qvel[1, 5] = np.inf
+    actions = _actions(envs, 3)
+    for i, each in enumerate(actions):
+        mine, theirs = envs.step(each), twin.step(each)
+        for name, array in theirs[0].items():
+            np.testing.assert_array_equal(mine[0][name][[0, 2]], array[[0, 2]])
+        assert mine[2].tolist() == [False, i == 0, False]
+        assert mine[4]["physics_warnings"].tolist() == [0, int(i == 0), 0]
+        assert all(np.isfinite(array).all() for array in mine[0].values())
+    envs.close()
+    twin.close()
+
+
+def test_what_it_cannot_do_is_refused_by_name():
+    for task, settings, name in (
+        ("straighten_rope", {"actor": "franka"}, "actor='franka"),
+        ("straighten_rope", {"actor": "pick_and_place"}, "actor='pick_and_place'"),
+        ("straighten_rope", {"observation": "rgb"}, "observation='rgb'"),
+        ("straighten_rope", {"render_mode": "rgb_array"}, "render_mode='rgb_array'"),
+        ("transport_water", {"observation": "reduced"}, "actor='cup'"),
+        ("spread_cloth", {"count_intersections": True}, "count_intersections=True"),
+        ("straighten_rope", {"context": "fork"}, "context='fork'"),
+        ("straighten_rope", {"num_workers": 3}, "num_workers=3"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=name):
+            softgym_mj.make_vec(task, 2, device="host", **settings)
+    envs = _make("straighten_rope", 2)
+    with pytest.raises(InvalidArgumentError, match="name='render'"):
+        envs.render()
+    with pytest.raises(InvalidArgumentError, match="device='gpu'"):
+        softgym_mj.make_vec("straighten_rope", 2, device="gpu")
+    envs.close()
+
+
+class _Counted(softgym_mj.tasks.straighten_rope.StraightenRope):
+    """A custom task that looks at one simulation."""
+
+    def after_step(self, physics, random_state):
+        super().after_step(physics, random_state)
+        self.count = getattr(self, "count", 0) + 1
+
+
+class _Looser(softgym_mj.tasks.straighten_rope.StraightenRope):
+    """One that is made of functions of arrays."""
+
+    success = 0.5
+
+
+def test_custom_tasks_are_played_if_they_are_functions_of_arrays(register):
+    register("count_rope", _Counted)
+    with pytest.raises(InvalidArgumentError, match="defines no after_step"):
+        softgym_mj.make_vec("count_rope", 1, device="host")
+    register("loosen_rope", _Looser)
+    envs = softgym_mj.make_vec("loosen_rope", 2, device="host", fidelity="fast")
+    _, infos = envs.reset(options={"variation": [1, 807]})
+    assert (infos["success"] == (infos["normalized_performance"] >= 0.5)).all()
+    envs.close()
+
+
+def test_rows_grow_with_what_is_put_into_them():
+    rows = Rows(3)
+    rows.put(0, {"a": np.ones((2, 1)), "b": {"c": 5}})
+    rows.put(2, {"a": np.full((1, 3), 2), "b": {"c": 7}})
+    assert rows.whole["b"]["c"].tolist() == [5, 0, 7]
+    np.testing.assert_array_equal(
+        rows.whole["a"], [[[1, 0, 0], [1, 0, 0]], np.zeros((2, 3)), [[2, 2, 2], [0, 0, 0]]]
+    )
+    rows.put(0, {"a": np.zeros((0, 0)), "b": {"c": 1}})
+    assert not rows.whole["a"][0].any()
+
+
+def test_threads_and_turns_change_no_bit():
+    settings = {"observation": STATES, "fidelity": "fast", "split": "all"}
+    outcomes = []
+    for threads, turns in ((1, 0), (2, 4)):
+        backend = BatchBackend(SoftGymEnv("spread_cloth", **settings), 3, threads, turns)
+        backend.reset(dict(enumerate(VARIATIONS)))
+        size = backend.action_space.shape[0]
+        for each in np.random.default_rng(1).uniform(-1.0, 1.0, (3, 3, size)):
+            backend.step(each, {})
+        outcomes.append(backend.observe())
+        backend.close()
+    assert same(*outcomes)
+
+
+def test_gymnasium_makes_it():
+    envs = gymnasium.make_vec("softgym_mj/StraightenRope-v0", 2, device="host", fidelity="fast")
+    observations, _ = envs.reset(seed=1)
+    assert observations in envs.observation_space
+    assert envs.get_attr("horizon") == (75, 75)
+    envs.close()
