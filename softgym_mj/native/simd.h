@@ -307,6 +307,19 @@ inline int Compress(int first, unsigned bits, int* out) {
 
 #endif  // SGM_AVX2
 
+#ifdef __CUDACC__
+template <class F>
+inline void EachLane(F f) {
+  f(Lane());
+}
+#else
+// Calls f(lane) for all lanes, one after the other.
+template <class F>
+inline void EachLane(F f) {
+  for (int lane = 0; lane < kLanes; ++lane) f(lane);
+}
+#endif
+
 // The same operations on one float, for formulas that are written once for both.
 inline float MultiplyAdd(float a, float b, float c) { return fmaf(a, b, c); }
 inline float NegativeMultiplyAdd(float a, float b, float c) { return fmaf(-a, b, c); }

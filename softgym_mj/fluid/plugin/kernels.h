@@ -48,9 +48,10 @@ struct Grid {
   const int* start;  // First particle of each cell, nx * ny * nz + 1 entries.
 };
 
-// Neighbors of particle i are index[begin[i]] .. index[begin[i + 1]], padded to whole vectors.
+// Neighbors of particle i are index[begin[i]] .. index[end[i]], padded to whole vectors.
 struct Neighbors {
   int* begin;
+  const int* end;
   int* index;
   long capacity;   // Of `index`.
   int most;        // Of one particle; of those that have more, the first ones are listed.

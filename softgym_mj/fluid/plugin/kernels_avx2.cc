@@ -3,5 +3,5 @@
 #include "kernels_impl.h"
 
 namespace softgym_mj {
-const Kernels kAvx2Kernels = MakeKernels();
+const Kernels kAvx2Kernels = kLoops;
 }  // namespace softgym_mj

@@ -3,5 +3,5 @@
 #include "kernels_impl.h"
 
 namespace softgym_mj {
-const Kernels kScalarKernels = MakeKernels();
+const Kernels kScalarKernels = kLoops;
 }  // namespace softgym_mj

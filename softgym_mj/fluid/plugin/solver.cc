@@ -98,6 +98,7 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
   order_.Reserve(n);
   spare_order_.Reserve(n);
   neighbors_.begin = begin_.Reserve(n);
+  neighbors_.end = neighbors_.begin + 1;
   p_.pressure[count_] = 0;
 }
 

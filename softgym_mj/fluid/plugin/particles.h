@@ -1,0 +1,278 @@
+// What happens to one particle, or to eight near a wall. See kernels.h for what this must not use.
+//
+// Position-based fluid (Macklin and Mueller, 2013) with the kernel w(r) = (1 - r/H)^3 for both
+// density and gradient, the particle itself excluded, and constraints that only push. With
+// e_ij = (1 - r/H)^2 (x_i - x_j) / r the gradient is -3 e_ij / H, and a correction is
+//   dx_i = relaxation rho0 H/3 (p_i E_i + sum_j p_j e_ij),   E_i = sum_j e_ij,
+//   p_i = max(rho_i / rho0 - 1, 0) / (|E_i|^2 + sum_j |e_ij|^2).
+// Pairs push each other equally, so momentum is conserved.
+
+#ifndef SOFTGYM_MJ_FLUID_PARTICLES_H_
+#define SOFTGYM_MJ_FLUID_PARTICLES_H_
+
+#include <math.h>
+
+#include "fluid/plugin/kernels.h"
+#include "native/shapes.h"
+
+namespace softgym_mj {
+namespace {
+
+// A wall that would have to move a particle by more than its contact distance was put onto it;
+// it pushes it out by at most this share of the spacing in a substep.
+constexpr float kDigOut = 0.1f;
+// A particle may come closer to a wall in a substep by this share of its distance. Since this is
+// below one nothing passes through a wall, however thin.
+constexpr float kApproach = 0.9f;
+// A particle in the place of another one has at least this excess of density; water at rest has a
+// hundredth.
+constexpr float kCrowded = 0.5f;
+
+// The vectors of four floats at `index`, without the fourth.
+inline Vec3<Lanes> Gather(const float* p, const int* index) {
+  Vec3<Lanes> out;
+  Lanes rest;
+  Gather4(p, index, &out.x, &out.y, &out.z, &rest);
+  return out;
+}
+
+// Adds to the vectors of four floats at `index`, one after the other: some may be the same.
+inline void Add(float* p, const int* index, const Vec3<Lanes>& a) {
+  float x[kLanes], y[kLanes], z[kLanes];
+  a.x.Store(x);
+  a.y.Store(y);
+  a.z.Store(z);
+  EachLane([&](int lane) {
+    float* q = p + 4 * index[lane];
+    q[0] += x[lane];
+    q[1] += y[lane];
+    q[2] += z[lane];
+  });
+}
+
+constexpr int kRanges = 18;  // Of particles in the cells around one.
+
+// Fills the ranges of particles in and around a cell; returns their number. They are 9 rows of cells, each one range
+// or, where it wraps, two.
+inline int FindRanges(const Grid& grid, int cx, int cy, int cz, int* first, int* last) {
+  const int* start = grid.start;
+  const int nx = grid.nx, ny = grid.ny, nz = grid.nz;
+  int ranges = 0;
+  for (int dz = -1; dz <= 1; ++dz) {
+    for (int dy = -1; dy <= 1; ++dy) {
+      const int row = nx * (((cy + dy) & (ny - 1)) + ny * ((cz + dz) & (nz - 1)));
+      if (cx > 0 && cx < nx - 1) {
+        first[ranges] = start[row + cx - 1];
+        last[ranges++] = start[row + cx + 2];
+      } else {
+        const int left = cx > 0 ? cx - 1 : 0, right = cx > 0 ? nx : 2;
+        first[ranges] = start[row + left];
+        last[ranges++] = start[row + right];
+        const int other = cx > 0 ? 0 : nx - 1;
+        first[ranges] = start[row + other];
+        last[ranges++] = start[row + other + 1];
+      }
+    }
+  }
+  return ranges;
+}
+
+// Cohesion attracts by 27/4 q^2 (1 - q), at most 1, largest at q = r/H = 2/3.
+template <bool kCohesive>
+inline void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, int i) {
+  const Lanes attraction(-6.75f * fluid.cohesion / fluid.radius);
+  const Lanes one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
+  float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
+  const float* xi = p.position + 4 * i;
+  const Lanes x(xi[0]), y(xi[1]), z(xi[2]);
+  Lanes density(0.0f), squares(0.0f), sum_x(0.0f), sum_y(0.0f), sum_z(0.0f);
+  Lanes pull_x(0.0f), pull_y(0.0f), pull_z(0.0f);
+  for (int k = neighbors.begin[i]; k < neighbors.end[i]; k += kLanes) {
+    const Vec3<Lanes> xj = Gather(p.position, neighbors.index + k);
+    const Lanes dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
+    const Lanes squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
+    const Lanes r = Sqrt(squared);
+    const Lanes q = r * inverse_radius;
+    const Lanes s = Max(one - q, zero);
+    const Lanes s2 = s * s;
+    density = MultiplyAdd(s2, s, density);
+    squares = MultiplyAdd(s2, s2, squares);
+    const Lanes scale = s2 / r;
+    const Lanes e_x = scale * dx, e_y = scale * dy, e_z = scale * dz;
+    e_x.Store(ex + k);
+    e_y.Store(ey + k);
+    e_z.Store(ez + k);
+    sum_x = sum_x + e_x;
+    sum_y = sum_y + e_y;
+    sum_z = sum_z + e_z;
+    if (kCohesive) {
+      const Lanes pull = attraction * q * s;
+      pull_x = MultiplyAdd(pull, dx, pull_x);
+      pull_y = MultiplyAdd(pull, dy, pull_y);
+      pull_z = MultiplyAdd(pull, dz, pull_z);
+    }
+  }
+  float* correction = p.correction + 4 * i;
+  correction[0] = kCohesive ? Sum(pull_x) : 0.0f;
+  correction[1] = kCohesive ? Sum(pull_y) : 0.0f;
+  correction[2] = kCohesive ? Sum(pull_z) : 0.0f;
+  const float* wall = p.wall_gradient + 4 * i;
+  const float gx = Sum(sum_x) + wall[0], gy = Sum(sum_y) + wall[1], gz = Sum(sum_z) + wall[2];
+  const float excess = (Sum(density) + p.wall_density[i]) / fluid.rest_density - 1.0f;
+  const float length = gx * gx + gy * gy + gz * gz + Sum(squares);
+  if (excess > kCrowded) *p.crowded = true;
+  p.pressure[i] = excess > 0.0f ? excess / (length + 1e-6f) : 0.0f;
+  float* gradient = p.gradient + 4 * i;
+  gradient[0] = gx;
+  gradient[1] = gy;
+  gradient[2] = gz;
+}
+
+inline void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, int i) {
+  const float scale = fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f;
+  const float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
+  Lanes x(0.0f), y(0.0f), z(0.0f);
+  for (int k = neighbors.begin[i]; k < neighbors.end[i]; k += kLanes) {
+    const Lanes pressure = Pick(p.pressure, neighbors.index + k);
+    x = MultiplyAdd(pressure, Lanes::Load(ex + k), x);
+    y = MultiplyAdd(pressure, Lanes::Load(ey + k), y);
+    z = MultiplyAdd(pressure, Lanes::Load(ez + k), z);
+  }
+  const float own = p.pressure[i];
+  const float* gradient = p.gradient + 4 * i;
+  const float dx = scale * (Sum(x) + own * gradient[0]);
+  const float dy = scale * (Sum(y) + own * gradient[1]);
+  const float dz = scale * (Sum(z) + own * gradient[2]);
+  const float squared = dx * dx + dy * dy + dz * dz;
+  const float limit = fluid.correction;
+  const float clamp = squared > limit * limit ? limit / sqrtf(squared) : 1.0f;
+  float* correction = p.correction + 4 * i;
+  correction[0] += clamp * dx;
+  correction[1] += clamp * dy;
+  correction[2] += clamp * dz;
+}
+
+inline void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, float viscosity,
+                   int i) {
+  const Lanes one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
+  const float *xi = p.position + 4 * i, *vi = p.velocity + 4 * i;
+  const Lanes x(xi[0]), y(xi[1]), z(xi[2]), u(vi[0]), v(vi[1]), w(vi[2]);
+  Lanes sum_u(0.0f), sum_v(0.0f), sum_w(0.0f);
+  for (int k = neighbors.begin[i]; k < neighbors.end[i]; k += kLanes) {
+    const Vec3<Lanes> xj = Gather(p.position, neighbors.index + k);
+    const Vec3<Lanes> vj = Gather(p.velocity, neighbors.index + k);
+    const Lanes dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
+    const Lanes squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
+    const Lanes s = Max(one - Sqrt(squared) * inverse_radius, zero);
+    const Lanes weight = s * s * s;
+    sum_u = MultiplyAdd(weight, vj.x - u, sum_u);
+    sum_v = MultiplyAdd(weight, vj.y - v, sum_v);
+    sum_w = MultiplyAdd(weight, vj.z - w, sum_w);
+  }
+  float* change = p.correction + 4 * i;
+  change[0] = viscosity * Sum(sum_u);
+  change[1] = viscosity * Sum(sum_v);
+  change[2] = viscosity * Sum(sum_w);
+}
+
+inline void FindDistance(const WallPairs& pairs, const float* position, float* distance, int k) {
+  Vec3<Lanes> normal;
+  const Vec3<Lanes> local = ToLocal(pairs.end, Gather(position, pairs.particle + k));
+  Distance<Lanes>(pairs.shape, pairs.size, local, &normal).Store(distance + k);
+}
+
+// What lies behind the tangent plane at distance d counts as filled with water at rest. With
+// u = 1 - d/H the integral of the kernel over it is proportional to u^5 (1/20 - u/30).
+inline void FindWallShare(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs, int k) {
+  const Lanes zero(0.0f), one(1.0f), inverse_radius(1.0f / fluid.radius);
+  const Lanes scale(fluid.wall_density / fluid.rest_density);
+  const Lanes slope_scale(fluid.wall_density / 3.0f);
+  const Vec3<Lanes> x = Gather(p.position, pairs.particle + k);
+  Vec3<Lanes> local_normal;
+  const Lanes d = Distance<Lanes>(pairs.shape, pairs.size, ToLocal(pairs.end, x), &local_normal);
+  const Vec3<Lanes> normal = Rotate(pairs.end, local_normal);
+  const Lanes u = Min(Max(one - d * inverse_radius, zero), one);
+  const Lanes u4 = Square(u * u);
+  const Lanes share = scale * u4 * u * (Lanes(1.0f / 20.0f) - u * Lanes(1.0f / 30.0f));
+  const Lanes slope = slope_scale * u4 * (Lanes(0.25f) - u * Lanes(0.2f));
+  normal.x.Store(pairs.normal + k);
+  normal.y.Store(pairs.normal + pairs.stride + k);
+  normal.z.Store(pairs.normal + 2 * pairs.stride + k);
+  share.Store(pairs.share + k);
+  slope.Store(pairs.slope + k);
+  EachLane([&](int lane) {
+    const int i = pairs.particle[k + lane];
+    if (i < p.count) p.free_share[i] *= 1.0f - pairs.share[k + lane];
+  });
+}
+
+// Several walls together fill 1 - prod(1 - share), exact where they are orthogonal.
+inline void AddWallGradient(const Particles& p, const WallPairs& pairs, int k) {
+  const float *nx = pairs.normal, *ny = nx + pairs.stride, *nz = ny + pairs.stride;
+  const int i = pairs.particle[k];
+  if (i == p.count) return;  // Padding.
+  pairs.slope[k] *= p.free_share[i] / (1.0f - pairs.share[k]);
+  float* gradient = p.wall_gradient + 4 * i;
+  gradient[0] += pairs.slope[k] * nx[k];
+  gradient[1] += pairs.slope[k] * ny[k];
+  gradient[2] += pairs.slope[k] * nz[k];
+}
+
+inline void Collide(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs, double* impulse, int k) {
+  const Lanes zero(0.0f), contact(fluid.contact), tiny(kTiny), friction(fluid.friction);
+  const Lanes dig_out(kDigOut * fluid.spacing);
+  const Lanes wall_push(fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f);
+  const int* particle = pairs.particle + k;
+  const Vec3<Lanes> old_x = Gather(p.old_position, particle);
+  const Vec3<Lanes> predicted = Gather(p.position, particle);
+  const Vec3<Lanes> correction = Gather(p.correction, particle);
+  const Vec3<Lanes> x = {predicted.x + correction.x, predicted.y + correction.y, predicted.z + correction.z};
+  const Vec3<Lanes> from = ToLocal(pairs.start, old_x), to = ToLocal(pairs.end, x);
+  Vec3<Lanes> normal;
+  const Lanes old_distance = Distance<Lanes>(pairs.shape, pairs.size, from, &normal);
+  // The way relative to the wall, shortened so that it cannot pass it.
+  Vec3<Lanes> way = {to.x - from.x, to.y - from.y, to.z - from.z};
+  const Lanes length = Dot(way, way);
+  const Lanes limit = Select(Less(zero, old_distance), Lanes(kApproach) * old_distance, contact);
+  const Lanes shorten = Min(limit / Sqrt(Max(length, tiny)), Lanes(1.0f));
+  way = {way.x * shorten, way.y * shorten, way.z * shorten};
+  const Vec3<Lanes> reached = {from.x + way.x, from.y + way.y, from.z + way.z};
+  const Lanes distance = Distance<Lanes>(pairs.shape, pairs.size, reached, &normal);
+  const Lanes push = Min(Max(contact - distance, zero), Select(Less(zero, distance), contact, dig_out));
+  // Coulomb friction against the push of the contact and of the pressure.
+  const Lanes pressure_push = wall_push * Pick(p.pressure, particle) * Lanes::Load(pairs.slope + k);
+  const Lanes along = Dot(way, normal);
+  const Vec3<Lanes> slide = {way.x - along * normal.x, way.y - along * normal.y, way.z - along * normal.z};
+  const Lanes grip = Min(friction * (push + pressure_push) / Sqrt(Max(Dot(slide, slide), tiny)), Lanes(1.0f));
+  const Vec3<Lanes> local = {reached.x + push * normal.x - grip * slide.x, reached.y + push * normal.y - grip * slide.y,
+                             reached.z + push * normal.z - grip * slide.z};
+  Vec3<Lanes> change = Rotate<Lanes>(pairs.end, {local.x - to.x, local.y - to.y, local.z - to.z});
+  Add(p.correction, particle, change);
+  if (impulse) {
+    float c[3 * kLanes], q[3 * kLanes];
+    const Lanes nx = Lanes::Load(pairs.normal + k), ny = Lanes::Load(pairs.normal + pairs.stride + k),
+                nz = Lanes::Load(pairs.normal + 2 * pairs.stride + k);
+    MultiplyAdd(pressure_push, nx, change.x).Store(c);
+    MultiplyAdd(pressure_push, ny, change.y).Store(c + kLanes);
+    MultiplyAdd(pressure_push, nz, change.z).Store(c + 2 * kLanes);
+    (x.x + change.x).Store(q);
+    (x.y + change.y).Store(q + kLanes);
+    (x.z + change.z).Store(q + 2 * kLanes);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (particle[lane] == p.count) continue;  // Padding.
+      const double cx = c[lane], cy = c[lane + kLanes], cz = c[lane + 2 * kLanes];
+      const double qx = q[lane], qy = q[lane + kLanes], qz = q[lane + 2 * kLanes];
+      impulse[0] -= cx;
+      impulse[1] -= cy;
+      impulse[2] -= cz;
+      impulse[3] -= qy * cz - qz * cy;
+      impulse[4] -= qz * cx - qx * cz;
+      impulse[5] -= qx * cy - qy * cx;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_PARTICLES_H_
