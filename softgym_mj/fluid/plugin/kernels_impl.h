@@ -8,6 +8,7 @@
 namespace softgym_mj {
 namespace {
 
+// Constants are copied: what follows from them alone leaves the loops, as nothing that is written can be them.
 bool FindNeighbors(const Particles& particles, const Grid& grid, float distance, const Neighbors& out) {
   const float *px = particles.x, *py = particles.y, *pz = particles.z;
   const int* start = grid.start;
@@ -55,16 +56,25 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
   return true;
 }
 
-void FindPressure(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
+void FindPressure(const FluidConstants& constants, const Particles& particles, const Neighbors& lists) {
+  const FluidConstants fluid = constants;
+  const Particles p = particles;
+  const Neighbors neighbors = lists;
   for (int i = 0; fluid.cohesion > 0 && i < p.count; ++i) FindPressureOf<true>(fluid, p, neighbors, i);
   for (int i = 0; !(fluid.cohesion > 0) && i < p.count; ++i) FindPressureOf<false>(fluid, p, neighbors, i);
 }
 
-void AddCorrections(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors) {
+void AddCorrections(const FluidConstants& constants, const Particles& particles, const Neighbors& lists) {
+  const FluidConstants fluid = constants;
+  const Particles p = particles;
+  const Neighbors neighbors = lists;
   for (int i = 0; i < p.count; ++i) AddCorrection(fluid, p, neighbors, i);
 }
 
-void SmoothAll(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, float viscosity) {
+void SmoothAll(const FluidConstants& constants, const Particles& particles, const Neighbors& lists, float viscosity) {
+  const FluidConstants fluid = constants;
+  const Particles p = particles;
+  const Neighbors neighbors = lists;
   for (int i = 0; i < p.count; ++i) Smooth(fluid, p, neighbors, viscosity, i);
 }
 
@@ -72,7 +82,8 @@ void FindDistances(const WallPairs& pairs, const float* position, float* distanc
   for (int k = 0; k < pairs.count; k += kLanes) FindDistance(pairs, position, distance, k);
 }
 
-void FindWallShares(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs) {
+void FindWallShares(const FluidConstants& constants, const Particles& p, const WallPairs& pairs) {
+  const FluidConstants fluid = constants;
   for (int k = 0; k < pairs.count; k += kLanes) FindWallShare(fluid, p, pairs, k);
 }
 
@@ -80,7 +91,8 @@ void AddWallGradients(const Particles& p, const WallPairs& pairs) {
   for (int k = 0; k < pairs.count; ++k) AddWallGradient(p, pairs, k);
 }
 
-void CollideAll(const FluidConstants& fluid, const Particles& p, const WallPairs& pairs, double* impulse) {
+void CollideAll(const FluidConstants& constants, const Particles& p, const WallPairs& pairs, double* impulse) {
+  const FluidConstants fluid = constants;
   for (int k = 0; k < pairs.count; k += kLanes) Collide(fluid, p, pairs, impulse, k);
 }
 
