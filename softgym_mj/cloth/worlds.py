@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
+from softgym_mj.native.arrays import ALIGNMENT, aligned
 from softgym_mj.native.library import load_plugin
 
-ALIGNMENT = 64  # [bytes] Of models and memory.
 KEPT_PAIRS = 2  # As in batch/world.h.
 EDGES_OF_VERTEX = 3  # At most, of surfaces.
 # What may go wrong in a step, as bits: numbers that are not finite; and no room for all candidates,
@@ -59,13 +59,6 @@ def _library() -> ctypes.CDLL:
     library.softgym_mj_cloth_batch_counts.argtypes = [pointer, pointer]
     library.softgym_mj_cloth_batch_step.argtypes = [pointer, count, count]
     return library
-
-
-def aligned(size: int) -> np.ndarray:
-    """Zeros (size,) uint8 that begin at a multiple of `ALIGNMENT`."""
-    whole = np.zeros(size + ALIGNMENT, np.uint8)
-    first = -whole.ctypes.data % ALIGNMENT
-    return whole[first : first + size]
 
 
 def describe(model: mujoco.MjModel, grippers: Sequence[int], room: float = 1.0) -> np.ndarray:

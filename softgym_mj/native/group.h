@@ -105,6 +105,40 @@ inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
 
 #endif  // __CUDACC__
 
+constexpr int kMostThreads = 1024;  // Of a group.
+
+#ifdef __CUDACC__
+
+// Sets each of `count` numbers to the sum of all up to it. `partial`: memory for one of each thread.
+inline void SumUp(int* a, int count, int* partial) {
+  const int threads = static_cast<int>(blockDim.x), own = static_cast<int>(threadIdx.x);
+  const int share = (count + threads - 1) / threads, first = own * share;
+  int sum = 0;
+  for (int i = first; i < first + share && i < count; ++i) sum += a[i];
+  partial[own] = sum;
+  Wait();
+  if (own == 0) {
+    int before = 0;
+    for (int t = 0; t < threads; ++t) {
+      const int of_thread = partial[t];
+      partial[t] = before;
+      before += of_thread;
+    }
+  }
+  Wait();
+  sum = partial[own];
+  for (int i = first; i < first + share && i < count; ++i) a[i] = sum += a[i];
+  Wait();
+}
+
+#else
+
+inline void SumUp(int* a, int count, int*) {
+  for (int i = 1; i < count; ++i) a[i] += a[i - 1];
+}
+
+#endif
+
 // Calls f once.
 template <class F>
 inline void Once(F f) {

@@ -186,6 +186,10 @@ inline void Scatter4(float* p, const int* index, Lanes x, Lanes y, Lanes z, Lane
   *reinterpret_cast<float4*>(p + 4 * index[Lane()]) = make_float4(x.v, y.v, z.v, w.v);
 }
 inline Lanes Pick(const float* p, const int* index) { return Lanes(p[index[Lane()]]); }
+inline int Compress(int first, unsigned bits, int* out) {
+  if (bits >> Lane() & 1u) out[__popc(bits & ((1u << Lane()) - 1u))] = first + Lane();
+  return __popc(bits);
+}
 
 #else
 

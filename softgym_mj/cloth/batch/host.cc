@@ -1,13 +1,9 @@
 #include "cloth/batch/host.h"
 
-#include <algorithm>
-#include <atomic>
-#include <thread>
-#include <vector>
-
 #include "cloth/batch/world.h"
 #include "native/export.h"
 #include "native/instructions.h"
+#include "native/threads.h"
 
 namespace softgym_mj::cloth {
 namespace {
@@ -26,7 +22,7 @@ auto ChooseStepOne() {
 // Bytes of memory that a world of a model needs.
 SGM_EXPORT long long softgym_mj_cloth_batch_scratch(const char* model) {
   using namespace softgym_mj::cloth;
-  Memory memory(nullptr);
+  softgym_mj::Memory memory(nullptr);
   World unused;
   TakeScratch(*reinterpret_cast<const Model*>(model), &memory, &unused);
   return memory.size();
@@ -42,12 +38,5 @@ SGM_EXPORT void softgym_mj_cloth_batch_counts(const char* bytes, int* counts) {
 SGM_EXPORT void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batch, int threads, int turns) {
   using namespace softgym_mj::cloth;
   const auto step = ChooseStepOne();
-  std::atomic<int> next{0};
-  const auto work = [&] {
-    for (int i = next++; i < batch->num_worlds; i = next++) step(*batch, i, turns);
-  };
-  std::vector<std::thread> others;
-  for (int t = 1; t < std::min(threads, batch->num_worlds); ++t) others.emplace_back(work);
-  work();
-  for (std::thread& other : others) other.join();
+  softgym_mj::InThreads(batch->num_worlds, threads, [&](int i) { step(*batch, i, turns); });
 }

@@ -6,6 +6,7 @@
 #include "cloth/batch/model.h"
 #include "cloth/plugin/kernels.h"
 #include "native/group.h"
+#include "native/memory.h"
 
 namespace softgym_mj::cloth {
 
@@ -82,24 +83,6 @@ struct World {
   Key* best;
   Key* taken;
   Touch* touch;
-};
-
-// Takes arrays from a piece of memory, or only counts how much of it they need.
-class Memory {
- public:
-  explicit Memory(char* start) : start_(start) {}
-  template <class T>
-  void Take(T** p, long long count) {
-    constexpr long long kAlign = 32;
-    size_ = (size_ + kAlign - 1) / kAlign * kAlign;
-    *p = start_ ? reinterpret_cast<T*>(start_ + size_) : nullptr;
-    size_ += count * static_cast<long long>(sizeof(T));
-  }
-  long long size() const { return (size_ + 31) / 32 * 32; }
-
- private:
-  char* start_;
-  long long size_ = 0;
 };
 
 inline int Blocks(int rows) { return (rows + kBlock - 1) / kBlock + kMostLevels; }

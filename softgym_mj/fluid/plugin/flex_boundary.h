@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "kernels.h"
+#include "motion.h"
 #include "native/closest.h"
 #include "native/flex.h"
 
@@ -18,13 +19,6 @@ struct FlexMotion {
   std::vector<FlexElement> elements;
   std::vector<mjtNum> start, end;
 };
-
-// The cell of a grid in which a coordinate is, in widths of cells. Any one for what is not a number or beyond all
-// integers, which must not be cast.
-template <class T>
-int CellOf(T x) {
-  return static_cast<int>(std::lrint(std::floor(x)));
-}
 
 // Zero for a vector without length.
 inline Vector Unit(Vector a) {

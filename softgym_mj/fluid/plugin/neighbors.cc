@@ -11,47 +11,17 @@
 namespace softgym_mj {
 namespace {
 
-// Lists hold pairs this much further apart than they act, and are rebuilt when something may have
-// come closer than that; in spacings.
-constexpr float kSkin = 0.45f;
-constexpr float kWallSkin = 1.0f;
-
 // All pairs of particles that lie in one place would take any memory there is: 16 bytes each. There is room for this
 // many pairs in all, and in any case for five times as many neighbors of a particle as in water at rest.
 constexpr int kMaxPairs = 1 << 24;
 constexpr int kMaxNeighbors = 256;
-
-// Particles in one place push each other nowhere: all but one are moved by this, in spacings.
-constexpr float kNudge = 0.01f;
-
-// Half extents of a shape in its own frame; a plane has none.
-void HalfExtents(const Wall& wall, float out[3]) {
-  const float* s = wall.size;
-  switch (wall.shape) {
-    case Shape::kSphere:
-      out[0] = out[1] = out[2] = s[0];
-      break;
-    case Shape::kCapsule:
-      out[0] = out[1] = s[0];
-      out[2] = s[0] + s[1];
-      break;
-    case Shape::kCylinder:
-      out[0] = out[1] = s[0];
-      out[2] = s[1];
-      break;
-    default:
-      out[0] = s[0];
-      out[1] = s[1];
-      out[2] = s[2];
-  }
-}
 
 int RoundUp(int n, int step) { return (n + step - 1) / step * step; }
 
 }  // namespace
 
 // How far apart the pairs in the lists are at most when they are made.
-float Solver::ListDistance() const { return fluid_.radius + kSkin * fluid_.spacing; }
+float Solver::ListDistance() const { return fluid_.radius + kListSkin * fluid_.spacing; }
 
 // Chooses the numbers of cells along the axes: about as many cells as particles, in the proportions
 // of the fluid. Four mean deviations are the length of a column and hardly heed a stray drop.
@@ -136,9 +106,7 @@ void Solver::Separate() {
       if (compare(in_cell_[k - 1], i) != 0) continue;
       unsigned random = static_cast<unsigned>(order_.get()[i]);
       for (int axis = 0; axis < 3; ++axis) {
-        random = (random ^ (random >> 15)) * 2246822519u + 2654435769u;
-        const float part = static_cast<float>(random >> 8) / 8388608.0f - 1.0f;
-        p_.correction[4 * i + axis] += kNudge * fluid_.spacing * part;
+        p_.correction[4 * i + axis] += kNudge * fluid_.spacing * NudgeAlong(&random);
       }
     }
   }
@@ -183,10 +151,9 @@ void Solver::FindPairs() {
       for (; n < count_; ++n) list[n] = n;
     } else {
       float half[3], low[3], high[3];
-      HalfExtents(wall, half);
+      HalfExtents(wall.shape, wall.size, half);
       for (int k = 0; k < 3; ++k) {
-        const float* r = pose + 3 + 3 * k;
-        const float reach = std::fabs(r[0]) * half[0] + std::fabs(r[1]) * half[1] + std::fabs(r[2]) * half[2] + range;
+        const float reach = ReachAlong(pose, half, k, range);
         low[k] = pose[k] - reach;
         high[k] = pose[k] + reach;
       }
@@ -233,27 +200,17 @@ bool Solver::ListsExpired() const {
     for (int k = 0; k < 4; ++k) mean[k] += now[i + k] - built[i + k];
   }
   for (float& x : mean) x /= static_cast<float>(count_);
-  const auto squared_deviation = [&mean](const float* a, const float* b) {
-    const float x = a[0] - b[0] - mean[0], y = a[1] - b[1] - mean[1], z = a[2] - b[2] - mean[2];
-    return x * x + y * y + z * z;
-  };
   float first = 0, second = 0;  // The two largest, squared.
   for (int i = 0; i < 4 * count_; i += 4) {
-    const float squared = squared_deviation(now + i, built + i);
+    const float squared = SquaredDeviation(now + i, built + i, mean);
     second = std::max(second, std::min(first, squared));
     first = std::max(first, squared);
   }
   first = std::sqrt(first);
-  if (first + std::sqrt(second) > kSkin * fluid_.spacing) return true;
+  if (first + std::sqrt(second) > kListSkin * fluid_.spacing) return true;
   for (size_t w = 0; w < walls_->size(); ++w) {
-    const float *pose = &wall_end_[12 * w], *old = &wall_built_[12 * w];
-    float half[3], radius = kFar, turn = 0;
-    if ((*walls_)[w].shape != Shape::kPlane) {
-      HalfExtents((*walls_)[w], half);
-      radius = std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
-    }
-    for (int k = 3; k < 12; ++k) turn += (pose[k] - old[k]) * (pose[k] - old[k]);
-    const float moved = std::sqrt(squared_deviation(pose, old)) + radius * std::sqrt(turn);
+    const Wall& wall = (*walls_)[w];
+    const float moved = WallMotion(wall.shape, wall.size, &wall_end_[12 * w], &wall_built_[12 * w], mean);
     if (first + moved > kWallSkin * fluid_.spacing) return true;
   }
   return false;

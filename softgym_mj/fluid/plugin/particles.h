@@ -10,8 +10,6 @@
 #ifndef SOFTGYM_MJ_FLUID_PARTICLES_H_
 #define SOFTGYM_MJ_FLUID_PARTICLES_H_
 
-#include <math.h>
-
 #include "fluid/plugin/kernels.h"
 #include "native/shapes.h"
 

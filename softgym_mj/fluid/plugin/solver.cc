@@ -29,7 +29,6 @@ constexpr int kMaxPasses = 64;
 // The mean of the positions is the origin unless a particle is further from it, which would cost the
 // others precision: it is the median then. Particles are held within kFurthest of it. [m]
 constexpr double kStray = 100;
-constexpr double kFurthest = 1e4;
 
 constexpr float kLayer = 0.8f;  // Particles nearer than this to a wall touch it, in spacings.
 
@@ -59,18 +58,30 @@ const Kernels& ChooseKernels() {
 
 }  // namespace
 
+FluidConstants MakeConstants(const FluidConfig& config, double h) {
+  const float spacing = static_cast<float>(config.spacing);
+  return {spacing,
+          kSupport * spacing,
+          kRestDensity,
+          kWallDensity,
+          kRelaxation,
+          kCorrection * spacing,
+          kContact * spacing,
+          static_cast<float>(config.cohesion * h * h),
+          static_cast<float>(config.friction)};
+}
+
+Smoothing MakeSmoothing(const FluidConfig& config, double timestep) {
+  const float radius = kSupport * static_cast<float>(config.spacing);
+  const double total = config.viscosity * timestep / (kLaplacian * radius * radius);
+  if (total == 0) return {0, 0};
+  const int passes = static_cast<int>(std::clamp(std::ceil(total / kViscosityPass), 1.0, double{kMaxPasses}));
+  return {passes, static_cast<float>(std::min(total / passes, kViscosityPass))};
+}
+
 void Solver::Prepare(const FluidConfig& config, double h, const double* positions) {
   kernels_ = &ChooseKernels();
-  const float spacing = static_cast<float>(config.spacing);
-  fluid_ = {spacing,
-            kSupport * spacing,
-            kRestDensity,
-            kWallDensity,
-            kRelaxation,
-            kCorrection * spacing,
-            kContact * spacing,
-            static_cast<float>(config.cohesion * h * h),
-            static_cast<float>(config.friction)};
+  fluid_ = MakeConstants(config, h);
   mass_ = config.density * config.spacing * config.spacing * config.spacing;
   count_ = config.count;
   lists_valid_ = too_many_ = false;
@@ -166,16 +177,7 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
   const float fall[3] = {static_cast<float>(gravity[0]) * h, static_cast<float>(gravity[1]) * h,
                          static_cast<float>(gravity[2]) * h};
   std::memcpy(p_.old_position, p_.position, 4 * sizeof(float) * count_);
-  for (int i = 0; i < count_; ++i) {
-    float *v = p_.velocity + 4 * i, *x = p_.position + 4 * i;
-    for (int k = 0; k < 3; ++k) v[k] += fall[k];
-    const float squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-    const float slow = squared > max_speed * max_speed ? max_speed / std::sqrt(squared) : 1.0f;
-    for (int k = 0; k < 3; ++k) {
-      v[k] *= slow;
-      x[k] += h * v[k];
-    }
-  }
+  for (int i = 0; i < count_; ++i) Fall(p_, i, fall, max_speed, h);
   if (ListsExpired()) BuildLists();
 
   std::fill(p_.wall_gradient, p_.wall_gradient + 4 * (count_ + 1), 0.0f);
@@ -211,11 +213,9 @@ void Solver::Substep(float h, const double gravity[3], float max_speed, Impulse*
 
 // Viscosity, once a step.
 void Solver::Smooth(const FluidConfig& config, double timestep, float h, Impulse* impulses) {
-  const double total = config.viscosity * timestep / (kLaplacian * fluid_.radius * fluid_.radius);
-  if (total == 0) return;
+  const auto [passes, viscosity] = MakeSmoothing(config, timestep);
+  if (passes == 0) return;
   // The lists are those of the last substep: a pair that has come into reach since weighs nothing.
-  const int passes = static_cast<int>(std::clamp(std::ceil(total / kViscosityPass), 1.0, double{kMaxPasses}));
-  const float viscosity = static_cast<float>(std::min(total / passes, kViscosityPass));
   flexes_.FindNear(p_, order_.get());
   flexes_.FindShares(p_);
   for (int pass = 0; pass < passes; ++pass) {
@@ -232,37 +232,17 @@ void Solver::DragAtWalls(float viscosity, float h, Impulse* impulses) {
     const WallPairs& pairs = pairs_[w];
     double sums[6] = {};
     kernels_->FindWallShare(fluid_, p_, pairs);
-    // Velocity of the wall in the last substep: v + omega x (position - wall position).
-    const float *a = pairs.start, *b = pairs.end;
-    float velocity[3], turn[9], omega[3];
-    for (int k = 0; k < 3; ++k) velocity[k] = (b[k] - a[k]) / h;
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) {
-        turn[3 * i + j] = 0;
-        for (int k = 0; k < 3; ++k) {
-          turn[3 * i + j] += (b[3 + 3 * i + k] - a[3 + 3 * i + k]) * b[3 + 3 * j + k];
-        }
-      }
-    }
-    omega[0] = (turn[7] - turn[5]) / (2 * h);
-    omega[1] = (turn[2] - turn[6]) / (2 * h);
-    omega[2] = (turn[3] - turn[1]) / (2 * h);
+    // Of the last substep: v + omega x (position - wall position).
+    float velocity[3], omega[3];
+    WallVelocity(pairs.start, pairs.end, h, velocity, omega);
     for (int n = 0; n < pairs.count; ++n) {
       const int i = pairs.particle[n];
       if (i == count_) continue;
-      const float share = std::min(viscosity * fluid_.rest_density * pairs.share[n], 1.0f);
-      if (share == 0) continue;
-      const float* x = p_.position + 4 * i;
-      const float r[3] = {x[0] - b[0], x[1] - b[1], x[2] - b[2]};
-      const float wall[3] = {velocity[0] + omega[1] * r[2] - omega[2] * r[1],
-                             velocity[1] + omega[2] * r[0] - omega[0] * r[2],
-                             velocity[2] + omega[0] * r[1] - omega[1] * r[0]};
+      const float share = viscosity * fluid_.rest_density * pairs.share[n];
       double change[3];
-      for (int k = 0; k < 3; ++k) {
-        change[k] = share * (wall[k] - p_.velocity[4 * i + k]);
-        p_.velocity[4 * i + k] += static_cast<float>(change[k]);
-        sums[k] -= change[k];
-      }
+      if (!DragAtWall(p_, i, pairs.end, velocity, omega, share, change)) continue;
+      const float* x = p_.position + 4 * i;
+      for (int k = 0; k < 3; ++k) sums[k] -= change[k];
       sums[3] -= x[1] * change[2] - x[2] * change[1];
       sums[4] -= x[2] * change[0] - x[0] * change[2];
       sums[5] -= x[0] * change[1] - x[1] * change[0];

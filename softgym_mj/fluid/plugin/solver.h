@@ -11,6 +11,7 @@
 #include "config.h"
 #include "flex_boundary.h"
 #include "kernels.h"
+#include "motion.h"
 
 namespace softgym_mj {
 
@@ -21,12 +22,21 @@ struct Impulse {
   double angular[3];
 };
 
-constexpr float kFar = 1e6f;       // [m] Where the particle is that pads lists.
 constexpr size_t kAlignment = 64;  // [bytes] Of the widest vectors.
 
 // Speed [m/s] that particles are held to and above which a wall counts as teleported: neither moves
 // further in a substep than half the reach of the walls.
 double MaxSpeed(const FluidConfig& config, double timestep);
+
+// Of a fluid in substeps of h [s].
+FluidConstants MakeConstants(const FluidConfig& config, double h);
+
+// Passes of viscosity at the end of a step, and the factor of each.
+struct Smoothing {
+  int passes;
+  float viscosity;
+};
+Smoothing MakeSmoothing(const FluidConfig& config, double timestep);
 
 // Largest viscosity [m^2/s] that a step of `timestep` seconds can follow.
 double MaxViscosity(const FluidConfig& config, double timestep);

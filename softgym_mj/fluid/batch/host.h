@@ -1,0 +1,26 @@
+// Water of the worlds of a batch, and steps of it on a processor.
+
+#ifndef SOFTGYM_MJ_FLUID_BATCH_HOST_H_
+#define SOFTGYM_MJ_FLUID_BATCH_HOST_H_
+
+namespace softgym_mj::fluid {
+
+// Arrays of all worlds, with room in each row for the largest model. See World.
+struct Batch {
+  int num_worlds, most_particles, most_walls, most_bodies;
+  const char* const* models;  // (num_worlds,) a Model each.
+  double *known, *positions, *velocities, *walls;
+  const double* poses;
+  char* const* scratch;  // (num_worlds,) memory of each.
+  int* flags;            // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
+};
+
+// A step of world `i`; `turns`: see group.h.
+void StepOnePortable(const Batch& batch, int i, int turns);
+#ifdef SOFTGYM_MJ_X86
+void StepOneAvx2(const Batch& batch, int i, int turns);
+#endif
+
+}  // namespace softgym_mj::fluid
+
+#endif  // SOFTGYM_MJ_FLUID_BATCH_HOST_H_

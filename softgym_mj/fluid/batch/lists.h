@@ -1,0 +1,254 @@
+// The lists of particles near each other and near walls: the same as a `Solver` makes.
+
+#ifndef SOFTGYM_MJ_FLUID_BATCH_LISTS_H_
+#define SOFTGYM_MJ_FLUID_BATCH_LISTS_H_
+
+#include "fluid/batch/world.h"
+#include "fluid/plugin/motion.h"
+#include "fluid/plugin/particles.h"
+
+namespace softgym_mj::fluid {
+namespace {
+
+inline float ListDistance(const Model& m) { return m.fluid.radius + kListSkin * m.fluid.spacing; }
+
+// A wall and the particles near it.
+inline WallPairs PairsOf(const World& w, int wall) {
+  const Model& m = *w.model;
+  const long long n = m.count + kLanes;
+  float* numbers = w.wall_numbers + 5 * n * wall;
+  const BatchWall& own = m.walls[wall];
+  const int count = (w.step->pairs[wall] + kLanes - 1) / kLanes * kLanes;
+  return {count,
+          own.shape,
+          own.size,
+          w.step->wall_start + 12 * wall,
+          w.step->wall_end + 12 * wall,
+          w.pair_particle + n * wall,
+          numbers,
+          numbers + 3 * n,
+          numbers + 4 * n,
+          static_cast<long>(n)};
+}
+
+// See `Solver::ShapeGrid`.
+inline void ShapeGrid(const World& w) {
+  const Model& m = *w.model;
+  const float cell = ListDistance(m);
+  Each(3, [&](int k) {
+    double sum = 0, deviation = 0;
+    for (int i = 0; i < m.count; ++i) sum += w.particles.position[4 * i + k];
+    const double mean = sum / m.count;
+    for (int i = 0; i < m.count; ++i) deviation += std::fabs(w.particles.position[4 * i + k] - mean);
+    w.step->extent[k] = static_cast<float>(4 * deviation / m.count / cell) + 2;
+  });
+  Once([&] {
+    int size[3] = {4, 4, 4};
+    const double* extent = w.step->extent;
+    while (size[0] * size[1] * size[2] < m.count) {
+      int longest = 0;
+      for (int k = 1; k < 3; ++k) {
+        if (static_cast<float>(extent[k]) / size[k] > static_cast<float>(extent[longest]) / size[longest]) longest = k;
+      }
+      if (static_cast<float>(extent[longest]) <= size[longest]) break;
+      size[longest] *= 2;
+    }
+    w.step->nx = size[0], w.step->ny = size[1], w.step->nz = size[2];
+  });
+}
+
+// Brings the particles into the order of their cells.
+inline void Sort(World* w) {
+  const Model& m = *w->model;
+  const Step& step = *w->step;
+  const int count = m.count, cells = step.nx * step.ny * step.nz;
+  const float inverse = 1.0f / ListDistance(m);
+  const auto wrap = [inverse](float x, int size) { return CellOf(x * inverse) & (size - 1); };
+  Each(cells + 2, [&](int c) { w->start[c] = w->fill[c] = 0; });
+  Each(count, [&](int i) {
+    const float* x = w->particles.position + 4 * i;
+    w->cell[i] = wrap(x[0], step.nx) + step.nx * (wrap(x[1], step.ny) + step.ny * wrap(x[2], step.nz));
+    Add(&w->start[w->cell[i] + 1], 1);
+  });
+  SumUp(w->start, cells + 2, w->partial);
+  // Those of a cell keep the order that they had: `spare_order` has who comes to each place.
+  Each(count, [&](int i) { w->spare_order[w->start[w->cell[i]] + Add(&w->fill[w->cell[i]], 1)] = i; });
+  Each(cells, [&](int c) {
+    for (int k = w->start[c] + 1; k < w->start[c + 1]; ++k) {
+      const int particle = w->spare_order[k];
+      int place = k;
+      for (; place > w->start[c] && w->spare_order[place - 1] > particle; --place) {
+        w->spare_order[place] = w->spare_order[place - 1];
+      }
+      w->spare_order[place] = particle;
+    }
+  });
+  float** const arrays[] = {&w->particles.position, &w->particles.old_position, &w->particles.velocity};
+  for (float** array : arrays) {
+    Each(4 * count + 4, [&](int k) {
+      const int i = k / 4 < count ? w->spare_order[k / 4] : count;
+      w->spare[k] = (*array)[4 * i + k % 4];
+    });
+    Once([&] {
+      float* sorted = w->spare;
+      w->spare = *array;
+      *array = sorted;
+    });
+  }
+  Each(count, [&](int i) { w->end[i] = w->order[w->spare_order[i]]; });
+  float *x = const_cast<float*>(w->particles.x), *y = const_cast<float*>(w->particles.y);
+  float* z = const_cast<float*>(w->particles.z);
+  Each(count, [&](int i) {
+    w->order[i] = w->end[i];
+    x[i] = w->particles.position[4 * i];
+    y[i] = w->particles.position[4 * i + 1];
+    z[i] = w->particles.position[4 * i + 2];
+  });
+}
+
+// Lists the neighbours of particle i: see `FindNeighbors` of the kernels.
+inline void ListNeighbors(const World& w, int i) {
+  const Particles& p = w.particles;
+  const Step& step = *w.step;
+  const Grid grid = {step.nx, step.ny, step.nz, w.start};
+  const float inverse = 1.0f / ListDistance(*w.model), distance = ListDistance(*w.model);
+  const Lanes limit(distance * distance), x(p.x[i]), y(p.y[i]), z(p.z[i]);
+  int first[kRanges], last[kRanges];
+  const int ranges =
+      FindRanges(grid, CellOf(p.x[i] * inverse) & (step.nx - 1), CellOf(p.y[i] * inverse) & (step.ny - 1),
+                 CellOf(p.z[i] * inverse) & (step.nz - 1), first, last);
+  int* index = w.neighbors.index + static_cast<long long>(kListStride) * i;
+  int length = 0;
+  for (int r = 0; r < ranges; ++r) {
+    for (int k = first[r]; k < last[r] && length <= kMostNeighbors; k += kLanes) {
+      const Lanes dx = Lanes::Load(p.x + k) - x, dy = Lanes::Load(p.y + k) - y, dz = Lanes::Load(p.z + k) - z;
+      const Lanes squared = dx * dx + dy * dy + dz * dz;
+      unsigned hits = Bits(Less(squared, limit));
+      if (last[r] - k < kLanes) hits &= (1u << (last[r] - k)) - 1u;
+      const unsigned self = static_cast<unsigned>(i - k);
+      if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
+      length += Compress(k, hits, index + length);
+    }
+  }
+  if (length > kMostNeighbors) {
+    length = kMostNeighbors;
+    *w.neighbors.too_many = true;
+  }
+  while (length % kLanes) index[length++] = p.count;
+  w.begin[i] = kListStride * i;
+  w.end[i] = kListStride * i + length;
+}
+
+// Lists the particles near each wall.
+inline void ListPairs(const World& w) {
+  const Model& m = *w.model;
+  const float range = m.fluid.radius + kWallSkin * m.fluid.spacing;
+  Each(12 * m.num_walls, [&](int k) { w.step->wall_built[k] = w.step->wall_end[k]; });
+  Each(m.num_walls, [&](int wall) { w.step->pairs[wall] = 0; });
+  for (int wall = 0; wall < m.num_walls; ++wall) {
+    const BatchWall& own = m.walls[wall];
+    const float* pose = w.step->wall_end + 12 * wall;
+    int* list = w.pair_particle + static_cast<long long>(m.count + kLanes) * wall;
+    Each(m.count, [&](int i) {
+      const float* x = w.particles.position + 4 * i;
+      if (own.shape != Shape::kPlane) {
+        float half[3];
+        HalfExtents(own.shape, own.size, half);
+        for (int k = 0; k < 3; ++k) {
+          const float reach = ReachAlong(pose, half, k, range);
+          if (!(x[k] > pose[k] - reach && x[k] < pose[k] + reach)) return;
+        }
+      }
+      Vec3<float> normal;
+      const Vec3<float> local = ToLocal(pose, Vec3<float>{x[0], x[1], x[2]});
+      if (Distance<float>(own.shape, own.size, local, &normal) < range) list[Add(&w.step->pairs[wall], 1)] = i;
+    });
+    const int near = w.step->pairs[wall];
+    Each((near + kLanes - 1) / kLanes * kLanes - near, [&](int k) { list[near + k] = m.count; });
+  }
+}
+
+inline void BuildLists(World* w) {
+  const Model& m = *w->model;
+  Sort(w);
+  EachBlock(0, m.count, [&](int i) { ListNeighbors(*w, i); });
+  Each(4 * m.count, [&](int k) { w->built[k] = w->particles.position[k]; });
+  ListPairs(*w);
+  Once([&] { w->step->lists_valid = 1; });
+}
+
+// See `Solver::ListsExpired`.
+inline bool ListsExpired(const World& w) {
+  const Model& m = *w.model;
+  Step* step = w.step;
+  if (!step->lists_valid) return true;
+  const float *now = w.particles.position, *built = w.built;
+  Each(4, [&](int k) {
+    float mean = 0;
+    for (int i = 0; i < 4 * m.count; i += 4) mean += now[i + k] - built[i + k];
+    step->mean[k] = mean / static_cast<float>(m.count);
+    step->first = step->second = 0;
+    step->expired = step->repeated = 0;
+  });
+  // The two largest, squared.
+  Each(m.count, [&](int i) { TakeLargest(&step->first, SquaredDeviation(now + 4 * i, built + 4 * i, step->mean)); });
+  Each(m.count, [&](int i) {
+    const float squared = SquaredDeviation(now + 4 * i, built + 4 * i, step->mean);
+    if (squared < step->first) {
+      TakeLargest(&step->second, squared);
+    } else {
+      Add(&step->repeated, 1);
+    }
+  });
+  Once([&] {
+    const float second = step->repeated > 1 ? step->first : step->second, first = std::sqrt(step->first);
+    step->expired = first + std::sqrt(second) > kListSkin * m.fluid.spacing;
+    for (int wall = 0; wall < m.num_walls && !step->expired; ++wall) {
+      const BatchWall& own = m.walls[wall];
+      const float moved =
+          WallMotion(own.shape, own.size, step->wall_end + 12 * wall, step->wall_built + 12 * wall, step->mean);
+      step->expired = first + moved > kWallSkin * m.fluid.spacing;
+    }
+  });
+  return step->expired;
+}
+
+// See `Solver::Separate`.
+inline void Separate(const World& w) {
+  const Particles& p = w.particles;
+  const Step& step = *w.step;
+  const auto compare = [&](int i, int j) {
+    const auto *a = reinterpret_cast<const unsigned char*>(p.position + 4 * i),
+               *b = reinterpret_cast<const unsigned char*>(p.position + 4 * j);
+    for (int k = 0; k < 12; ++k) {
+      if (a[k] != b[k]) return a[k] < b[k] ? -1 : 1;
+    }
+    return 0;
+  };
+  Each(step.nx * step.ny * step.nz, [&](int c) {
+    const int first = w.start[c], count = w.start[c + 1] - first;
+    int* in_cell = w.spare_order + first;
+    for (int k = 0; k < count; ++k) {
+      int place = k;
+      for (; place > 0; --place) {
+        const int order = compare(in_cell[place - 1], first + k);
+        if (order < 0 || (order == 0 && in_cell[place - 1] < first + k)) break;
+        in_cell[place] = in_cell[place - 1];
+      }
+      in_cell[place] = first + k;
+    }
+    for (int k = 1; k < count; ++k) {
+      const int i = in_cell[k];
+      if (compare(in_cell[k - 1], i) != 0) continue;
+      unsigned random = static_cast<unsigned>(w.order[i]);
+      for (int axis = 0; axis < 3; ++axis) {
+        p.correction[4 * i + axis] += kNudge * w.model->fluid.spacing * NudgeAlong(&random);
+      }
+    }
+  });
+}
+
+}  // namespace
+}  // namespace softgym_mj::fluid
+
+#endif  // SOFTGYM_MJ_FLUID_BATCH_LISTS_H_

@@ -1,0 +1,32 @@
+// A step of one world of a `Batch`, for whoever has the memory at hand: a processor or a block of a GPU.
+
+#ifndef SOFTGYM_MJ_FLUID_BATCH_ONE_H_
+#define SOFTGYM_MJ_FLUID_BATCH_ONE_H_
+
+#include "fluid/batch/host.h"
+#include "fluid/batch/step.h"
+
+namespace softgym_mj::fluid {
+namespace {
+
+inline void StepWorldOf(const Batch& batch, int i) {
+  SGM_SHARED World w;
+  Once([&] {
+    w.model = reinterpret_cast<const Model*>(batch.models[i]);
+    const long long particles = static_cast<long long>(batch.most_particles) * i;
+    w.known = batch.known + i;
+    w.positions = batch.positions + 3 * particles;
+    w.velocities = batch.velocities + 3 * particles;
+    w.walls = batch.walls + 7LL * batch.most_walls * i;
+    w.poses = batch.poses + 7LL * batch.most_bodies * i;
+    Memory scratch(batch.scratch[i]);
+    TakeScratch(*w.model, &scratch, &w);
+  });
+  StepWorld(&w);
+  Once([&] { batch.flags[i] |= w.step->flags; });
+}
+
+}  // namespace
+}  // namespace softgym_mj::fluid
+
+#endif  // SOFTGYM_MJ_FLUID_BATCH_ONE_H_

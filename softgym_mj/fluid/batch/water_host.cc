@@ -1,0 +1,120 @@
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+
+#include "fluid/batch/host.h"
+#include "fluid/batch/world.h"
+#include "fluid/plugin/boundary.h"
+#include "fluid/plugin/config.h"
+#include "fluid/plugin/solver.h"
+#include "native/export.h"
+#include "native/instructions.h"
+#include "native/pose.h"
+#include "native/threads.h"
+
+namespace softgym_mj::fluid {
+namespace {
+
+constexpr char kPluginName[] = "softgym_mj.fluid";
+constexpr int kCellsOfParticle = 2;  // At most, as they are doubled until there are as many; and 64 at least.
+
+auto ChooseStepOne() {
+#ifdef SOFTGYM_MJ_X86
+  return UseAvx2() ? StepOneAvx2 : StepOnePortable;
+#else
+  return StepOnePortable;
+#endif
+}
+
+// "" or what is wrong.
+std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bodies, Model* model) {
+  int instance = 0;
+  for (; instance < m->nplugin; ++instance) {
+    const mjpPlugin* plugin = mjp_getPluginAtSlot(m->plugin[instance]);
+    if (plugin && std::strcmp(plugin->name, kPluginName) == 0) break;
+  }
+  if (instance == m->nplugin) return "there is no water.";
+  FluidConfig config;
+  std::vector<Wall> walls;
+  std::string error = ParseConfig(m, instance, &config);
+  if (error.empty()) error = CollectWalls(m, instance, config, &walls);
+  if (!error.empty()) return error;
+  if (config.two_way || config.flexes) return "expected water that nothing feels, and no flexes in it.";
+  if (walls.size() > kMostWalls) return "expected at most " + std::to_string(kMostWalls) + " walls.";
+  const double timestep = m->opt.timestep;
+  *model = {};
+  model->size = sizeof(Model);
+  model->count = config.count;
+  model->num_walls = static_cast<int>(walls.size());
+  model->num_bodies = static_cast<int>(bodies.size());
+  model->substeps = config.Substeps(timestep);
+  model->most_cells = std::max(64, kCellsOfParticle * config.count);
+  const Smoothing smoothing = MakeSmoothing(config, timestep);
+  model->passes = smoothing.passes;
+  model->viscosity = smoothing.viscosity;
+  model->h = static_cast<float>(timestep / model->substeps);
+  model->max_speed = static_cast<float>(MaxSpeed(config, timestep));
+  model->reach = MaxSpeed(config, timestep) * timestep;
+  mju_copy3(model->gravity, m->opt.gravity);
+  model->fluid = MakeConstants(config, model->h);
+  for (size_t i = 0; i < walls.size(); ++i) {
+    const Wall& wall = walls[i];
+    BatchWall* out = model->walls + i;
+    out->shape = wall.shape;
+    std::copy(wall.size, wall.size + 3, out->size);
+    out->radius = wall.shape == Shape::kPlane ? 0 : m->geom_rbound[wall.geom];
+    const auto found = std::find(bodies.begin(), bodies.end(), wall.body);
+    out->body = found == bodies.end() ? -1 : static_cast<int>(found - bodies.begin());
+    if (out->body < 0) {
+      if (!IsFixed(m, wall.body)) return "expected walls that stand still or move as they are told to.";
+      const Pose pose = GeomPose(m, wall.geom, BodyPose(m, d, wall.body));
+      mju_copy3(out->position, pose.position);
+      mju_copy4(out->quaternion, pose.quaternion);
+    } else {
+      mju_copy3(out->position, m->geom_pos + 3 * wall.geom);
+      mju_copy4(out->quaternion, m->geom_quat + 4 * wall.geom);
+    }
+  }
+  return "";
+}
+
+}  // namespace
+}  // namespace softgym_mj::fluid
+
+// Writes the Model of a compiled mjModel whose walls of these bodies are told where to go. Returns its size, also if
+// `out` is null; what is wrong is written into `error` instead, and 0 returned.
+SGM_EXPORT int softgym_mj_fluid_batch_model(const mjModel* m, const mjData* d, const int* bodies, int num_bodies,
+                                            char* out, char* error, int error_size) {
+  using namespace softgym_mj::fluid;
+  Model model;
+  const std::string wrong = Write(m, d, std::vector<int>(bodies, bodies + num_bodies), &model);
+  std::snprintf(error, error_size, "%s", wrong.c_str());
+  if (!wrong.empty()) return 0;
+  if (out) std::memcpy(out, &model, sizeof(Model));
+  return sizeof(Model);
+}
+
+// Bytes of memory that a world of a model needs.
+SGM_EXPORT long long softgym_mj_fluid_batch_scratch(const char* model) {
+  using namespace softgym_mj::fluid;
+  softgym_mj::Memory memory(nullptr);
+  World unused;
+  TakeScratch(*reinterpret_cast<const Model*>(model), &memory, &unused);
+  return memory.size();
+}
+
+// How many of these a model has: particles, walls, bodies.
+SGM_EXPORT void softgym_mj_fluid_batch_counts(const char* bytes, int* counts) {
+  const auto& model = *reinterpret_cast<const softgym_mj::fluid::Model*>(bytes);
+  counts[0] = model.count, counts[1] = model.num_walls, counts[2] = model.num_bodies;
+}
+
+// A step of all worlds by some threads; `turns`: see group.h.
+SGM_EXPORT void softgym_mj_fluid_batch_step(const softgym_mj::fluid::Batch* batch, int threads, int turns) {
+  const auto step = softgym_mj::fluid::ChooseStepOne();
+  softgym_mj::InThreads(batch->num_worlds, threads, [&](int i) { step(*batch, i, turns); });
+}

@@ -1,0 +1,76 @@
+// Water of one world of a batch: its state, what it is told in a step, and the memory that a step needs.
+
+#ifndef SOFTGYM_MJ_FLUID_BATCH_WORLD_H_
+#define SOFTGYM_MJ_FLUID_BATCH_WORLD_H_
+
+#include "fluid/batch/model.h"
+#include "native/group.h"
+#include "native/memory.h"
+
+namespace softgym_mj::fluid {
+
+// Neighbours of a particle that are listed at most; in water at rest there are 28 to 39.
+constexpr int kMostNeighbors = 88;
+constexpr int kListStride = kMostNeighbors + 2 * kLanes;  // More are written for a moment.
+
+// What went wrong in a step, as bits.
+enum Flag { kNotFinite = 1, kTooManyNeighbors = 2, kTooManyCells = 4, kScattered = 8 };
+
+// Few numbers of a step.
+struct Step {
+  int flags, lists_valid, expired, repeated, nx, ny, nz;
+  bool too_many, crowded;
+  double origin[3], furthest[3], extent[3];
+  float mean[4], first, second;
+  int pairs[kMostWalls];
+  float wall_start[12 * kMostWalls], wall_end[12 * kMostWalls], wall_built[12 * kMostWalls];
+  double from[7 * kMostWalls], to[7 * kMostWalls];  // Poses at the start and the end of the step.
+};
+
+struct World {
+  const Model* model;
+  const double* poses;  // (bodies, 7) Where bodies are at the end of the step [m], quaternions.
+  // Its state: whether `walls` (walls, 7), poses at the end of the last step, are known; (count, 3) [m], [m/s].
+  double *known, *positions, *velocities, *walls;
+
+  // What follows is only memory.
+  Step* step;
+  Particles particles;
+  float *spare, *built, *wall_numbers;
+  int *cell, *start, *order, *spare_order, *pair_particle, *fill, *partial;
+  Neighbors neighbors;
+  int *begin, *end;
+};
+
+inline void TakeScratch(const Model& model, Memory* memory, World* w) {
+  const int n = model.count + kLanes;
+  Particles* p = &w->particles;
+  memory->Take(&w->step, 1);
+  float** const of_four[] = {&p->position, &p->old_position,  &p->velocity, &p->correction,
+                             &p->gradient, &p->wall_gradient, &w->spare,    &w->built};
+  for (float** a : of_four) memory->Take(a, 4 * n);
+  float *x = nullptr, *y = nullptr, *z = nullptr;
+  float** const of_one[] = {&p->wall_density, &p->free_share, &p->pressure, &x, &y, &z};
+  for (float** a : of_one) memory->Take(a, n);
+  p->x = x, p->y = y, p->z = z;
+  p->count = model.count;
+  p->crowded = w->step ? &w->step->crowded : nullptr;
+  int** const of_indices[] = {&w->cell, &w->order, &w->spare_order, &w->begin, &w->end};
+  for (int** a : of_indices) memory->Take(a, n);
+  memory->Take(&w->start, model.most_cells + 2);
+  memory->Take(&w->fill, model.most_cells + 2);
+  memory->Take(&w->partial, kMostThreads);
+  memory->Take(&w->pair_particle, static_cast<long long>(n) * model.num_walls);
+  memory->Take(&w->wall_numbers, 5LL * n * model.num_walls);
+  memory->Take(&w->neighbors.index, static_cast<long long>(kListStride) * n);
+  memory->Take(&w->neighbors.e, 3LL * kListStride * n);
+  w->neighbors.begin = w->begin;
+  w->neighbors.end = w->end;
+  w->neighbors.most = kMostNeighbors;
+  w->neighbors.stride = static_cast<long>(kListStride) * n;
+  w->neighbors.too_many = w->step ? &w->step->too_many : nullptr;
+}
+
+}  // namespace softgym_mj::fluid
+
+#endif  // SOFTGYM_MJ_FLUID_BATCH_WORLD_H_

@@ -1,0 +1,136 @@
+// How particles and walls move: what every solver of water does. See native/simd.h for what this must not use.
+
+#ifndef SOFTGYM_MJ_FLUID_MOTION_H_
+#define SOFTGYM_MJ_FLUID_MOTION_H_
+
+#include <cmath>
+
+#include "fluid/plugin/kernels.h"
+#include "native/shapes.h"
+
+namespace softgym_mj {
+
+// Lists hold pairs this much further apart than they act, and are rebuilt when something may have come closer than
+// that; in spacings.
+constexpr float kListSkin = 0.45f;
+constexpr float kWallSkin = 1.0f;
+constexpr float kFar = 1e6f;  // [m] Where the particle is that pads lists.
+// Particles in one place push each other nowhere: all but one are moved by this, in spacings.
+constexpr float kNudge = 0.01f;
+// Particles are held within this of the origin [m].
+constexpr double kFurthest = 1e4;
+
+namespace {
+
+// The cell of a grid in which a coordinate is, in widths of cells. Any one for what is not a number or beyond all
+// integers, which must not be cast on a processor.
+template <class T>
+inline int CellOf(T x) {
+#ifdef __CUDACC__
+  return static_cast<int>(std::floor(x));
+#else
+  return static_cast<int>(std::lrint(std::floor(x)));
+#endif
+}
+
+// Half extents of a shape in its own frame; a plane has none.
+inline void HalfExtents(Shape shape, const float* s, float out[3]) {
+  switch (shape) {
+    case Shape::kSphere:
+      out[0] = out[1] = out[2] = s[0];
+      break;
+    case Shape::kCapsule:
+      out[0] = out[1] = s[0];
+      out[2] = s[0] + s[1];
+      break;
+    case Shape::kCylinder:
+      out[0] = out[1] = s[0];
+      out[2] = s[1];
+      break;
+    default:
+      out[0] = s[0];
+      out[1] = s[1];
+      out[2] = s[2];
+  }
+}
+
+// By how much a particle near a wall, other than a plane, may be off its position along an axis [m].
+inline float ReachAlong(const float* pose, const float half[3], int axis, float range) {
+  const float* r = pose + 3 + 3 * axis;
+  return std::fabs(r[0]) * half[0] + std::fabs(r[1]) * half[1] + std::fabs(r[2]) * half[2] + range;
+}
+
+// Lets a particle fall for a substep of h [s], `fall` by which it gets faster [m/s].
+inline void Fall(const Particles& p, int i, const float fall[3], float max_speed, float h) {
+  float *v = p.velocity + 4 * i, *x = p.position + 4 * i;
+  for (int k = 0; k < 3; ++k) v[k] += fall[k];
+  const float squared = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
+  const float slow = squared > max_speed * max_speed ? max_speed / std::sqrt(squared) : 1.0f;
+  for (int k = 0; k < 3; ++k) {
+    v[k] *= slow;
+    x[k] += h * v[k];
+  }
+}
+
+// Square of how far something has moved from b to a, other than `mean` [m^2].
+inline float SquaredDeviation(const float* a, const float* b, const float* mean) {
+  const float x = a[0] - b[0] - mean[0], y = a[1] - b[1] - mean[1], z = a[2] - b[2] - mean[2];
+  return x * x + y * y + z * z;
+}
+
+// How far any point of a wall has moved from the pose `old`, other than `mean`, at most [m].
+inline float WallMotion(Shape shape, const float* size, const float* pose, const float* old, const float* mean) {
+  float half[3], radius = kFar, turn = 0;
+  if (shape != Shape::kPlane) {
+    HalfExtents(shape, size, half);
+    radius = std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
+  }
+  for (int k = 3; k < 12; ++k) turn += (pose[k] - old[k]) * (pose[k] - old[k]);
+  return std::sqrt(SquaredDeviation(pose, old, mean)) + radius * std::sqrt(turn);
+}
+
+// Linear and angular velocity of a wall that moves from pose a to pose b in h [s].
+inline void WallVelocity(const float* a, const float* b, float h, float velocity[3], float omega[3]) {
+  float turn[9];
+  for (int k = 0; k < 3; ++k) velocity[k] = (b[k] - a[k]) / h;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      turn[3 * i + j] = 0;
+      for (int k = 0; k < 3; ++k) {
+        turn[3 * i + j] += (b[3 + 3 * i + k] - a[3 + 3 * i + k]) * b[3 + 3 * j + k];
+      }
+    }
+  }
+  omega[0] = (turn[7] - turn[5]) / (2 * h);
+  omega[1] = (turn[2] - turn[6]) / (2 * h);
+  omega[2] = (turn[3] - turn[1]) / (2 * h);
+}
+
+// What water behind a wall at pose b, which moves so, changes of the velocity of a particle before it; false for
+// nothing. `share`: of the wall.
+inline bool DragAtWall(const Particles& p, int i, const float* b, const float velocity[3], const float omega[3],
+                       float share, double change[3]) {
+  share = share < 1.0f ? share : 1.0f;
+  if (share == 0) return false;
+  const float* x = p.position + 4 * i;
+  const float r[3] = {x[0] - b[0], x[1] - b[1], x[2] - b[2]};
+  const float wall[3] = {velocity[0] + omega[1] * r[2] - omega[2] * r[1],
+                         velocity[1] + omega[2] * r[0] - omega[0] * r[2],
+                         velocity[2] + omega[0] * r[1] - omega[1] * r[0]};
+  for (int k = 0; k < 3; ++k) {
+    change[k] = share * (wall[k] - p.velocity[4 * i + k]);
+    p.velocity[4 * i + k] += static_cast<float>(change[k]);
+  }
+  return true;
+}
+
+// A way along an axis for a particle that is in the place of another, from -1 to 1; `random` is of the particle.
+inline float NudgeAlong(unsigned* random) {
+  *random = (*random ^ (*random >> 15)) * 2246822519u + 2654435769u;
+  return static_cast<float>(*random >> 8) / 8388608.0f - 1.0f;
+}
+
+}  // namespace
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_FLUID_MOTION_H_

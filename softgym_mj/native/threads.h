@@ -1,0 +1,28 @@
+// Worlds that threads of a processor step.
+
+#ifndef SOFTGYM_MJ_NATIVE_THREADS_H_
+#define SOFTGYM_MJ_NATIVE_THREADS_H_
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+#include <vector>
+
+namespace softgym_mj {
+
+// Calls f(i) for 0 <= i < count, in any order, by some threads at a time.
+template <class F>
+void InThreads(int count, int threads, const F& f) {
+  std::atomic<int> next{0};
+  const auto work = [&] {
+    for (int i = next++; i < count; i = next++) f(i);
+  };
+  std::vector<std::thread> others;
+  for (int t = 1; t < std::min(threads, count); ++t) others.emplace_back(work);
+  work();
+  for (std::thread& other : others) other.join();
+}
+
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_NATIVE_THREADS_H_

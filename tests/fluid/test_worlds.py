@@ -1,0 +1,137 @@
+"""`WaterWorlds`, whose oracle is the plugin: the same bits."""
+
+import numpy as np
+import pytest
+
+import softgym_mj
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
+from softgym_mj.fluid.worlds import NOT_FINITE, TOO_MANY_NEIGHBORS, WaterWorlds, describe
+
+
+class _Followed:
+    """An environment with cups, and what worlds are told to do the same."""
+
+    def __init__(self, task, variation, **settings):
+        self.env = softgym_mj.load(task, split="all", fidelity="fast", **settings)
+        self.env.reset(variation)
+        self.cups = self.env.task.scene.cups
+        self.water = next(iter(self.env.task.scene.materials.values()))
+
+    @property
+    def model(self):
+        model = self.env.physics.model.ptr
+        return describe(model, [model.body(cup.body.full_identifier).id for cup in self.cups])
+
+    @property
+    def state(self):
+        """Of the plugin, by name."""
+        count, data = self.water.num_points, self.env.physics.data.ptr
+        model = self.env.physics.model.ptr
+        known, positions, velocities, walls = np.split(
+            data.plugin_state[model.plugin_stateadr[0] :], [1, 1 + 3 * count, 1 + 6 * count]
+        )
+        return {
+            "known": known,
+            "positions": positions.reshape(-1, 3),
+            "velocities": velocities.reshape(-1, 3),
+            "walls": walls.reshape(-1, 7),
+        }
+
+    def place(self, worlds, i):
+        """Puts world `i` where the environment is."""
+        worlds.start(i, self.model)
+        worlds.set_state(i, self.state)
+
+    def steps(self, number, seed=0):
+        """Plays random env steps; at the end of each physics step, yields where the cups are."""
+        task, physics = self.env.task, self.env.physics
+        size = (number, *self.env.action_spec().shape)
+        for action in np.random.default_rng(seed).uniform(-1.0, 1.0, size):
+            task.before_step(physics, action, None)
+            for _ in range(task.action_repeat):
+                task.before_substep(physics, action, None)
+                poses = np.array([cup.whole_pose[:7] for cup in self.cups])
+                physics.step()
+                yield poses
+            task.after_step(physics, None)
+
+    def check(self, worlds, i):
+        """That world `i` is where the environment is, bit by bit."""
+        state = worlds.get_state(i)
+        for name, array in self.state.items():
+            np.testing.assert_array_equal(state[name], array, err_msg=name)
+
+
+def _worlds(followed, **settings):
+    count = max(each.water.num_points for each in followed)
+    worlds = WaterWorlds(len(followed), count, len(followed[0].cups), **settings)
+    for i, each in enumerate(followed):
+        each.place(worlds, i)
+    return worlds
+
+
+@pytest.mark.parametrize("turns", [0, 1, 4])
+@pytest.mark.parametrize("task", ["transport_water", "pour_water", "pour_water_amount"])
+def test_a_world_makes_the_steps_of_the_plugin(task, turns):
+    followed = _Followed(task, 806)
+    worlds = _worlds([followed], turns=turns)
+    for poses in followed.steps(4):
+        worlds.step(poses[None])
+        followed.check(worlds, 0)
+    assert worlds.flags[0] == 0
+
+
+def test_particles_in_one_place_part_alike():
+    followed = _Followed("transport_water", 806)
+    followed.state["positions"][5] = followed.state["positions"][9]
+    followed.state["velocities"][5] = followed.state["velocities"][9]
+    worlds = _worlds([followed], turns=2)
+    for poses in followed.steps(1):
+        worlds.step(poses[None])
+        followed.check(worlds, 0)
+    apart = worlds.positions[0, 5] - worlds.positions[0, 9]
+    assert 1e-5 < np.linalg.norm(apart) < 0.1
+
+
+def test_worlds_of_different_sizes_side_by_side():
+    followed = [_Followed("pour_water", i) for i in (801, 803, 810)]
+    assert len({each.water.num_points for each in followed}) == 3
+    worlds = _worlds(followed, num_threads=2)
+    for poses in zip(*(each.steps(2) for each in followed), strict=True):
+        worlds.step(np.stack(poses))
+    for i, each in enumerate(followed):
+        each.check(worlds, i)
+
+
+def test_what_goes_wrong_in_a_world_changes_no_other():
+    followed = _Followed("transport_water", 806)
+    worlds = _worlds([followed] * 3)
+    worlds.velocities[0, 3] = np.nan
+    worlds.positions[2, :300] = worlds.positions[2, 0]
+    for poses in followed.steps(1):
+        worlds.step(np.stack([poses] * 3))
+    followed.check(worlds, 1)
+    assert worlds.flags[0] & NOT_FINITE
+    assert worlds.flags[1] == 0
+    assert worlds.flags[2] & TOO_MANY_NEIGHBORS
+
+
+def test_what_does_not_fit_is_refused():
+    rope = softgym_mj.load("straighten_rope", split=[800])
+    with pytest.raises(InvalidArgumentError, match="there is no water"):
+        describe(rope.physics.model.ptr, [])
+    arm = softgym_mj.load("transport_water", split=[800], actor="franka", fidelity="fast")
+    with pytest.raises(InvalidArgumentError, match="that nothing feels"):
+        describe(arm.physics.model.ptr, [])
+    followed = _Followed("transport_water", 806)
+    model = followed.env.physics.model.ptr
+    with pytest.raises(InvalidArgumentError, match="move as they are told"):
+        describe(model, [])
+    with pytest.raises(InvalidArgumentError, match="'particles': 10"):
+        WaterWorlds(1, 10, 1).start(0, followed.model)
+    for use in (
+        lambda worlds: worlds.step(np.zeros((1, 1, 7))),
+        lambda worlds: worlds.get_state(0),
+    ):
+        with pytest.raises(LifecycleError, match="no model"):
+            use(WaterWorlds(1, 10, 1))
