@@ -9,11 +9,11 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj import metrics
+from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.entities.cup_size import CupSize, cup_mesh
 from softgym_mj.entities.entity import UNSEEN_GEOMS, Entity
 from softgym_mj.entities.room import add_material
 from softgym_mj.kinds import typed
-from softgym_mj.native.arithmetic import product
 from softgym_mj.rendering.look import GLASS, GRAPHITE
 from softgym_mj.rendering.offscreen import GLASS_GROUP
 
@@ -141,9 +141,8 @@ class Cup(Entity):
 
     @pose.setter
     def pose(self, pose: np.ndarray) -> None:
-        x, z, theta = pose
-        self._position[:] = x, 0.0, z
-        self._quaternion[:] = math.cos(theta / 2), 0.0, math.sin(theta / 2), 0.0
+        whole = whole_pose(pose)
+        self._position[:], self._quaternion[:] = whole[:3], whole[3:7]
 
     @property
     def whole_pose(self) -> np.ndarray:
@@ -161,22 +160,6 @@ class Cup(Entity):
         half = np.array([self.size.length, self.size.width]) / 2 + self.size.wall
         return half * [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]
 
-    # ------------------------------------------------------------------ side view
-
-    def outline(self, pose: np.ndarray) -> np.ndarray:
-        """Corners (4, 2) [m] of the outer walls in the x-z plane at a pose, counter-clockwise."""
-        half, height = self.size.length / 2 + self.size.wall, self.size.height
-        return _placed([[-half, 0.0], [half, 0.0], [half, height], [-half, height]], pose)
-
-    def corners(self, pose: np.ndarray) -> np.ndarray:
-        """Corners (4, 2) [m] in the x-z plane that SoftGym keeps above ground at a pose.
-
-        Half the inner length to both sides; half a wall below the floor's middle and above the rim.
-        """
-        half, sill = self.size.length / 2, self.size.wall / 2
-        top = self.size.height + sill
-        return _placed([[-half, -sill], [half, -sill], [half, top], [-half, top]], pose)
-
 
 def _add_boxes(body: mjcf.Element, names: Sequence[str], **attributes: object) -> None:
     """Adds boxes without mass that touch nothing; `_set_size` says where and how large."""
@@ -185,21 +168,3 @@ def _add_boxes(body: mjcf.Element, names: Sequence[str], **attributes: object) -
             "geom", name=name, type="box", size=[1.0] * 3, contype=0, conaffinity=0, mass=0.0,
             **attributes,
         )  # fmt: skip
-
-
-def _placed(points, pose: np.ndarray) -> np.ndarray:
-    """Points (n, 2) of the cup's x-z plane in the world's."""
-    x, z, theta = pose
-    cosine, sine = math.cos(theta), math.sin(theta)
-    return product(np.asarray(points), np.array([[cosine, -sine], [sine, cosine]])) + [x, z]
-
-
-def overlap(first: np.ndarray, second: np.ndarray) -> bool:
-    """Whether two convex polygons (n, 2) and (m, 2) have a point in common."""
-    for polygon in (first, second):
-        edges = np.roll(polygon, -1, axis=0) - polygon
-        normals = np.column_stack([-edges[:, 1], edges[:, 0]])
-        a, b = product(first, normals.T), product(second, normals.T)
-        if np.any((a.max(axis=0) < b.min(axis=0)) | (b.max(axis=0) < a.min(axis=0))):
-            return False
-    return True

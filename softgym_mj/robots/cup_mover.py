@@ -2,13 +2,15 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from dm_control import composer
 
-from softgym_mj.entities.cup import Cup, overlap
+from softgym_mj.entities.cup import Cup
+from softgym_mj.entities.cup_poses import corners, outline, overlap
 from softgym_mj.entities.flex_group import FlexGroup
+from softgym_mj.metrics import Array, namespace
 from softgym_mj.robots.base import SIM_STEP, ActionSpace, Actor
 from softgym_mj.robots.workspace import ToolStart
 
@@ -18,8 +20,10 @@ GROUND_TOLERANCE = 1e-6
 
 NAMES, UNITS = ("dx", "dz", "dtheta"), ("m", "m", "rad")
 
-# The pose (x, z, theta) that a wanted pose becomes; None if the move is rejected as a whole.
-Rule = Callable[[np.ndarray], np.ndarray | None]
+# Cups that a rule looks at, by name: sizes (..., 4) as `Cup.arrays` has them, poses (..., 3).
+Cups = Mapping[str, tuple[Array, Array]]
+# The poses (..., 3) that wanted poses (..., 3) become, and which moves (...) are not rejected.
+Rule = Callable[[Array, Cups], tuple[Array, Array]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,25 +33,29 @@ class Track:
     low: float
     high: float
 
-    def __call__(self, pose: np.ndarray) -> np.ndarray:
-        return np.array([np.clip(pose[0], self.low, self.high), *pose[1:]])
+    def __call__(self, pose: Array, cups: Cups) -> tuple[Array, Array]:
+        xp = namespace(pose)
+        x = xp.clip(pose[..., :1], self.low, self.high)
+        return xp.concat([x, pose[..., 1:]], axis=-1), pose[..., 0] == pose[..., 0]
 
 
 @dataclasses.dataclass(frozen=True)
 class KeepClear:
-    """Rule: a move is rejected that would put the cup into the ground or into another cup."""
+    """Rule: a move is rejected that would put the cup into the ground or into another cup.
 
-    cup: Cup
-    other: Cup
+    Attributes:
+        cup, other: names of the two.
+    """
 
-    def __call__(self, pose: np.ndarray) -> np.ndarray | None:
+    cup: str
+    other: str
+
+    def __call__(self, pose: Array, cups: Cups) -> tuple[Array, Array]:
+        xp, size = namespace(pose), cups[self.cup][0]
         # A cup stands half a wall deep in the ground.
-        lowest = -self.cup.size.wall / 2 - GROUND_TOLERANCE
-        if self.cup.corners(pose)[:, 1].min() < lowest:
-            return None
-        if overlap(self.cup.outline(pose), self.other.outline(self.other.pose)):
-            return None
-        return pose
+        lowest = -size[..., 3] / 2 - GROUND_TOLERANCE
+        above = xp.min(corners(size, pose)[..., 1], axis=-1) >= lowest
+        return pose, above & ~overlap(outline(size, pose), outline(*cups[self.other]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +66,7 @@ class CupTool:
         cup: the cup, not yet attached.
         max_step: largest change of x [m], z [m] and theta [rad] in a sim step; 0 where fixed.
         rule: what becomes of a wanted pose.
+        others: cups that the rule looks at besides.
         base_x: X [m] of the base of an arm that holds the cup.
     """
 
@@ -65,6 +74,7 @@ class CupTool:
     max_step: Sequence[float]
     rule: Rule
     base_x: float = 0.0
+    others: Sequence[Cup] = ()
 
 
 class CupMover(Actor):
@@ -83,7 +93,7 @@ class CupMover(Actor):
 
     def __init__(self, tool: CupTool):
         """Binds the mover to what it moves."""
-        self.cup, self._rule = tool.cup, tool.rule
+        self.cup, self.rule, self._others = tool.cup, tool.rule, tool.others
         self.max_step = np.array(tool.max_step, float)
         self._moving = np.flatnonzero(self.max_step)
         self._start = self._goal = self._step = np.zeros(3)
@@ -130,11 +140,13 @@ class CupMover(Actor):
     def _wanted(self) -> np.ndarray:
         """The pose (3,) for the next sim step."""
         pose = self.commanded_pose
-        goal = self._rule(pose + self._step)
-        if goal is None:
-            self._rejected += 1
-            return pose
-        return goal
+        cups = {cup.mjcf_model.model: (cup.arrays["size"], cup.pose) for cup in self._others}
+        cups[self.cup.mjcf_model.model] = self.cup.arrays["size"], pose
+        goal, allowed = self.rule(pose + self._step, cups)
+        if allowed:
+            return goal
+        self._rejected += 1
+        return pose
 
     def plan(self) -> None:
         self._start, self._goal = self.cup.pose, self._wanted()

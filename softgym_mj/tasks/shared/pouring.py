@@ -38,7 +38,7 @@ def parts(actor: object, fidelity: str) -> Parts:
     start = SettledWater(PourCups(), LIQUID, fidelity)
     resolution, *sizes = start.sizes(0)
     cup, target = Cup(sizes[0]), Cup(sizes[1], name="target")
-    tool = CupTool(cup, MAX_STEP, KeepClear(cup, target), BASE_X)
+    tool = CupTool(cup, MAX_STEP, KeepClear("cup", "target"), BASE_X, (target,))
     return Parts(start, carried_water(actor, LIQUID, resolution), cup, target, tool)
 
 
