@@ -124,31 +124,31 @@ class Cup(Entity):
         self._model, self._data = model, data
         body = model.body(self.body.full_identifier)
         if self._is_held:
-            self._position, self._quaternion = data.xpos[body.id], data.xquat[body.id]
+            self.position, self.quaternion = data.xpos[body.id], data.xquat[body.id]
         else:
             mocap = model.body_mocapid[body.parentid[0]]
-            self._position, self._quaternion = data.mocap_pos[mocap], data.mocap_quat[mocap]
+            self.position, self.quaternion = data.mocap_pos[mocap], data.mocap_quat[mocap]
 
     @property
     def pose(self) -> np.ndarray:
         """(x [m], z [m], theta [rad]), a fresh array (3,). It can be set unless a hand has it."""
         if self._is_held:  # Where the hand is: a step leaves that one step behind.
             mujoco.mj_kinematics(self._model, self._data)
-        angle = 2.0 * math.atan2(self._quaternion[2], self._quaternion[0])
+        angle = 2.0 * math.atan2(self.quaternion[2], self.quaternion[0])
         if self._is_held:
             angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
-        return np.array([self._position[0], self._position[2], angle])
+        return np.array([self.position[0], self.position[2], angle])
 
     @pose.setter
     def pose(self, pose: np.ndarray) -> None:
         whole = whole_pose(pose)
-        self._position[:], self._quaternion[:] = whole[:3], whole[3:7]
+        self.position[:], self.quaternion[:] = whole[:3], whole[3:7]
 
     @property
     def whole_pose(self) -> np.ndarray:
         """Position [m], quaternion (w, x, y, z) and theta [rad]: (8,)."""
         theta = self.pose[2]
-        return np.array([*self._position, *self._quaternion, theta])
+        return np.array([*self.position, *self.quaternion, theta])
 
     def inside(self, points: np.ndarray) -> np.ndarray:
         """Which points (n, 3) [m] of the world are in the cup's box, turned with it: (n,) bool."""

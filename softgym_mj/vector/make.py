@@ -34,8 +34,8 @@ def make_vec(
         task: task name, or as in `registry.find`.
         num_envs: number of environments, 1 or more.
         device: what simulates: "cpu", worker processes; "host", rows of arrays in this process,
-            which know pickers with one rope or cloth, and states: the same bits, for tests of what
-            is made for GPUs.
+            which know pickers and cups, and states: the same bits, for tests of what is made for
+            GPUs.
         num_workers: number of processes, or of threads of "host", 1..num_envs; by default one a
             core. Two a core balance variations that differ a lot in cost, as those of water do;
             each costs some time.

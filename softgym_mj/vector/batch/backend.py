@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from softgym_mj.cloth.worlds import NOT_FINITE, Worlds
+from softgym_mj.cloth.worlds import NOT_FINITE
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
@@ -14,9 +14,11 @@ from softgym_mj.metrics import Measures
 from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.vector.backend import Backend
-from softgym_mj.vector.batch.pickers import Pickers
+from softgym_mj.vector.batch.flexes import Flexes
 from softgym_mj.vector.batch.rows import Rows
-from softgym_mj.vector.batch.starts import Start, Starts
+from softgym_mj.vector.batch.side import Side, Start
+from softgym_mj.vector.batch.starts import Starts
+from softgym_mj.vector.batch.waters import Waters
 from softgym_mj.vector.processes import MOST_ENVIRONMENTS, num_cores
 
 HELD = "held"
@@ -43,25 +45,18 @@ class BatchBackend(Backend):
             raise InvalidArgumentError("render_mode", example.render_mode, "None, on this device")
         self._example = example
         self._task, self.horizon = example.dm_env.task, example.horizon
-        self._starts = Starts(example.dm_env)
         self._names = _observations(example)
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         if num_threads is None:
             num_threads = min(num_envs, num_cores())
         check_count("num_workers", num_threads, 1, num_envs)
+        kind = Flexes if self._task.flexes.flexes else Waters
+        self._side: Side = kind(example.dm_env, num_envs, num_threads, turns)
+        self._starts = Starts(example.dm_env, self._side)
         self.observation_space = example.observation_space
         self.action_space = example.action_space
         self.metadata, self.render_mode = example.metadata, example.render_mode
-        number, actor = self._task.max_points, self._starts.actor
-        self._worlds = Worlds(
-            num_envs, number, actor.num_grippers, num_threads=num_threads, turns=turns
-        )
-        self._pickers = Pickers(num_envs, actor.num_grippers, actor.pick_distance)
-        self._name = next(iter(self._task.scene.materials))
-        self._episodes, self._edges, self._domain = (Rows(num_envs) for _ in range(3))
-        self._origin = np.zeros((num_envs, number, 3))
-        self._present = np.zeros((num_envs, number), bool)
-        self._radius, self._force = np.zeros(num_envs), np.zeros(num_envs)
+        self._episodes, self._domain = Rows(num_envs), Rows(num_envs)
         self._strain, self._counts = np.zeros(num_envs), np.zeros(num_envs, int)
         self._of: list[Start | None] = [None] * num_envs
         self._diverged = np.zeros(num_envs, bool)
@@ -84,53 +79,36 @@ class BatchBackend(Backend):
 
     def _start(self, i: int, start: Start) -> None:
         """Starts an episode of world `i`."""
-        mesh, count = start.mesh, len(start.points)
         self._of[i], self._counts[i], self._diverged[i] = start, 0, False
-        self._worlds.start(i, mesh.model)
-        self._worlds.qpos[i, :count] = start.points
-        self._worlds.gripper_qpos[i] = start.grips["centre"]
-        self._pickers.set_state(i, start.grips, start.limits)
-        self._origin[i], self._present[i] = 0.0, False
-        self._origin[i, :count], self._present[i, :count] = mesh.origin, True
-        self._radius[i], self._force[i] = mesh.radius, mesh.hold_force
+        self._side.start(i, start)
         self._strain[i] = start.strain
         self._episodes.put(i, vars(start.episode))
-        self._edges.put(i, {"ends": mesh.edges, "lengths": mesh.lengths, "counts": len(mesh.edges)})
         self._domain.put(i, start.domain)
 
     @property
     def _episode(self) -> Episode:
         return Episode(**self._episodes.whole)
 
-    def _points(self) -> np.ndarray:
-        """(num_envs, n, 3) [m], as far as the largest episode's array reaches."""
-        number = self._episodes.whole["points"][self._name].shape[1]
-        return (self._origin + self._worlds.qpos)[:, :number]
-
     def _look(self) -> None:
         """Reads the state and measures it."""
-        points = self._points()
-        present = self._present[:, : points.shape[1]]
-        points[~present] = 0.0
-        centres = self._pickers.grips.centre.reshape(self.num_envs, -1).copy()
-        self._state = State(
-            {self._name: points}, {self._name: present}, {}, centres, self._pickers.remembered()
-        )
+        # As many points as the largest episode's arrays have.
+        sizes = [points.shape[1] for points in self._episodes.whole["points"].values()]
+        self._state = self._side.state(max(sizes))
         self._measures = self._task.measure(self._state, self._episode)
 
     def step(self, actions: np.ndarray, variations: Mapping[int, int]) -> tuple[Any, Any, Any]:
-        self._pickers.command(np.asarray(actions, float))
+        self._side.command(np.asarray(actions, float))
         for _ in range(self._task.action_repeat):
-            self._sim_step()
+            self._side.sim_step()
         self._counts += 1
-        flags = self._worlds.flags
+        flags = self._side.flags
         for i in np.flatnonzero(flags & NOT_FINITE).tolist():
             # It ends where it has started: measures are finite, and others do not notice.
             count = self._counts[i]
             self._start(i, self._started(i))
             self._counts[i], self._diverged[i] = count, True
             flags[i] = NOT_FINITE
-        self._strain = np.maximum(self._strain, self._strains())
+        self._strain = np.maximum(self._strain, self._side.strains())
         for i, variation in variations.items():
             self._start(i, self._starts[variation])
         self._look()
@@ -144,23 +122,6 @@ class BatchBackend(Backend):
         if start is None:
             raise LifecycleError("no episode has started: call reset() first")
         return start
-
-    def _sim_step(self) -> None:
-        worlds, pickers = self._worlds, self._pickers
-
-        def offsets(centres: np.ndarray) -> np.ndarray:
-            return worlds.qpos[:, None] + (self._origin[:, None] - centres[:, :, None])
-
-        pickers.plan(offsets, self._present)
-        goals = pickers.goals(self._radius)
-        held = np.maximum(pickers.grips.held, 0)
-        forces = np.take_along_axis(worlds.holding_force, held, 1)
-        pickers.give_way(goals, forces > self._force[:, None], self._gap)
-        worlds.step(pickers.grips.centre, pickers.grips.held, goals)
-
-    def _gap(self, worlds: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        triples = zip(worlds.tolist(), first.tolist(), second.tolist(), strict=True)
-        return np.array([self._started(i).mesh.gap(a, b) for i, a, b in triples])
 
     def ended(self) -> np.ndarray:
         return (self._counts >= self.horizon) | self._diverged
@@ -176,34 +137,20 @@ class BatchBackend(Backend):
     def _seen(self, name: str) -> np.ndarray:
         assert self._state is not None, "after a reset"
         if name == HELD:
-            return (self._pickers.grips.held >= 0).astype(np.uint8)
+            return self._side.holds()
         value = STATES[name].value(self._task, self._state, self._episode)
         space = self.observation_space
         own = space[name] if isinstance(space, gymnasium.spaces.Dict) else space
         return np.ascontiguousarray(value, own.dtype)
 
-    def _strains(self) -> np.ndarray:
-        edges, points = self._edges.whole, self._origin + self._worlds.qpos
-        ends, rows = edges["ends"], np.arange(self.num_envs)[:, None]
-        away = np.linalg.norm(points[rows, ends[..., 0]] - points[rows, ends[..., 1]], axis=-1)
-        exists = np.arange(ends.shape[1]) < edges["counts"][:, None]
-        strains = away / np.where(exists, edges["lengths"], 1.0) - 1.0
-        return np.where(exists, strains, -np.inf).max(1)
-
     def infos(self, mask: np.ndarray) -> dict[str, Any]:
         assert self._state is not None and self._measures is not None, "after a reset"
-        grips = self._pickers.grips
         found = {
             **self._task.describe(self._state, self._episode, self._measures),
-            "max_edge_strain": self._strains(),
-            "episode_max_edge_strain": self._strain,
-            "max_speed": np.sqrt((self._worlds.qvel**2).sum(-1).max(-1)),
-            "picks_held": (grips.held >= 0).sum(1),
-            "dropped": grips.dropped,
-            "yielded": self._pickers.yielded,
+            **self._side.info(self._strain),
             **{f"domain_{name}": values for name, values in (self._domain.whole or {}).items()},
             "variation": self._episodes.whole["variation"],
-            "physics_warnings": (self._worlds.flags != 0).astype(int),
+            "physics_warnings": (self._side.flags != 0).astype(int),
         }
         named: dict[str, Any] = {}
         for name, values in found.items():
@@ -218,11 +165,9 @@ class BatchBackend(Backend):
         return [self._snapshot(i) for i in range(self.num_envs)]
 
     def _snapshot(self, i: int) -> Snapshot:
-        start = self._started(i)
         return self._starts.snapshot(
-            int(start.episode.variation),
-            self._worlds.get_state(i),
-            {**self._pickers.get_state(i), "workspace": start.grips["workspace"]},
+            int(self._started(i).episode.variation),
+            *self._side.get_state(i),
             float(self._strain[i]),
             int(self._counts[i]),
             bool(self.ended()[i]),
@@ -230,11 +175,9 @@ class BatchBackend(Backend):
 
     def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
         for i, snapshot in snapshots.items():
-            start, state = self._starts.read(snapshot)
-            self._start(i, start)
-            self._worlds.set_state(i, state)
-            self._pickers.set_state(i, snapshot.task["actor"], start.limits)
-            self._strain[i] = snapshot.task["most_strained"]
+            there = self._starts.read(snapshot)
+            self._start(i, there)
+            self._of[i] = self._starts[int(there.episode.variation)]
             self._counts[i] = self.horizon if snapshot.ended else snapshot.step_count
         self._look()
 

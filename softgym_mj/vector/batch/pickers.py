@@ -20,12 +20,13 @@ class Pickers:
         yielded: (num_worlds,) how many holds have ended because they pulled too hard.
     """
 
-    def __init__(self, num_worlds: int, num_pickers: int, reach: float):
+    def __init__(self, num_worlds: int, num_pickers: int, radius: float, reach: float):
         """Pickers that hold nothing.
 
         Args:
             num_worlds: how many rows.
             num_pickers: in each world.
+            radius: of the spheres [m].
             reach: largest distance of a vertex that they take [m].
         """
         shape = (num_worlds, num_pickers)
@@ -36,20 +37,28 @@ class Pickers:
             dropped=np.zeros(num_worlds, int),
         )
         self.order, self.yielded = np.zeros(shape, int), np.zeros(num_worlds, int)
+        self._radius, self._workspace = radius, np.zeros((num_worlds, 2, 3))
         self._limits = GripLimits(np.zeros((*shape, 3)), np.zeros((*shape, 3)), reach)
         self._command = GripCommand(np.zeros((*shape, 3)), np.zeros(shape, bool))
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:
-        """What those of a world hold, as `Attachment.get_state` has it."""
+        """What those of a world hold, as `Picker.get_state` has it."""
         grips = {name: np.array(array[i]) for name, array in self.grips._asdict().items()}
-        return {**grips, "yielded": np.array(self.yielded[i]), "order": self.order[i].copy()}
+        return {
+            **grips,
+            "yielded": np.array(self.yielded[i]),
+            "order": self.order[i].copy(),
+            "workspace": self._workspace[i].copy(),
+        }
 
-    def set_state(self, i: int, state: Mapping[str, np.ndarray], limits: GripLimits) -> None:
-        """Has those of a world hold what `get_state` returned, and stay within limits."""
+    def set_state(self, i: int, state: Mapping[str, np.ndarray]) -> None:
+        """Has those of a world hold what `Picker.get_state` returned."""
         for name, array in self.grips._asdict().items():
             array[i] = state[name]
         self.yielded[i], self.order[i] = state["yielded"], state["order"]
-        self._limits.low[i], self._limits.high[i] = limits.low, limits.high
+        self._workspace[i] = state["workspace"]
+        low, high = self._workspace[i]
+        self._limits.low[i], self._limits.high[i] = low + self._radius, high - self._radius
 
     def command(self, actions: np.ndarray) -> None:
         """Starts an env step with actions (num_worlds, 4 * pickers)."""
