@@ -180,6 +180,7 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.chain_at = write(layers.chain());
   model.place_at = write(layers.place());
   model.owner_at = write(layers.owner());
+  model.part_at = write(mesh.part);
   std::vector<int> chain_first = {0}, chain_vertex, chain_edge;
   std::vector<float> length, gamma, keep;
   for (const ChainRows::Row& row : w.solver.chains().rows()) {

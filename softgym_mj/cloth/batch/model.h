@@ -38,6 +38,7 @@ struct Model {
   int triangle_vertex_at, triangle_area_at, triangle_owned_at, edge_vertex_at, edge_triangle_at;
   // (edges,) the chain that each belongs to, or -1, and where in it; (vertices,) the edge of a cord that owns each.
   int chain_at, place_at, owner_at;
+  int part_at;  // (vertices,) zeros: which flex they are of.
   // (chains + 1,) the first edge of each; (chain_edges + chains,) vertices and (chain_edges,) edges along them, and
   // what the rows of these are. See ChainRows.
   int chain_first_at, chain_vertex_at, chain_edge_at, chain_length_at, chain_gamma_at, chain_keep_at;

@@ -13,24 +13,22 @@ namespace {
 
 constexpr float kFar = 3e38f;  // [m] Boxes of empty places overlap nothing.
 
-// Items in the order of their places, with boxes around each and around eight of them. `vertex`: `corners` of each
-// item; null of vertices themselves.
+// Items in the order of their places, with boxes around each, eight together, and around eight of these.
 struct Items {
-  const int *order, *vertex;
+  const int *order, *vertex;  // Corners of each item; null of vertices themselves.
   int corners, leaves;
-  Boxes* boxes;
-  Bounds* bounds;
+  Boxes *boxes, *nodes;
 
+  int NumNodes() const { return (leaves + kBlock - 1) / kBlock; }
   int Corner(int item, int c) const { return vertex ? vertex[corners * item + c] : item; }
 };
 
 inline void BoundBoxes(const World& w, const Items& items) {
-  Each(items.leaves, [&](int leaf) {
-    Boxes& box = items.boxes[leaf];
-    Bounds& bounds = items.bounds[leaf];
+  Each(items.NumNodes() * kBlock, [&](int leaf) {
+    Boxes& node = items.nodes[leaf / kBlock];
     for (int k = 0; k < 3; ++k) {
-      bounds.low[k] = kFar, bounds.high[k] = -kFar;
-      for (int lane = 0; lane < kBlock; ++lane) {
+      float least = kFar, most = -kFar;
+      for (int lane = 0; leaf < items.leaves && lane < kBlock; ++lane) {
         const int item = items.order[kBlock * leaf + lane];
         float low = kFar, high = -kFar;
         for (int c = 0; item >= 0 && c < items.corners; ++c) {
@@ -38,41 +36,43 @@ inline void BoundBoxes(const World& w, const Items& items) {
           low = Min(low, w.low[4 * v + k]);
           high = Max(high, w.high[4 * v + k]);
         }
-        box.low[k][lane] = low, box.high[k][lane] = high;
-        bounds.low[k] = Min(bounds.low[k], low), bounds.high[k] = Max(bounds.high[k], high);
+        items.boxes[leaf].low[k][lane] = low, items.boxes[leaf].high[k][lane] = high;
+        least = Min(least, low), most = Max(most, high);
       }
+      node.low[k][leaf % kBlock] = least, node.high[k][leaf % kBlock] = most;
     }
   });
 }
 
-// Appends the pairs of items whose boxes overlap and that have no corner in common.
+// Appends the pairs of items whose boxes overlap and that have no corner in common; of the same items once each.
 inline void Collect(const World& w, const Items& a, const Items& b, bool same, int* count, int* out) {
-  Each(a.leaves * kBlock, [&](int place) {
-    const int item = a.order[place], lane = place % kBlock;
+  EachBlock(0, a.leaves * kBlock, [&](int place) {
+    const int item = a.order[place], own = place / kBlock;
     if (item < 0) return;
-    const Boxes& box = a.boxes[place / kBlock];
-    const auto meets = [&](const float* low, const float* high, int stride) {
-      bool all = true;
-      for (int k = 0; k < 3; ++k) {
-        all = all && box.low[k][lane] <= high[stride * k] && low[stride * k] <= box.high[k][lane];
-      }
-      return all;
-    };
-    for (int leaf = same ? place / kBlock : 0; leaf < b.leaves; ++leaf) {
-      if (!meets(b.bounds[leaf].low, b.bounds[leaf].high, 1)) continue;
-      for (int i = 0; i < kBlock; ++i) {
-        const int other = b.order[kBlock * leaf + i];
-        if (other < 0 || (same && kBlock * leaf + i <= place)) continue;
-        if (!meets(&b.boxes[leaf].low[0][i], &b.boxes[leaf].high[0][i], kBlock)) continue;
-        bool shared = false;
-        for (int c = 0; c < a.corners; ++c) {
-          for (int d = 0; d < b.corners; ++d) shared = shared || a.Corner(item, c) == b.Corner(other, d);
-        }
-        if (shared) continue;
-        const int n = Add(count, 1);
-        if (n >= w.model->candidates) continue;
-        out[2 * n] = item;
-        out[2 * n + 1] = other;
+    const Boxes& box = a.boxes[own];
+    Lanes3 low, high;
+    Broadcast(box, place % kBlock, &low, &high);
+    for (int node = same ? own / kBlock : 0; node < b.NumNodes(); ++node) {
+      unsigned near = Touching(b.nodes[node], low, high);
+      if (same && node == own / kBlock) near &= ~0u << own % kBlock;
+      for (; near; near &= near - 1) {
+        const int leaf = kBlock * node + FirstBit(near);
+        unsigned hits = Touching(b.boxes[leaf], low, high);
+        if (same && leaf == own) hits &= ~1u << place % kBlock;
+        if (!hits) continue;
+        EachLane([&](int lane) {
+          if (!(hits >> lane & 1)) return;
+          const int other = b.order[kBlock * leaf + lane];
+          bool shared = false;
+          for (int c = 0; c < a.corners; ++c) {
+            for (int d = 0; d < b.corners; ++d) shared = shared || a.Corner(item, c) == b.Corner(other, d);
+          }
+          if (shared) return;
+          const int n = Add(count, 1);
+          if (n >= w.model->candidates) return;
+          out[2 * n] = item;
+          out[2 * n + 1] = other;
+        });
       }
     }
   });
@@ -127,41 +127,6 @@ inline void FindCandidates(const World& w) {
   });
 }
 
-// A candidate as a pair; whether it may touch.
-inline bool MakePair(const World& w, const int* ids, bool edges, Pair* pair) {
-  const Model& m = *w.model;
-  const int *corners = m.At<int>(m.triangle_vertex_at), *ends = m.At<int>(m.edge_vertex_at);
-  using Float3 = Vec3<float>;
-  Float3 x[4], move[4];
-  for (int k = 0; k < 4; ++k) {
-    const int v = edges ? ends[2 * ids[k / 2] + k % 2] : k == 0 ? ids[0] : corners[3 * ids[1] + k - 1];
-    const float *p = w.position + 4 * v, *u = w.move + 4 * v;
-    pair->vertex[k] = v;
-    x[k] = {p[0], p[1], p[2]};
-    move[k] = {u[0], u[1], u[2]};
-  }
-  float* q = pair->weight;
-  if (edges) {
-    float s, t;
-    ClosestOnSegments(x[1] - x[0], x[3] - x[2], x[0] - x[2], &s, &t);
-    q[0] = 1.0f - s, q[1] = s, q[2] = t - 1.0f, q[3] = -t;
-  } else {
-    float on[3];
-    ClosestOnTriangle(x[0], x[1], x[2], x[3], on);
-    q[0] = 1, q[1] = -on[0], q[2] = -on[1], q[3] = -on[2];
-  }
-  Float3 normal;
-  if (!MayMeet(x, move, edges ? 2 : 1, q, kInterest * m.thickness, &normal, &pair->distance)) return false;
-  pair->normal[0] = normal.x, pair->normal[1] = normal.y, pair->normal[2] = normal.z;
-  int region = 0;
-  for (int k = 0; k < 4; ++k) region |= (q[k] != 0) << k;
-  pair->edges = edges;
-  pair->region = static_cast<std::int16_t>(edges ? region : region >> 1);
-  pair->first = ids[0];
-  pair->second = ids[1];
-  return true;
-}
-
 // Fills `found`, those that must not pass through each other, and `pairs`, those that push.
 inline void FindPairs(const World& w) {
   const Model& m = *w.model;
@@ -170,21 +135,33 @@ inline void FindPairs(const World& w) {
   Once([&] { w.step->num_found = w.step->num_pairs = 0; });
   const PairRules rules = {m.At<int>(m.triangle_owned_at), m.At<int>(m.edge_triangle_at), w.normals,
                            m.At<int>(m.chain_at),          m.At<int>(m.place_at),         m.At<int>(m.owner_at)};
-  for (int edges = 0; edges < 2; ++edges) {
-    const int* candidates = edges ? w.edge_candidates : w.triangle_candidates;
-    Each(w.step->num_candidates[edges], [&](int i) {
-      Pair pair;
-      if (!MakePair(w, candidates + 2 * i, edges, &pair)) return;
-      const bool counts = Counts(rules, pair, m.thickness);
-      if (counts || !edges || !AreCords(rules, pair)) {
-        const int n = Add(&w.step->num_found, 1);
-        if (n < m.found) w.found[n] = pair;
-      }
-      if (!counts) return;
-      const int n = Add(&w.step->num_pairs, 1);
-      if (n < m.rows) w.pairs[n] = pair;
-    });
-  }
+  const Scene scene = {w.position,
+                       w.move,
+                       m.At<int>(m.triangle_vertex_at),
+                       m.At<int>(m.edge_vertex_at),
+                       m.At<int>(m.part_at),
+                       &m.thickness,
+                       1,
+                       kInterest};
+  const auto append = [&](const Pair& pair) {
+    const bool counts = Counts(rules, pair, m.thickness);
+    if (counts || !pair.edges || !AreCords(rules, pair)) {
+      const int n = Add(&w.step->num_found, 1);
+      if (n < m.found) w.found[n] = pair;
+    }
+    if (!counts) return;
+    const int n = Add(&w.step->num_pairs, 1);
+    if (n < m.rows) w.pairs[n] = pair;
+  };
+  const int triangles = w.step->num_candidates[0], edges = w.step->num_candidates[1];
+  EachBlock(0, (triangles + kBlock - 1) / kBlock, [&](int block) {
+    const int first = kBlock * block, left = triangles - first;
+    Filter<false>(scene, w.triangle_candidates + 2 * first, left < kBlock ? left : kBlock, append);
+  });
+  EachBlock(0, (edges + kBlock - 1) / kBlock, [&](int block) {
+    const int first = kBlock * block, left = edges - first;
+    Filter<true>(scene, w.edge_candidates + 2 * first, left < kBlock ? left : kBlock, append);
+  });
   Once([&] {
     if (w.step->num_found > m.found) w.step->flags |= kPairsFull, w.step->num_found = m.found;
     if (w.step->num_pairs > m.rows) w.step->flags |= kRowsFull, w.step->num_pairs = m.rows;

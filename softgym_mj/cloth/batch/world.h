@@ -16,10 +16,6 @@ constexpr int kKeptPairs = 2;     // Of each vertex, see Kept.
 // What went wrong in a step, as bits. All but the first: some contacts were left out.
 enum Flag { kNotFinite = 1, kCandidatesFull = 2, kPairsFull = 4, kRowsFull = 8, kLevelsFull = 16 };
 
-struct Bounds {
-  float low[3], high[3];  // [m]
-};
-
 // Rows in levels.
 struct Rows {
   int count, blocks, levels;  // `blocks`: of eight places.
@@ -74,8 +70,8 @@ struct World {
   HingeBlock* hinges;
   float *chain_start, *chain_before, *chain_impulse, *chain_way;
   double *chain_lower, *chain_diagonal, *chain_right, *chain_normal;
-  Boxes *vertex_boxes, *triangle_boxes, *edge_boxes;      // In leaves of eight,
-  Bounds *vertex_leaves, *triangle_leaves, *edge_leaves;  // and around these.
+  Boxes *vertex_boxes, *triangle_boxes, *edge_boxes;     // In leaves of eight,
+  Boxes *vertex_leaves, *triangle_leaves, *edge_leaves;  // and around these.
   int *triangle_candidates, *edge_candidates;
   float* normals;
   Pair *found, *pairs;
@@ -148,9 +144,9 @@ inline void TakeScratch(const Model& model, Memory* memory, World* w) {
   memory->Take(&w->vertex_boxes, model.vertex_leaves);
   memory->Take(&w->triangle_boxes, model.triangle_leaves);
   memory->Take(&w->edge_boxes, model.edge_leaves);
-  memory->Take(&w->vertex_leaves, model.vertex_leaves);
-  memory->Take(&w->triangle_leaves, model.triangle_leaves);
-  memory->Take(&w->edge_leaves, model.edge_leaves);
+  memory->Take(&w->vertex_leaves, model.vertex_leaves / kBlock + 1);
+  memory->Take(&w->triangle_leaves, model.triangle_leaves / kBlock + 1);
+  memory->Take(&w->edge_leaves, model.edge_leaves / kBlock + 1);
   memory->Take(&w->triangle_candidates, 2 * model.candidates);
   memory->Take(&w->edge_candidates, 2 * model.candidates);
   memory->Take(&w->normals, 3 * model.triangles);

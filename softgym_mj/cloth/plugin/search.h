@@ -81,6 +81,74 @@ inline auto MayMeet(const Vec3<T> position[4], const Vec3<T> move[4], int num_fi
   return Less(*distance - approach, reach) & Less(T(kTinyLength), *distance);
 }
 
+// The boxes of `eight` that overlap one box, as bits.
+inline unsigned Touching(const Boxes& eight, const Lanes3& low, const Lanes3& high) {
+  const Lanes3 least = Load3(eight.low), most = Load3(eight.high);
+  return Bits((LessEqual(least.x, high.x) & LessEqual(low.x, most.x)) &
+              (LessEqual(least.y, high.y) & LessEqual(low.y, most.y)) &
+              (LessEqual(least.z, high.z) & LessEqual(low.z, most.z)));
+}
+inline void Broadcast(const Boxes& eight, int i, Lanes3* low, Lanes3* high) {
+  *low = {Lanes(eight.low[0][i]), Lanes(eight.low[1][i]), Lanes(eight.low[2][i])};
+  *high = {Lanes(eight.high[0][i]), Lanes(eight.high[1][i]), Lanes(eight.high[2][i])};
+}
+
+// Calls take(pair) for those of up to eight candidates, two ids each, that may touch: a vertex and a triangle, or two
+// edges.
+template <bool edges, class F>
+inline void Filter(const Scene& scene, const int* ids, int size, F take) {
+  int vertex[4][kBlock];
+  float thickness[kBlock];
+  EachLane([&](int lane) {
+    const int* id = ids + 2 * (lane < size ? lane : 0);
+    for (int k = 0; k < 4; ++k) {
+      vertex[k][lane] = edges    ? scene.edges[2 * id[k / 2] + k % 2]
+                        : k == 0 ? id[0]
+                                 : scene.triangles[3 * id[1] + k - 1];
+    }
+    thickness[lane] = scene.thickness[scene.part[vertex[0][lane]] * scene.num_parts + scene.part[vertex[3][lane]]];
+  });
+  Lanes unused, weight[4], distance;
+  Lanes3 x[4], move[4], normal;
+  for (int k = 0; k < 4; ++k) {
+    x[k] = Gather(scene.position, vertex[k], &unused);
+    move[k] = Gather(scene.move, vertex[k], &unused);
+  }
+  if (edges) {
+    Lanes s, t;
+    ClosestOnSegments(x[1] - x[0], x[3] - x[2], x[0] - x[2], &s, &t);
+    weight[0] = Lanes(1.0f) - s, weight[1] = s, weight[2] = t - Lanes(1.0f), weight[3] = -t;
+  } else {
+    Lanes on[3];
+    ClosestOnTriangle(x[0], x[1], x[2], x[3], on);
+    weight[0] = Lanes(1.0f), weight[1] = -on[0], weight[2] = -on[1], weight[3] = -on[2];
+  }
+  const Lanes reach = Lanes(scene.interest) * Lanes::Load(thickness);
+  const unsigned wanted = Bits(MayMeet(x, move, edges ? 2 : 1, weight, reach, &normal, &distance));
+  if (!(wanted & ((1u << size) - 1))) return;
+  float q[4][kBlock], n[3][kBlock], d[kBlock];
+  for (int k = 0; k < 4; ++k) weight[k].Store(q[k]);
+  Store3(normal, n);
+  distance.Store(d);
+  EachLane([&](int lane) {
+    if (lane >= size || !(wanted >> lane & 1)) return;
+    Pair pair;
+    int region = 0;
+    for (int k = 0; k < 4; ++k) {
+      pair.vertex[k] = vertex[k][lane];
+      pair.weight[k] = q[k][lane];
+      region |= (q[k][lane] != 0) << k;
+    }
+    for (int k = 0; k < 3; ++k) pair.normal[k] = n[k][lane];
+    pair.distance = d[lane];
+    pair.edges = edges;
+    pair.region = static_cast<std::int16_t>(edges ? region : region >> 1);
+    pair.first = ids[2 * lane];
+    pair.second = ids[2 * lane + 1];
+    take(pair);
+  });
+}
+
 // Whether the sides of a pair approach by more than `share` of their distance.
 inline bool Approaches(const float* now, const Pair& pair, float share) {
   float low = 1e30f, high = -1e30f;

@@ -26,18 +26,6 @@ inline void BoundItems(const float* low, const float* high, const int* corners, 
   Store3(most, out->high);
 }
 
-// The boxes of `eight` that overlap one box, as bits.
-inline unsigned Touching(const Boxes& eight, const Lanes3& low, const Lanes3& high) {
-  const Lanes3 least = Load3(eight.low), most = Load3(eight.high);
-  return Bits((LessEqual(least.x, high.x) & LessEqual(low.x, most.x)) &
-              (LessEqual(least.y, high.y) & LessEqual(low.y, most.y)) &
-              (LessEqual(least.z, high.z) & LessEqual(low.z, most.z)));
-}
-inline void Broadcast(const Boxes& eight, int i, Lanes3* low, Lanes3* high) {
-  *low = {Lanes(eight.low[0][i]), Lanes(eight.low[1][i]), Lanes(eight.low[2][i])};
-  *high = {Lanes(eight.high[0][i]), Lanes(eight.high[1][i]), Lanes(eight.high[2][i])};
-}
-
 inline bool ShareCorner(const int* a, const int* b) {
   bool same = false;
   for (int i = 0; i < 3; ++i) same |= (a[i] == b[0]) | (a[i] == b[1]) | (a[i] == b[2]);
@@ -97,99 +85,20 @@ inline int Overlap(const BoxTree& a, const BoxTree& b, bool same, int* out, int 
   return count;
 }
 
-// What eight pairs need, their reach among it [m].
-struct Eight {
-  int vertex[4][kBlock];
-  Lanes3 position[4], move[4];
-  Lanes thickness;
-};
-
-inline void Describe(const Scene& scene, Eight* eight) {
-  float thickness[kBlock];
-  for (int i = 0; i < kBlock; ++i) {
-    const int a = scene.part[eight->vertex[0][i]], b = scene.part[eight->vertex[3][i]];
-    thickness[i] = scene.thickness[a * scene.num_parts + b];
+template <bool edges>
+inline int FilterAll(const Scene& scene, const int* pairs, int count, Pair* out) {
+  int found = 0;
+  for (int first = 0; first < count; first += kBlock) {
+    const int size = count - first < kBlock ? count - first : kBlock;
+    Filter<edges>(scene, pairs + 2 * first, size, [&](const Pair& pair) { out[found++] = pair; });
   }
-  eight->thickness = Lanes::Load(thickness);
-  Lanes unused;
-  for (int k = 0; k < 4; ++k) {
-    eight->position[k] = Gather(scene.position, eight->vertex[k], &unused);
-    eight->move[k] = Gather(scene.move, eight->vertex[k], &unused);
-  }
+  return found;
 }
-
-// Appends those of the eight pairs, `wanted` as bits, that may touch.
-inline int Append(const Scene& scene, const Eight& eight, int num_first, const Lanes weight[4], unsigned wanted,
-                  const int* ids, bool edges, Pair* out) {
-  Lanes3 normal;
-  Lanes distance;
-  wanted &= Bits(MayMeet(eight.position, eight.move, num_first, weight, Lanes(scene.interest) * eight.thickness,
-                         &normal, &distance));
-  if (!wanted) return 0;
-  float q[4][kBlock], n[3][kBlock], d[kBlock];
-  for (int k = 0; k < 4; ++k) weight[k].Store(q[k]);
-  Store3(normal, n);
-  distance.Store(d);
-  int count = 0;
-  for (; wanted; wanted &= wanted - 1) {
-    const int i = __builtin_ctz(wanted);
-    Pair& pair = out[count++];
-    int region = 0;
-    for (int k = 0; k < 4; ++k) {
-      pair.vertex[k] = eight.vertex[k][i];
-      pair.weight[k] = q[k][i];
-      region |= (q[k][i] != 0) << k;
-    }
-    for (int k = 0; k < 3; ++k) pair.normal[k] = n[k][i];
-    pair.distance = d[i];
-    pair.edges = edges;
-    pair.region = static_cast<std::int16_t>(edges ? region : region >> 1);
-    pair.first = ids[2 * i];
-    pair.second = ids[2 * i + 1];
-  }
-  return count;
-}
-
 inline int FilterTriangles(const Scene& scene, const int* pairs, int count, Pair* out) {
-  int found = 0;
-  for (int first = 0; first < count; first += kBlock) {
-    const int size = count - first < kBlock ? count - first : kBlock;
-    const int* ids = pairs + 2 * first;
-    Eight eight;
-    for (int i = 0; i < kBlock; ++i) {
-      const int* id = ids + 2 * (i < size ? i : 0);
-      eight.vertex[0][i] = id[0];
-      for (int k = 0; k < 3; ++k) eight.vertex[k + 1][i] = scene.triangles[3 * id[1] + k];
-    }
-    Describe(scene, &eight);
-    Lanes on[3];
-    const Lanes3* x = eight.position;
-    ClosestOnTriangle(x[0], x[1], x[2], x[3], on);
-    const Lanes weight[4] = {Lanes(1.0f), -on[0], -on[1], -on[2]};
-    found += Append(scene, eight, 1, weight, (1u << size) - 1, ids, false, out + found);
-  }
-  return found;
+  return FilterAll<false>(scene, pairs, count, out);
 }
-
 inline int FilterEdges(const Scene& scene, const int* pairs, int count, Pair* out) {
-  int found = 0;
-  const Lanes one(1.0f);
-  for (int first = 0; first < count; first += kBlock) {
-    const int size = count - first < kBlock ? count - first : kBlock;
-    const int* ids = pairs + 2 * first;
-    Eight eight;
-    for (int i = 0; i < kBlock; ++i) {
-      const int* id = ids + 2 * (i < size ? i : 0);
-      for (int k = 0; k < 4; ++k) eight.vertex[k][i] = scene.edges[2 * id[k / 2] + k % 2];
-    }
-    Describe(scene, &eight);
-    const Lanes3* x = eight.position;
-    Lanes s, t;
-    ClosestOnSegments(x[1] - x[0], x[3] - x[2], x[0] - x[2], &s, &t);
-    const Lanes weight[4] = {one - s, s, t - one, -t};
-    found += Append(scene, eight, 2, weight, (1u << size) - 1, ids, true, out + found);
-  }
-  return found;
+  return FilterAll<true>(scene, pairs, count, out);
 }
 
 inline int FindApproaching(const float* now, const Pair* pairs, int count, float share, int* out) {
