@@ -58,6 +58,7 @@ class Waters(Side):
     # ------------------------------------------------------------------ the environment
 
     def describe(self) -> np.ndarray:
+        """See `Side`: bytes (size,) uint8 of `WaterWorlds`."""
         model = self._env.physics.model.ptr
         return describe(model, [model.body(cup.body.full_identifier).id for cup in self._cups])
 
@@ -121,14 +122,14 @@ class Waters(Side):
         return State({self._name: points}, {self._name: present}, poses, sensed, velocity)
 
     def strains(self) -> np.ndarray:
-        """See `Side`: 0, there is no edge."""
+        """See `Side`: zeros (num_worlds,), there is no edge."""
         return np.zeros(len(self._present))
 
     def info(self, strains: np.ndarray) -> dict[str, np.ndarray]:
         return {"rejected_moves": self._rejected}
 
     def holds(self) -> np.ndarray:
-        """See `Side`: there are no grippers."""
+        """See `Side`: (num_worlds, 0), there are no grippers."""
         return np.zeros((len(self._present), 0), np.uint8)
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
