@@ -316,11 +316,20 @@ template <class F>
 inline void EachLane(F f) {
   f(Lane());
 }
+template <class F>
+inline void OneLane(F f) {
+  if (Lane() == 0) f();
+}
 #else
 // Calls f(lane) for all lanes, one after the other.
 template <class F>
 inline void EachLane(F f) {
   for (int lane = 0; lane < kLanes; ++lane) f(lane);
+}
+// Calls f once: for what all lanes have in common.
+template <class F>
+inline void OneLane(F f) {
+  f();
 }
 #endif
 

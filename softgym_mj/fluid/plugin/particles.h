@@ -144,10 +144,12 @@ inline void AddCorrection(const FluidConstants& fluid, const Particles& p, const
   const float squared = dx * dx + dy * dy + dz * dz;
   const float limit = fluid.correction;
   const float clamp = squared > limit * limit ? limit / sqrtf(squared) : 1.0f;
-  float* correction = p.correction + 4 * i;
-  correction[0] += clamp * dx;
-  correction[1] += clamp * dy;
-  correction[2] += clamp * dz;
+  OneLane([&] {
+    float* correction = p.correction + 4 * i;
+    correction[0] += clamp * dx;
+    correction[1] += clamp * dy;
+    correction[2] += clamp * dz;
+  });
 }
 
 inline void Smooth(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, float viscosity,
