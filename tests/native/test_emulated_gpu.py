@@ -1,69 +1,65 @@
 """The programs of batches by blocks of threads: what a GPU would do has the plugins' bits."""
 
-import ctypes
-import itertools
+import os
 import pathlib
 import shutil
 import subprocess
+import sys
 
-import numpy as np
 import pytest
 
-from tests.cloth import test_worlds as cloth
-from tests.fluid import test_worlds as water
+from tests.native.emulated_steps import step_and_check
 
-THREADS = 16  # Of a block: two groups of eight lanes.
-STEPS = 2  # Sim steps: on few cores a barrier takes long.
 SOURCE = pathlib.Path(__file__).with_name("emulated_gpu.cc")
-PACKAGE = SOURCE.parents[2] / "softgym_mj"
+ROOT = SOURCE.parents[2]
+STEPS = 2  # Sim steps: on few cores a barrier takes long.
+CASES = [
+    ("rope_configuration", 806),
+    ("fold_crumpled_cloth", 806),
+    ("drop_cloth", 811),
+    ("transport_water", 806),
+    pytest.param("pour_water", 806, marks=pytest.mark.slow),
+]
 
 
-class _Emulated:
-    """The library, but for the steps of batches."""
-
-    def __init__(self, library, emulated):
-        self._library = library
-        for name in ("softgym_mj_cloth_batch_step", "softgym_mj_fluid_batch_step"):
-            setattr(self, name, getattr(emulated, name))
-
-    def __getattr__(self, name):
-        return getattr(self._library, name)
+def _compile(folder, *flags):
+    compiler = shutil.which("g++")
+    if compiler is None:
+        pytest.skip("there is no g++")
+    file = folder / "emulated_gpu.so"
+    usual = ["-std=c++20", "-ffp-contract=off", "-shared", "-fPIC", "-pthread"]
+    include = f"-I{ROOT / 'softgym_mj'}"
+    subprocess.run([compiler, *usual, *flags, include, "-o", file, SOURCE], check=True)
+    return file
 
 
 @pytest.fixture(name="emulated", scope="module")
 def _emulated(tmp_path_factory):
-    compiler = shutil.which("g++")
-    if compiler is None:
-        pytest.skip("there is no g++")
-    file = tmp_path_factory.mktemp("emulated") / "emulated_gpu.so"
-    flags = ["-std=c++20", "-O2", "-ffp-contract=off", "-shared", "-fPIC", "-pthread"]
-    subprocess.run([compiler, *flags, f"-I{PACKAGE}", "-o", file, SOURCE], check=True)
-    return ctypes.CDLL(str(file))
+    return _compile(tmp_path_factory.mktemp("emulated"), "-O2")
 
 
-@pytest.mark.parametrize(
-    ("task", "variation"),
-    [("rope_configuration", 806), ("fold_crumpled_cloth", 806), ("drop_cloth", 811)],
-)
-def test_a_block_steps_cloth_and_rope(emulated, task, variation):
-    followed = cloth._Followed(task, variation, fidelity="fast")
-    worlds = cloth._worlds([cloth._model(followed.env)], turns=THREADS)
-    worlds._library = _Emulated(worlds._library, emulated)
-    followed.place(worlds, 0)
-    for told in itertools.islice(followed.steps(followed.actions(1, 0)), STEPS):
-        worlds.step(*(array[None] for array in told))
-        followed.check(worlds, 0)
-    assert worlds.flags[0] == 0
+@pytest.mark.parametrize(("task", "variation"), CASES)
+def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
+    step_and_check(emulated, task, variation, STEPS)
 
 
-@pytest.mark.parametrize(
-    "task", ["transport_water", pytest.param("pour_water", marks=pytest.mark.slow)]
-)
-def test_a_block_steps_water(emulated, task):
-    followed = water._Followed(task, 806)
-    worlds = water._worlds([followed], turns=THREADS)
-    worlds._library = _Emulated(worlds._library, emulated)
-    for poses in itertools.islice(followed.steps(1), STEPS):
-        worlds.step(poses[None])
-        followed.check(worlds, 0)
-    assert np.isfinite(worlds.positions).all()
+@pytest.mark.slow
+def test_threads_of_a_block_do_not_race(tmp_path):
+    file = _compile(tmp_path, "-O1", "-g", "-fsanitize=thread")
+    found = subprocess.run(
+        ["g++", "-print-file-name=libtsan.so"], check=True, capture_output=True, text=True
+    )
+    environment = {
+        **os.environ,
+        "LD_PRELOAD": found.stdout.strip(),
+        "TSAN_OPTIONS": "exitcode=0",
+        "PYTHONPATH": str(ROOT),
+    }
+    for task, variation in (case.values if hasattr(case, "values") else case for case in CASES):
+        command = [sys.executable, "-m", "tests.native.emulated_steps"]
+        outcome = subprocess.run(
+            [*command, file, task, str(variation), "1"], env=environment, cwd=ROOT,
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        races = [line for line in outcome.stderr.splitlines() if "ThreadSanitizer" in line]
+        assert races == [], task

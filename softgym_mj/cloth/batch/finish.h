@@ -90,7 +90,7 @@ inline bool LiftOut(const World& w) {
     }
     const double gap = w.plane_gap[v], lift = (gap < -kPressed ? gap : -kPressed) - (gap + way);
     if (!(lift > 0)) return;
-    w.step->lifted = 1;
+    SetBits(&w.step->lifted, 1);
     for (int k = 0; k < 3; ++k) {
       move[k] += lift * normal[k];
       velocity[k] -= (speed < 0 ? speed : 0.0) * normal[k];
@@ -126,7 +126,7 @@ inline void FinishMotion(const World& w) {
       double mean = 0;
       for (int v = 0; v < n; ++v) mean += w.motion[3 * v + k] / n;
       step->mean[k] = mean;
-      step->furthest = 0;
+      if (k == 0) step->furthest = 0;
     });
     Each(n, [&](int v) {
       float square = 0;

@@ -32,7 +32,7 @@ inline void FollowReference(const World& w) {
     double mean = 0;
     for (int v = 0; v < m.vertices; ++v) mean += dt * w.velocity[3 * v + k] / m.vertices;
     w.step->mean[k] = mean;
-    w.step->moves = 0;
+    if (k == 0) w.step->moves = 0;
   });
   Each(m.vertices, [&](int v) {
     double away = 0, way = 0;
@@ -42,7 +42,7 @@ inline void FollowReference(const World& w) {
       way += u * u;
     }
     const bool stands = way < kHysteresis * kHysteresis;
-    if (!stands) w.step->moves = 1;
+    if (!stands) SetBits(&w.step->moves, 1);
     for (int k = 0; k < 3; ++k) {
       if (away > kHysteresis * kHysteresis) w.reference[3 * v + k] = w.start[3 * v + k];
       w.position[4 * v + k] = static_cast<float>(w.reference[3 * v + k]);

@@ -23,13 +23,12 @@ template <class F>
 inline void MakeLevels(const World& w, int corners, bool ranked, Rows* rows, F counts) {
   const int words = kMostLevels / 64, count = rows->count;
   Each(w.model->padded, [&](int v) {
-    w.best[v] = kNoKey;
     for (int k = 0; k < words; ++k) w.taken[words * v + k] = 0;
   });
   Each(count, [&](int i) { rows->level[i] = -1; });
   Once([&] { w.step->remaining = count; });
   while (w.step->remaining > 0) {
-    Wait();
+    Each(w.model->padded, [&](int v) { w.best[v] = kNoKey; });
     Each(count, [&](int i) {
       for (int k = 0; rows->level[i] < 0 && k < corners; ++k) {
         const int v = rows->vertex[corners * i + k];
@@ -57,9 +56,6 @@ inline void MakeLevels(const World& w, int corners, bool ranked, Rows* rows, F c
         level = kMostLevels;
       }
       rows->level[i] = level;
-      for (int k = 0; k < corners; ++k) {
-        if (counts(vertex[k])) w.best[vertex[k]] = kNoKey;
-      }
       Add(&w.step->remaining, -1);
     });
   }

@@ -83,16 +83,16 @@ inline void Collect(const World& w, const Items& a, const Items& b, bool same, i
 inline void FindCandidates(const World& w) {
   const Model& m = *w.model;
   const float reach = kInterest * m.thickness, slack = kSlack * reach;
-  Once([&] { w.step->furthest = 0; });
+  Once([&] { w.step->furthest = 0, w.step->left = 0; });
   Each(m.vertices, [&](int v) {
     for (int k = 0; k < 3; ++k) {
       const float a = w.position[4 * v + k], u = w.move[4 * v + k], b = a + u;
       const bool inside = Min(a, b) - reach / 2 >= w.low[4 * v + k] && Max(a, b) + reach / 2 <= w.high[4 * v + k];
-      if (!inside) w.step->covers = 0;
+      if (!inside) SetBits(&w.step->left, 1);
       TakeLargest(&w.step->furthest, Abs(u));
     }
   });
-  if (w.step->covers) return;
+  if (w.step->covers && !w.step->left) return;
   const float margin = reach / 2 + (w.step->furthest < slack / 2 ? slack : 0);
   Each(m.vertices, [&](int v) {
     for (int k = 0; k < 3; ++k) {

@@ -116,7 +116,7 @@ inline void StartPlane(const World& w) {
     }
     w.plane_gap[v] = static_cast<float>(gap);
     w.plane_friction[v] = m.plane_friction;
-    if (gap < 2 * m.timestep * std::sqrt(speed) + kPlaneMargin) w.plane_near[v / kBlock] = 1;
+    if (gap < 2 * m.timestep * std::sqrt(speed) + kPlaneMargin) SetBits(&w.plane_near[v / kBlock], 1);
   });
 }
 
@@ -138,7 +138,7 @@ inline void StartAirOf(const World& w) {
   Each(w.step->num_pairs, [&](int i) {
     const Pair& pair = w.pairs[i];
     if (pair.distance > (1 + kTouching) * m.thickness) return;
-    for (int k = 0; k < 4; ++k) w.touches[pair.vertex[k]] = 1;
+    for (int k = 0; k < 4; ++k) SetBits(&w.touches[pair.vertex[k]], 1);
   });
   Each(m.padded, [&](int v) {
     float n[3] = {0, 0, 0};

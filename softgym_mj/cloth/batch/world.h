@@ -40,7 +40,9 @@ struct Step {
   int flags, remaining, num_driven, num_kept, num_near, found_one;
   int num_candidates[2];  // Vertices and triangles, edges and edges.
   int num_found, num_pairs;
-  int covers, moves, changed, lifted;
+  int covers;  // Whether there are candidates, for vertices that have not
+  int left;    // their boxes.
+  int moves, changed, lifted;
   float furthest;
   double fastest, mean[3];
   Rows layers;

@@ -141,7 +141,9 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
         mass + Lanes(static_cast<float>(kBlock)) * MultiplyAdd(Lanes(2 * angular), Inner(arm, arm), Lanes(2 * linear));
   }
   mass.Store(block->mass);
-  if (substeps > 0) block->active = MayClose(points, *block, body, substeps);
+  if (substeps == 0) return;
+  const bool may_close = MayClose(points, *block, body, substeps);
+  OneLane([&] { block->active = may_close; });
 }
 
 // Applies the change of the impulses on eight points to the vertices and, the other way, to the body.

@@ -36,7 +36,13 @@ inline Lanes3 Gather(const float* p, const int* index, Lanes* w) {
   Gather4(p, index, &out.x, &out.y, &out.z, w);
   return out;
 }
-inline void Scatter(float* p, const int* index, const Lanes3& a, Lanes w) { Scatter4(p, index, a.x, a.y, a.z, w); }
+// Vertices of inverse mass w. Those that nothing moves may be shared by rows: threads leave them alone.
+inline void Scatter(float* p, const int* index, const Lanes3& a, Lanes w) {
+#ifdef __CUDACC__
+  if (w.v == 0) return;
+#endif
+  Scatter4(p, index, a.x, a.y, a.z, w);
+}
 
 // Of eight numbers of the points, from `i` on.
 inline void Move(const Points& points, int i) {
@@ -198,7 +204,7 @@ inline void SweepPlane(const Points& points, const ContactRow& row, const Plane&
   Lanes3 held = AddScaled(old_held, -inverse, slip);
   held = Grip(Inner(held, held), Lanes::Load(plane.friction + first) * impulse) * held;
   Scatter(points.now, index, AddScaled(now, w, AddScaled(held - old_held, impulse - old, normal)), w);
-  if (plane.impulse) Scatter(plane.impulse, index, held, impulse);
+  if (plane.impulse) Scatter4(plane.impulse, index, held.x, held.y, held.z, impulse);
 }
 
 inline void WarmPlane(const Points& points, const Plane& plane, int first, float share) {
@@ -208,7 +214,7 @@ inline void WarmPlane(const Points& points, const Plane& plane, int first, float
   const Lanes3 now = Gather(points.now, index, &w), held = Lanes(share) * Gather(plane.impulse, index, &impulse);
   impulse = Lanes(share) * impulse;
   Scatter(points.now, index, AddScaled(now, w, AddScaled(held, impulse, normal)), w);
-  Scatter(plane.impulse, index, held, impulse);
+  Scatter4(plane.impulse, index, held.x, held.y, held.z, impulse);
 }
 
 }  // namespace

@@ -130,13 +130,15 @@ inline void ListNeighbors(const World& w, int i) {
       length += Compress(k, hits, index + length);
     }
   }
-  if (length > kMostNeighbors) {
-    length = kMostNeighbors;
-    *w.neighbors.too_many = true;
-  }
-  while (length % kLanes) index[length++] = p.count;
-  w.begin[i] = kListStride * i;
-  w.end[i] = kListStride * i + length;
+  OneLane([&] {
+    if (length > kMostNeighbors) {
+      length = kMostNeighbors;
+      *w.neighbors.too_many = true;
+    }
+    while (length % kLanes) index[length++] = p.count;
+    w.begin[i] = kListStride * i;
+    w.end[i] = kListStride * i + length;
+  });
 }
 
 // Lists the particles near each wall.
@@ -187,6 +189,7 @@ inline bool ListsExpired(const World& w) {
     float mean = 0;
     for (int i = 0; i < 4 * m.count; i += 4) mean += now[i + k] - built[i + k];
     step->mean[k] = mean / static_cast<float>(m.count);
+    if (k > 0) return;
     step->first = step->second = 0;
     step->expired = step->repeated = 0;
   });

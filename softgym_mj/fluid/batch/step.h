@@ -88,7 +88,7 @@ inline void Load(const World& w) {
     const int dummy = 4 * m.count + k;
     p.position[dummy] = p.old_position[dummy] = kFar;
     p.velocity[dummy] = p.correction[dummy] = 0;
-    p.pressure[m.count] = 0;
+    if (k == 0) p.pressure[m.count] = 0;
   });
   Once([&] {
     for (int k = 0; k < 3; ++k) {

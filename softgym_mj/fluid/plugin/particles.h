@@ -34,13 +34,14 @@ inline Vec3<Lanes> Gather(const float* p, const int* index) {
   return out;
 }
 
-// Adds to the vectors of four floats at `index`, one after the other: some may be the same.
-inline void Add(float* p, const int* index, const Vec3<Lanes>& a) {
+// Adds to the vectors of four floats at `index` that are below `count`.
+inline void Add(float* p, const int* index, int count, const Vec3<Lanes>& a) {
   float x[kLanes], y[kLanes], z[kLanes];
   a.x.Store(x);
   a.y.Store(y);
   a.z.Store(z);
   EachLane([&](int lane) {
+    if (index[lane] >= count) return;
     float* q = p + 4 * index[lane];
     q[0] += x[lane];
     q[1] += y[lane];
@@ -110,20 +111,21 @@ inline void FindPressureOf(const FluidConstants& fluid, const Particles& p, cons
       pull_z = MultiplyAdd(pull, dz, pull_z);
     }
   }
-  float* correction = p.correction + 4 * i;
-  correction[0] = kCohesive ? Sum(pull_x) : 0.0f;
-  correction[1] = kCohesive ? Sum(pull_y) : 0.0f;
-  correction[2] = kCohesive ? Sum(pull_z) : 0.0f;
+  const float pull[3] = {kCohesive ? Sum(pull_x) : 0.0f, kCohesive ? Sum(pull_y) : 0.0f,
+                         kCohesive ? Sum(pull_z) : 0.0f};
   const float* wall = p.wall_gradient + 4 * i;
   const float gx = Sum(sum_x) + wall[0], gy = Sum(sum_y) + wall[1], gz = Sum(sum_z) + wall[2];
   const float excess = (Sum(density) + p.wall_density[i]) / fluid.rest_density - 1.0f;
   const float length = gx * gx + gy * gy + gz * gz + Sum(squares);
-  if (excess > kCrowded) *p.crowded = true;
-  p.pressure[i] = excess > 0.0f ? excess / (length + 1e-6f) : 0.0f;
-  float* gradient = p.gradient + 4 * i;
-  gradient[0] = gx;
-  gradient[1] = gy;
-  gradient[2] = gz;
+  OneLane([&] {
+    if (excess > kCrowded) *p.crowded = true;
+    p.pressure[i] = excess > 0.0f ? excess / (length + 1e-6f) : 0.0f;
+    float *correction = p.correction + 4 * i, *gradient = p.gradient + 4 * i;
+    for (int k = 0; k < 3; ++k) correction[k] = pull[k];
+    gradient[0] = gx;
+    gradient[1] = gy;
+    gradient[2] = gz;
+  });
 }
 
 inline void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, int i) {
@@ -169,10 +171,10 @@ inline void Smooth(const FluidConstants& fluid, const Particles& p, const Neighb
     sum_v = MultiplyAdd(weight, vj.y - v, sum_v);
     sum_w = MultiplyAdd(weight, vj.z - w, sum_w);
   }
-  float* change = p.correction + 4 * i;
-  change[0] = viscosity * Sum(sum_u);
-  change[1] = viscosity * Sum(sum_v);
-  change[2] = viscosity * Sum(sum_w);
+  const float change[3] = {viscosity * Sum(sum_u), viscosity * Sum(sum_v), viscosity * Sum(sum_w)};
+  OneLane([&] {
+    for (int k = 0; k < 3; ++k) p.correction[4 * i + k] = change[k];
+  });
 }
 
 inline void FindDistance(const WallPairs& pairs, const float* position, float* distance, int k) {
@@ -247,7 +249,7 @@ inline void Collide(const FluidConstants& fluid, const Particles& p, const WallP
   const Vec3<Lanes> local = {reached.x + push * normal.x - grip * slide.x, reached.y + push * normal.y - grip * slide.y,
                              reached.z + push * normal.z - grip * slide.z};
   Vec3<Lanes> change = Rotate<Lanes>(pairs.end, {local.x - to.x, local.y - to.y, local.z - to.z});
-  Add(p.correction, particle, change);
+  Add(p.correction, particle, p.count, change);
   if (impulse) {
     float c[3 * kLanes], q[3 * kLanes];
     const Lanes nx = Lanes::Load(pairs.normal + k), ny = Lanes::Load(pairs.normal + pairs.stride + k),
