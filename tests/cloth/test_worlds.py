@@ -1,10 +1,10 @@
-"""`Worlds`, whose oracle is the plugin: the same bits."""
+"""`ClothWorlds`, whose oracle is the plugin: the same bits."""
 
 import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.cloth.worlds import CANDIDATES_FULL, NOT_FINITE, Worlds, describe
+from softgym_mj.cloth.worlds import CANDIDATES_FULL, NOT_FINITE, ClothWorlds, describe
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 
 # Task, variation, env steps.
@@ -20,9 +20,9 @@ EPISODES = (
 
 
 def _worlds(models, **settings):
-    """Worlds of these models."""
+    """ClothWorlds of these models."""
     most = 600  # Vertices of the largest one.
-    worlds = Worlds(len(models), most, 2, **settings)
+    worlds = ClothWorlds(len(models), most, 2, **settings)
     for i, model in enumerate(models):
         worlds.start(i, model)
     return worlds
@@ -35,7 +35,7 @@ def _model(env, room=1.0):
 
 
 class _Followed:
-    """An environment with pickers, and what `Worlds` are told to do the same."""
+    """An environment with pickers, and what `ClothWorlds` are told to do the same."""
 
     def __init__(self, task, variation, **settings):
         self.env = softgym_mj.load(task, split="all", **settings)
@@ -133,7 +133,7 @@ def test_worlds_of_different_sizes_side_by_side():
 
 
 def _heaps(number, room=1.0):
-    """Worlds with the same heap, and what they are told to drop a picker's vertex on it."""
+    """ClothWorlds with the same heap, and what they are told to drop a picker's vertex on it."""
     followed = _Followed("spread_cloth", 803, fidelity="fast")
     worlds = _worlds([_model(followed.env, room)] * number)
     for i in range(number):
@@ -193,6 +193,6 @@ def test_what_does_not_fit_is_refused():
         describe(arm.physics.model.ptr, [1])
     rope = softgym_mj.load("straighten_rope", split=[800])
     with pytest.raises(InvalidArgumentError, match="'vertices': 41"):
-        Worlds(1, 40, 2).start(0, _model(rope))
+        ClothWorlds(1, 40, 2).start(0, _model(rope))
     with pytest.raises(LifecycleError, match="no model"):
-        Worlds(1, 40, 2).step(*np.zeros((3, 1, 2, 3)))
+        ClothWorlds(1, 40, 2).step(*np.zeros((3, 1, 2, 3)))

@@ -7,11 +7,10 @@ namespace softgym_mj::cloth {
 
 // Arrays of all worlds, with room in each row for the largest model. See World.
 struct Batch {
-  int num_worlds, num_grippers, most_vertices, most_edges;
+  int num_worlds, most_vertices, most_edges, num_grippers;
   const char* const* models;  // (num_worlds,) a Model each.
+  char* const* scratch;       // (num_worlds,) memory of each, zeros when it gets its model.
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
-  char* scratch;  // (num_worlds, scratch_size) bytes, zeros at first and after a change of a world's model.
-  long long scratch_size;
   const double *targets, *goals;
   const int* held;
   int* flags;  // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.

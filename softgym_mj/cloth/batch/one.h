@@ -26,7 +26,7 @@ inline void StepWorldOf(const Batch& batch, int i) {
     w.after_layers = batch.after_layers + 4 * kKeptPairs * vertices;
     w.gripper_qpos = batch.gripper_qpos + 3 * grippers;
     w.gripper_qvel = batch.gripper_qvel + 3 * grippers;
-    Memory scratch(batch.scratch + batch.scratch_size * i);
+    Memory scratch(batch.scratch[i]);
     TakeScratch(*w.model, &scratch, &w);
   });
   StepWorld(w);

@@ -9,10 +9,10 @@ namespace softgym_mj::fluid {
 struct Batch {
   int num_worlds, most_particles, most_walls, most_bodies;
   const char* const* models;  // (num_worlds,) a Model each.
+  char* const* scratch;       // (num_worlds,) memory of each.
   double *known, *positions, *velocities, *walls;
   const double* poses;
-  char* const* scratch;  // (num_worlds,) memory of each.
-  int* flags;            // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
+  int* flags;  // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
 };
 
 // A step of world `i`; `turns`: see group.h.

@@ -85,16 +85,16 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
 }  // namespace
 }  // namespace softgym_mj::fluid
 
-// Writes the Model of a compiled mjModel whose walls of these bodies are told where to go. Returns its size, also if
-// `out` is null; what is wrong is written into `error` instead, and 0 returned.
+// Writes the Model of a compiled mjModel whose walls of these bodies are told where to go: as many bytes as `capacity`
+// says. Returns how many there are; what is wrong is written into `error` instead, and 0 returned.
 SGM_EXPORT int softgym_mj_fluid_batch_model(const mjModel* m, const mjData* d, const int* bodies, int num_bodies,
-                                            char* out, char* error, int error_size) {
+                                            char* out, int capacity, char* error, int error_size) {
   using namespace softgym_mj::fluid;
   Model model;
   const std::string wrong = Write(m, d, std::vector<int>(bodies, bodies + num_bodies), &model);
   std::snprintf(error, error_size, "%s", wrong.c_str());
   if (!wrong.empty()) return 0;
-  if (out) std::memcpy(out, &model, sizeof(Model));
+  std::memcpy(out, &model, std::min<size_t>(sizeof(Model), capacity));
   return sizeof(Model);
 }
 

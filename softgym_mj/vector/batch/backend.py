@@ -6,11 +6,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from softgym_mj.cloth.worlds import NOT_FINITE
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
 from softgym_mj.metrics import Measures
+from softgym_mj.native.worlds import NOT_FINITE
 from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.vector.backend import Backend
@@ -36,7 +36,7 @@ class BatchBackend(Backend):
             example: that environment.
             num_envs: number of environments.
             num_threads: that step worlds; None for one a core.
-            turns: of `Worlds`, for tests.
+            turns: of `native.worlds.Worlds`, for tests.
 
         Raises:
             InvalidArgumentError: for what cannot be played so, by name.

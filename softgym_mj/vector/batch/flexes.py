@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from softgym_mj.cloth.worlds import KEPT_PAIRS, Worlds, describe
+from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
 from softgym_mj.entities.flex import Flex
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
@@ -21,7 +21,7 @@ class Mesh:
     """What a batch knows of a flex of some size and material.
 
     Attributes:
-        model: of `Worlds`.
+        model: of `ClothWorlds`.
         origin: of vertices (n, 3) [m].
         edges: vertices of edges (m, 2); lengths: of these at rest [m].
         hold_stretch, hold_force, radius: of the flex.
@@ -53,7 +53,7 @@ class Flexes(Side):
 
         Args:
             env: says how episodes start.
-            num_worlds, num_threads, turns: of `Worlds`.
+            num_worlds, num_threads, turns: of `ClothWorlds`.
 
         Raises:
             InvalidArgumentError: unless there is one flex and the actor is a picker.
@@ -67,7 +67,7 @@ class Flexes(Side):
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
         actor, number = task.actor, task.max_points
-        self._worlds = Worlds(
+        self._worlds = ClothWorlds(
             num_worlds, number, actor.num_grippers, num_threads=num_threads, turns=turns
         )
         self._pickers = Pickers(num_worlds, actor.num_grippers, actor.radius, actor.pick_distance)
@@ -92,7 +92,7 @@ class Flexes(Side):
         return self._known.setdefault(model.tobytes(), Mesh(model, self._flex))
 
     def arrays(self) -> Arrays:
-        """See `Side`: of `Worlds`."""
+        """See `Side`: of `ClothWorlds`."""
         found = {
             "qpos": self._flex.slides,
             "qvel": self._flex.slide_velocities,
