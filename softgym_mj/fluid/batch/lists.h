@@ -112,7 +112,8 @@ inline void ListNeighbors(const World& w, int i) {
   const Step& step = *w.step;
   const Grid grid = {step.nx, step.ny, step.nz, w.start};
   const float inverse = 1.0f / ListDistance(*w.model), distance = ListDistance(*w.model);
-  const Lanes limit(distance * distance), x(p.x[i]), y(p.y[i]), z(p.z[i]);
+  const Lanes limit(distance * distance);
+  const Vec3<Lanes> x = {Lanes(p.x[i]), Lanes(p.y[i]), Lanes(p.z[i])};
   int first[kRanges], last[kRanges];
   const int ranges =
       FindRanges(grid, CellOf(p.x[i] * inverse) & (step.nx - 1), CellOf(p.y[i] * inverse) & (step.ny - 1),
@@ -120,15 +121,7 @@ inline void ListNeighbors(const World& w, int i) {
   int* index = w.neighbors.index + static_cast<long long>(kListStride) * i;
   int length = 0;
   for (int r = 0; r < ranges; ++r) {
-    for (int k = first[r]; k < last[r] && length <= kMostNeighbors; k += kLanes) {
-      const Lanes dx = Lanes::Load(p.x + k) - x, dy = Lanes::Load(p.y + k) - y, dz = Lanes::Load(p.z + k) - z;
-      const Lanes squared = dx * dx + dy * dy + dz * dz;
-      unsigned hits = Bits(Less(squared, limit));
-      if (last[r] - k < kLanes) hits &= (1u << (last[r] - k)) - 1u;
-      const unsigned self = static_cast<unsigned>(i - k);
-      if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
-      length += Compress(k, hits, index + length);
-    }
+    length = ListRange(p, i, x, limit, first[r], last[r], kMostNeighbors, length, index);
   }
   OneLane([&] {
     if (length > kMostNeighbors) {

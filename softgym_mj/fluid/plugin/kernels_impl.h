@@ -10,9 +10,9 @@ namespace {
 
 // Constants are copied: what follows from them alone leaves the loops, as nothing that is written can be them.
 bool FindNeighbors(const Particles& particles, const Grid& grid, float distance, const Neighbors& out) {
-  const float *px = particles.x, *py = particles.y, *pz = particles.z;
+  const Particles p = particles;
   const int* start = grid.start;
-  const int nx = grid.nx, ny = grid.ny, nz = grid.nz, dummy = particles.count;
+  const int nx = grid.nx, ny = grid.ny, nz = grid.nz, dummy = p.count;
   const Lanes limit(distance * distance);
   int* index = out.index;
   int length = 0;
@@ -31,18 +31,8 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
         for (int i = start[cell]; i < start[cell + 1]; ++i) {
           out.begin[i] = length;
           const int most = length + out.most;
-          const Lanes x(px[i]), y(py[i]), z(pz[i]);
-          for (int r = 0; r < ranges; ++r) {
-            for (int k = first[r]; k < last[r] && length <= most; k += kLanes) {
-              const Lanes dx = Lanes::Load(px + k) - x, dy = Lanes::Load(py + k) - y, dz = Lanes::Load(pz + k) - z;
-              const Lanes squared = dx * dx + dy * dy + dz * dz;
-              unsigned hits = Bits(Less(squared, limit));
-              if (last[r] - k < kLanes) hits &= (1u << (last[r] - k)) - 1u;
-              const unsigned self = static_cast<unsigned>(i - k);
-              if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
-              length += Compress(k, hits, index + length);
-            }
-          }
+          const Vec3<Lanes> x = {Lanes(p.x[i]), Lanes(p.y[i]), Lanes(p.z[i])};
+          for (int r = 0; r < ranges; ++r) length = ListRange(p, i, x, limit, first[r], last[r], most, length, index);
           if (length > most) {
             length = most;
             *out.too_many = true;
@@ -52,7 +42,7 @@ bool FindNeighbors(const Particles& particles, const Grid& grid, float distance,
       }
     }
   }
-  out.begin[particles.count] = length;
+  out.begin[p.count] = length;
   return true;
 }
 
