@@ -24,16 +24,12 @@ constexpr int kMostVertices = 1 << 13;  // Keys of pairs have 15 and 16 bits for
 class Writer {
  public:
   explicit Writer(std::string* out) : out_(out) {}
-  template <class T>
-  int Array(const T* data, size_t count) {
-    out_->resize((out_->size() + kAlign - 1) / kAlign * kAlign);
-    const int at = static_cast<int>(out_->size());
-    out_->append(reinterpret_cast<const char*>(data), count * sizeof(T));
-    return at;
-  }
   template <class V>
   int operator()(const V& values) {
-    return Array(values.data(), values.size());
+    out_->resize((out_->size() + kAlign - 1) / kAlign * kAlign);
+    const int at = static_cast<int>(out_->size());
+    out_->append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(values[0]));
+    return at;
   }
 
  private:

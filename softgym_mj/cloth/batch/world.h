@@ -37,7 +37,7 @@ struct Touch {
 
 // Few numbers of a step.
 struct Step {
-  int flags, remaining, num_driven, num_kept, num_near, found_one;
+  int flags, remaining, num_driven, num_kept, num_near;
   int num_candidates[2];  // Vertices and triangles, edges and edges.
   int num_found, num_pairs;
   int covers;  // Whether there are candidates, for vertices that have not
