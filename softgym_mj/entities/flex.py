@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-import scipy.sparse.csgraph
 from dm_control import mjcf
 
 from softgym_mj.cloth import solver
 from softgym_mj.entities.entity import Entity
+from softgym_mj.entities.ways import Ways
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.variations.parametric import Parametric
 
@@ -52,6 +52,7 @@ class Flex(Entity, Parametric):
         edges: vertex indices (num_edges, 2) of the mesh edges, `rest_lengths` (num_edges,) at rest
             [m].
         origin: where vertices are (num_points, 3) when their slides are 0 [m].
+        ways: along these edges.
         slides, slide_velocities: (num_points, 3) [m], [m/s], views of what is simulated.
         arrays: what measures need to know that depends on the size, by name: nothing, but for a
             `Cloth`.
@@ -79,7 +80,6 @@ class Flex(Entity, Parametric):
         self._rest_points = np.zeros((0, 3))
         self.radius = 0.0
         self._held: dict[int, np.ndarray] = {}
-        self._ways: dict[int, np.ndarray] = {}  # From held vertices to all others [m].
 
     @property
     def num_points(self) -> int:
@@ -145,7 +145,7 @@ class Flex(Entity, Parametric):
         edges = slice(model.flex_edgeadr[flex], model.flex_edgeadr[flex] + model.flex_edgenum[flex])
         self.edges = np.array(model.flex_edge[edges])
         self.rest_lengths = np.array(model.flexedge_length0[edges])
-        self._held, self._ways = {}, {}
+        self._held, self.ways = {}, Ways(self.num_points, self.edges, self.rest_lengths)
 
     def points(self) -> np.ndarray:
         """Current vertex positions (num_points, 3) [m] in the world frame, a fresh array."""
@@ -193,7 +193,6 @@ class Flex(Entity, Parametric):
         """Gives a held vertex its own mass back; it keeps the velocity it was driven at."""
         dof = self._dofs[index]
         self._dof_mass[dof : dof + 3] = self._held.pop(index)
-        self._ways.pop(index, None)
 
     def release_all(self) -> None:
         """Releases every vertex that is held."""
@@ -205,12 +204,7 @@ class Flex(Entity, Parametric):
 
         It is the shortest way along the edges of the mesh at rest, and `hold_stretch` more.
         """
-        start, end = min(first, second), max(first, second)  # Sums depend on the direction.
-        if start not in self._ways:
-            shape = (self.num_points, self.num_points)
-            mesh = scipy.sparse.csr_array((self.rest_lengths, tuple(self.edges.T)), shape=shape)
-            self._ways[start] = scipy.sparse.csgraph.dijkstra(mesh, directed=False, indices=start)
-        return (1.0 + self.hold_stretch) * float(self._ways[start][end])
+        return (1.0 + self.hold_stretch) * self.ways.between(first, second)
 
     def holding_force(self, index: int) -> float:
         """The force [N] of a held vertex on its gripper, averaged over the last physics step."""

@@ -56,6 +56,18 @@ class GripLimits(NamedTuple):
     reach: float
 
 
+def remembered(state: GripState) -> Array:
+    """Of n grippers, whether each holds, and the offset of what it holds [m], else 0: (..., 4n).
+
+    -1: it has lost its hold and takes nothing until it has been open.
+    """
+    xp = namespace(state.centre)
+    holds = xp.clip(state.held, SLIPPED, NONE + 1) - NONE
+    offsets = state.offset * (holds > 0)[..., None]
+    each = xp.concat([xp.astype(holds, offsets.dtype)[..., None], offsets], axis=-1)
+    return each.reshape((*holds.shape[:-1], -1))
+
+
 def step_grips(
     state: GripState,
     command: GripCommand,

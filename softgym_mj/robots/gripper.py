@@ -10,7 +10,7 @@ from dm_control.composer.observation import observable
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.robots.base import ActionSpace, BodyActor
-from softgym_mj.robots.grip import NONE, SLIPPED, GripCommand
+from softgym_mj.robots.grip import NONE, GripCommand, remembered
 from softgym_mj.robots.holding import Holding
 from softgym_mj.robots.workspace import ToolStart, Workspace
 
@@ -144,13 +144,8 @@ class Gripper(BodyActor):
         return {f"gripper {i} (x, y, z) [m]": 3 for i in range(self.num_grippers)}
 
     def remembered(self) -> np.ndarray:
-        """Of each gripper, whether it holds, and the offset of what it holds [m], else zeros (4,).
-
-        -1: it has lost its hold and takes nothing until it has been open.
-        """
-        grips = self._holding.grips
-        holds = np.clip(grips.held, SLIPPED, NONE + 1) - NONE
-        return np.column_stack([holds, grips.offset * (holds > 0)[:, None]]).ravel()
+        """As `grip.remembered` (4 * num_grippers,)."""
+        return remembered(self._holding.grips)
 
     @property
     def remembers(self) -> dict[str, int]:

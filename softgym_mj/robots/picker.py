@@ -60,7 +60,6 @@ class Picker(Gripper):
     Attributes:
         radius: of the spheres [m].
         pick_distance: largest distance [m] between a picker's centre and a vertex it can take.
-        grip_limits: of their centres.
         slides, slide_velocities: (num_pickers, 3) [m], [m/s], views of what is simulated.
     """
 
@@ -139,7 +138,7 @@ class Picker(Gripper):
         self._low = np.asarray(workspace.low) + self.radius
         self._high = np.asarray(workspace.high) - self.radius
         low, high = (np.tile(end, (self.num_grippers, 1)) for end in (self._low, self._high))
-        self.grip_limits = GripLimits(low, high, self.pick_distance)
+        self._limits = GripLimits(low, high, self.pick_distance)
 
     @property
     def _centre(self) -> np.ndarray:
@@ -147,7 +146,7 @@ class Picker(Gripper):
 
     def plan(self) -> None:
         before = self._centre
-        self._holding.step(self._command, self.grip_limits)
+        self._holding.step(self._command, self._limits)
         self._step = self._centre - before
 
     def take(self, vertices: Sequence[int]) -> None:

@@ -3,13 +3,12 @@
 import math
 
 import numpy as np
-import scipy.sparse
-import scipy.sparse.csgraph
 
 from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
 from softgym_mj.entities.flex import Flex
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.grip import remembered
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.vector.batch.pickers import Pickers
@@ -33,16 +32,11 @@ class Mesh:
         self.origin, self.edges, self.lengths = flex.origin, flex.edges, flex.rest_lengths
         self.hold_stretch, self.hold_force = flex.hold_stretch, flex.hold_force
         self.radius = flex.radius
-        self._ways: dict[int, np.ndarray] = {}
+        self._ways = flex.ways
 
     def gap(self, first: int, second: int) -> float:
         """As `Flex.largest_gap`."""
-        start, end = min(first, second), max(first, second)
-        if start not in self._ways:
-            shape = (len(self.origin),) * 2
-            graph = scipy.sparse.csr_array((self.lengths, tuple(self.edges.T)), shape=shape)
-            self._ways[start] = scipy.sparse.csgraph.dijkstra(graph, directed=False, indices=start)
-        return (1.0 + self.hold_stretch) * float(self._ways[start][end])
+        return (1.0 + self.hold_stretch) * self._ways.between(first, second)
 
 
 class Flexes(Side):
@@ -158,7 +152,11 @@ class Flexes(Side):
         points[~present] = 0.0
         centres = self._pickers.grips.centre.reshape(len(points), -1).copy()
         return State(
-            {self._name: points}, {self._name: present}, {}, centres, self._pickers.remembered()
+            {self._name: points},
+            {self._name: present},
+            {},
+            centres,
+            remembered(self._pickers.grips),
         )
 
     def strains(self) -> np.ndarray:
@@ -169,10 +167,10 @@ class Flexes(Side):
         strains = away / np.where(exists, edges["lengths"], 1.0) - 1.0
         return np.where(exists, strains, -np.inf).max(1)
 
-    def info(self, strains: np.ndarray) -> dict[str, np.ndarray]:
+    def info(self, strains: np.ndarray, largest: np.ndarray) -> dict[str, np.ndarray]:
         return {
-            "max_edge_strain": self.strains(),
-            "episode_max_edge_strain": strains,
+            "max_edge_strain": strains,
+            "episode_max_edge_strain": largest,
             "max_speed": np.sqrt((self._worlds.qvel**2).sum(-1).max(-1)),
             "picks_held": (self._pickers.grips.held >= 0).sum(1),
             "dropped": self._pickers.grips.dropped,

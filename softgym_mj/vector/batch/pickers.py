@@ -115,9 +115,3 @@ class Pickers:
         self.grips = self.grips._replace(
             held=np.where(which, SLIPPED, self.grips.held), dropped=self.grips.dropped + number
         )
-
-    def remembered(self) -> np.ndarray:
-        """As `Gripper.remembered`, of each world (num_worlds, 4 * pickers)."""
-        holds = np.clip(self.grips.held, SLIPPED, NONE + 1) - NONE
-        offsets = self.grips.offset * (holds > 0)[..., None]
-        return np.concatenate([holds[..., None], offsets], -1).reshape(len(holds), -1)
