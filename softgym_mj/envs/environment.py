@@ -210,7 +210,7 @@ class Environment(composer.Environment):
         """
         if not isinstance(snapshot, Snapshot):
             raise SnapshotError(f"expected what `get_state` returned, not {snapshot!r}")
-        self.check_origin(snapshot)
+        self._check_origin(snapshot)
         before = None
         try:
             variation = check_variation(snapshot.task["variation"])
@@ -253,8 +253,8 @@ class Environment(composer.Environment):
         self.step_count += 1
         return self.step_count < self.horizon
 
-    def check_origin(self, snapshot: Snapshot) -> None:
-        """Raises `SnapshotError` unless a snapshot is of the same task with the same settings."""
+    def _check_origin(self, snapshot: Snapshot) -> None:
+        """Raises unless a snapshot is of the same task with the same settings."""
         try:
             for field in dataclasses.fields(Snapshot):
                 check_kind(field.name, getattr(snapshot, field.name), field.type)

@@ -11,6 +11,7 @@ from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
 from softgym_mj.metrics import Measures
 from softgym_mj.native.worlds import NOT_FINITE
+from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.vector.backend import Backend
@@ -20,8 +21,6 @@ from softgym_mj.vector.batch.side import Side, Start
 from softgym_mj.vector.batch.starts import Starts
 from softgym_mj.vector.batch.waters import Waters
 from softgym_mj.vector.processes import MOST_ENVIRONMENTS, num_cores
-
-HELD = "held"
 
 
 class BatchBackend(Backend):
@@ -57,7 +56,9 @@ class BatchBackend(Backend):
         self.action_space = example.action_space
         self.metadata, self.render_mode = example.metadata, example.render_mode
         self._episodes, self._domain = Rows(num_envs), Rows(num_envs)
-        self._strain, self._counts = np.zeros(num_envs), np.zeros(num_envs, int)
+        self._counts = np.zeros(num_envs, int)
+        # Of an edge: largest now, and so far in the episode.
+        self._strains, self._strain = np.zeros(num_envs), np.zeros(num_envs)
         self._of: list[Start | None] = [None] * num_envs
         self._diverged = np.zeros(num_envs, bool)
         self._state: State | None = None
@@ -95,6 +96,8 @@ class BatchBackend(Backend):
         sizes = [points.shape[1] for points in self._episodes.whole["points"].values()]
         self._state = self._side.state(max(sizes))
         self._measures = self._task.measure(self._state, self._episode)
+        self._strains = self._side.strains()
+        self._strain = np.maximum(self._strain, self._strains)
 
     def step(self, actions: np.ndarray, variations: Mapping[int, int]) -> tuple[Any, Any, Any]:
         self._side.command(np.asarray(actions, float))
@@ -108,7 +111,6 @@ class BatchBackend(Backend):
             self._start(i, self._started(i))
             self._counts[i], self._diverged[i] = count, True
             flags[i] = NOT_FINITE
-        self._strain = np.maximum(self._strain, self._side.strains())
         for i, variation in variations.items():
             self._start(i, self._starts[variation])
         self._look()
@@ -147,7 +149,7 @@ class BatchBackend(Backend):
         assert self._state is not None and self._measures is not None, "after a reset"
         found = {
             **self._task.describe(self._state, self._episode, self._measures),
-            **self._side.info(self._strain),
+            **self._side.info(self._strains, self._strain),
             **{f"domain_{name}": values for name, values in (self._domain.whole or {}).items()},
             "variation": self._episodes.whole["variation"],
             "physics_warnings": (self._side.flags != 0).astype(int),

@@ -61,8 +61,13 @@ class Side(Protocol):
     def strains(self) -> np.ndarray:
         """The largest relative elongation of an edge (num_worlds,)."""
 
-    def info(self, strains: np.ndarray) -> dict[str, np.ndarray]:
-        """Scalars (num_worlds,) of objects and actor by name; `strains`: the largest so far."""
+    def info(self, strains: np.ndarray, largest: np.ndarray) -> dict[str, np.ndarray]:
+        """Scalars (num_worlds,) of objects and actor by name.
+
+        Args:
+            strains: from `strains`.
+            largest: of the episode so far.
+        """
 
     def holds(self) -> np.ndarray:
         """1 for each gripper that holds something (num_worlds, grippers) uint8."""

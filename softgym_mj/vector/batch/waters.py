@@ -125,7 +125,7 @@ class Waters(Side):
         """See `Side`: zeros (num_worlds,), there is no edge."""
         return np.zeros(len(self._present))
 
-    def info(self, strains: np.ndarray) -> dict[str, np.ndarray]:
+    def info(self, strains: np.ndarray, largest: np.ndarray) -> dict[str, np.ndarray]:
         return {"rejected_moves": self._rejected}
 
     def holds(self) -> np.ndarray:
