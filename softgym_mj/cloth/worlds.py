@@ -11,6 +11,8 @@ import mujoco
 import numpy as np
 
 from softgym_mj.native import worlds
+from softgym_mj.native.places import Place
+from softgym_mj.native.worlds import Array
 
 KEPT_PAIRS = 2  # As in batch/world.h.
 EDGES_OF_VERTEX = 3  # At most, of surfaces.
@@ -61,18 +63,23 @@ class ClothWorlds(worlds.Worlds):
         "gripper_qpos": ("grippers", 3),
         "gripper_qvel": ("grippers", 3),
     }
-    valid: np.ndarray
-    qpos: np.ndarray
-    qvel: np.ndarray
-    reference: np.ndarray
-    after_edge: np.ndarray
-    holding_force: np.ndarray
-    after_layers: np.ndarray
-    gripper_qpos: np.ndarray
-    gripper_qvel: np.ndarray
+    told = {  # noqa: RUF012
+        "targets": ("grippers", (3,), "float64"),
+        "goals": ("grippers", (3,), "float64"),
+        "held": ("grippers", (), "int32"),
+    }
+    valid: Array
+    qpos: Array
+    qvel: Array
+    reference: Array
+    after_edge: Array
+    holding_force: Array
+    after_layers: Array
+    gripper_qpos: Array
+    gripper_qvel: Array
 
     def __init__(
-        self, num_worlds: int, vertices: int, grippers: int, *, num_threads: int = 1, turns: int = 0
+        self, num_worlds: int, vertices: int, grippers: int, place: Place | None = None
     ):
         """Worlds of zeros without models.
 
@@ -80,21 +87,17 @@ class ClothWorlds(worlds.Worlds):
             num_worlds: how many.
             vertices: of the largest model.
             grippers: of each model.
-            num_threads, turns: of `native.worlds.Worlds`.
+            place: of `native.worlds.Worlds`.
         """
         sizes = {"vertices": vertices, "edges": EDGES_OF_VERTEX * vertices, "grippers": grippers}
-        super().__init__(num_worlds, sizes, num_threads, turns)
+        super().__init__(num_worlds, sizes, place)
 
-    def step(self, targets: np.ndarray, held: np.ndarray, goals: np.ndarray) -> None:
-        """Makes a step of all worlds.
+    def step(self, targets: Array, held: Array, goals: Array) -> None:
+        """Makes a step of all worlds that have a model.
 
         Args:
             targets: where grippers go (num_worlds, grippers, 3) [m].
             held: the vertex that each holds, or less than 0 (num_worlds, grippers).
             goals: where these go (num_worlds, grippers, 3) [m].
-
-        Raises:
-            LifecycleError: if a world has no model yet.
         """
-        targets, goals = (np.ascontiguousarray(array, float) for array in (targets, goals))
-        self._step(targets, goals, np.ascontiguousarray(held, np.int32))
+        self._step(targets=targets, goals=goals, held=held)

@@ -11,6 +11,8 @@ import mujoco
 import numpy as np
 
 from softgym_mj.native import worlds
+from softgym_mj.native.places import Place
+from softgym_mj.native.worlds import Array
 
 MOST_WALLS = 32  # As in batch/model.h.
 # What may go wrong in a step, as bits: numbers that are not finite; more neighbours of a particle
@@ -47,32 +49,28 @@ class WaterWorlds(worlds.Worlds):
         "velocities": ("particles", 3),
         "walls": ("walls", 7),
     }
-    known: np.ndarray
-    positions: np.ndarray
-    velocities: np.ndarray
-    walls: np.ndarray
+    told = {"poses": ("bodies", (7,), "float64")}  # noqa: RUF012
+    known: Array
+    positions: Array
+    velocities: Array
+    walls: Array
 
-    def __init__(
-        self, num_worlds: int, particles: int, bodies: int, *, num_threads: int = 1, turns: int = 0
-    ):
+    def __init__(self, num_worlds: int, particles: int, bodies: int, place: Place | None = None):
         """Worlds of zeros without models.
 
         Args:
             num_worlds: how many.
             particles: of the largest model.
             bodies: of each model, that are told where to go.
-            num_threads, turns: of `native.worlds.Worlds`.
+            place: of `native.worlds.Worlds`.
         """
         sizes = {"particles": particles, "walls": MOST_WALLS, "bodies": bodies}
-        super().__init__(num_worlds, sizes, num_threads, turns)
+        super().__init__(num_worlds, sizes, place)
 
-    def step(self, poses: np.ndarray) -> None:
-        """Makes a step of all worlds.
+    def step(self, poses: Array) -> None:
+        """Makes a step of all worlds that have a model.
 
         Args:
             poses: positions [m] and quaternions of bodies at its end (num_worlds, bodies, 7).
-
-        Raises:
-            LifecycleError: if a world has no model yet.
         """
-        self._step(np.ascontiguousarray(poses, float))
+        self._step(poses=poses)

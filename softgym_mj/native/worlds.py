@@ -8,31 +8,19 @@ import mujoco
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
-from softgym_mj.native.library import load_plugin
+from softgym_mj.native.places import ALIGNMENT, Place, Processor, function
 
 NOT_FINITE = 1  # The first of what may go wrong in a step, as bits.
 
-_ALIGNMENT = 64  # [bytes] Of models and memory: of the widest vectors.
 _REASON = 256  # [characters]
-# Results of functions that are not ints; all arguments are pointers or ints, but for doubles.
-_RESULTS = {"scratch": ctypes.c_longlong}
 
-
-def _aligned(size: int) -> np.ndarray:
-    """Zeros (size,) uint8 that begin at a multiple of `_ALIGNMENT`."""
-    whole = np.zeros(size + _ALIGNMENT, np.uint8)
-    first = -whole.ctypes.data % _ALIGNMENT
-    return whole[first : first + size]
+Array = Any  # Of NumPy or PyTorch.
+# Name of a size or a number, further sizes, name of the type.
+Shape = tuple[str | int, tuple[int, ...], str]
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
-
-
-def _function(library: Any, kind: str, name: str) -> Any:
-    found = getattr(library, f"softgym_mj_{kind}_batch_{name}")
-    found.restype = _RESULTS.get(name, ctypes.c_int)
-    return found
 
 
 def describe(
@@ -49,8 +37,9 @@ def describe(
     Raises:
         InvalidArgumentError: if there is anything in it that cannot be stepped.
     """
-    write = _function(ctypes.CDLL(str(load_plugin())), kind, "model")
-    ids, error, out = np.ascontiguousarray(ids, np.int32), _aligned(_REASON), _aligned(0)
+    write, place = function(kind, "model"), Processor()
+    ids, error = np.ascontiguousarray(ids, np.int32), np.zeros(_REASON, np.uint8)
+    out = place.zeros((0,), "uint8")
     for _ in range(2):  # Its size, then its content.
         size = write(
             ctypes.c_void_p(model._address), ctypes.c_void_p(data._address), _pointer(ids),
@@ -59,7 +48,7 @@ def describe(
         if not size:
             reason = error.tobytes().split(b"\0")[0].decode()
             raise InvalidArgumentError(f"model cannot be stepped in a batch: {reason}")
-        out = out if len(out) == size else _aligned(size)
+        out = out if len(out) == size else place.zeros((size,), "uint8")
     return out
 
 
@@ -70,69 +59,87 @@ class Worlds:
 
     Attributes:
         kind: of the library's functions.
-        fields: shapes of the arrays, (num_worlds, size, ...), each an attribute of its name: the
-            first number is the name of a size, or 1.
+        fields: shapes of the arrays of the state by name, (num_worlds, size, ...), each an
+            attribute of its name: the first size is a name or a number.
+        told: those of what worlds are told in a step, likewise.
+        place: where the arrays are.
+        models: (num_worlds,) int64 what worlds play, from `load`; those of 0 stand still.
         flags: what went wrong so far, as bits (num_worlds,) int32.
     """
 
     kind: str
     fields: Mapping[str, tuple[str | int, *tuple[int, ...]]]
+    told: Mapping[str, Shape]
 
-    def __init__(self, num_worlds: int, sizes: Mapping[str, int], num_threads: int, turns: int):
+    def __init__(self, num_worlds: int, sizes: Mapping[str, int], place: Place | None = None):
         """Worlds of zeros without models.
 
         Args:
             num_worlds: how many.
             sizes: of the largest model by name; all have as many of the last ones, which are told
                 where to go.
-            num_threads: that step worlds at a time.
-            turns: in which order each part of a step is done, which changes no bit: for tests.
+            place: where they are; None for this processor.
         """
-        self._library: Any = ctypes.CDLL(str(load_plugin()))
-        self._sizes, self._threads, self._turns = dict(sizes), num_threads, turns
-        for name, shape in self.fields.items():
-            setattr(self, name, np.zeros((num_worlds, self._size(shape[0], sizes), *shape[1:])))
-        self.flags = np.zeros(num_worlds, np.int32)
-        self._models: list[np.ndarray | None] = [None] * num_worlds
-        self._scratch: list[np.ndarray | None] = [None] * num_worlds
+        self.place = place = place or Processor()
+        self._number, self._sizes = num_worlds, dict(sizes)
+        for name, (size, *more) in self.fields.items():
+            setattr(self, name, place.zeros((num_worlds, self._size(size, sizes), *more), "float64"))
+        self._told = {
+            name: place.zeros((num_worlds, self._size(size, sizes), *more), dtype)
+            for name, (size, more, dtype) in self.told.items()
+        }
+        self.models = place.zeros((num_worlds,), "int64")
+        self.flags = place.zeros((num_worlds,), "int32")
+        self._memory: Array = place.zeros((num_worlds, 0), "uint8")
+        self._loaded: dict[bytes, tuple[int, Array]] = {}
+        self._counts: dict[int, dict[str, int]] = {}  # Sizes of models.
+        self._batch: Array = None  # `Batch` of the kind's batch/host.h, as bytes.
 
     @staticmethod
     def _size(kind: str | int, sizes: Mapping[str, int]) -> int:
         return sizes[kind] if isinstance(kind, str) else kind
 
-    def _counts(self, model: np.ndarray) -> dict[str, int]:
-        """The sizes of a model, by name."""
-        counts = np.zeros(len(self._sizes), np.int32)
-        _function(self._library, self.kind, "counts")(_pointer(model), _pointer(counts))
-        return dict(zip(self._sizes, counts.tolist(), strict=True))
+    # ------------------------------------------------------------------ models
 
-    def start(self, i: int, model: np.ndarray) -> None:
-        """Gives world `i` a model, from `describe`, and empties its rows.
+    def load(self, model: np.ndarray) -> int:
+        """Gets a model from `describe` ready for worlds; returns what `models` says of these.
 
         Raises:
-            InvalidArgumentError: for a model that is larger than the rows.
+            InvalidArgumentError: for one that is larger than the rows.
         """
-        counts, last = self._counts(model), next(reversed(self._sizes))
+        key = model.tobytes()
+        if key in self._loaded:
+            return self._loaded[key][0]
+        found = np.zeros(len(self._sizes), np.int32)
+        function(self.kind, "counts")(_pointer(model), _pointer(found))
+        counts, last = dict(zip(self._sizes, found.tolist(), strict=True)), [*self._sizes][-1]
         fits = all(counts[name] <= most for name, most in self._sizes.items())
         if not fits or counts[last] != self._sizes[last]:
             raise InvalidArgumentError("model", counts, f"within {self._sizes}")
-        needed = _function(self._library, self.kind, "scratch")(_pointer(model))
-        scratch = self._scratch[i]
-        if scratch is None or len(scratch) < needed:
-            self._scratch[i] = _aligned(needed)
-        else:
-            scratch[:] = 0
-        self._models[i] = model
+        needed = -(-function(self.kind, "memory")(_pointer(model)) // ALIGNMENT) * ALIGNMENT
+        if needed > self._memory.shape[1]:  # What it held can be found again.
+            self._memory = None
+            self._memory, self._batch = self.place.zeros((self._number, needed), "uint8"), None
+        there = self.place.put(model)
+        address = self.place.address(there)
+        self._loaded[key], self._counts[address] = (address, there), counts
+        return address
+
+    # ------------------------------------------------------------------ one world
+
+    def start(self, i: int, model: np.ndarray) -> None:
+        """Gives world `i` a model, from `describe`, and empties its rows; errors as of `load`."""
+        self.models[i] = self.load(model)
         for name in self.fields:
             getattr(self, name)[i] = 0.0
         self.flags[i] = 0
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:
         """The state of world `i` (n, ...) by name, for `set_state` of a world of the same model."""
-        model = self._models[i]
-        if model is None:
+        address = int(self.models[i])
+        if not address:
             raise LifecycleError(f"world {i} has no model yet: call start() before get_state()")
-        counts = self._counts(model)
+        counts = self._counts[address]
         return {
             name: getattr(self, name)[i, : self._size(kind, counts)].copy()
             for name, (kind, *_) in self.fields.items()
@@ -144,25 +151,19 @@ class Worlds:
             getattr(self, name)[i] = 0.0
             getattr(self, name)[i, : len(array)] = array
 
-    def _step(self, *told: np.ndarray) -> None:
-        """Makes a step of all worlds.
+    # ------------------------------------------------------------------ all
 
-        Args:
-            told: what they are told, in the order of `Batch` of the kind's batch/host.h.
+    def _step(self, **told: Array) -> None:
+        """Makes a step of all worlds that are told this, by name."""
+        for name, array in told.items():
+            self._told[name][...] = array
+        if self._batch is None:
+            self._batch = self._written()
+        self.place.step(self.kind, self._batch, self._number)
 
-        Raises:
-            LifecycleError: if a world has no model yet.
-        """
-        models, scratch = (
-            np.array([0 if array is None else array.ctypes.data for array in arrays], np.uint64)
-            for arrays in (self._models, self._scratch)
-        )
-        if not models.all():
-            raise LifecycleError("a world has no model yet: call start() before step()")
-        state = (getattr(self, name) for name in self.fields)
-        pointers = [a.ctypes.data for a in (models, scratch, *state, *told, self.flags)]
-        # `Batch`: ints, an even number of them, then pointers.
-        sizes = np.array([len(self.flags), *self._sizes.values()], np.int32)
-        batch = np.concatenate([sizes.view(np.uint64), np.array(pointers, np.uint64)])
-        step = _function(self._library, self.kind, "step")
-        step(_pointer(batch), self._threads, self._turns)
+    def _written(self) -> Array:
+        """`Batch`: ints, an even number of them, then pointers."""
+        sizes = np.array([self._number, *self._sizes.values(), self._memory.shape[1]], np.int64)
+        arrays = [self.models, self._memory, *(getattr(self, name) for name in self.fields)]
+        pointers = [self.place.address(a) for a in (*arrays, *self._told.values(), self.flags)]
+        return self.place.put(np.concatenate([sizes, np.array(pointers, np.int64)]))

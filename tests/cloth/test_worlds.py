@@ -6,6 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj.cloth.worlds import CANDIDATES_FULL, NOT_FINITE, ClothWorlds, describe
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
+from softgym_mj.native.places import Processor
 
 # Task, variation, env steps.
 EPISODES = (
@@ -19,10 +20,10 @@ EPISODES = (
 )
 
 
-def _worlds(models, **settings):
+def _worlds(models, place=None):
     """ClothWorlds of these models."""
     most = 600  # Vertices of the largest one.
-    worlds = ClothWorlds(len(models), most, 2, **settings)
+    worlds = ClothWorlds(len(models), most, 2, place)
     for i, model in enumerate(models):
         worlds.start(i, model)
     return worlds
@@ -107,7 +108,7 @@ def test_a_world_makes_the_steps_of_the_plugin(task, variation, number):
 @pytest.mark.parametrize("task", ["rope_configuration", "fold_crumpled_cloth", "drop_cloth"])
 def test_no_bit_depends_on_the_order_of_what_is_done_at_once(task, turns):
     followed = _Followed(task, 806, fidelity="fast")
-    worlds = _worlds([_model(followed.env)], turns=turns)
+    worlds = _worlds([_model(followed.env)], Processor(turns=turns))
     followed.place(worlds, 0)
     _play_and_check([followed], worlds, 6)
 
@@ -118,7 +119,7 @@ def test_worlds_of_different_sizes_side_by_side():
     ]
     models = [_model(each.env) for each in followed]
     assert len({len(model) for model in models}) == 3
-    worlds = _worlds([*models, models[0]], num_threads=2)
+    worlds = _worlds([*models, models[0]], Processor(num_threads=2))
     for i, each in enumerate([*followed, followed[0]]):
         each.place(worlds, i)
     twin = _worlds([models[0]])
@@ -155,7 +156,7 @@ def test_a_world_that_is_not_finite_changes_no_other():
 def test_a_world_without_room_for_its_contacts_is_flagged(turns):
     followed = _Followed("spread_cloth", 803, fidelity="fast")
     models = [_model(followed.env), _model(followed.env, 0.01)]
-    worlds = _worlds(models, turns=turns)
+    worlds = _worlds(models, Processor(turns=turns))
     for i in range(2):
         followed.place(worlds, i)
     for told in followed.steps(followed.actions(2, 0)):
@@ -173,10 +174,7 @@ def test_a_state_continues_in_any_world():
     told = list(followed.steps(followed.actions(4, 0)))
     for each in told[:16]:
         worlds.step(*(array[None] for array in each))
-    for name in vars(worlds):
-        array = getattr(worlds, name)
-        if not name.startswith("_") and name != "flags":
-            getattr(other, name)[1] = array[0]
+    other.set_state(1, worlds.get_state(0))
     for each in told[16:]:
         worlds.step(*(array[None] for array in each))
         other.step(*(np.stack([array] * 2) for array in each))
@@ -195,4 +193,14 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(InvalidArgumentError, match="'vertices': 41"):
         ClothWorlds(1, 40, 2).start(0, _model(rope))
     with pytest.raises(LifecycleError, match="no model"):
-        ClothWorlds(1, 40, 2).step(*np.zeros((3, 1, 2, 3)))
+        ClothWorlds(1, 40, 2).get_state(0)
+
+
+def test_a_world_without_a_model_stands_still():
+    followed, worlds = _heaps(3)
+    worlds.models[1] = 0
+    before = worlds.qpos[1].copy()
+    for told in followed.steps(followed.actions(1, 0)):
+        worlds.step(*(np.stack([array] * 3) for array in told))
+    np.testing.assert_array_equal(worlds.qpos[1], before)
+    followed.check(worlds, 2)

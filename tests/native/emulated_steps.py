@@ -7,37 +7,37 @@ import ctypes
 import itertools
 import sys
 
+from softgym_mj.native.places import Processor
 from tests.cloth import test_worlds as cloth
 from tests.fluid import test_worlds as water
 
 THREADS = 16  # Of a block: two groups of eight lanes.
 
 
-class _Emulated:
-    """The library, but for the steps of batches."""
+class _Emulated(Processor):
+    """Steps by the functions of a library, of the names of those of the package's."""
 
-    def __init__(self, library, emulated):
-        self._library = library
-        for name in ("softgym_mj_cloth_batch_step", "softgym_mj_fluid_batch_step"):
-            setattr(self, name, getattr(emulated, name))
+    def __init__(self, file):
+        super().__init__()
+        self._library = ctypes.CDLL(str(file))
 
-    def __getattr__(self, name):
-        return getattr(self._library, name)
+    def step(self, kind, batch, num_worlds):
+        step = getattr(self._library, f"softgym_mj_{kind}_batch_step")
+        step(ctypes.c_void_p(self.address(batch)), 1, THREADS)
 
 
 def step_and_check(file, task, variation, steps):
     """Makes some sim steps from a variation's start; each ends like the plugin's."""
-    emulated = ctypes.CDLL(str(file))
+    place = _Emulated(file)
     if "water" in task:
         followed = water._Followed(task, variation)
-        worlds = water._worlds([followed], turns=THREADS)
+        worlds = water._worlds([followed], place)
         told = ((poses,) for poses in followed.steps(1))
     else:
         followed = cloth._Followed(task, variation, fidelity="fast")
-        worlds = cloth._worlds([cloth._model(followed.env)], turns=THREADS)
+        worlds = cloth._worlds([cloth._model(followed.env)], place)
         followed.place(worlds, 0)
         told = followed.steps(followed.actions(1, 0))
-    worlds._library = _Emulated(worlds._library, emulated)
     for arrays in itertools.islice(told, steps):
         worlds.step(*(array[None] for array in arrays))
         followed.check(worlds, 0)

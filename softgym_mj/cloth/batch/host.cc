@@ -20,11 +20,11 @@ auto ChooseStepOne() {
 }  // namespace softgym_mj::cloth
 
 // Bytes of memory that a world of a model needs.
-SGM_EXPORT long long softgym_mj_cloth_batch_scratch(const char* model) {
+SGM_EXPORT long long softgym_mj_cloth_batch_memory(const char* model) {
   using namespace softgym_mj::cloth;
   softgym_mj::Memory memory(nullptr);
   World unused;
-  TakeScratch(*reinterpret_cast<const Model*>(model), &memory, &unused);
+  TakeMemory(*reinterpret_cast<const Model*>(model), &memory, &unused);
   return memory.size();
 }
 

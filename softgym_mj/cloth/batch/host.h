@@ -7,9 +7,9 @@ namespace softgym_mj::cloth {
 
 // Arrays of all worlds, with room in each row for the largest model. See World.
 struct Batch {
-  int num_worlds, most_vertices, most_edges, num_grippers;
-  const char* const* models;  // (num_worlds,) a Model each.
-  char* const* scratch;       // (num_worlds,) memory of each, zeros when it gets its model.
+  long long num_worlds, most_vertices, most_edges, num_grippers, memory_size;
+  const char* const* models;  // (num_worlds,) a Model each, or null: of a world that stands still.
+  char* memory;               // (num_worlds, memory_size) zeros at first.
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
   const double *targets, *goals;
   const int* held;

@@ -10,10 +10,11 @@ namespace softgym_mj::cloth {
 namespace {
 
 inline void StepWorldOf(const Batch& batch, int i) {
+  if (!batch.models[i]) return;
   SGM_SHARED World w;
   Once([&] {
     w.model = reinterpret_cast<const Model*>(batch.models[i]);
-    const long long vertices = static_cast<long long>(batch.most_vertices) * i, grippers = batch.num_grippers * i;
+    const long long vertices = batch.most_vertices * i, grippers = batch.num_grippers * i;
     w.targets = batch.targets + 3 * grippers;
     w.goals = batch.goals + 3 * grippers;
     w.held = batch.held + grippers;
@@ -21,13 +22,13 @@ inline void StepWorldOf(const Batch& batch, int i) {
     w.qpos = batch.qpos + 3 * vertices;
     w.qvel = batch.qvel + 3 * vertices;
     w.reference = batch.reference + 3 * vertices;
-    w.after_edge = batch.after_edge + static_cast<long long>(batch.most_edges) * i;
+    w.after_edge = batch.after_edge + batch.most_edges * i;
     w.holding_force = batch.holding_force + vertices;
     w.after_layers = batch.after_layers + 4 * kKeptPairs * vertices;
     w.gripper_qpos = batch.gripper_qpos + 3 * grippers;
     w.gripper_qvel = batch.gripper_qvel + 3 * grippers;
-    Memory scratch(batch.scratch[i]);
-    TakeScratch(*w.model, &scratch, &w);
+    Memory memory(batch.memory + batch.memory_size * i);
+    TakeMemory(*w.model, &memory, &w);
   });
   StepWorld(w);
   Once([&] { batch.flags[i] |= w.step->flags; });

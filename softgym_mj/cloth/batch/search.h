@@ -92,7 +92,7 @@ inline void FindCandidates(const World& w) {
       TakeLargest(&w.step->furthest, Abs(u));
     }
   });
-  if (w.step->covers && !w.step->left) return;
+  if (w.step->covers && w.step->of == &m && !w.step->left) return;
   const float margin = reach / 2 + (w.step->furthest < slack / 2 ? slack : 0);
   Each(m.vertices, [&](int v) {
     for (int k = 0; k < 3; ++k) {
@@ -117,7 +117,7 @@ inline void FindCandidates(const World& w) {
   Collect(w, vertices, triangles, false, &w.step->num_candidates[0], w.triangle_candidates);
   Collect(w, edges, edges, true, &w.step->num_candidates[1], w.edge_candidates);
   Once([&] {
-    w.step->covers = 1;
+    w.step->covers = 1, w.step->of = &m;
     for (int& count : w.step->num_candidates) {
       if (count <= m.candidates) continue;
       w.step->flags |= kCandidatesFull;

@@ -1,7 +1,7 @@
-// A step of all worlds of a batch on a GPU: a block for each.
+// A step of all worlds of a batch on a GPU: a block of `SGM_THREADS` for each.
 
 #include "cloth/batch/one.h"
 
-extern "C" __global__ void StepWorlds(const softgym_mj::cloth::Batch batch) {
-  if (blockIdx.x < batch.num_worlds) softgym_mj::cloth::StepWorldOf(batch, blockIdx.x);
+extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS) Step(const softgym_mj::cloth::Batch* batch) {
+  softgym_mj::cloth::StepWorldOf(*batch, blockIdx.x);
 }

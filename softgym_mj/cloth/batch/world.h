@@ -40,8 +40,9 @@ struct Step {
   int flags, remaining, num_driven, num_kept, num_near;
   int num_candidates[2];  // Vertices and triangles, edges and edges.
   int num_found, num_pairs;
-  int covers;  // Whether there are candidates, for vertices that have not
-  int left;    // their boxes.
+  int covers;       // Whether there are candidates, for vertices that have not
+  int left;         // their boxes,
+  const Model* of;  // of this mesh.
   int moves, changed, lifted;
   float furthest;
   double fastest, mean[3];
@@ -93,7 +94,7 @@ inline void TakeRows(Memory* memory, int most, int corners, Rows* rows) {
 }
 
 // Rows lie in the memory themselves, if there is any.
-inline void TakeScratch(const Model& model, Memory* memory, World* w) {
+inline void TakeMemory(const Model& model, Memory* memory, World* w) {
   const int n = model.vertices, p = 4 * model.padded, e = model.chain_edges;
   memory->Take(&w->step, 1);
   memory->Take(&w->touch, model.grippers);

@@ -7,9 +7,9 @@ namespace softgym_mj::fluid {
 
 // Arrays of all worlds, with room in each row for the largest model. See World.
 struct Batch {
-  int num_worlds, most_particles, most_walls, most_bodies;
-  const char* const* models;  // (num_worlds,) a Model each.
-  char* const* scratch;       // (num_worlds,) memory of each.
+  long long num_worlds, most_particles, most_walls, most_bodies, memory_size;
+  const char* const* models;  // (num_worlds,) a Model each, or null: of a world that stands still.
+  char* memory;               // (num_worlds, memory_size)
   double *known, *positions, *velocities, *walls;
   const double* poses;
   int* flags;  // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.

@@ -10,17 +10,18 @@ namespace softgym_mj::fluid {
 namespace {
 
 inline void StepWorldOf(const Batch& batch, int i) {
+  if (!batch.models[i]) return;
   SGM_SHARED World w;
   Once([&] {
     w.model = reinterpret_cast<const Model*>(batch.models[i]);
-    const long long particles = static_cast<long long>(batch.most_particles) * i;
+    const long long particles = batch.most_particles * i;
     w.known = batch.known + i;
     w.positions = batch.positions + 3 * particles;
     w.velocities = batch.velocities + 3 * particles;
-    w.walls = batch.walls + 7LL * batch.most_walls * i;
-    w.poses = batch.poses + 7LL * batch.most_bodies * i;
-    Memory scratch(batch.scratch[i]);
-    TakeScratch(*w.model, &scratch, &w);
+    w.walls = batch.walls + 7 * batch.most_walls * i;
+    w.poses = batch.poses + 7 * batch.most_bodies * i;
+    Memory memory(batch.memory + batch.memory_size * i);
+    TakeMemory(*w.model, &memory, &w);
   });
   StepWorld(&w);
   Once([&] { batch.flags[i] |= w.step->flags; });

@@ -1,7 +1,7 @@
-// A step of the water of all worlds of a batch on a GPU: a block for each.
+// A step of all worlds of a batch on a GPU: a block of `SGM_THREADS` for each.
 
 #include "fluid/batch/one.h"
 
-extern "C" __global__ void StepWater(const softgym_mj::fluid::Batch batch) {
-  if (blockIdx.x < batch.num_worlds) softgym_mj::fluid::StepWorldOf(batch, blockIdx.x);
+extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS) Step(const softgym_mj::fluid::Batch* batch) {
+  softgym_mj::fluid::StepWorldOf(*batch, blockIdx.x);
 }

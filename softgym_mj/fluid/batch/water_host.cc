@@ -99,11 +99,11 @@ SGM_EXPORT int softgym_mj_fluid_batch_model(const mjModel* m, const mjData* d, c
 }
 
 // Bytes of memory that a world of a model needs.
-SGM_EXPORT long long softgym_mj_fluid_batch_scratch(const char* model) {
+SGM_EXPORT long long softgym_mj_fluid_batch_memory(const char* model) {
   using namespace softgym_mj::fluid;
   softgym_mj::Memory memory(nullptr);
   World unused;
-  TakeScratch(*reinterpret_cast<const Model*>(model), &memory, &unused);
+  TakeMemory(*reinterpret_cast<const Model*>(model), &memory, &unused);
   return memory.size();
 }
 

@@ -42,7 +42,7 @@ struct World {
   int *begin, *end;
 };
 
-inline void TakeScratch(const Model& model, Memory* memory, World* w) {
+inline void TakeMemory(const Model& model, Memory* memory, World* w) {
   const int n = model.count + kLanes;
   Particles* p = &w->particles;
   memory->Take(&w->step, 1);

@@ -10,6 +10,7 @@ from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
 from softgym_mj.metrics import Measures
+from softgym_mj.native.places import Processor
 from softgym_mj.native.worlds import NOT_FINITE
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks.shared.observations import STATES
@@ -35,7 +36,7 @@ class BatchBackend(Backend):
             example: that environment.
             num_envs: number of environments.
             num_threads: that step worlds; None for one a core.
-            turns: of `native.worlds.Worlds`, for tests.
+            turns: of `native.places.Processor`, for tests.
 
         Raises:
             InvalidArgumentError: for what cannot be played so, by name.
@@ -50,7 +51,7 @@ class BatchBackend(Backend):
             num_threads = min(num_envs, num_cores())
         check_count("num_workers", num_threads, 1, num_envs)
         kind = Flexes if self._task.flexes.flexes else Waters
-        self._side: Side = kind(example.dm_env, num_envs, num_threads, turns)
+        self._side: Side = kind(example.dm_env, num_envs, Processor(num_threads, turns))
         self._starts = Starts(example.dm_env, self._side)
         self.observation_space = example.observation_space
         self.action_space = example.action_space

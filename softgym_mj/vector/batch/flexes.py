@@ -8,6 +8,7 @@ from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
 from softgym_mj.entities.flex import Flex
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.native.places import Place
 from softgym_mj.robots.grip import remembered
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.shared.state import State
@@ -42,12 +43,12 @@ class Mesh:
 class Flexes(Side):
     """See the module docstring."""
 
-    def __init__(self, env: Environment, num_worlds: int, num_threads: int, turns: int):
+    def __init__(self, env: Environment, num_worlds: int, place: Place):
         """Makes worlds for an environment's task.
 
         Args:
             env: says how episodes start.
-            num_worlds, num_threads, turns: of `ClothWorlds`.
+            num_worlds, place: of `ClothWorlds`.
 
         Raises:
             InvalidArgumentError: unless there is one flex and the actor is a picker.
@@ -61,9 +62,7 @@ class Flexes(Side):
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
         actor, number = task.actor, task.max_points
-        self._worlds = ClothWorlds(
-            num_worlds, number, actor.num_grippers, num_threads=num_threads, turns=turns
-        )
+        self._worlds = ClothWorlds(num_worlds, number, actor.num_grippers, place)
         self._pickers = Pickers(num_worlds, actor.num_grippers, actor.radius, actor.pick_distance)
         self._meshes: list[Mesh | None] = [None] * num_worlds
         self._known: dict[bytes, Mesh] = {}

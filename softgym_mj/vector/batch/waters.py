@@ -8,6 +8,7 @@ from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.fluid.worlds import WaterWorlds, describe
+from softgym_mj.native.places import Place
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.tasks.shared.state import State
@@ -19,12 +20,12 @@ POSITION_AND_QUATERNION, PLANAR = slice(7), [0, 2, 7]  # Of a whole pose.
 class Waters(Side):
     """See the module docstring. The cup that moves does what `CupMover` does."""
 
-    def __init__(self, env: Environment, num_worlds: int, num_threads: int, turns: int):
+    def __init__(self, env: Environment, num_worlds: int, place: Place):
         """Makes worlds for an environment's task.
 
         Args:
             env: says how episodes start.
-            num_worlds, num_threads, turns: of `WaterWorlds`.
+            num_worlds, place: of `WaterWorlds`.
 
         Raises:
             InvalidArgumentError: unless a cup that is told where to go is the actor.
@@ -42,9 +43,7 @@ class Waters(Side):
         self._names = [cup.mjcf_model.model for cup in self._cups]
         self._moving = np.flatnonzero(self._mover.max_step)
         number = task.max_points
-        self._worlds = WaterWorlds(
-            num_worlds, number, len(self._cups), num_threads=num_threads, turns=turns
-        )
+        self._worlds = WaterWorlds(num_worlds, number, len(self._cups), place)
         self._present = np.zeros((num_worlds, number), bool)
         self._poses = np.zeros((num_worlds, len(self._cups), 8))
         self._sizes = np.zeros((num_worlds, len(self._cups), 4))

@@ -1,0 +1,75 @@
+"""`Place`: where the arrays of worlds are, and what makes their steps: here, this processor."""
+
+import ctypes
+from typing import Any, Protocol
+
+import numpy as np
+
+from softgym_mj.native.library import load_plugin
+
+ALIGNMENT = 64  # [bytes] Of what programs get: of the widest vectors.
+
+# Results of the library's functions that are not ints; all arguments are pointers or ints, but for
+# doubles.
+_RESULTS = {"memory": ctypes.c_longlong}
+
+
+class Place(Protocol):
+    """Arrays of NumPy or PyTorch, and programs that step worlds of a kind which lie in them.
+
+    Attributes:
+        xp: the arrays' namespace.
+    """
+
+    xp: Any
+
+    def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
+        """Zeros, of a type by its name; their memory begins at a multiple of `ALIGNMENT`."""
+
+    def put(self, array: np.ndarray) -> Any:
+        """A copy of an array."""
+
+    def address(self, array: Any) -> int:
+        """Where the memory of an array begins."""
+
+    def step(self, kind: str, batch: Any, num_worlds: int) -> None:
+        """Makes, or begins, a step of worlds of a kind: `batch` is its `Batch` as bytes."""
+
+
+class Processor(Place):
+    """This processor."""
+
+    xp: Any = np
+
+    def __init__(self, num_threads: int = 1, turns: int = 0):
+        """Notes how worlds are stepped.
+
+        Args:
+            num_threads: that step worlds at a time.
+            turns: in which order each part of a step is done, which changes no bit: for tests.
+        """
+        self._threads, self._turns = num_threads, turns
+
+    def zeros(self, shape: tuple[int, ...], dtype: str) -> np.ndarray:
+        size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+        whole = np.zeros(size + ALIGNMENT, np.uint8)
+        first = -whole.ctypes.data % ALIGNMENT
+        return whole[first : first + size].view(dtype).reshape(shape)
+
+    def put(self, array: np.ndarray) -> np.ndarray:
+        copy = self.zeros(array.shape, array.dtype.name)
+        copy[...] = array
+        return copy
+
+    def address(self, array: np.ndarray) -> int:
+        return array.ctypes.data
+
+    def step(self, kind: str, batch: np.ndarray, num_worlds: int) -> None:
+        function(kind, "step")(ctypes.c_void_p(batch.ctypes.data), self._threads, self._turns)
+
+
+def function(kind: str, name: str) -> Any:
+    """A function of the library for worlds of a kind."""
+    found = getattr(ctypes.CDLL(str(load_plugin())), f"softgym_mj_{kind}_batch_{name}")
+    found.restype = _RESULTS.get(name, ctypes.c_int)
+    return found
