@@ -78,9 +78,7 @@ class ClothWorlds(worlds.Worlds):
     gripper_qpos: Array
     gripper_qvel: Array
 
-    def __init__(
-        self, num_worlds: int, vertices: int, grippers: int, place: Place | None = None
-    ):
+    def __init__(self, num_worlds: int, vertices: int, grippers: int, place: Place | None = None):
         """Worlds of zeros without models.
 
         Args:

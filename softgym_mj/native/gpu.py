@@ -64,7 +64,10 @@ def cubin(kind: str, architecture: str, folder: pathlib.Path) -> bytes:
     if kind not in _KINDS:
         raise InvalidArgumentError("kind", kind, _KINDS)
     core = _cuda()
-    options = {**_OPTIONS, "define_macro": [("SGM_THREADS", str(THREADS)), ("SGM_BLOCKS", str(BLOCKS))]}
+    options = {
+        **_OPTIONS,
+        "define_macro": [("SGM_THREADS", str(THREADS)), ("SGM_BLOCKS", str(BLOCKS))],
+    }
     key = hashlib.sha256(f"{_source(kind)}{sorted(options.items())}".encode()).hexdigest()[:16]
     file = folder / f"{kind}-sm_{architecture}-{key}.cubin"
     if not file.exists():

@@ -83,7 +83,9 @@ class Worlds:
         self.place = place = place or Processor()
         self._number, self._sizes = num_worlds, dict(sizes)
         for name, (size, *more) in self.fields.items():
-            setattr(self, name, place.zeros((num_worlds, self._size(size, sizes), *more), "float64"))
+            setattr(
+                self, name, place.zeros((num_worlds, self._size(size, sizes), *more), "float64")
+            )
         self._told = {
             name: place.zeros((num_worlds, self._size(size, sizes), *more), dtype)
             for name, (size, more, dtype) in self.told.items()

@@ -7,18 +7,18 @@ from typing import Any, NoReturn
 import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import batch_space, iterate
+from gymnasium.vector.utils import batch_space
 
 from softgym_mj.envs.environment import Snapshot
-from softgym_mj.envs.gymnasium_env import brief, check_options, checked_state, draw_variation
+from softgym_mj.envs.gymnasium_env import brief, check_options, checked_state
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
 from softgym_mj.kinds import check_kind
 from softgym_mj.registry import HorizonSpec
 from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
+from softgym_mj.vector.draws import Draws
 
 _State = tuple[Snapshot, Mapping[str, Any]]  # With the state of the generator.
 
@@ -44,15 +44,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             variations: indices to draw from.
             autoreset_mode: what follows the last step of an episode, see `make_vec`.
         """
-        self.backend, self.num_envs = backend, backend.num_envs
-        self._variations, self._mode = variations, autoreset_mode
+        self.backend, self.num_envs, self._mode = backend, backend.num_envs, autoreset_mode
+        backend.draws = Draws(backend.num_envs, variations)
         self.metadata = {**backend.metadata, "autoreset_mode": autoreset_mode}
         self.render_mode = backend.render_mode
         self.single_observation_space = backend.observation_space
         self.single_action_space = backend.action_space
         self.observation_space = batch_space(backend.observation_space, self.num_envs)
         self.action_space = batch_space(backend.action_space, self.num_envs)
-        self._generators = [np_random()[0] for _ in range(self.num_envs)]
         self._pending: Callable[[], Any] | None = None  # Waits for the step that has begun.
 
     @property
@@ -107,12 +106,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         variations: list[int | None],
         stagger: bool,
     ):
+        draws, chosen = self.backend.draws, {}
         for i in np.flatnonzero(mask).tolist():
-            if seeds[i] is not None:
-                self._generators[i], _ = np_random(seeds[i])
-        drawn = self._draw(mask & [variation is None for variation in variations])
-        given = {i: v for i, v in enumerate(variations) if mask[i] and v is not None}
-        self.backend.reset(given | drawn)
+            if (seed := seeds[i]) is not None:
+                draws.seed(i, seed)
+            given = variations[i]
+            chosen[i] = draws.next(i) if given is None else given
+        self.backend.reset(chosen)
         if stagger:
             shares = mask * np.arange(self.num_envs) / self.num_envs
             self.backend.call("shorten", [((share,), {}) for share in shares])
@@ -122,13 +122,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         restored = {i: states[i] for i in np.flatnonzero(mask).tolist()}
         self.backend.restore({i: snapshot for i, (snapshot, _) in restored.items()})
         for i, (_, generator) in restored.items():
-            self._generators[i].bit_generator.state = generator
+            self.backend.draws.set_state(i, generator)
         return self.backend.observe(), self.backend.infos(mask)
-
-    def _draw(self, mask: np.ndarray) -> dict[int, int]:
-        """Variations of the next episodes, by number of the environment."""
-        chosen = np.flatnonzero(mask).tolist()
-        return {i: draw_variation(self._generators[i], self._variations) for i in chosen}
 
     def step_async(self, actions: np.ndarray) -> None:
         """Begins a step, as of `step`; the environments make it while the caller goes on.
@@ -138,7 +133,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             LifecycleError: if another step has begun, as of all methods but `close`.
         """
         actions = _checked_actions(actions, self.num_envs, self.single_action_space)
-        self._pending = self._begin(self._step, actions)
+        self._pending = self._begin(self.backend.advance, actions, self._mode)
 
     def step_wait(self):
         """What `step` returns or raises, of the step that has begun; if this is interrupted, never.
@@ -162,27 +157,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             InvalidArgumentError: for a bad action; no environment is stepped then.
         """
         actions = _checked_actions(actions, self.num_envs, self.single_action_space)
-        return self._run(self._step, actions)
-
-    def _step(self, actions: np.ndarray):
-        ended, everyone = self.backend.ended(), np.ones(self.num_envs, bool)
-        if self._mode == AutoresetMode.DISABLED and ended.any():
-            raise LifecycleError(
-                f"episodes of environments {np.flatnonzero(ended).tolist()} have ended: call "
-                'reset(options={"reset_mask": terminated | truncated}) before step()'
-            )
-        starts = self._draw(ended & (self._mode == AutoresetMode.NEXT_STEP))
-        outcome = self.backend.step(actions, starts)
-        ended, last = self.backend.ended(), {}
-        if self._mode == AutoresetMode.SAME_STEP and ended.any():
-            observations = np.full(self.num_envs, None, object)
-            each = list(iterate(self.observation_space, self.backend.observe()))
-            for i in np.flatnonzero(ended):
-                observations[i] = each[i]
-            last = {"final_obs": observations, "final_info": self.backend.infos(ended),
-                    "_final_obs": ended, "_final_info": ended.copy()}  # fmt: skip
-            self.backend.reset(self._draw(ended))
-        return self.backend.observe(), *outcome, last | self.backend.infos(everyone)
+        return self._run(self.backend.advance, actions, self._mode)
 
     def render(self) -> tuple[Any, ...] | None:
         """What `render` of each environment returns."""
@@ -193,8 +168,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self._run(self._states)
 
     def _states(self) -> list[_State]:
-        generators = [generator.bit_generator.state for generator in self._generators]
-        return list(zip(self.backend.get_state(), generators, strict=True))
+        snapshots = self.backend.get_state()
+        generators = [self.backend.draws.get_state(i) for i in range(self.num_envs)]
+        return list(zip(snapshots, generators, strict=True))
 
     def set_state(self, states: Sequence[Any]):
         """Restores snapshots, of any vector environment or of single ones of the same kind.
