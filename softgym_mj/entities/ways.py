@@ -1,5 +1,7 @@
 """`Ways`: how far vertices of a mesh are from each other along its edges."""
 
+import functools
+
 import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
@@ -16,14 +18,23 @@ class Ways:
             edges: their indices (num_edges, 2).
             lengths: of the edges at rest (num_edges,) [m].
         """
-        self._mesh = num_points, edges, lengths
+        self._shape, self._edges, self._lengths = (num_points, num_points), edges, lengths
         self._from: dict[int, np.ndarray] = {}
+
+    @functools.cached_property
+    def _mesh(self) -> scipy.sparse.csr_array:
+        return scipy.sparse.csr_array((self._lengths, tuple(self._edges.T)), shape=self._shape)
 
     def between(self, first: int, second: int) -> float:
         """The way from one vertex to another [m]; infinite if nothing connects them."""
         start, end = min(first, second), max(first, second)  # Sums depend on the direction.
         if start not in self._from:
-            number, edges, lengths = self._mesh
-            mesh = scipy.sparse.csr_array((lengths, tuple(edges.T)), shape=(number, number))
-            self._from[start] = scipy.sparse.csgraph.dijkstra(mesh, directed=False, indices=start)
+            self._from[start] = scipy.sparse.csgraph.dijkstra(
+                self._mesh, directed=False, indices=start
+            )
         return float(self._from[start][end])
+
+    def all(self) -> np.ndarray:
+        """What `between` says of all pairs (num_points, num_points) [m]."""
+        ways = np.triu(scipy.sparse.csgraph.dijkstra(self._mesh, directed=False))
+        return np.maximum(ways, ways.T)

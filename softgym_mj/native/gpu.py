@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
-from softgym_mj.native.places import Place
+from softgym_mj.native.places import Copy, Place
 
 THREADS = 256  # Of a block.
 BLOCKS = 2  # That each multiprocessor has to have room for.
@@ -95,6 +95,24 @@ class _Stream:
         return 0, self._handle
 
 
+class _Copying(Copy):
+    """In memory that a device writes to by itself."""
+
+    def __init__(self, torch: Any, array: Any):
+        self._to = torch.empty(array.shape, dtype=array.dtype, pin_memory=True)
+        self._to.copy_(array, non_blocking=True)
+        self._event = torch.cuda.Event()
+        self._event.record()
+
+    @property
+    def done(self) -> bool:  # type: ignore[override]
+        return self._event.query()
+
+    def wait(self) -> np.ndarray:
+        self._event.synchronize()
+        return self._to.numpy()
+
+
 class Gpu(Place):
     """A CUDA device; steps are made in the order of PyTorch's current stream."""
 
@@ -128,6 +146,12 @@ class Gpu(Place):
 
     def put(self, array: np.ndarray) -> Any:
         return self._torch.from_numpy(np.ascontiguousarray(array)).to(self.device)
+
+    def get(self, array: Any) -> np.ndarray:
+        return array.cpu().numpy().copy()
+
+    def copy(self, array: Any) -> Copy:
+        return _Copying(self._torch, array)
 
     def address(self, array: Any) -> int:
         return array.data_ptr()

@@ -14,20 +14,41 @@ ALIGNMENT = 64  # [bytes] Of what programs get: of the widest vectors.
 _RESULTS = {"memory": ctypes.c_longlong}
 
 
+class Copy(Protocol):
+    """A copy of an array as it was, on its way to NumPy.
+
+    Attributes:
+        done: whether it has come.
+    """
+
+    done: bool
+
+    def wait(self) -> np.ndarray:
+        """The array (...), once it has come."""
+
+
 class Place(Protocol):
     """Arrays of NumPy or PyTorch, and programs that step worlds of a kind which lie in them.
 
     Attributes:
         xp: the arrays' namespace.
+        device: as its functions take it.
     """
 
     xp: Any
+    device: Any
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
-        """Zeros, of a type by its name; their memory begins at a multiple of `ALIGNMENT`."""
+        """Zeros (...), of a type by its name; their memory begins at a multiple of `ALIGNMENT`."""
 
     def put(self, array: np.ndarray) -> Any:
-        """A copy of an array."""
+        """A copy (...) of an array."""
+
+    def get(self, array: Any) -> np.ndarray:
+        """A copy of an array (...), in NumPy."""
+
+    def copy(self, array: Any) -> Copy:
+        """Begins what `get` does, and waits for nothing."""
 
     def address(self, array: Any) -> int:
         """Where the memory of an array begins."""
@@ -36,10 +57,21 @@ class Place(Protocol):
         """Makes, or begins, a step of worlds of a kind: `batch` is its `Batch` as bytes."""
 
 
+class _Copied(Copy):
+    done = True
+
+    def __init__(self, array: np.ndarray):
+        self._array = array
+
+    def wait(self) -> np.ndarray:
+        return self._array
+
+
 class Processor(Place):
     """This processor."""
 
     xp: Any = np
+    device: Any = None
 
     def __init__(self, num_threads: int = 1, turns: int = 0):
         """Notes how worlds are stepped.
@@ -60,6 +92,12 @@ class Processor(Place):
         copy = self.zeros(array.shape, array.dtype.name)
         copy[...] = array
         return copy
+
+    def get(self, array: np.ndarray) -> np.ndarray:
+        return np.array(array)
+
+    def copy(self, array: np.ndarray) -> Copy:
+        return _Copied(self.get(array))
 
     def address(self, array: np.ndarray) -> int:
         return array.ctypes.data

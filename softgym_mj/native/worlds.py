@@ -101,6 +101,10 @@ class Worlds:
     def _size(kind: str | int, sizes: Mapping[str, int]) -> int:
         return sizes[kind] if isinstance(kind, str) else kind
 
+    def rows(self) -> dict[str, Array]:
+        """The arrays of the state, and `models` as "model", by name."""
+        return {**{name: getattr(self, name) for name in self.fields}, "model": self.models}
+
     # ------------------------------------------------------------------ models
 
     def load(self, model: np.ndarray) -> int:
@@ -143,7 +147,7 @@ class Worlds:
             raise LifecycleError(f"world {i} has no model yet: call start() before get_state()")
         counts = self._counts[address]
         return {
-            name: getattr(self, name)[i, : self._size(kind, counts)].copy()
+            name: self.place.get(getattr(self, name)[i, : self._size(kind, counts)])
             for name, (kind, *_) in self.fields.items()
         }
 

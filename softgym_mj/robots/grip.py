@@ -96,12 +96,12 @@ def step_grips(
     xp = namespace(state.centre)
     centre = xp.maximum(xp.minimum(state.centre + command.displacement, limits.high), limits.low)
     held, dropped, free = state.held, state.dropped, state.held == NONE
-    if _may_be(xp, ~(command.closed | free)):
+    if may_be(xp, ~(command.closed | free)):
         held = xp.where(command.closed, held, NONE)
         dropped = dropped + (held < state.held).sum(-1)
     result = GripState(centre, held, state.offset, dropped)
     seeking = command.closed & free
-    if not _may_be(xp, seeking):
+    if not may_be(xp, seeking):
         return result
     offsets = points(state.centre)
     squares = offsets * offsets  # Summed one by one: libraries sum in various orders.
@@ -109,12 +109,12 @@ def step_grips(
     within = seeking[..., None] & (distances <= limits.reach**2)
     if present is not None:
         within = within & present[..., None, :]
-    if not _may_be(xp, within):
+    if not may_be(xp, within):
         return result
     return _taken(xp, result, offsets, xp.where(within, distances, xp.inf))
 
 
-def _may_be(xp: Any, mask: Array) -> bool:
+def may_be(xp: Any, mask: Array) -> bool:
     """False if a mask is known to be False everywhere; on a GPU, asking would cost too much."""
     return xp is not np or bool(np.count_nonzero(mask))
 
@@ -131,7 +131,7 @@ def _taken(xp: Any, state: GripState, offsets: Array, distances: Array) -> GripS
     held, offset = xp.asarray(state.held, copy=True), xp.asarray(state.offset, copy=True)
     vertices = xp.arange(distances.shape[-1], device=device(held))
     for i in range(held.shape[-1]):
-        if not _may_be(xp, xp.isfinite(distances[..., i, :])):
+        if not may_be(xp, xp.isfinite(distances[..., i, :])):
             continue
         taken = (held[..., None] == vertices).any(-2)
         own = xp.where(taken, xp.inf, distances[..., i, :])

@@ -9,8 +9,11 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, iterate
 
 from softgym_mj.envs.environment import Snapshot
-from softgym_mj.exceptions import LifecycleError
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
+from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.vector.draws import Draws
+
+MOST_ENVIRONMENTS = 10_000  # In a process each takes 20 MiB and more.
 
 
 class Backend(Protocol):
@@ -25,7 +28,7 @@ class Backend(Protocol):
     action_space: gymnasium.Space
     metadata: dict[str, Any]
     render_mode: str | None
-    draws: Draws  # What follows by itself; a `VectorEnv` sets it.
+    draws: Draws  # Of what follows by itself; a `VectorEnv` sets it.
 
     def begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
         """Has a function carried out, after those before and to its end whatever interrupts this.
@@ -40,6 +43,14 @@ class Backend(Protocol):
     def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
         """Continues episodes, by number of the environment."""
 
+    def checked(self, actions: Any) -> Any:
+        """Actions of all, a copy, for `advance`.
+
+        Raises:
+            InvalidArgumentError: for a bad one.
+        """
+        return checked_actions(actions, self.num_envs, self.action_space)
+
     def advance(self, actions: Any, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
         """Makes a step of a `VectorEnv`, and resets by itself as a mode says.
 
@@ -49,16 +60,16 @@ class Backend(Protocol):
         Raises:
             LifecycleError: if an episode has ended and nothing resets by itself.
         """
-        everyone, ended = np.ones(self.num_envs, bool), self.ended()
-        if mode == AutoresetMode.DISABLED:
-            check_running(ended)
-        starts = self._drawn(ended & (mode == AutoresetMode.NEXT_STEP))
-        outcome = self.step(actions, starts)
-        ended, last = self.ended(), {}
-        if mode == AutoresetMode.SAME_STEP and ended.any():
-            last = self.last(self.observe(), self.infos(ended), ended)
-            self.reset(self._drawn(ended))
-        return self.observe(), *outcome, last | self.infos(everyone)
+
+    def settle(self) -> None:
+        """Has `draws` be where the environments are, which may be further on."""
+        return None
+
+    def observe(self) -> Any:
+        """Observations of all, which later calls leave as they are."""
+
+    def infos(self, mask: np.ndarray) -> dict[str, Any]:
+        """Infos by name of those in `mask` (num_envs,) bool, of their last step or start."""
 
     def last(self, observations: Any, infos: dict[str, Any], ended: np.ndarray) -> dict[str, Any]:
         """What infos say of episodes that have ended (num_envs,) bool, as Gymnasium has it."""
@@ -68,26 +79,6 @@ class Backend(Protocol):
             found[i] = each[i]
         return {"final_obs": found, "final_info": infos,
                 "_final_obs": ended, "_final_info": ended.copy()}  # fmt: skip
-
-    def _drawn(self, mask: np.ndarray) -> dict[int, int]:
-        """Variations of the next episodes, by number of the environment."""
-        return {i: self.draws.next(i) for i in np.flatnonzero(mask).tolist()}
-
-    def step(self, actions: np.ndarray, variations: Mapping[int, int]) -> tuple[Any, Any, Any]:
-        """Applies actions (num_envs, n); those in `variations` start an episode instead.
-
-        Returns:
-            Rewards, 0 for a start, terminated and truncated, each (num_envs,).
-        """
-
-    def ended(self) -> np.ndarray:
-        """Whose episode has ended, (num_envs,) bool of NumPy."""
-
-    def observe(self) -> Any:
-        """Observations of all, which later calls leave as they are."""
-
-    def infos(self, mask: np.ndarray) -> dict[str, Any]:
-        """Infos by name of those in `mask` (num_envs,) bool, of their last step or start."""
 
     def get_state(self) -> list[Snapshot]:
         """A snapshot of each."""
@@ -106,3 +97,36 @@ def check_running(ended: np.ndarray) -> None:
             f"episodes of environments {np.flatnonzero(ended).tolist()} have ended: call "
             'reset(options={"reset_mask": terminated | truncated}) before step()'
         )
+
+
+def checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.ndarray:
+    """Actions of `number` environments, as an array (number, n).
+
+    Raises:
+        InvalidArgumentError: unless there is one for each; for one of the wrong shape, or outside
+            the action space of each, a Box.
+    """
+    try:
+        actions = np.array(actions)  # A copy: an interrupted step may come to it later.
+    except ValueError:  # Ragged.
+        actions = np.empty(0, object)
+    if actions.shape[:1] != (number,):
+        valid = f"an action for each of the {number} environments"
+        raise InvalidArgumentError("actions", f"an array of shape {actions.shape}", valid)
+    if not isinstance(space, gymnasium.spaces.Box):
+        return actions
+    if actions.dtype.kind not in "fiub" or actions.shape[1:] != space.shape:
+        raise InvalidArgumentError(
+            f"actions are {actions.dtype}{actions.shape}; expected real numbers "
+            f"{(number, *space.shape)}."
+        )
+    fits = (actions >= space.low - BOUND_TOLERANCE) & (actions <= space.high + BOUND_TOLERANCE)
+    bad = np.argwhere(~fits)  # NaN does not fit, either.
+    if len(bad):
+        first = tuple(bad[0].tolist())
+        raise InvalidArgumentError(
+            f"actions{list(first)} = {actions[first]}, of environment {first[0]}, must be finite "
+            "and within [-1, 1]; clip the actions first, for example with "
+            "numpy.clip(actions, -1, 1). No environment has been stepped."
+        )
+    return actions

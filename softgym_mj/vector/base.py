@@ -15,7 +15,6 @@ from softgym_mj.envs.gymnasium_env import brief, check_options, checked_state
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
 from softgym_mj.kinds import check_kind
 from softgym_mj.registry import HorizonSpec
-from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
 from softgym_mj.vector.draws import Draws
@@ -106,6 +105,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         variations: list[int | None],
         stagger: bool,
     ):
+        self.backend.settle()
         draws, chosen = self.backend.draws, {}
         for i in np.flatnonzero(mask).tolist():
             if (seed := seeds[i]) is not None:
@@ -120,6 +120,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def _restore(self, mask: np.ndarray, states: Sequence[_State]):
         restored = {i: states[i] for i in np.flatnonzero(mask).tolist()}
+        self.backend.settle()
         self.backend.restore({i: snapshot for i, (snapshot, _) in restored.items()})
         for i, (_, generator) in restored.items():
             self.backend.draws.set_state(i, generator)
@@ -132,7 +133,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             InvalidArgumentError: for a bad action; no environment is stepped then.
             LifecycleError: if another step has begun, as of all methods but `close`.
         """
-        actions = _checked_actions(actions, self.num_envs, self.single_action_space)
+        actions = self.backend.checked(actions)
         self._pending = self._begin(self.backend.advance, actions, self._mode)
 
     def step_wait(self):
@@ -156,7 +157,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             LifecycleError: if an episode has ended and nothing resets by itself.
             InvalidArgumentError: for a bad action; no environment is stepped then.
         """
-        actions = _checked_actions(actions, self.num_envs, self.single_action_space)
+        actions = self.backend.checked(actions)
         return self._run(self.backend.advance, actions, self._mode)
 
     def render(self) -> tuple[Any, ...] | None:
@@ -168,6 +169,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self._run(self._states)
 
     def _states(self) -> list[_State]:
+        self.backend.settle()
         snapshots = self.backend.get_state()
         generators = [self.backend.draws.get_state(i) for i in range(self.num_envs)]
         return list(zip(snapshots, generators, strict=True))
@@ -211,39 +213,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             "a VectorEnv can be neither copied nor pickled, as what simulates cannot: "
             "make another one and use other.set_state(envs.get_state())"
         )
-
-
-def _checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.ndarray:
-    """Actions of `number` environments, as an array (number, n).
-
-    Raises:
-        InvalidArgumentError: unless there is one for each; for one of the wrong shape, or outside
-            the action space of each, a Box.
-    """
-    try:
-        actions = np.array(actions)  # A copy: an interrupted step may come to it later.
-    except ValueError:  # Ragged.
-        actions = np.empty(0, object)
-    if actions.shape[:1] != (number,):
-        valid = f"an action for each of the {number} environments"
-        raise InvalidArgumentError("actions", f"an array of shape {actions.shape}", valid)
-    if not isinstance(space, gymnasium.spaces.Box):
-        return actions
-    if actions.dtype.kind not in "fiub" or actions.shape[1:] != space.shape:
-        raise InvalidArgumentError(
-            f"actions are {actions.dtype}{actions.shape}; expected real numbers "
-            f"{(number, *space.shape)}."
-        )
-    fits = (actions >= space.low - BOUND_TOLERANCE) & (actions <= space.high + BOUND_TOLERANCE)
-    bad = np.argwhere(~fits)  # NaN does not fit, either.
-    if len(bad):
-        first = tuple(bad[0].tolist())
-        raise InvalidArgumentError(
-            f"actions{list(first)} = {actions[first]}, of environment {first[0]}, must be finite "
-            "and within [-1, 1]; clip the actions first, for example with "
-            "numpy.clip(actions, -1, 1). No environment has been stepped."
-        )
-    return actions
 
 
 def _seed_of_each(seed: Any, number: int) -> list[int | None]:

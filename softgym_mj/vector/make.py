@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 from gymnasium.vector import AutoresetMode
 
-from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.registry import TaskRecord, find
 
 if TYPE_CHECKING:
+    from softgym_mj.native.places import Place
     from softgym_mj.vector.backend import Backend
     from softgym_mj.vector.base import VectorEnv
 
-_DEVICES = ("cpu", "host")
+_DEVICES = ("cpu", "host", "cuda")
 _MODES = [mode.value for mode in AutoresetMode]
 
 
@@ -33,12 +34,12 @@ def make_vec(
     Args:
         task: task name, or as in `registry.find`.
         num_envs: number of environments, 1 or more.
-        device: what simulates: "cpu", worker processes; "host", rows of arrays in this process,
-            which know pickers and cups, and states: the same bits, for tests of what is made for
-            GPUs.
+        device: what simulates: "cpu", worker processes; "cuda", a GPU on which all lies in
+            PyTorch's tensors, actions too if you like; "host", the same in NumPy's arrays in this
+            process. The last two know pickers and cups, and states, but no images or arms.
         num_workers: number of processes, or of threads of "host", 1..num_envs; by default one a
             core. Two a core balance variations that differ a lot in cost, as those of water do;
-            each costs some time.
+            each costs some time. None of "cuda".
         autoreset_mode: what follows the last step of an episode. "NextStep": the next step
             resets, ignores its action and has reward 0. "SameStep": the last step returns the
             first observation of the next episode, and its own in info["final_obs"] and
@@ -65,12 +66,29 @@ def make_vec(
     variations = split_indices(split)
     make = functools.partial(SoftGymEnv, record, split=split, **task_kwargs)
     backend: Backend
-    if device == "host":
-        from softgym_mj.vector.batch.backend import BatchBackend
-
-        if context is not None:
-            raise InvalidArgumentError("context", context, "None: there are no processes")
-        backend = BatchBackend(make(), num_envs, num_threads=num_workers)
-    else:
+    if device == "cpu":
         backend = ProcessBackend(make, num_envs, num_workers=num_workers, context=context)
+        return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))
+    from softgym_mj.vector.batch.backend import BatchBackend
+
+    if context is not None:
+        raise InvalidArgumentError("context", context, "None: there are no processes")
+    place = _place(device, num_workers, check_count("num_envs", num_envs, 1))
+    backend = BatchBackend(make(), num_envs, place)
     return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))
+
+
+def _place(device: str, num_workers: int | None, num_envs: int) -> "Place":
+    """Where the rows of a batch are."""
+    if device == "cuda":
+        from softgym_mj.native.gpu import Gpu
+        from softgym_mj.variations.store import cache_folder
+
+        if num_workers is not None:
+            raise InvalidArgumentError("num_workers", num_workers, "None: there are none")
+        return Gpu(cache_folder() / "programs")
+    from softgym_mj.native.places import Processor
+    from softgym_mj.vector.processes import num_cores
+
+    threads = min(num_envs, num_cores()) if num_workers is None else num_workers
+    return Processor(check_count("num_workers", threads, 1, num_envs))

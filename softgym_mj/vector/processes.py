@@ -10,12 +10,14 @@ import cloudpickle
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import create_shared_memory, read_from_shared_memory
 
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.jobs.executors import MOST_PROCESSES
-from softgym_mj.vector.backend import Backend
+from softgym_mj.vector.backend import MOST_ENVIRONMENTS, Backend, check_running
+from softgym_mj.vector.draws import Draws
 from softgym_mj.vector.pool import WorkerPool
 from softgym_mj.vector.worker import OUTCOME
 
@@ -23,11 +25,11 @@ from softgym_mj.vector.worker import OUTCOME
 # survive a fork.
 _PRELOADED = ["softgym_mj.vector.worker", "softgym_mj.metrics", "mujoco"]
 
-MOST_ENVIRONMENTS = 10_000  # Each takes 20 MiB and more.
-
 
 class ProcessBackend(Backend):
     """Arrays are NumPy's; observations, images among them, come through shared memory."""
+
+    draws: Draws
 
     def __init__(
         self,
@@ -99,13 +101,27 @@ class ProcessBackend(Backend):
     def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
         self._infos |= self._ask({i: ("restore", snapshot) for i, snapshot in snapshots.items()})
 
-    def step(self, actions: np.ndarray, variations: Mapping[int, int]) -> tuple[Any, Any, Any]:
+    def advance(self, actions: Any, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
+        everyone, ended = np.ones(self.num_envs, bool), self._ended()
+        if mode == AutoresetMode.DISABLED:
+            check_running(ended)
+        starts = self._drawn(ended & (mode == AutoresetMode.NEXT_STEP))
         steps = {i: ("step", action) for i, action in enumerate(actions)}
-        self._infos |= self._ask(steps | {i: ("start", v) for i, v in variations.items()})
+        self._infos |= self._ask(steps | {i: ("start", v) for i, v in starts.items()})
         rewards, terminated, truncated = self._outcomes.T.copy()
-        return rewards, terminated.astype(bool), truncated.astype(bool)
+        ended, last = self._ended(), {}
+        if mode == AutoresetMode.SAME_STEP and ended.any():
+            last = self.last(self.observe(), self.infos(ended), ended)
+            self.reset(self._drawn(ended))
+        outcome = rewards, terminated.astype(bool), truncated.astype(bool)
+        return self.observe(), *outcome, last | self.infos(everyone)
 
-    def ended(self) -> np.ndarray:
+    def _drawn(self, mask: np.ndarray) -> dict[int, int]:
+        """Variations of the next episodes, by number of the environment."""
+        return {i: self.draws.next(i) for i in np.flatnonzero(mask).tolist()}
+
+    def _ended(self) -> np.ndarray:
+        """Whose episode has ended, (num_envs,) bool."""
         return self._outcomes[:, 1:].any(axis=1)
 
     def observe(self) -> Any:

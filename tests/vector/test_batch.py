@@ -3,13 +3,18 @@
 import gymnasium
 import numpy as np
 import pytest
+import torch
+from gymnasium.vector import AutoresetMode
 
 import softgym_mj
 import softgym_mj.tasks.straighten_rope
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
+from softgym_mj.native.places import Processor
+from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.batch.rows import Rows
+from tests.native.torch_processor import TorchProcessor
 from tests.vector.same import same
 
 STATES = ["full", "full_mask", "held", "markov", "proprioception", "reduced"]
@@ -222,13 +227,16 @@ def test_custom_tasks_are_played_if_they_are_functions_of_arrays(register):
 
 
 def test_rows_grow_with_what_is_put_into_them():
-    rows = Rows(3)
+    rows = Rows(1, Processor())
     rows.put(0, {"a": np.ones((2, 1)), "b": {"c": 5}})
-    rows.put(2, {"a": np.full((1, 3), 2), "b": {"c": 7}})
-    assert rows.whole["b"]["c"].tolist() == [5, 0, 7]
-    np.testing.assert_array_equal(
-        rows.whole["a"], [[[1, 0, 0], [1, 0, 0]], np.zeros((2, 3)), [[2, 2, 2], [0, 0, 0]]]
-    )
+    rows.put(2, {"a": np.full((1, 3), 2.0), "b": {"c": 7}})
+    assert rows.whole["b"]["c"].tolist() == [5, 0, 7, 0]
+    found = [[[1, 0, 0], [1, 0, 0]], np.zeros((2, 3)), [[2, 2, 2], [0, 0, 0]]]
+    np.testing.assert_array_equal(rows.whole["a"][:3], found)
+    others = Rows(2, Processor())
+    others.take(np.array([True, False]), rows, np.array([2, 0]))
+    assert others.whole["b"]["c"].tolist() == [7, 0]
+    np.testing.assert_array_equal(others.whole["a"], [found[2], np.zeros((2, 3))])
     rows.put(0, {"a": np.zeros((0, 0)), "b": {"c": 1}})
     assert not rows.whole["a"][0].any()
 
@@ -237,13 +245,14 @@ def test_threads_and_turns_change_no_bit():
     settings = {"observation": STATES, "fidelity": "fast", "split": "all"}
     outcomes = []
     for threads, turns in ((1, 0), (2, 4)):
-        backend = BatchBackend(SoftGymEnv("spread_cloth", **settings), 3, threads, turns)
-        backend.reset(dict(enumerate(VARIATIONS)))
-        size = backend.action_space.shape[0]
-        for each in np.random.default_rng(1).uniform(-1.0, 1.0, (3, 3, size)):
-            backend.step(each, {})
-        outcomes.append(backend.observe())
-        backend.close()
+        place = Processor(threads, turns)
+        backend = BatchBackend(SoftGymEnv("spread_cloth", **settings), 3, place)
+        envs = VectorEnv(backend, VARIATIONS, AutoresetMode.NEXT_STEP)
+        envs.reset(options={"variation": VARIATIONS})
+        for each in np.random.default_rng(1).uniform(-1.0, 1.0, (3, *envs.action_space.shape)):
+            seen = envs.step(each)
+        outcomes.append(seen[0])
+        envs.close()
     assert same(*outcomes)
 
 
@@ -252,4 +261,76 @@ def test_gymnasium_makes_it():
     observations, _ = envs.reset(seed=1)
     assert observations in envs.observation_space
     assert envs.get_attr("horizon") == (75, 75)
+    envs.close()
+
+
+def _twins(task, number=3, mode="NextStep", **settings):
+    """The same environments in NumPy's arrays and in PyTorch's tensors."""
+    return [
+        VectorEnv(
+            BatchBackend(SoftGymEnv(task, **_settings(task, settings)), number, place),
+            VARIATIONS,
+            AutoresetMode(mode),
+        )
+        for place in (Processor(), TorchProcessor())
+    ]
+
+
+def _agree(arrays, tensors, where=slice(None)):
+    """That tensors are close to arrays, where these are meant."""
+    for name, array in arrays.items():
+        own = np.asarray(array)[where].astype(float)
+        other = tensors[name].numpy()[where].astype(float)
+        np.testing.assert_allclose(other, own, rtol=1e-6, atol=1e-7, err_msg=name)
+
+
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_tensors_say_what_arrays_say(task):
+    both = _twins(task, horizon=3)
+    first, second = (envs.reset(seed=2) for envs in both)
+    _agree(first[0], second[0])
+    for actions in _actions(both[0], 5):
+        first, second = both[0].step(actions), both[1].step(torch.from_numpy(actions))
+        for index in (0, 4):
+            _agree(first[index], second[index])
+        for ours, theirs in zip(first[1:4], second[1:4], strict=True):
+            np.testing.assert_allclose(theirs.numpy(), ours, rtol=1e-9)
+        for name, array in first[0].items():
+            assert second[0][name].dtype == torch.from_numpy(array).dtype
+    for envs in both:
+        envs.close()
+
+
+def test_tensors_of_the_last_observations():
+    both = _twins("straighten_rope", mode="SameStep", horizon=2)
+    for envs in both:
+        envs.reset(seed=0, options={"stagger": True})
+    for actions in _actions(both[0], 4):
+        first, second = (envs.step(actions)[4] for envs in both)
+        assert "final_obs" in second
+        ended = second["_final_obs"].numpy()
+        assert ended.tolist() == first.get("_final_obs", np.zeros(3, bool)).tolist()
+        for i in np.flatnonzero(ended):
+            for name, array in first["final_obs"][i].items():
+                other = second["final_obs"][name][i]
+                np.testing.assert_allclose(other, array, rtol=1e-6, atol=1e-7)
+        _agree(first.get("final_info", {}), second["final_info"], ended)
+    for envs in both:
+        envs.close()
+
+
+def test_tensors_that_are_no_actions():
+    _, envs = _twins("straighten_rope", horizon=5)
+    envs.reset(seed=0)
+    actions = torch.zeros(envs.action_space.shape)
+    with pytest.raises(InvalidArgumentError, match=r"float32\(3, 7\)"):
+        envs.step(actions[:, :7])
+    with pytest.raises(InvalidArgumentError, match="int64"):
+        envs.step(actions.long())
+    actions[1, 2] = torch.nan
+    _, _, terminated, _, infos = envs.step(actions)
+    assert terminated.tolist() == [False, True, False]
+    assert infos["physics_warnings"].tolist() == [0, 1, 0]
+    _, _, terminated, _, infos = envs.step(torch.zeros_like(actions))
+    assert not terminated.any()
     envs.close()

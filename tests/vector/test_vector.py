@@ -123,7 +123,7 @@ def test_workers_share_environments(num_workers):
     ("argument", "value"),
     [
         ("num_envs", 0),
-        ("device", "cuda"),
+        ("device", "gpu"),
         ("split", "test"),
         ("autoreset_mode", "sometimes"),
         ("context", "thread"),

@@ -1,67 +1,84 @@
 """`BatchBackend`: environments of a task as rows of arrays."""
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
+from array_api_compat import is_torch_array
+from gymnasium.vector import AutoresetMode
 
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
-from softgym_mj.metrics import Measures
-from softgym_mj.native.places import Processor
+from softgym_mj.metrics import Array, Measures
+from softgym_mj.native.places import Copy, Place
 from softgym_mj.native.worlds import NOT_FINITE
+from softgym_mj.robots.grip import may_be
 from softgym_mj.robots.gripper import HELD
 from softgym_mj.tasks.shared.observations import STATES
 from softgym_mj.tasks.shared.state import Episode, State
-from softgym_mj.vector.backend import Backend
+from softgym_mj.vector.backend import (
+    MOST_ENVIRONMENTS,
+    Backend,
+    check_running,
+    checked_actions,
+)
 from softgym_mj.vector.batch.flexes import Flexes
 from softgym_mj.vector.batch.rows import Rows
-from softgym_mj.vector.batch.side import Side, Start
+from softgym_mj.vector.batch.side import Side
 from softgym_mj.vector.batch.starts import Starts
 from softgym_mj.vector.batch.waters import Waters
-from softgym_mj.vector.processes import MOST_ENVIRONMENTS, num_cores
+from softgym_mj.vector.draws import Draws
+
+_MOST_BEHIND = 8  # Env steps that a device may be behind this process.
 
 
 class BatchBackend(Backend):
-    """Measures, rewards and observations are the task's own functions, of all worlds at once."""
+    """Measures, rewards and observations are the task's own functions, of all worlds at once.
 
-    def __init__(
-        self, example: SoftGymEnv, num_envs: int, num_threads: int | None = None, turns: int = 0
-    ):
+    Nothing in a step waits for the device: what an episode that ends is followed by lies there
+    already, and which of that has been used is read some steps later.
+    """
+
+    draws: Draws
+
+    def __init__(self, example: SoftGymEnv, num_envs: int, place: Place):
         """Takes over an environment, which says how episodes start.
 
         Args:
             example: that environment.
             num_envs: number of environments.
-            num_threads: that step worlds; None for one a core.
-            turns: of `native.places.Processor`, for tests.
+            place: where they are.
 
         Raises:
             InvalidArgumentError: for what cannot be played so, by name.
         """
         if example.render_mode is not None:
             raise InvalidArgumentError("render_mode", example.render_mode, "None, on this device")
-        self._example = example
+        self._example, self._place, self._xp = example, place, place.xp
         self._task, self.horizon = example.dm_env.task, example.horizon
         self._names = _observations(example)
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
-        if num_threads is None:
-            num_threads = min(num_envs, num_cores())
-        check_count("num_workers", num_threads, 1, num_envs)
         kind = Flexes if self._task.flexes.flexes else Waters
-        self._side: Side = kind(example.dm_env, num_envs, Processor(num_threads, turns))
-        self._starts = Starts(example.dm_env, self._side)
+        self._side: Side = kind(example.dm_env, num_envs, place)
+        self._starts = Starts(example.dm_env, self._side, place)
+        self._rows = Rows(num_envs, place)
+        self._rows.whole["side"] = self._side.now
         self.observation_space = example.observation_space
         self.action_space = example.action_space
         self.metadata, self.render_mode = example.metadata, example.render_mode
-        self._episodes, self._domain = Rows(num_envs), Rows(num_envs)
-        self._counts = np.zeros(num_envs, int)
-        # Of an edge: largest now, and so far in the episode.
-        self._strains, self._strain = np.zeros(num_envs), np.zeros(num_envs)
-        self._of: list[Start | None] = [None] * num_envs
-        self._diverged = np.zeros(num_envs, bool)
+        # Rows of `Starts` of these episodes and of the next, env steps so far, starts by itself.
+        self._row, self._next, self._counts, self._used = (
+            place.zeros((num_envs,), "int64") for _ in range(4)
+        )
+        self._ended, self._diverged = (place.zeros((num_envs,), "bool") for _ in range(2))
+        self._started = np.zeros(num_envs, bool)
+        self._offered: list[int | None] = [None] * num_envs  # Variations of `_next`.
+        self._taken = np.zeros(num_envs, int)  # What is known of `_used`.
+        self._behind: deque[Copy] = deque()  # Of `_used`.
+        self._strains: Array = None  # Largest of an edge now.
         self._state: State | None = None
         self._measures: Measures | None = None
 
@@ -75,59 +92,128 @@ class BatchBackend(Backend):
     # ------------------------------------------------------------------ episodes
 
     def reset(self, variations: Mapping[int, int]) -> None:
-        for i, variation in variations.items():
-            self._start(i, self._starts[variation])
+        rows = {i: self._starts.row(variation) for i, variation in variations.items()}
+        self._start(rows, rows)
         self._look()
 
-    def _start(self, i: int, start: Start) -> None:
-        """Starts an episode of world `i`."""
-        self._of[i], self._counts[i], self._diverged[i] = start, 0, False
-        self._side.start(i, start)
-        self._strain[i] = start.strain
-        self._episodes.put(i, vars(start.episode))
-        self._domain.put(i, start.domain)
+    def _start(self, rows: Mapping[int, int], first: Mapping[int, int]) -> None:
+        """Starts episodes at rows of `Starts`; `first`: those of the start of their variations."""
+        which, at, of = np.zeros(self.num_envs, bool), *np.zeros((2, self.num_envs), int)
+        which[[*rows]], at[[*rows]], of[[*rows]] = True, [*rows.values()], [*first.values()]
+        self._started |= which
+        mask, of = self._place.put(which), self._place.put(of)
+        self._row = self._xp.where(mask, of, self._row)
+        self._take(mask, self._place.put(at))
+
+    def _take(self, which: Array, rows: Array) -> None:
+        """Has some worlds (num_envs,) bool start at rows of `Starts` (num_envs,)."""
+        xp = self._xp
+        if not may_be(xp, which):
+            return
+        self._rows.take(which, self._starts.rows, rows)
+        self._counts = xp.where(which, 0, self._counts)
+        self._ended, self._diverged = self._ended & ~which, self._diverged & ~which
+        self._side.flags[...] = xp.where(which, 0, self._side.flags)
 
     @property
     def _episode(self) -> Episode:
-        return Episode(**self._episodes.whole)
+        return Episode(**self._rows.whole["episode"])
 
     def _look(self) -> None:
         """Reads the state and measures it."""
         # As many points as the largest episode's arrays have.
-        sizes = [points.shape[1] for points in self._episodes.whole["points"].values()]
+        whole = self._rows.whole
+        sizes = [points.shape[1] for points in whole["episode"]["points"].values()]
         self._state = self._side.state(max(sizes))
         self._measures = self._task.measure(self._state, self._episode)
         self._strains = self._side.strains()
-        self._strain = np.maximum(self._strain, self._strains)
+        whole["strain"] = self._xp.maximum(whole["strain"], self._strains)
 
-    def step(self, actions: np.ndarray, variations: Mapping[int, int]) -> tuple[Any, Any, Any]:
-        self._side.command(np.asarray(actions, float))
+    def checked(self, actions: Any) -> Array:
+        """As of `Backend`; of tensors only their shape and type, which waits for nothing.
+
+        They are clipped to [-1, 1], and what is not finite ends the episode of its environment.
+        """
+        if not is_torch_array(actions):
+            checked = checked_actions(actions, self.num_envs, self.action_space)
+            return self._place.put(checked.astype(float))
+        shape = self.num_envs, *(self.action_space.shape or ())
+        like = self._counts
+        if type(like) is not type(actions) or actions.device != like.device:
+            raise InvalidArgumentError(
+                "actions", f"on {actions.device}", "on the environments' device"
+            )
+        if tuple(actions.shape) != shape or not actions.is_floating_point():
+            raise InvalidArgumentError(
+                f"actions are {actions.dtype}{tuple(actions.shape)}; expected real numbers {shape}."
+            )
+        return self._xp.clip(actions.double(), -1.0, 1.0)
+
+    def advance(self, actions: Any, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
+        if not self._started.all():
+            raise LifecycleError("no episode has started: call reset() first")
+        xp, nobody = self._xp, self._xp.zeros_like(self._ended)
+        if mode == AutoresetMode.DISABLED:
+            check_running(self._place.get(self._ended))
+        else:
+            self._offer()
+        starts = self._ended if mode == AutoresetMode.NEXT_STEP else nobody
+        unknown = xp.any(~xp.isfinite(actions), axis=-1)
+        self._side.command(xp.where(unknown[:, None], 0.0, actions))
         for _ in range(self._task.action_repeat):
             self._side.sim_step()
-        self._counts += 1
-        flags = self._side.flags
-        for i in np.flatnonzero(flags & NOT_FINITE).tolist():
-            # It ends where it has started: measures are finite, and others do not notice.
-            count = self._counts[i]
-            self._start(i, self._started(i))
-            self._counts[i], self._diverged[i] = count, True
-            flags[i] = NOT_FINITE
-        for i, variation in variations.items():
-            self._start(i, self._starts[variation])
+        diverged = (unknown | ((self._side.flags & NOT_FINITE) != 0)) & ~starts
+        counts = self._counts + 1
+        # What has diverged ends where it has started: measures are finite.
+        self._use(starts)
+        self._take(starts | diverged, self._row)
+        self._counts = xp.where(starts, 0, counts)
+        self._side.flags[...] = xp.where(diverged, NOT_FINITE, self._side.flags)
+        truncated = self._counts >= self.horizon
+        self._diverged, self._ended = diverged, diverged | truncated
         self._look()
         assert self._measures is not None
-        rewards = np.asarray(self._measures.reward, float).copy()
-        rewards[[*variations]] = 0.0
-        return rewards, self._diverged.copy(), self._counts >= self.horizon
+        rewards = xp.where(starts, 0.0, self._measures.reward)
+        last: dict[str, Any] = {}
+        if mode == AutoresetMode.SAME_STEP and may_be(xp, self._ended):
+            ended = self._ended
+            last = self.last(self.observe(), self.infos(ended), ended)
+            self._use(ended)
+            self._take(ended, self._row)
+            self._look()
+        self._behind.append(self._place.copy(self._used))
+        everyone = self._place.put(np.ones(self.num_envs, bool))
+        return self.observe(), rewards, diverged, truncated, last | self.infos(everyone)
 
-    def _started(self, i: int) -> Start:
-        start = self._of[i]
-        if start is None:
-            raise LifecycleError("no episode has started: call reset() first")
-        return start
+    def _use(self, which: Array) -> None:
+        """Has episodes of some (num_envs,) bool be followed by what has been offered."""
+        self._row = self._xp.where(which, self._next, self._row)
+        self._used = self._used + self._xp.astype(which, self._used.dtype)
 
-    def ended(self) -> np.ndarray:
-        return (self._counts >= self.horizon) | self._diverged
+    def _offer(self) -> None:
+        """Says what follows the episodes that end, once more where that has been used."""
+        while self._behind and (self._behind[0].done or len(self._behind) > _MOST_BEHIND):
+            self._note_used(self._behind.popleft().wait())
+        changed = {}
+        for i in range(self.num_envs):
+            variation = self.draws.upcoming(i)
+            if variation != self._offered[i]:
+                self._offered[i] = variation
+                changed[i] = self._starts.row(variation)
+        if changed:
+            which, rows = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, int)
+            which[[*changed]], rows[[*changed]] = True, [*changed.values()]
+            mask, rows = self._place.put(which), self._place.put(rows)
+            self._next = self._xp.where(mask, rows, self._next)
+
+    def _note_used(self, used: np.ndarray) -> None:
+        for i in np.flatnonzero(used > self._taken).tolist():
+            self.draws.next(i)
+        self._taken = used
+
+    def settle(self) -> None:
+        self._behind.clear()
+        self._note_used(self._place.get(self._used))
 
     # ------------------------------------------------------------------ what is seen
 
@@ -137,58 +223,69 @@ class BatchBackend(Backend):
             return {name: seen[name] for name in self.observation_space}
         return seen[self._names[0]]
 
-    def _seen(self, name: str) -> np.ndarray:
+    def _seen(self, name: str) -> Array:
         assert self._state is not None, "after a reset"
         if name == HELD:
             return self._side.holds()
         value = STATES[name].value(self._task, self._state, self._episode)
         space = self.observation_space
         own = space[name] if isinstance(space, gymnasium.spaces.Dict) else space
-        return np.ascontiguousarray(value, own.dtype)
+        return self._xp.astype(value, getattr(self._xp, np.dtype(own.dtype).name))
 
-    def infos(self, mask: np.ndarray) -> dict[str, Any]:
+    def infos(self, mask: Array) -> dict[str, Any]:
         assert self._state is not None and self._measures is not None, "after a reset"
+        xp, whole = self._xp, self._rows.whole
         found = {
             **self._task.describe(self._state, self._episode, self._measures),
-            **self._side.info(self._strains, self._strain),
-            **{f"domain_{name}": values for name, values in (self._domain.whole or {}).items()},
-            "variation": self._episodes.whole["variation"],
-            "physics_warnings": (self._side.flags != 0).astype(int),
+            **self._side.info(self._strains, whole["strain"]),
+            **{f"domain_{name}": values for name, values in whole.get("domain", {}).items()},
+            "variation": whole["episode"]["variation"],
+            "physics_warnings": xp.astype(self._side.flags != 0, xp.int64),
         }
+        mask = self._place.put(mask) if isinstance(mask, np.ndarray) else mask
         named: dict[str, Any] = {}
         for name, values in found.items():
-            whole = np.zeros(self.num_envs, np.asarray(values).dtype)
-            whole[mask] = np.broadcast_to(values, self.num_envs)[mask]
-            named[name], named[f"_{name}"] = whole, mask.copy()
+            named[name] = xp.where(mask, values, xp.zeros_like(values))
+            named[f"_{name}"] = xp.asarray(mask, copy=True)
         return named
+
+    def last(self, observations: Any, infos: dict[str, Any], ended: Array) -> dict[str, Any]:
+        if isinstance(ended, np.ndarray):
+            return super().last(observations, infos, ended)
+        return {"final_obs": observations, "final_info": infos,
+                "_final_obs": ended, "_final_info": ended}  # fmt: skip
 
     # ------------------------------------------------------------------ snapshots
 
     def get_state(self) -> list[Snapshot]:
-        return [self._snapshot(i) for i in range(self.num_envs)]
+        names = ("variation", "strain", "count", "ended")
+        each = zip(*(self._place.get(array).tolist() for array in self._read()), strict=True)
+        return [
+            self._starts.snapshot(*self._side.get_state(i), **dict(zip(names, values, strict=True)))
+            for i, values in enumerate(each)
+        ]
 
-    def _snapshot(self, i: int) -> Snapshot:
-        return self._starts.snapshot(
-            int(self._started(i).episode.variation),
-            *self._side.get_state(i),
-            float(self._strain[i]),
-            int(self._counts[i]),
-            bool(self.ended()[i]),
-        )
+    def _read(self) -> tuple[Array, ...]:
+        whole = self._rows.whole
+        return whole["episode"]["variation"], whole["strain"], self._counts, self._ended
 
     def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
+        rows, first, counts = {}, {}, self._place.get(self._counts)
         for i, snapshot in snapshots.items():
-            there = self._starts.read(snapshot)
-            self._start(i, there)
-            self._of[i] = self._starts[int(there.episode.variation)]
-            self._counts[i] = self.horizon if snapshot.ended else snapshot.step_count
+            rows[i], variation = self._starts.read(i, snapshot)
+            first[i] = self._starts.row(variation)
+            counts[i] = self.horizon if snapshot.ended else snapshot.step_count
+        self._start(rows, first)
+        self._counts = self._place.put(counts)
+        self._ended = self._counts >= self.horizon
         self._look()
 
     def call(self, name: str, arguments: Sequence[tuple[Sequence, Mapping]]) -> tuple[Any, ...]:
         if name == "horizon":
             return (self.horizon,) * self.num_envs
         if name == "shorten":
-            self._counts += [int(share * self.horizon) for (share,), _ in arguments]
+            steps = np.array([int(share * self.horizon) for (share,), _ in arguments])
+            self._counts = self._counts + self._place.put(steps)
             return (None,) * self.num_envs
         raise InvalidArgumentError("name", name, "'horizon' or 'shorten', on this device")
 

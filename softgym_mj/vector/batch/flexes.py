@@ -1,43 +1,20 @@
 """`Flexes`: a rope or cloth with pickers, in many worlds."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
-from softgym_mj.entities.flex import Flex
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.metrics import Array, lengths
 from softgym_mj.native.places import Place
 from softgym_mj.robots.grip import remembered
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.vector.batch.pickers import Pickers
-from softgym_mj.vector.batch.rows import Rows
-from softgym_mj.vector.batch.side import Arrays, Side, Start
-
-
-class Mesh:
-    """What a batch knows of a flex of some size and material.
-
-    Attributes:
-        model: of `ClothWorlds`.
-        origin: of vertices (n, 3) [m].
-        edges: vertices of edges (m, 2); lengths: of these at rest [m].
-        hold_stretch, hold_force, radius: of the flex.
-    """
-
-    def __init__(self, model: np.ndarray, flex: Flex):
-        """Notes what is known of a flex that has been compiled."""
-        self.model = model
-        self.origin, self.edges, self.lengths = flex.origin, flex.edges, flex.rest_lengths
-        self.hold_stretch, self.hold_force = flex.hold_stretch, flex.hold_force
-        self.radius = flex.radius
-        self._ways = flex.ways
-
-    def gap(self, first: int, second: int) -> float:
-        """As `Flex.largest_gap`."""
-        return (1.0 + self.hold_stretch) * self._ways.between(first, second)
+from softgym_mj.vector.batch.side import Arrays, Side
 
 
 class Flexes(Side):
@@ -61,28 +38,59 @@ class Flexes(Side):
             raise InvalidArgumentError("objects", [*task.scene.materials], valid)
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
-        actor, number = task.actor, task.max_points
-        self._worlds = ClothWorlds(num_worlds, number, actor.num_grippers, place)
-        self._pickers = Pickers(num_worlds, actor.num_grippers, actor.radius, actor.pick_distance)
-        self._meshes: list[Mesh | None] = [None] * num_worlds
-        self._known: dict[bytes, Mesh] = {}
-        self._edges = Rows(num_worlds)
-        self._origin = np.zeros((num_worlds, number, 3))
-        self._present = np.zeros((num_worlds, number), bool)
-        self._radius, self._force = np.zeros(num_worlds), np.zeros(num_worlds)
-
-    @property
-    def flags(self) -> np.ndarray:
-        return self._worlds.flags
+        self._place, self._xp, actor = place, place.xp, task.actor
+        self._worlds = ClothWorlds(num_worlds, task.max_points, actor.num_grippers, place)
+        self.flags = self._worlds.flags
+        self.now: dict[str, Any] = {
+            name: getattr(self._worlds, name) for name in ClothWorlds.fields
+        }
+        self.now["model"] = self._worlds.models
+        self._pickers = Pickers(
+            self.now, place.xp, actor.num_grippers, actor.radius, actor.pick_distance
+        )
+        # Of meshes that have been seen, all that `Ways.all` says, and where it begins for each.
+        self._ways = place.zeros((0,), "float64")
+        self._ways_at: dict[bytes, int] = {}
 
     # ------------------------------------------------------------------ the environment
 
-    def describe(self) -> Mesh:
-        """See `Side`; meshes that are alike are the same."""
+    def row(self) -> Arrays:
+        """See `Side`: the state, what pickers remember, and the mesh.
+
+        origin: of vertices [m]. ends, lengths: of edges, the lengths at rest [m]. radius,
+        hold_force, hold_stretch: of the flex. ways_at: where in `_ways` the mesh's begin.
+        """
+        flex = self._flex
+        return {
+            **self.arrays(),
+            **self._actor.get_state(),
+            "model": np.array(self._worlds.load(self._described())),
+            "origin": flex.origin,
+            "present": np.ones(flex.num_points, bool),
+            "count": flex.num_points,
+            "ends": flex.edges.astype(np.int64),
+            "lengths": flex.rest_lengths,
+            "num_edges": len(flex.edges),
+            "radius": flex.radius,
+            "hold_force": flex.hold_force,
+            "hold_stretch": flex.hold_stretch,
+            "ways_at": self._noted_ways(),
+        }
+
+    def _described(self) -> np.ndarray:
+        """Bytes (size,) uint8 of `ClothWorlds`."""
         model, root = self._env.physics.model.ptr, self._actor.mjcf_model.model
         number = self._actor.num_grippers
-        model = describe(model, [model.geom(f"{root}/picker_{i}").id for i in range(number)])
-        return self._known.setdefault(model.tobytes(), Mesh(model, self._flex))
+        return describe(model, [model.geom(f"{root}/picker_{i}").id for i in range(number)])
+
+    def _noted_ways(self) -> int:
+        flex, xp = self._flex, self._xp
+        key = flex.edges.tobytes() + flex.rest_lengths.tobytes()
+        if key not in self._ways_at:
+            self._ways_at[key] = len(self._ways)
+            own = self._place.put(flex.ways.all().ravel())
+            self._ways = xp.concat([self._ways, own])
+        return self._ways_at[key]
 
     def arrays(self) -> Arrays:
         """See `Side`: of `ClothWorlds`."""
@@ -107,77 +115,64 @@ class Flexes(Side):
 
     # ------------------------------------------------------------------ worlds
 
-    def start(self, i: int, start: Start) -> None:
-        mesh: Mesh = start.model
-        count = len(mesh.origin)
-        self._meshes[i] = mesh
-        self._worlds.start(i, mesh.model)
-        self._worlds.set_state(i, start.state)
-        self._pickers.set_state(i, start.actor)
-        self._origin[i], self._present[i] = 0.0, False
-        self._origin[i, :count], self._present[i, :count] = mesh.origin, True
-        self._radius[i], self._force[i] = mesh.radius, mesh.hold_force
-        self._edges.put(i, {"ends": mesh.edges, "lengths": mesh.lengths, "counts": len(mesh.edges)})
-
-    def command(self, actions: np.ndarray) -> None:
+    def command(self, actions: Array) -> None:
         self._pickers.command(actions)
 
     def sim_step(self) -> None:
-        worlds, pickers = self._worlds, self._pickers
+        xp, now, pickers = self._xp, self.now, self._pickers
 
-        def offsets(centres: np.ndarray) -> np.ndarray:
-            return worlds.qpos[:, None] + (self._origin[:, None] - centres[:, :, None])
+        def offsets(centres: Array) -> Array:
+            room = now["origin"].shape[1]
+            return now["qpos"][:, None, :room] + (now["origin"][:, None] - centres[:, :, None])
 
-        pickers.plan(offsets, self._present)
-        goals = pickers.goals(self._radius)
-        held = np.maximum(pickers.grips.held, 0)
-        forces = np.take_along_axis(worlds.holding_force, held, 1)
-        pickers.give_way(goals, forces > self._force[:, None], self._gap)
-        worlds.step(pickers.grips.centre, pickers.grips.held, goals)
+        pickers.plan(offsets, now["present"])
+        goals = pickers.goals(now["radius"])
+        forces = xp.take_along_axis(now["holding_force"], xp.clip(now["held"], min=0), axis=1)
+        pickers.give_way(goals, forces > now["hold_force"][:, None], self._gap)
+        self._worlds.step(now["centre"], now["held"], goals)
 
-    def _gap(self, worlds: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        gaps = []
-        for i, a, b in zip(worlds.tolist(), first.tolist(), second.tolist(), strict=True):
-            mesh = self._meshes[i]
-            assert mesh is not None, "a world that steps has one"
-            gaps.append(mesh.gap(a, b))
-        return np.array(gaps)
+    def _gap(self, first: Array, second: Array) -> Array:
+        now, xp = self.now, self._xp
+        pair = xp.clip(first, min=0) * now["count"] + xp.clip(second, min=0)
+        return (1.0 + now["hold_stretch"]) * self._ways[now["ways_at"] + pair]
 
     # ------------------------------------------------------------------ what is seen
 
+    def _points(self, number: int) -> Array:
+        """Of vertices (num_worlds, number, 3) [m], zeros where there is none."""
+        now = self.now
+        points = now["origin"][:, :number] + now["qpos"][:, :number]
+        return self._xp.where(now["present"][:, :number, None], points, 0.0)
+
     def state(self, number: int) -> State:
-        present = self._present[:, :number].copy()
-        points = (self._origin + self._worlds.qpos)[:, :number]
-        points[~present] = 0.0
-        centres = self._pickers.grips.centre.reshape(len(points), -1).copy()
-        return State(
-            {self._name: points},
-            {self._name: present},
-            {},
-            centres,
-            remembered(self._pickers.grips),
-        )
+        xp, grips = self._xp, self._pickers.grips
+        present = xp.asarray(self.now["present"][:, :number], copy=True)
+        centres = xp.asarray(grips.centre, copy=True).reshape((len(present), -1))
+        points = self._points(number)
+        return State({self._name: points}, {self._name: present}, {}, centres, remembered(grips))
 
-    def strains(self) -> np.ndarray:
-        edges, points = self._edges.whole, self._origin + self._worlds.qpos
-        ends, rows = edges["ends"], np.arange(len(points))[:, None]
-        away = np.linalg.norm(points[rows, ends[..., 0]] - points[rows, ends[..., 1]], axis=-1)
-        exists = np.arange(ends.shape[1]) < edges["counts"][:, None]
-        strains = away / np.where(exists, edges["lengths"], 1.0) - 1.0
-        return np.where(exists, strains, -np.inf).max(1)
+    def strains(self) -> Array:
+        xp, now = self._xp, self.now
+        ends, points = now["ends"], self._points(now["origin"].shape[1])
+        first, second = (xp.take_along_axis(points, ends[..., i, None], axis=1) for i in range(2))
+        exists = xp.arange(ends.shape[1], device=self._place.device) < now["num_edges"][:, None]
+        strains = lengths(first - second) / xp.where(exists, now["lengths"], 1.0) - 1.0
+        return xp.max(xp.where(exists, strains, -math.inf), axis=1)
 
-    def info(self, strains: np.ndarray, largest: np.ndarray) -> dict[str, np.ndarray]:
+    def info(self, strains: Array, largest: Array) -> dict[str, Array]:
+        xp, now = self._xp, self.now
         return {
             "max_edge_strain": strains,
             "episode_max_edge_strain": largest,
-            "max_speed": np.sqrt((self._worlds.qvel**2).sum(-1).max(-1)),
-            "picks_held": (self._pickers.grips.held >= 0).sum(1),
-            "dropped": self._pickers.grips.dropped,
-            "yielded": self._pickers.yielded,
+            "max_speed": xp.sqrt(xp.max(xp.sum(now["qvel"] ** 2, axis=-1), axis=-1)),
+            "picks_held": xp.sum(xp.astype(now["held"] >= 0, xp.int64), axis=1),
+            "dropped": now["dropped"],
+            "yielded": now["yielded"],
         }
 
-    def holds(self) -> np.ndarray:
-        return (self._pickers.grips.held >= 0).astype(np.uint8)
+    def holds(self) -> Array:
+        return self._xp.astype(self.now["held"] >= 0, self._xp.uint8)
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
-        return self._worlds.get_state(i), self._pickers.get_state(i)
+        actor = {name: self._place.get(self.now[name][i]) for name in self._actor.get_state()}
+        return self._worlds.get_state(i), actor

@@ -1,89 +1,74 @@
 """`Pickers`: what `Picker` and `Attachment` do, for many worlds at once."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from typing import Any
 
-import numpy as np
+from array_api_compat import device
 
-from softgym_mj.robots.grip import NONE, SLIPPED, GripCommand, GripLimits, GripState, step_grips
+from softgym_mj.metrics import Array, lengths
+from softgym_mj.robots.grip import SLIPPED, GripCommand, GripLimits, GripState, may_be, step_grips
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
-# The largest distance [m] to which pairs of vertices (k,), (k,) of worlds (k,) may be drawn.
-Gap = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+# The largest distance (num_worlds,) to which pairs of vertices (num_worlds,) may be drawn [m].
+Gap = Callable[[Array, Array], Array]
 
 
 class Pickers:
-    """Pickers of worlds, a row for each.
+    """Pickers of worlds, a row for each: rules of the arrays that `Picker.get_state` has."""
 
-    Attributes:
-        grips: what they hold; `dropped` counts the holds that have ended.
-        order: (num_worlds, pickers) later holds have higher numbers.
-        yielded: (num_worlds,) how many holds have ended because they pulled too hard.
-    """
-
-    def __init__(self, num_worlds: int, num_pickers: int, radius: float, reach: float):
-        """Pickers that hold nothing.
+    def __init__(self, now: dict[str, Any], xp: Any, number: int, radius: float, reach: float):
+        """Notes what they are.
 
         Args:
-            num_worlds: how many rows.
-            num_pickers: in each world.
+            now: where their arrays are, once they have started; a step replaces them.
+            xp: the arrays' namespace.
+            number: of pickers in each world.
             radius: of the spheres [m].
             reach: largest distance of a vertex that they take [m].
         """
-        shape = (num_worlds, num_pickers)
-        self.grips = GripState(
-            centre=np.zeros((*shape, 3)),
-            held=np.full(shape, NONE),
-            offset=np.zeros((*shape, 3)),
-            dropped=np.zeros(num_worlds, int),
-        )
-        self.order, self.yielded = np.zeros(shape, int), np.zeros(num_worlds, int)
-        self._radius, self._workspace = radius, np.zeros((num_worlds, 2, 3))
-        self._limits = GripLimits(np.zeros((*shape, 3)), np.zeros((*shape, 3)), reach)
-        self._command = GripCommand(np.zeros((*shape, 3)), np.zeros(shape, bool))
+        self._now, self._xp, self._number = now, xp, number
+        self._radius, self._reach = radius, reach
+        self._command: GripCommand | None = None
 
-    def get_state(self, i: int) -> dict[str, np.ndarray]:
-        """What those of a world hold, as `Picker.get_state` has it."""
-        grips = {name: np.array(array[i]) for name, array in self.grips._asdict().items()}
-        return {
-            **grips,
-            "yielded": np.array(self.yielded[i]),
-            "order": self.order[i].copy(),
-            "workspace": self._workspace[i].copy(),
-        }
+    @property
+    def grips(self) -> GripState:
+        """What they hold; `dropped` counts the holds that have ended."""
+        return GripState(*(self._now[name] for name in GripState._fields))
 
-    def set_state(self, i: int, state: Mapping[str, np.ndarray]) -> None:
-        """Has those of a world hold what `Picker.get_state` returned."""
-        for name, array in self.grips._asdict().items():
-            array[i] = state[name]
-        self.yielded[i], self.order[i] = state["yielded"], state["order"]
-        self._workspace[i] = state["workspace"]
-        low, high = self._workspace[i]
-        self._limits.low[i], self._limits.high[i] = low + self._radius, high - self._radius
+    def _set(self, grips: GripState) -> None:
+        self._now.update(grips._asdict())
 
-    def command(self, actions: np.ndarray) -> None:
+    def command(self, actions: Array) -> None:
         """Starts an env step with actions (num_worlds, 4 * pickers)."""
-        each = actions.reshape((*self.order.shape, 4))
+        each = actions.reshape((-1, self._number, 4))
         self._command = GripCommand(MAX_DISPLACEMENT * each[..., :3], each[..., 3] > 0.0)
 
-    def plan(self, offsets: Callable[[np.ndarray], np.ndarray], present: np.ndarray) -> None:
+    def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
         """Starts a sim step; arguments as of `step_grips`."""
-        before = self.grips.held
-        self.grips = step_grips(self.grips, self._command, offsets, present, self._limits)
-        for i in range(self.order.shape[1]):
-            takes = (before[:, i] < 0) & (self.grips.held[:, i] >= 0)
-            self.order[:, i] = np.where(takes, self.order.max(1) + 1, self.order[:, i])
+        assert self._command is not None, "a command comes first"
+        xp, before = self._xp, self._now["held"]
+        low, high = (self._now["workspace"][:, None, i] for i in range(2))
+        limits = GripLimits(low + self._radius, high - self._radius, self._reach)
+        self._set(step_grips(self.grips, self._command, offsets, present, limits))
+        takes = (before < 0) & (self._now["held"] >= 0)
+        if not may_be(xp, takes):
+            return
+        order = xp.asarray(self._now["order"], copy=True)
+        for i in range(self._number):  # Those that take in the same step do so one by one.
+            order[:, i] = xp.where(takes[:, i], xp.max(order, axis=1) + 1, order[:, i])
+        self._now["order"] = order
 
-    def goals(self, resting_height: np.ndarray) -> np.ndarray:
+    def goals(self, resting_height: Array) -> Array:
         """Where held vertices belong (num_worlds, pickers, 3) [m]; anything if none is held.
 
         Args:
             resting_height: of vertices, on the floor (num_worlds,) [m].
         """
-        goals = self.grips.centre + self.grips.offset
-        goals[..., 2] = np.maximum(goals[..., 2], resting_height[:, None])
+        goals = self._now["centre"] + self._now["offset"]
+        goals[..., 2] = self._xp.maximum(goals[..., 2], resting_height[:, None])
         return goals
 
-    def give_way(self, goals: np.ndarray, overpowered: np.ndarray, gap: Gap) -> None:
+    def give_way(self, goals: Array, overpowered: Array, gap: Gap) -> None:
         """Ends holds that pull too hard, and later ones that pull too far from earlier ones.
 
         Args:
@@ -92,26 +77,33 @@ class Pickers:
                 pickers) bool.
             gap: how far pairs of vertices may be apart.
         """
-        self._slip(overpowered & (self.grips.held >= 0))
-        held = self.grips.held
-        ranks = np.argsort(np.where(held >= 0, self.order, self.order.max() + 1), 1, kind="stable")
-        rows, kept = np.arange(len(held)), held >= 0
-        for second in range(held.shape[1]):
-            j = ranks[:, second]
+        xp, order = self._xp, self._now["order"]
+        self._slip(overpowered & (self._now["held"] >= 0))
+        holds = self._now["held"] >= 0
+        last = xp.max(order, axis=1)[:, None] + 1
+        ranks = xp.argsort(xp.where(holds, order, last), axis=1, stable=True)
+        held = xp.take_along_axis(self._now["held"], ranks, axis=1)
+        goals = xp.take_along_axis(goals, ranks[..., None], axis=1)
+        kept = [held[:, i] >= 0 for i in range(self._number)]
+        for second in range(self._number):
             for first in range(second):
-                i = ranks[:, first]
-                both = kept[rows, i] & kept[rows, j]
-                (of,) = np.nonzero(both)
-                if not len(of):
+                both = kept[first] & kept[second]
+                if not may_be(xp, both):
                     continue
-                away = np.linalg.norm(goals[of, i[of]] - goals[of, j[of]], axis=-1)
-                kept[of, j[of]] &= away <= gap(of, held[of, i[of]], held[of, j[of]])
-        self._slip(~kept & (held >= 0))
+                away = lengths(goals[:, first] - goals[:, second])
+                kept[second] = kept[second] & (
+                    ~both | (away <= gap(held[:, first], held[:, second]))
+                )
+        back = xp.argsort(ranks, axis=1, stable=True)
+        self._slip(holds & ~xp.take_along_axis(xp.stack(kept, axis=1), back, axis=1))
 
-    def _slip(self, which: np.ndarray) -> None:
+    def _slip(self, which: Array) -> None:
         """What some (num_worlds, pickers) bool hold is pulled out of them."""
-        number = which.sum(1)
-        self.yielded = self.yielded + number
-        self.grips = self.grips._replace(
-            held=np.where(which, SLIPPED, self.grips.held), dropped=self.grips.dropped + number
-        )
+        if not may_be(self._xp, which):
+            return
+        now, xp = self._now, self._xp
+        number = xp.sum(xp.astype(which, now["yielded"].dtype), axis=1)
+        now["yielded"] = now["yielded"] + number
+        now["dropped"] = now["dropped"] + number
+        slipped = xp.asarray(SLIPPED, dtype=now["held"].dtype, device=device(now["held"]))
+        now["held"] = xp.where(which, slipped, now["held"])

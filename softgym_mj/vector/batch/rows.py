@@ -1,44 +1,80 @@
-"""`Rows`: what many episodes start with, in arrays with a row for each."""
+"""`Rows`: what many episodes start with, or are at, in arrays with a row for each."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from softgym_mj.metrics import Array
+from softgym_mj.native.places import Place
+
 
 class Rows:
     """Numbers, arrays, and dicts of such, of many; padded with zeros where they differ in size.
 
-    As `tasks.shared.state.stack` has them, but that single rows change.
+    As `tasks.shared.state.stack` has them, but that single rows change, and there may be more.
 
     Attributes:
-        whole: an array, or dict of such, with a leading dimension; None before the first `put`.
+        whole: dict of arrays with a leading dimension, and of such dicts.
     """
 
-    def __init__(self, number: int):
+    def __init__(self, number: int, place: Place):
         """Empty rows.
 
         Args:
-            number: of rows.
+            number: of rows, at first.
+            place: where they are.
         """
-        self._number = number
-        self.whole: Any = None
+        self._number, self._place = number, place
+        self.whole: dict[str, Any] = {}
 
-    def put(self, i: int, values: Any) -> None:
+    def put(self, i: int, values: Mapping[str, Any]) -> None:
         """Sets row `i`; all rows have the same names and numbers of dimensions."""
-        self.whole = self._put(self.whole, i, values)
+        while i >= self._number:
+            self._number *= 2
+        self._put(self.whole, i, values)
 
-    def _put(self, whole: Any, i: int, values: Any) -> Any:
-        if isinstance(values, Mapping):
-            before = whole or {}
-            return {name: self._put(before.get(name), i, value) for name, value in values.items()}
-        array = np.asarray(values)
-        shape = array.shape if whole is None else np.maximum(whole.shape[1:], array.shape)
-        if whole is None or tuple(shape) != whole.shape[1:]:
-            larger = np.zeros((self._number, *shape), array.dtype)
-            if whole is not None:
-                larger[tuple(slice(size) for size in whole.shape)] = whole
-            whole = larger
-        whole[i] = 0
-        whole[i, ...][tuple(slice(size) for size in array.shape)] = array
-        return whole
+    def _put(self, whole: dict[str, Any], i: int, values: Mapping[str, Any]) -> None:
+        for name, value in values.items():
+            if isinstance(value, Mapping):
+                self._put(whole.setdefault(name, {}), i, value)
+                continue
+            array = np.asarray(value)
+            whole[name] = self._grown(whole.get(name), array.shape, array.dtype.name)
+            whole[name][i] = 0
+            part = tuple(slice(size) for size in array.shape)
+            whole[name][i, ...][part] = self._place.put(array)
+
+    def _grown(self, whole: Array | None, shape: tuple[int, ...], dtype: str) -> Array:
+        """An array with a row of at least a shape for each, and what was in it."""
+        before = shape if whole is None else tuple(whole.shape[1:])
+        shape = (self._number, *(max(sizes) for sizes in zip(before, shape, strict=True)))
+        if whole is not None and tuple(whole.shape) == shape:
+            return whole
+        larger = self._place.zeros(shape, dtype)
+        if whole is not None:
+            larger[tuple(slice(size) for size in whole.shape)] = whole
+        return larger
+
+    def take(self, which: Array, others: "Rows", rows: Array) -> None:
+        """Sets those of some to rows of others, of the same names.
+
+        Args:
+            which: (number,) bool.
+            others: have room for what any of these has had.
+            rows: (number,) of `others`; anything where not `which`.
+        """
+        self._take(self.whole, others.whole, which, rows)
+
+    def _take(self, whole: dict[str, Any], others: dict[str, Any], which: Array, rows: Array):
+        xp = self._place.xp
+        for name, other in others.items():
+            if isinstance(other, dict):
+                self._take(whole.setdefault(name, {}), other, which, rows)
+                continue
+            dtype = str(other.dtype).rpartition(".")[2]
+            own = self._grown(whole.get(name), tuple(other.shape[1:]), dtype)
+            whole[name] = own
+            chosen = which.reshape((-1, *[1] * (other.ndim - 1)))
+            part = own[(slice(None), *(slice(size) for size in other.shape[1:]))]
+            part[...] = xp.where(chosen, other[rows], part)

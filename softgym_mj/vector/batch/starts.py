@@ -1,12 +1,14 @@
 """`Starts`: what a batch is told of the variations of a task."""
 
-import copy
 import dataclasses
+from typing import Any
 
 from softgym_mj.envs.environment import Environment, Snapshot
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.native.places import Place
 from softgym_mj.tasks.shared.base import Task
-from softgym_mj.vector.batch.side import Arrays, Side, Start
+from softgym_mj.vector.batch.rows import Rows
+from softgym_mj.vector.batch.side import Arrays, Side
 
 # Methods of a task that see one simulation: what they do is not known of a batch.
 _OF_ONE = (
@@ -15,14 +17,20 @@ _OF_ONE = (
 
 
 class Starts:
-    """Starts of variations, each made once by an environment on the CPU, and snapshots."""
+    """Starts of variations, each made once by an environment on the CPU, and snapshots.
 
-    def __init__(self, env: Environment, side: Side):
+    Attributes:
+        rows: of worlds that start so: what `Side.row` says; what measures compare with; values of
+            the domain parameters that vary; the largest strain of an edge so far.
+    """
+
+    def __init__(self, env: Environment, side: Side, place: Place):
         """Checks that a batch can play the task.
 
         Args:
             env: plays it.
             side: reads what is there.
+            place: where the rows are.
 
         Raises:
             InvalidArgumentError: for what a batch cannot do, by name.
@@ -34,59 +42,62 @@ class Starts:
         if env.task.counts_intersections:
             raise InvalidArgumentError("count_intersections", True, "False, on this device")
         self._env, self._side = env, side
-        self._known: dict[int, Start] = {}
+        self.rows = Rows(1, place)
+        self._known: dict[Any, int] = {}
 
-    def __getitem__(self, variation: int) -> Start:
-        """The start of a variation."""
+    def row(self, variation: int) -> int:
+        """The row of the start of a variation."""
         if variation not in self._known:
             self._env.reset(variation)
-            self._known[variation] = self._read()
+            self._read(variation)
         return self._known[variation]
 
-    def _read(self) -> Start:
-        """Where the environment is."""
+    def _read(self, key: Any) -> None:
+        """Notes where the environment is."""
         task = self._env.task
-        return Start(
-            self._side.describe(),
-            {name: array.copy() for name, array in self._side.arrays().items()},
-            copy.deepcopy(task.actor.get_state()),
-            task.episode,
-            {name: task.domain.values[name] for name in task.domain.varying},
-            task.scene.most_strained,
-        )
+        row = self._known.setdefault(key, len(self._known))
+        domain = {name: task.domain.values[name] for name in task.domain.varying}
+        values = {"side": self._side.row(), "episode": vars(task.episode), "domain": domain}
+        self.rows.put(row, {**values, "strain": float(task.scene.most_strained)})
 
-    def read(self, snapshot: Snapshot) -> Start:
-        """Where the episode of a snapshot of any environment is.
+    def read(self, i: int, snapshot: Snapshot) -> tuple[int, int]:
+        """The row of where the episode of a snapshot of any environment is, and its variation.
+
+        Args:
+            i: another snapshot with this number takes its place.
+            snapshot: what is read.
 
         Raises:
             SnapshotError: for one of another task or with other settings.
         """
         self._env.set_state(snapshot)
-        return self._read()
+        self._read(("snapshot", i))
+        return self._known["snapshot", i], self._env.task.variation
 
     def snapshot(
         self,
-        variation: int,
         state: Arrays,
         actor: Arrays,
+        *,
+        variation: int,
         strain: float,
-        step_count: int,
+        count: int,
         ended: bool,
     ) -> Snapshot:
         """What `Environment.get_state` returns of an episode, which any environment continues.
 
         Args:
-            variation: that is played.
             state: as `Side.arrays` has it.
             actor: what it remembers.
+            variation: that is played.
             strain: largest of an edge in the episode.
-            step_count: env steps since its start.
+            count: env steps since its start.
             ended: whether it has ended.
         """
         self._env.reset(variation)
         for name, array in self._side.arrays().items():
             array[...] = state[name]
-        self._env.physics.data.time = step_count * self._env.control_timestep()
+        self._env.physics.data.time = count * self._env.control_timestep()
         found = self._env.get_state()
         task = {**found.task, "most_strained": strain, "actor": dict(actor)}
-        return dataclasses.replace(found, task=task, step_count=step_count, ended=ended)
+        return dataclasses.replace(found, task=task, step_count=count, ended=ended)

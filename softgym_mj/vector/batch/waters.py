@@ -1,6 +1,7 @@
 """`Waters`: water in cups, one of which moves, in many worlds."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -8,11 +9,12 @@ from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.fluid.worlds import WaterWorlds, describe
+from softgym_mj.metrics import Array
 from softgym_mj.native.places import Place
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.tasks.shared.state import State
-from softgym_mj.vector.batch.side import Arrays, Side, Start
+from softgym_mj.vector.batch.side import Arrays, Side
 
 POSITION_AND_QUATERNION, PLANAR = slice(7), [0, 2, 7]  # Of a whole pose.
 
@@ -41,25 +43,37 @@ class Waters(Side):
             task.scene.materials[self._name], task.actor, task.scene.cups,
         )  # fmt: skip
         self._names = [cup.mjcf_model.model for cup in self._cups]
-        self._moving = np.flatnonzero(self._mover.max_step)
-        number = task.max_points
-        self._worlds = WaterWorlds(num_worlds, number, len(self._cups), place)
-        self._present = np.zeros((num_worlds, number), bool)
-        self._poses = np.zeros((num_worlds, len(self._cups), 8))
-        self._sizes = np.zeros((num_worlds, len(self._cups), 4))
-        self._step, self._way = np.zeros((num_worlds, 3)), np.zeros((num_worlds, 2, 3))
-        self._rejected = np.zeros(num_worlds, int)
-
-    @property
-    def flags(self) -> np.ndarray:
-        return self._worlds.flags
+        self._place, self._xp, self._number = place, place.xp, num_worlds
+        self._worlds = WaterWorlds(num_worlds, task.max_points, len(self._cups), place)
+        self.flags = self._worlds.flags
+        self.now: dict[str, Any] = {
+            name: getattr(self._worlds, name) for name in WaterWorlds.fields
+        }
+        self.now["model"] = self._worlds.models
+        self._step: Array = None
 
     # ------------------------------------------------------------------ the environment
 
-    def describe(self) -> np.ndarray:
-        """See `Side`: bytes (size,) uint8 of `WaterWorlds`."""
-        model = self._env.physics.model.ptr
-        return describe(model, [model.body(cup.body.full_identifier).id for cup in self._cups])
+    def row(self) -> Arrays:
+        """See `Side`: the state of the water, what the mover remembers, and the cups.
+
+        poses: as `whole_pose` has them; sizes: as `Cup.arrays` has them.
+        """
+        model, own = self._env.physics.model.ptr, self.arrays()
+        ids = [model.body(cup.body.full_identifier).id for cup in self._cups]
+        poses = []
+        for name in self._names:
+            quaternion = own[f"{name} quaternion"]
+            theta = 2.0 * math.atan2(quaternion[2], quaternion[0])
+            poses.append(np.concatenate([own[f"{name} position"], quaternion, [theta]]))
+        return {
+            **{name: own[name] for name in WaterWorlds.fields},
+            **self._mover.get_state(),
+            "model": np.array(self._worlds.load(describe(model, ids))),
+            "present": np.ones(self._water.num_points, bool),
+            "poses": np.stack(poses),
+            "sizes": np.stack([cup.arrays["size"] for cup in self._cups]),
+        }
 
     def arrays(self) -> Arrays:
         """See `Side`: of `WaterWorlds`, then where the cups are."""
@@ -78,62 +92,52 @@ class Waters(Side):
 
     # ------------------------------------------------------------------ worlds
 
-    def start(self, i: int, start: Start) -> None:
-        own = {name: start.state[name] for name in ("known", "positions", "velocities", "walls")}
-        self._worlds.start(i, start.model)
-        self._worlds.set_state(i, own)
-        self._present[i] = False
-        self._present[i, : len(own["positions"])] = True
-        for k, name in enumerate(self._names):
-            position, quaternion = (start.state[f"{name} {x}"] for x in ("position", "quaternion"))
-            self._poses[i, k, :3], self._poses[i, k, 3:7] = position, quaternion
-            self._poses[i, k, 7] = 2.0 * math.atan2(quaternion[2], quaternion[0])
-            self._sizes[i, k] = start.episode.shapes[name]["size"]
-        self._way[i], self._rejected[i] = start.actor["way"], start.actor["rejected"]
-
-    def command(self, actions: np.ndarray) -> None:
-        self._step = np.zeros_like(self._step)
-        self._step[:, self._moving] = self._mover.max_step[self._moving] * actions
-        self._rejected = np.zeros_like(self._rejected)
+    def command(self, actions: Array) -> None:
+        columns = [0.0 * actions[:, 0]] * 3
+        for k, i in enumerate(np.flatnonzero(self._mover.max_step).tolist()):
+            columns[i] = float(self._mover.max_step[i]) * actions[:, k]
+        self._step = self._xp.stack(columns, axis=1)
+        self.now["rejected"] = self._xp.zeros_like(self.now["rejected"])
 
     def sim_step(self) -> None:
-        pose = self._poses[:, 0, PLANAR]
-        cups = {
-            name: (self._sizes[:, k], self._poses[:, k, PLANAR])
-            for k, name in enumerate(self._names)
-        }
+        xp, now = self._xp, self.now
+        planar = now["poses"][..., PLANAR]
+        cups = {name: (now["sizes"][:, k], planar[:, k]) for k, name in enumerate(self._names)}
+        pose = planar[:, 0]
         wanted, allowed = self._mover.rule(pose + self._step, cups)
-        self._rejected = self._rejected + ~allowed
-        goal = np.where(allowed[:, None], wanted, pose)
-        self._way = np.stack([pose, goal], axis=1)
-        self._poses[:, 0] = whole_pose(goal)
-        self._worlds.step(self._poses[..., POSITION_AND_QUATERNION])
+        now["rejected"] = now["rejected"] + xp.astype(~allowed, now["rejected"].dtype)
+        goal = xp.where(allowed[:, None], wanted, pose)
+        now["way"] = xp.stack([pose, goal], axis=1)
+        now["poses"] = xp.concat([whole_pose(goal)[:, None], now["poses"][:, 1:]], axis=1)
+        self._worlds.step(now["poses"][..., POSITION_AND_QUATERNION])
 
     # ------------------------------------------------------------------ what is seen
 
     def state(self, number: int) -> State:
-        present = self._present[:, :number].copy()
-        points = self._worlds.positions[:, :number].copy()
-        points[~present] = 0.0
-        poses = {name: self._poses[:, k].copy() for k, name in enumerate(self._names)}
-        velocity = (self._way[:, 1] - self._way[:, 0]) / SIM_STEP
-        sensed = self._poses[:, 0, PLANAR]
+        xp, now = self._xp, self.now
+        present = xp.asarray(now["present"][:, :number], copy=True)
+        points = xp.where(present[..., None], now["positions"][:, :number], 0.0)
+        poses = {
+            name: xp.asarray(now["poses"][:, k], copy=True) for k, name in enumerate(self._names)
+        }
+        velocity = (now["way"][:, 1] - now["way"][:, 0]) / SIM_STEP
+        sensed = now["poses"][:, 0, PLANAR]
         return State({self._name: points}, {self._name: present}, poses, sensed, velocity)
 
-    def strains(self) -> np.ndarray:
+    def strains(self) -> Array:
         """See `Side`: zeros (num_worlds,), there is no edge."""
-        return np.zeros(len(self._present))
+        return self._place.zeros((self._number,), "float64")
 
-    def info(self, strains: np.ndarray, largest: np.ndarray) -> dict[str, np.ndarray]:
-        return {"rejected_moves": self._rejected}
+    def info(self, strains: Array, largest: Array) -> dict[str, Array]:
+        return {"rejected_moves": self.now["rejected"]}
 
-    def holds(self) -> np.ndarray:
+    def holds(self) -> Array:
         """See `Side`: (num_worlds, 0), there are no grippers."""
-        return np.zeros((len(self._present), 0), np.uint8)
+        return self._place.zeros((self._number, 0), "uint8")
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         state = dict(self._worlds.get_state(i))
-        for k, name in enumerate(self._names):
-            state[f"{name} position"] = self._poses[i, k, :3].copy()
-            state[f"{name} quaternion"] = self._poses[i, k, 3:7].copy()
-        return state, {"way": self._way[i].copy(), "rejected": np.array(self._rejected[i])}
+        poses = self._place.get(self.now["poses"][i])
+        for pose, name in zip(poses, self._names, strict=True):
+            state[f"{name} position"], state[f"{name} quaternion"] = pose[:3], pose[3:7]
+        return state, {name: self._place.get(self.now[name][i]) for name in ("way", "rejected")}
