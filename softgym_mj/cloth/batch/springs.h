@@ -72,14 +72,26 @@ inline void Bend(const World& w, int substep) {
 inline void SweepSprings(const World& w) {
   const Model& m = *w.model;
   EachLevel(m.At<int>(m.edge_levels_at), m.edge_levels, [&](int b) { SweepEdges(w.points, w.edges + b); });
-  Each(m.chains, [&](int c) {
-    const int first = m.At<int>(m.chain_first_at)[c], end = m.At<int>(m.chain_first_at)[c + 1];
-    SolveChain(w.points,
-               {end - first, m.At<int>(m.chain_vertex_at) + c + first, w.chain_start + 3 * first,
-                m.At<float>(m.chain_length_at) + first, m.At<float>(m.chain_gamma_at) + first,
-                m.At<float>(m.chain_keep_at) + first, w.chain_before + first, w.chain_impulse + first,
-                w.chain_lower + first, w.chain_diagonal + first, w.chain_right + first, w.chain_normal + 3 * first});
-  });
+  for (int c = 0; c < m.chains; ++c) {
+    const int first = m.At<int>(m.chain_first_at)[c], size = m.At<int>(m.chain_first_at)[c + 1] - first;
+    const ChainRow chain = {size,
+                            m.At<int>(m.chain_vertex_at) + c + first,
+                            w.chain_start + 3 * first,
+                            m.At<float>(m.chain_length_at) + first,
+                            m.At<float>(m.chain_gamma_at) + first,
+                            m.At<float>(m.chain_keep_at) + first,
+                            w.chain_before + first,
+                            w.chain_impulse + first,
+                            w.chain_lower + first,
+                            w.chain_diagonal + first,
+                            w.chain_right + first,
+                            w.chain_normal + 3 * first};
+    Each(size, [&](int e) { StartChainEdge(w.points, chain, e); });
+    Each(size, [&](int e) { ConnectChainEdge(w.points, chain, e); });
+    Once([&] { SolveChain(chain); });
+    Each(size + 1, [&](int i) { MoveChainVertex(w.points, chain, i); });
+    Each(size, [&](int e) { EndChainEdge(w.points, chain, e); });
+  }
 }
 
 // Adds with which force edges pull what is held: `share` times their impulses.

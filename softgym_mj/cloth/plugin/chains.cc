@@ -39,9 +39,24 @@ void ChainRows::Start(const std::vector<double>& position, const double* after) 
 
 void ChainRows::Solve(const Points& points) {
   for (Row& row : rows_) {
-    SolveChain(points, {static_cast<int>(row.length.size()), row.vertex.data(), row.start.data(), row.length.data(),
-                        row.gamma.data(), row.keep.data(), row.before.data(), row.impulse.data(), row.lower.data(),
-                        row.diagonal.data(), row.right.data(), row.normal.data()});
+    const int size = static_cast<int>(row.length.size());
+    const ChainRow chain = {size,
+                            row.vertex.data(),
+                            row.start.data(),
+                            row.length.data(),
+                            row.gamma.data(),
+                            row.keep.data(),
+                            row.before.data(),
+                            row.impulse.data(),
+                            row.lower.data(),
+                            row.diagonal.data(),
+                            row.right.data(),
+                            row.normal.data()};
+    for (int e = 0; e < size; ++e) StartChainEdge(points, chain, e);
+    for (int e = 0; e < size; ++e) ConnectChainEdge(points, chain, e);
+    SolveChain(chain);
+    for (int i = 0; i <= size; ++i) MoveChainVertex(points, chain, i);
+    for (int e = 0; e < size; ++e) EndChainEdge(points, chain, e);
   }
 }
 

@@ -49,53 +49,65 @@ struct ChainRow {
   double *lower, *diagonal, *right, *normal;
 };
 
-// The edges form a tridiagonal system (Thomas' algorithm).
-inline void SolveChain(const Points& points, const ChainRow& row) {
-  double* n = row.normal;
+// The edges form a tridiagonal system, solved by Thomas' algorithm. First, of each edge alone,
+inline void StartChainEdge(const Points& points, const ChainRow& row, int e) {
+  double* n = row.normal + 3 * e;
+  const float *a = points.now + 4 * row.vertex[e], *b = points.now + 4 * row.vertex[e + 1];
+  double square = 0;
+  for (int k = 0; k < 3; ++k) {
+    n[k] = static_cast<double>(row.start[3 * e + k]) + (static_cast<double>(b[k]) - a[k]);
+    square += n[k] * n[k];
+  }
+  const double root = std::sqrt(square), now = root > 1e-9 ? root : 1e-9;
+  for (int k = 0; k < 3; ++k) n[k] /= now;
+  const double length = row.length[e];
+  row.diagonal[e] = static_cast<double>(a[3]) + b[3] + row.gamma[e];
+  row.right[e] = -((now - length) - row.keep[e] * (row.before[e] - length));
+}
+
+// then what each has to do with the one before it,
+inline void ConnectChainEdge(const Points& points, const ChainRow& row, int e) {
+  const double *n = row.normal + 3 * e, *m = n - 3;
+  row.lower[e] = e > 0 ? -points.now[4 * row.vertex[e] + 3] * (m[0] * n[0] + m[1] * n[1] + m[2] * n[2]) : 0;
+}
+
+// then one after the other, there and back,
+inline void SolveChain(const ChainRow& row) {
+  double diagonal = 1, right = 0;
   for (int e = 0; e < row.size; ++e) {
-    const float *a = points.now + 4 * row.vertex[e], *b = points.now + 4 * row.vertex[e + 1];
-    double square = 0;
-    for (int k = 0; k < 3; ++k) {
-      n[3 * e + k] = static_cast<double>(row.start[3 * e + k]) + (static_cast<double>(b[k]) - a[k]);
-      square += n[3 * e + k] * n[3 * e + k];
-    }
-    const double root = std::sqrt(square), now = root > 1e-9 ? root : 1e-9;
-    for (int k = 0; k < 3; ++k) n[3 * e + k] /= now;
-    const double length = row.length[e];
-    double diagonal = static_cast<double>(a[3]) + b[3] + row.gamma[e];
-    double right = -((now - length) - row.keep[e] * (row.before[e] - length));
-    row.lower[e] = 0;
-    if (e > 0) {
-      const double* m = n + 3 * e - 3;
-      const double side = -a[3] * (m[0] * n[3 * e] + m[1] * n[3 * e + 1] + m[2] * n[3 * e + 2]);
-      const double ratio = side / row.diagonal[e - 1];
-      diagonal -= ratio * side;
-      right -= ratio * row.right[e - 1];
-      row.lower[e] = side;
-    }
+    const double side = row.lower[e], ratio = side / diagonal;
+    diagonal = row.diagonal[e] - ratio * side;
+    right = row.right[e] - ratio * right;
     row.diagonal[e] = diagonal;
     row.right[e] = right;
   }
-  double impulse = 0;
-  for (int i = row.size; i-- > 0;) {
-    const double side = i + 1 < row.size ? row.lower[i + 1] : 0;
-    impulse = (row.right[i] - side * impulse) / row.diagonal[i];
-    row.impulse[i] = static_cast<float>(impulse);
-    float *a = points.now + 4 * row.vertex[i], *b = points.now + 4 * row.vertex[i + 1];
-    for (int k = 0; k < 3; ++k) {
-      a[k] = static_cast<float>(a[k] - a[3] * impulse * n[3 * i + k]);
-      b[k] = static_cast<float>(b[k] + b[3] * impulse * n[3 * i + k]);
-    }
+  double impulse = 0, side = 0;
+  for (int e = row.size; e-- > 0;) {
+    impulse = (row.right[e] - side * impulse) / row.diagonal[e];
+    row.right[e] = impulse;
+    side = row.lower[e];
   }
-  for (int e = 0; e < row.size; ++e) {
-    const float *a = points.now + 4 * row.vertex[e], *b = points.now + 4 * row.vertex[e + 1];
-    double square = 0;
-    for (int k = 0; k < 3; ++k) {
-      const double d = static_cast<double>(row.start[3 * e + k]) + (static_cast<double>(b[k]) - a[k]);
-      square += d * d;
-    }
-    row.before[e] = static_cast<float>(std::sqrt(square));
+}
+
+// then of each of its vertices, of which there is one more,
+inline void MoveChainVertex(const Points& points, const ChainRow& row, int i) {
+  float* p = points.now + 4 * row.vertex[i];
+  for (int k = 0; k < 3; ++k) {
+    if (i < row.size) p[k] = static_cast<float>(p[k] - p[3] * row.right[i] * row.normal[3 * i + k]);
+    if (i > 0) p[k] = static_cast<float>(p[k] + p[3] * row.right[i - 1] * row.normal[3 * i - 3 + k]);
   }
+}
+
+// and of each edge once more.
+inline void EndChainEdge(const Points& points, const ChainRow& row, int e) {
+  const float *a = points.now + 4 * row.vertex[e], *b = points.now + 4 * row.vertex[e + 1];
+  double square = 0;
+  for (int k = 0; k < 3; ++k) {
+    const double d = static_cast<double>(row.start[3 * e + k]) + (static_cast<double>(b[k]) - a[k]);
+    square += d * d;
+  }
+  row.before[e] = static_cast<float>(std::sqrt(square));
+  row.impulse[e] = static_cast<float>(row.right[e]);
 }
 
 }  // namespace
