@@ -5,6 +5,7 @@ or PyTorch's; a batch pads what differs in size with zeros (`Episode.stack`).
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 import array_api_compat
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+
+from softgym_mj.native import measures
 
 Array = Any  # Of NumPy or PyTorch.
 
@@ -44,6 +47,27 @@ class Measures:
 def namespace(array: Array) -> Any:
     """The array API of what an array is of; NumPy's is known by its type, ten times as fast."""
     return np if isinstance(array, np.ndarray) else array_api_compat.array_namespace(array)
+
+
+def constant(values: Any, beside: Array) -> Array:
+    """Numbers (...) as an array where another one is; on a device they are put once."""
+    numbers = np.asarray(values)
+    if isinstance(beside, np.ndarray):
+        return numbers
+    return _constant(numbers.tobytes(), numbers.shape, numbers.dtype, beside.device)
+
+
+@functools.cache
+def _constant(content: bytes, shape: tuple[int, ...], dtype: np.dtype, device: Any) -> Array:
+    import torch
+
+    numbers = np.frombuffer(content, dtype).reshape(shape)
+    return torch.from_numpy(numbers.copy()).to(device)
+
+
+def chosen(points: Array, indices: Any) -> Array:
+    """Points (..., k, 3) out of points (..., n, 3), the same in all: by indices (k,)."""
+    return namespace(points).take(points, constant(indices, points), axis=-2)
 
 
 def normalize(performance: Array, lower: Array, upper: Array) -> Array:
@@ -137,39 +161,12 @@ def _covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int) -> fl
     return float(np.sum(np.maximum(right - np.maximum(left, reach), 0.0)) * pitch)
 
 
-def _covered_areas(vertices, triangles, lines: int):
-    """`covered_area` of PyTorch's tensors, of all meshes in one sweep."""
-    import torch
-
-    leading, (number, _) = vertices.shape[:-2], triangles.shape[-2:]
-    points = vertices[..., :2].double().reshape(-1, vertices.shape[-2], 2)
-    corners = triangles.reshape(len(points), -1, 1).expand(-1, -1, 2)
-    x, y = torch.gather(points, 1, corners).reshape(-1, 3, 2).unbind(-1)
-    y, order = torch.sort(y, dim=1, stable=True)
-    x, per_mesh = torch.gather(x, 1, order), y.reshape(len(points), number, 3)
-    bottom, top = per_mesh[:, :, 0].amin(1), per_mesh[:, :, 2].amax(1)
-    pitch = (top - bottom) / lines
-    mesh = torch.arange(len(y), device=y.device) // number
-    step = torch.where(pitch > 0.0, pitch, torch.inf)[mesh]
-    first, last = (torch.ceil((y[:, i] - bottom[mesh]) / step - 0.5).long() for i in (0, 2))
-    counts = (last - first).clamp(min=0)
-    triangle = torch.repeat_interleave(counts)
-    start = counts.cumsum(0) - counts - first
-    line = torch.arange(len(triangle), device=y.device) - start[triangle]
-    mesh, x, y = mesh[triangle], x[triangle], y[triangle]
-    level = bottom[mesh] + (line + 0.5) * pitch[mesh]
-    lower = level < y[:, 1]
-    ends = [torch.where(lower, v[:, i], v[:, i + 1]) for i in (0, 1) for v in (x, y)]
-    edges = [_crossing(level, x[:, 0], y[:, 0], x[:, 2], y[:, 2]), _crossing(level, *ends)]
-    left, right = torch.minimum(*edges), torch.maximum(*edges)
-    span = 2.0 * (right - left.min()).max() + 1.0 if len(left) else 1.0
-    shift = (mesh * lines + line) * span
-    left, order = torch.sort(left + shift, stable=True)
-    right = (right + shift)[order]
-    reach = torch.cat([torch.full_like(right[:1], -torch.inf), right.cummax(0).values[:-1]])
-    covered = (right - torch.maximum(left, reach)).clamp(min=0.0)
-    total = torch.zeros_like(pitch).index_add(0, mesh[order], covered)
-    return (total * pitch).reshape(leading)
+def _covered_areas(vertices: Array, triangles: Array, lines: int) -> Array:
+    """`covered_area` of PyTorch's tensors."""
+    leading, coordinates = vertices.shape[:-2], vertices.shape[-1]
+    points = vertices.double().reshape((-1, vertices.shape[-2], coordinates))
+    corners = triangles.long().reshape((len(points), -1, 3))
+    return measures.covered_areas(points, corners, lines).reshape(leading)
 
 
 def _crossing(level, x0, y0, x1, y1):
@@ -287,14 +284,12 @@ def highest(points: Array, present: Array) -> Array:
 def matched_distance(points: Array, goal: Array) -> Array:
     """Mean distance (...) [m] of points (..., n, 3) to goal points (..., n, 3).
 
-    They are matched so that it is smallest (Jonker and Volgenant, 1987), on the CPU.
+    They are matched so that it is smallest (Jonker and Volgenant, 1987).
     """
-    xp = namespace(points)
     apart = lengths(points[..., :, None, :] - goal[..., None, :, :])
     number = points.shape[-2]
-    found = []
-    for matrix in apart.reshape((-1, number, number)):
-        cost = np.asarray(matrix.cpu() if array_api_compat.is_torch_array(matrix) else matrix)
-        rows, columns = (xp.asarray(index) for index in linear_sum_assignment(cost))
-        found.append(xp.mean(matrix[rows, columns]))
-    return xp.stack(found).reshape(points.shape[:-2])[()]
+    matrices, leading = apart.reshape((-1, number, number)), points.shape[:-2]
+    if array_api_compat.is_torch_array(points):
+        return measures.matched_distances(matrices.double()).reshape(leading)
+    found = [np.mean(matrix[linear_sum_assignment(matrix)]) for matrix in matrices]
+    return np.stack(found).reshape(leading)[()]

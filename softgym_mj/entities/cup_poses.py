@@ -6,7 +6,7 @@ Functions of arrays, of one cup or of many: NumPy's or PyTorch's.
 import math
 
 import numpy as np
-from array_api_compat import is_torch_array
+from array_api_compat import device, is_torch_array
 
 from softgym_mj.metrics import Array, namespace
 from softgym_mj.native.arithmetic import product
@@ -75,7 +75,7 @@ def _placed(points: list[list[Array]], pose: Array) -> Array:
 def overlap(first: Array, second: Array) -> Array:
     """Whether two convex polygons (..., n, 2) and (..., m, 2) have a point in common: (...)."""
     xp = namespace(first)
-    apart = xp.zeros(first.shape[:-2], dtype=bool)
+    apart = xp.zeros(first.shape[:-2], dtype=xp.bool, device=device(first))
     for polygon in (first, second):
         edges = xp.roll(polygon, -1, axis=-2) - polygon
         normals = xp.stack([-edges[..., 1], edges[..., 0]], axis=-2)

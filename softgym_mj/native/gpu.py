@@ -4,6 +4,7 @@ The programs are those of the library, a block of threads a world. NVIDIA's comp
 package (cuda-core); what it made is kept in the cache folder.
 """
 
+import functools
 import hashlib
 import logging
 import os
@@ -13,25 +14,32 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
+from softgym_mj.native.caches import cache_folder
+from softgym_mj.exceptions import UnavailableError, check_name
 from softgym_mj.native.places import Copy, Place
 
-THREADS = 256  # Of a block.
-BLOCKS = 2  # That each multiprocessor has to have room for.
+# Where programs are: their entries are in `<folder>/<name>.cu`, all else in headers.
+PROGRAMS = {
+    "cloth": ("cloth", "cloth/batch/step.cu"),
+    "fluid": ("fluid", "fluid/batch/step.cu"),
+    "measures": ("native", "native/measures.cu"),
+}
+MOST_THREADS, BLOCKS = 256, 3  # Of a block; that each multiprocessor has to have room for.
 
+_WARP = 32  # Threads.
 _FOLDER = pathlib.Path(__file__).parents[1]
-_KINDS = ("cloth", "fluid")
 _OPTIONS = {
     "std": "c++17",
     "device_as_default_execution_space": True,
     # Arithmetic as the processor's.
     "fma": False, "ftz": False, "prec_div": True, "prec_sqrt": True,
+    "define_macro": [("SGM_THREADS", str(MOST_THREADS)), ("SGM_BLOCKS", str(BLOCKS))],
 }  # fmt: skip
-_NOTICE = "Compiling the %s program for GPUs of architecture %s, once: it takes up to half a minute"
+_NOTICE = "Compiling the program of %s for GPUs of architecture %s, once: up to half a minute"
 _log = logging.getLogger(__name__)
 
 
-def _cuda() -> Any:
+def _core() -> Any:
     """The package that compiles and launches."""
     try:
         import cuda.core
@@ -42,47 +50,48 @@ def _cuda() -> Any:
     return cuda.core
 
 
-def _source(kind: str) -> str:
+def _source(room: str, file: str) -> str:
     """What a program is compiled of, all of it: the key of the cache."""
     native = _FOLDER / "native"
-    files = [*native.glob("*.h"), *(native / "cuda").iterdir(), *(_FOLDER / kind).rglob("*.h")]
-    text = "".join(file.read_text() for file in sorted(files))
-    return text + (_FOLDER / kind / "batch" / "step.cu").read_text()
+    files = {*native.glob("*.h"), *(native / "cuda").iterdir(), *(_FOLDER / room).rglob("*.h")}
+    return "".join(each.read_text() for each in [*sorted(files), _FOLDER / file])
 
 
-def cubin(kind: str, architecture: str, folder: pathlib.Path) -> bytes:
-    """The program of worlds of a kind for an architecture, compiled if it is not in the folder.
-
-    Args:
-        kind: "cloth" or "fluid".
-        architecture: such as "90".
-        folder: what has been compiled is kept there.
+def compiled(name: str, architecture: str) -> bytes:
+    """A program for an architecture such as "90", compiled if it is not in the cache folder.
 
     Raises:
         UnavailableError: without the packages that compile.
     """
-    if kind not in _KINDS:
-        raise InvalidArgumentError("kind", kind, _KINDS)
-    core = _cuda()
-    options = {
-        **_OPTIONS,
-        "define_macro": [("SGM_THREADS", str(THREADS)), ("SGM_BLOCKS", str(BLOCKS))],
-    }
-    key = hashlib.sha256(f"{_source(kind)}{sorted(options.items())}".encode()).hexdigest()[:16]
-    file = folder / f"{kind}-sm_{architecture}-{key}.cubin"
-    if not file.exists():
-        _log.warning(_NOTICE, kind, architecture)
+    check_name("name", name, PROGRAMS)
+    core, (room, file) = _core(), PROGRAMS[name]
+    key = hashlib.sha256(f"{_source(room, file)}{_OPTIONS}".encode()).hexdigest()[:16]
+    kept = cache_folder() / "programs" / f"{name}-sm_{architecture}-{key}.cubin"
+    if not kept.exists():
+        _log.warning(_NOTICE, name, architecture)
         paths = [str(_FOLDER), str(_FOLDER / "native" / "cuda")]
-        settings = core.ProgramOptions(arch=f"sm_{architecture}", include_path=paths, **options)
-        text = f'#include "{kind}/batch/step.cu"\n'
+        options = core.ProgramOptions(arch=f"sm_{architecture}", include_path=paths, **_OPTIONS)
         start = time.perf_counter()
-        code = core.Program(text, "c++", settings).compile("cubin").code
+        code = core.Program(f'#include "{file}"\n', "c++", options).compile("cubin").code
         _log.info("It took %.0f s", time.perf_counter() - start)
-        folder.mkdir(parents=True, exist_ok=True)
-        whole = file.with_suffix(f".{os.getpid()}")
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        whole = kept.with_suffix(f".{os.getpid()}")
         whole.write_bytes(code)
-        whole.replace(file)
-    return file.read_bytes()
+        whole.replace(kept)
+    return kept.read_bytes()
+
+
+@functools.cache
+def _entry(name: str, entry: str, device: Any) -> tuple[Any, Any]:
+    """A device of cuda-core, and an entry of a program that it has loaded."""
+    import torch
+
+    core = _core()
+    own = core.Device(device.index)
+    own.set_current()
+    major, minor = torch.cuda.get_device_capability(device)
+    code = core.ObjectCode.from_cubin(compiled(name, f"{major}{minor}"))
+    return own, code.get_kernel(entry)
 
 
 class _Stream:
@@ -93,6 +102,22 @@ class _Stream:
 
     def __cuda_stream__(self) -> tuple[int, int]:
         return 0, self._handle
+
+
+def launch(name: str, entry: str, device: Any, blocks: int, threads: int, *numbers: int) -> None:
+    """Begins a program, after what is on PyTorch's current stream.
+
+    Args:
+        name, entry: of the program.
+        device: of PyTorch.
+        blocks, threads: how many, of each block.
+        numbers: what the entry gets: whole numbers or addresses.
+    """
+    import torch
+
+    own, kernel = _entry(name, entry, device)
+    stream = own.create_stream(_Stream(torch.cuda.current_stream(device).cuda_stream))
+    _core().launch(stream, _core().LaunchConfig(grid=blocks, block=threads), kernel, *numbers)
 
 
 class _Copying(Copy):
@@ -116,11 +141,10 @@ class _Copying(Copy):
 class Gpu(Place):
     """A CUDA device; steps are made in the order of PyTorch's current stream."""
 
-    def __init__(self, folder: pathlib.Path, index: int = 0):
+    def __init__(self, index: int = 0):
         """Takes a device.
 
         Args:
-            folder: what has been compiled is kept there.
             index: of the device.
 
         Raises:
@@ -128,24 +152,21 @@ class Gpu(Place):
         """
         try:
             import torch
+            from array_api_compat import torch as xp
         except ImportError as error:
-            raise UnavailableError(f"worlds on a GPU need PyTorch: {error}") from error
+            raise UnavailableError(
+                f"worlds on a GPU need PyTorch ({error}): run `pip install softgym_mj[gpu]`"
+            ) from error
         if not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
-        self._torch = torch
-        from array_api_compat import torch as xp
-
-        self.xp, self.device = xp, torch.device("cuda", index)
-        self._core, self._folder = _cuda(), folder
-        self._device = self._core.Device(index)
-        self._device.set_current()
-        self._programs: dict[str, Any] = {}
+        self._torch, self.xp, self.device = torch, xp, torch.device("cuda", index)
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
         return self._torch.zeros(shape, dtype=getattr(self._torch, dtype), device=self.device)
 
     def put(self, array: np.ndarray) -> Any:
-        return self._torch.from_numpy(np.ascontiguousarray(array)).to(self.device)
+        here = self._torch.from_numpy(np.ascontiguousarray(array))
+        return here.pin_memory().to(self.device, non_blocking=True)
 
     def get(self, array: Any) -> np.ndarray:
         return array.cpu().numpy().copy()
@@ -156,16 +177,6 @@ class Gpu(Place):
     def address(self, array: Any) -> int:
         return array.data_ptr()
 
-    def step(self, kind: str, batch: Any, num_worlds: int) -> None:
-        handle = self._torch.cuda.current_stream(self.device).cuda_stream
-        stream = self._device.create_stream(_Stream(handle))
-        settings = self._core.LaunchConfig(grid=num_worlds, block=THREADS)
-        self._core.launch(stream, settings, self._program(kind), batch.data_ptr())
-
-    def _program(self, kind: str) -> Any:
-        if kind not in self._programs:
-            major, minor = self._torch.cuda.get_device_capability(self.device)
-            code = cubin(kind, f"{major}{minor}", self._folder)
-            program = self._core.ObjectCode.from_cubin(code).get_kernel("Step")
-            self._programs[kind] = program
-        return self._programs[kind]
+    def step(self, kind: str, batch: Any, num_worlds: int, size: int) -> None:
+        threads = min(max(-(-size // _WARP), 2) * _WARP, MOST_THREADS)
+        launch(kind, "Step", self.device, num_worlds, threads, batch.data_ptr())

@@ -53,8 +53,15 @@ class Place(Protocol):
     def address(self, array: Any) -> int:
         """Where the memory of an array begins."""
 
-    def step(self, kind: str, batch: Any, num_worlds: int) -> None:
-        """Makes, or begins, a step of worlds of a kind: `batch` is its `Batch` as bytes."""
+    def step(self, kind: str, batch: Any, num_worlds: int, size: int) -> None:
+        """Makes, or begins, a step of worlds of a kind.
+
+        Args:
+            kind: of `native.worlds.Worlds`.
+            batch: its `Batch`, as bytes.
+            num_worlds: how many there are.
+            size: how much there is to do at a time in each: points.
+        """
 
 
 class _Copied(Copy):
@@ -102,7 +109,7 @@ class Processor(Place):
     def address(self, array: np.ndarray) -> int:
         return array.ctypes.data
 
-    def step(self, kind: str, batch: np.ndarray, num_worlds: int) -> None:
+    def step(self, kind: str, batch: np.ndarray, num_worlds: int, size: int) -> None:
         function(kind, "step")(ctypes.c_void_p(batch.ctypes.data), self._threads, self._turns)
 
 

@@ -165,7 +165,8 @@ class Worlds:
             self._told[name][...] = array
         if self._batch is None:
             self._batch = self._written()
-        self.place.step(self.kind, self._batch, self._number)
+        size = next(iter(self._sizes.values()))
+        self.place.step(self.kind, self._batch, self._number, size)
 
     def _written(self) -> Array:
         """`Batch`: ints, an even number of them, then pointers."""

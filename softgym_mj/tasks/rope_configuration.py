@@ -123,7 +123,7 @@ class RopeConfiguration(Task):
 
     def measure(self, state: State, episode: Episode) -> Measures:
         points, goal = state.points["rope"], episode.goal["rope"]
-        matched = (points[..., self._matched, :], goal[..., self._matched, :])
+        matched = (metrics.chosen(places, self._matched) for places in (points, goal))
         performance = -metrics.matched_distance(*matched)
         return Measures(performance, rewards={"matched_distance": performance})
 
@@ -136,7 +136,9 @@ class RopeConfiguration(Task):
     def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
         keys, places = self.rope.key_points, {"rope": state.points, "goal": episode.goal}
         return {
-            f"{len(keys)} key points of the {name} (x, y, z each) [m]": place["rope"][..., keys, :]
+            f"{len(keys)} key points of the {name} (x, y, z each) [m]": metrics.chosen(
+                place["rope"], keys
+            )
             for name, place in places.items()
         }
 

@@ -4,20 +4,19 @@ First comes the set shipped in the package, then the user's cache, one file a va
 """
 
 import logging
-import os
 import pathlib
 from collections.abc import Callable, Iterable
 
 import mujoco
 import numpy as np
 
+from softgym_mj.native.caches import CACHE_VARIABLE, cache_folder
 from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
 from softgym_mj.variations.indices import NUM_VARIATIONS, Start, check_variation
 
-CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"  # Overrides the cache folder.
 _MUJOCO_SERIES = ".".join(mujoco.__version__.split(".")[:2])  # Results change between minors.
 
 _log = logging.getLogger(__name__)
@@ -26,14 +25,6 @@ _NOTICE = (
     "others will be when first used: most take tenths of a second, crumpled cloths seconds. They "
     "are kept in %s; `softgym-mj generate TASK --jobs N` makes all 1000 at once."
 )
-
-
-def cache_folder() -> pathlib.Path:
-    """Where generated states are kept: $SOFTGYM_MJ_CACHE or ~/.cache/softgym_mj."""
-    if CACHE_VARIABLE in os.environ:
-        return pathlib.Path(os.environ[CACHE_VARIABLE])
-    root = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
-    return pathlib.Path(root) / "softgym_mj"
 
 
 class VariationStore(Store):

@@ -82,11 +82,10 @@ def _place(device: str, num_workers: int | None, num_envs: int) -> "Place":
     """Where the rows of a batch are."""
     if device == "cuda":
         from softgym_mj.native.gpu import Gpu
-        from softgym_mj.variations.store import cache_folder
 
         if num_workers is not None:
             raise InvalidArgumentError("num_workers", num_workers, "None: there are none")
-        return Gpu(cache_folder() / "programs")
+        return Gpu()
     from softgym_mj.native.places import Processor
     from softgym_mj.vector.processes import num_cores
 

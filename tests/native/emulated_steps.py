@@ -21,7 +21,7 @@ class _Emulated(Processor):
         super().__init__()
         self._library = ctypes.CDLL(str(file))
 
-    def step(self, kind, batch, num_worlds):
+    def step(self, kind, batch, num_worlds, size):
         step = getattr(self._library, f"softgym_mj_{kind}_batch_step")
         step(ctypes.c_void_p(self.address(batch)), 1, THREADS)
 

@@ -4,6 +4,7 @@ import collections
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
+from array_api_compat import device
 from dm_control.composer.observation import observable
 
 from softgym_mj.exceptions import InvalidArgumentError, check_image_size
@@ -32,7 +33,7 @@ def full(task: Any, state: State, episode: Episode) -> Array:
     lead = state.sensed.shape[:-1]
     points = _joined(state.points.values(), lead)
     missing = 3 * task.max_points - points.shape[-1]
-    padding = namespace(points).zeros((*lead, missing))
+    padding = namespace(points).zeros((*lead, missing), device=device(points))
     beside = task.beside(state, episode).values()
     return _joined([points, padding, *beside, *_sensed(task, state)], lead)
 
@@ -43,7 +44,9 @@ def full_mask(task: Any, state: State, episode: Episode) -> Array:
     present = _joined(state.present.values(), lead)
     xp = namespace(present)
     missing = task.max_points - present.shape[-1]
-    whole = xp.concat([present, xp.zeros((*lead, missing), dtype=present.dtype)], axis=-1)
+    whole = xp.concat(
+        [present, xp.zeros((*lead, missing), dtype=present.dtype, device=device(present))], axis=-1
+    )
     return xp.astype(whole, xp.uint8)
 
 

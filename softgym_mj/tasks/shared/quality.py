@@ -51,12 +51,12 @@ def laying(state: State, episode: Episode, folded: bool) -> dict[str, Array]:
     points, shape, goal = state.points["cloth"], episode.shapes["cloth"], episode.goal["outline"]
     xp, count = metrics.namespace(points), points.shape[-2]
     places = [0, 1, 0, 1] if folded else [2, 3, 0, 1]  # Of the corners p1 p2 p3 p4.
-    away = metrics.taken(points, shape["corners"]) - goal[..., places, :]
+    away = metrics.taken(points, shape["corners"]) - metrics.chosen(goal, places)
     sides = [goal[..., i, :2] - goal[..., 0, :2] for i in (1, 2)]
     target = abs(sides[0][..., 0] * sides[1][..., 1] - sides[0][..., 1] * sides[1][..., 0])
     triangles = shape["triangles"]
-    both = xp.zeros((*triangles.shape[:-2], 2, 3), dtype=triangles.dtype)
-    both = both + xp.asarray([[0, 1, 2], [1, 3, 2]], dtype=triangles.dtype) + count
+    both = metrics.constant([[0, 1, 2], [1, 3, 2]], triangles) + count
+    both = xp.broadcast_to(both, (*triangles.shape[:-2], 2, 3))
     everything = xp.concat([points, goal], axis=-2), xp.concat([triangles, both], axis=-2)
     union = metrics.covered_area(*everything, LINES)
     common = xp.clip(metrics.covered_area(points, triangles, LINES) + target - union, 0.0, None)
@@ -80,9 +80,9 @@ def point_error(points: Array, goal: Array) -> dict[str, Array]:
 
 def straight(points: Array, length: float) -> Array:
     """The straight rope (..., n, 3) [m] of a length with the middle and direction of the ends."""
-    xp, count = metrics.namespace(points), points.shape[-2]
+    count = points.shape[-2]
     first, last = points[..., :1, :], points[..., -1:, :]
     along = last - first
     distance = metrics.lengths(along)[..., None]
-    places = xp.asarray(np.linspace(-0.5, 0.5, count)[:, None], dtype=points.dtype)
+    places = metrics.constant(np.linspace(-0.5, 0.5, count)[:, None], points)
     return (first + last) / 2 + length * places * along / (distance + (distance == 0.0))

@@ -74,6 +74,7 @@ class BatchBackend(Backend):
             place.zeros((num_envs,), "int64") for _ in range(4)
         )
         self._ended, self._diverged = (place.zeros((num_envs,), "bool") for _ in range(2))
+        self._everyone = place.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
         self._offered: list[int | None] = [None] * num_envs  # Variations of `_next`.
         self._taken = np.zeros(num_envs, int)  # What is known of `_used`.
@@ -182,8 +183,7 @@ class BatchBackend(Backend):
             self._take(ended, self._row)
             self._look()
         self._behind.append(self._place.copy(self._used))
-        everyone = self._place.put(np.ones(self.num_envs, bool))
-        return self.observe(), rewards, diverged, truncated, last | self.infos(everyone)
+        return self.observe(), rewards, diverged, truncated, last | self.infos(self._everyone)
 
     def _use(self, which: Array) -> None:
         """Has episodes of some (num_envs,) bool be followed by what has been offered."""

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-from array_api_compat import device
-
 from softgym_mj.metrics import Array, lengths
 from softgym_mj.robots.grip import SLIPPED, GripCommand, GripLimits, GripState, may_be, step_grips
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
@@ -105,5 +103,4 @@ class Pickers:
         number = xp.sum(xp.astype(which, now["yielded"].dtype), axis=1)
         now["yielded"] = now["yielded"] + number
         now["dropped"] = now["dropped"] + number
-        slipped = xp.asarray(SLIPPED, dtype=now["held"].dtype, device=device(now["held"]))
-        now["held"] = xp.where(which, slipped, now["held"])
+        now["held"] = xp.where(which, SLIPPED, now["held"])

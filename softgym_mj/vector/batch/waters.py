@@ -9,14 +9,14 @@ from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.fluid.worlds import WaterWorlds, describe
-from softgym_mj.metrics import Array
+from softgym_mj.metrics import Array, columns
 from softgym_mj.native.places import Place
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.vector.batch.side import Arrays, Side
 
-POSITION_AND_QUATERNION, PLANAR = slice(7), [0, 2, 7]  # Of a whole pose.
+POSITION_AND_QUATERNION = slice(7)  # Of a whole pose.
 
 
 class Waters(Side):
@@ -101,7 +101,7 @@ class Waters(Side):
 
     def sim_step(self) -> None:
         xp, now = self._xp, self.now
-        planar = now["poses"][..., PLANAR]
+        planar = _planar(now["poses"])
         cups = {name: (now["sizes"][:, k], planar[:, k]) for k, name in enumerate(self._names)}
         pose = planar[:, 0]
         wanted, allowed = self._mover.rule(pose + self._step, cups)
@@ -121,7 +121,7 @@ class Waters(Side):
             name: xp.asarray(now["poses"][:, k], copy=True) for k, name in enumerate(self._names)
         }
         velocity = (now["way"][:, 1] - now["way"][:, 0]) / SIM_STEP
-        sensed = now["poses"][:, 0, PLANAR]
+        sensed = _planar(now["poses"][:, 0])
         return State({self._name: points}, {self._name: present}, poses, sensed, velocity)
 
     def strains(self) -> Array:
@@ -141,3 +141,8 @@ class Waters(Side):
         for pose, name in zip(poses, self._names, strict=True):
             state[f"{name} position"], state[f"{name} quaternion"] = pose[:3], pose[3:7]
         return state, {name: self._place.get(self.now[name][i]) for name in ("way", "rejected")}
+
+
+def _planar(poses: Array) -> Array:
+    """x, z [m] and theta [rad] (..., 3) of whole poses (..., 8)."""
+    return columns(*(poses[..., i] for i in (0, 2, 7)))

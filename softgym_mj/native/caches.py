@@ -1,0 +1,14 @@
+"""Where what has been generated is kept."""
+
+import os
+import pathlib
+
+CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"
+
+
+def cache_folder() -> pathlib.Path:
+    """The folder: $SOFTGYM_MJ_CACHE or ~/.cache/softgym_mj."""
+    if CACHE_VARIABLE in os.environ:
+        return pathlib.Path(os.environ[CACHE_VARIABLE])
+    root = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
+    return pathlib.Path(root) / "softgym_mj"
