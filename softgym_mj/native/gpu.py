@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.native.caches import cache_folder
 from softgym_mj.exceptions import UnavailableError, check_name
+from softgym_mj.native.caches import cache_folder
 from softgym_mj.native.places import Copy, Place
 
 # Where programs are: their entries are in `<folder>/<name>.cu`, all else in headers.

@@ -6,8 +6,8 @@ import itertools
 import numpy as np
 import pytest
 
-from softgym_mj.native.caches import cache_folder
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.native.caches import cache_folder
 from softgym_mj.variations.store import VariationStore
 
 
