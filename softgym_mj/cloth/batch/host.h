@@ -5,6 +5,8 @@
 
 namespace softgym_mj::cloth {
 
+constexpr int kQuickBytes = 48;  // Of each vertex, of what is read and written most: see StepWorldOf.
+
 // Arrays of all worlds, with room in each row for the largest model. See World.
 struct Batch {
   long long num_worlds, most_vertices, most_edges, num_grippers, memory_size;

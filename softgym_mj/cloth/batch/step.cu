@@ -1,7 +1,9 @@
-// A step of all worlds of a batch on a GPU: a block of `SGM_THREADS` for each.
+// A step of all worlds of a batch on a GPU: a block of `SGM_THREADS` for each, with `size` bytes of shared memory.
 
 #include "cloth/batch/one.h"
 
-extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS) Step(const softgym_mj::cloth::Batch* batch) {
-  softgym_mj::cloth::StepWorldOf(*batch, blockIdx.x);
+extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS)
+    Step(const softgym_mj::cloth::Batch* batch, long long size) {
+  extern __shared__ float4 quick[];
+  softgym_mj::cloth::StepWorldOf(*batch, blockIdx.x, reinterpret_cast<float*>(quick), static_cast<int>(size));
 }

@@ -2,6 +2,7 @@
 
 #include "fluid/batch/one.h"
 
-extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS) Step(const softgym_mj::fluid::Batch* batch) {
+extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS)
+    Step(const softgym_mj::fluid::Batch* batch, long long) {
   softgym_mj::fluid::StepWorldOf(*batch, blockIdx.x);
 }

@@ -63,11 +63,10 @@ inline void TakeMemory(const Model& model, Memory* memory, World* w) {
   memory->Take(&w->pair_particle, static_cast<long long>(n) * model.num_walls);
   memory->Take(&w->wall_numbers, 5LL * n * model.num_walls);
   memory->Take(&w->neighbors.index, static_cast<long long>(kListStride) * n);
-  memory->Take(&w->neighbors.e, 3LL * kListStride * n);
   w->neighbors.begin = w->begin;
   w->neighbors.end = w->end;
   w->neighbors.most = kMostNeighbors;
-  w->neighbors.stride = static_cast<long>(kListStride) * n;
+  w->neighbors.e = nullptr, w->neighbors.stride = 0;  // Found again where it is needed.
   w->neighbors.too_many = w->step ? &w->step->too_many : nullptr;
 }
 

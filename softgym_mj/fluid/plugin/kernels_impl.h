@@ -50,15 +50,15 @@ void FindPressure(const FluidConstants& constants, const Particles& particles, c
   const FluidConstants fluid = constants;
   const Particles p = particles;
   const Neighbors neighbors = lists;
-  for (int i = 0; fluid.cohesion > 0 && i < p.count; ++i) FindPressureOf<true>(fluid, p, neighbors, i);
-  for (int i = 0; !(fluid.cohesion > 0) && i < p.count; ++i) FindPressureOf<false>(fluid, p, neighbors, i);
+  for (int i = 0; fluid.cohesion > 0 && i < p.count; ++i) FindPressureOf<true, true>(fluid, p, neighbors, i);
+  for (int i = 0; !(fluid.cohesion > 0) && i < p.count; ++i) FindPressureOf<false, true>(fluid, p, neighbors, i);
 }
 
 void AddCorrections(const FluidConstants& constants, const Particles& particles, const Neighbors& lists) {
   const FluidConstants fluid = constants;
   const Particles p = particles;
   const Neighbors neighbors = lists;
-  for (int i = 0; i < p.count; ++i) AddCorrection(fluid, p, neighbors, i);
+  for (int i = 0; i < p.count; ++i) AddCorrection<true>(fluid, p, neighbors, i);
 }
 
 void SmoothAll(const FluidConstants& constants, const Particles& particles, const Neighbors& lists, float viscosity) {

@@ -76,55 +76,73 @@ inline int FindRanges(const Grid& grid, int cx, int cy, int cz, int* first, int*
   return ranges;
 }
 
+// Writes which of `size` particles, at most eight, from place k on are nearer to particle i than the root of `limit`,
+// but i itself; returns how many.
+inline int ListBlock(const Vec3<Lanes>& away, Lanes limit, int k, int size, int i, int* out) {
+  unsigned hits = Bits(Less(away.x * away.x + away.y * away.y + away.z * away.z, limit));
+  if (size < kLanes) hits &= (1u << size) - 1u;
+  const unsigned self = static_cast<unsigned>(i - k);
+  if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
+  return Compress(k, hits, out);
+}
+
 // Appends those of the particles first..last-1 that are nearer to particle i, at x y z, than the root of `limit` to
 // `length` others; returns how many there are then. It stops beyond `most`, and writes more for a moment.
 inline int ListRange(const Particles& p, int i, const Vec3<Lanes>& x, Lanes limit, int first, int last, int most,
                      int length, int* index) {
   for (int k = first; k < last && length <= most; k += kLanes) {
-    const Lanes dx = Lanes::Load(p.x + k) - x.x, dy = Lanes::Load(p.y + k) - x.y, dz = Lanes::Load(p.z + k) - x.z;
-    const Lanes squared = dx * dx + dy * dy + dz * dz;
-    unsigned hits = Bits(Less(squared, limit));
-    if (last - k < kLanes) hits &= (1u << (last - k)) - 1u;
-    const unsigned self = static_cast<unsigned>(i - k);
-    if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
-    length += Compress(k, hits, index + length);
+    const Vec3<Lanes> away = {Lanes::Load(p.x + k) - x.x, Lanes::Load(p.y + k) - x.y, Lanes::Load(p.z + k) - x.z};
+    length += ListBlock(away, limit, k, last - k, i, index + length);
   }
   return length;
 }
 
-// Cohesion attracts by 27/4 q^2 (1 - q), at most 1, largest at q = r/H = 2/3.
-template <bool kCohesive>
+// What particles have to do with one at a distance: the kernel's parts, and e_ij.
+struct Nearness {
+  Lanes q, s, s2;
+  Vec3<Lanes> away, e;
+};
+inline Nearness FindNearness(const Vec3<Lanes>& x, const Vec3<Lanes>& other, Lanes inverse_radius) {
+  const Lanes one(1.0f), zero(0.0f), tiny(kTiny);
+  Nearness near;
+  near.away = {x.x - other.x, x.y - other.y, x.z - other.z};
+  const Vec3<Lanes>& d = near.away;
+  const Lanes r = Sqrt(Max(MultiplyAdd(d.x, d.x, MultiplyAdd(d.y, d.y, d.z * d.z)), tiny));
+  near.q = r * inverse_radius;
+  near.s = Max(one - near.q, zero);
+  near.s2 = near.s * near.s;
+  const Lanes scale = near.s2 / r;
+  near.e = {scale * d.x, scale * d.y, scale * d.z};
+  return near;
+}
+
+// Cohesion attracts by 27/4 q^2 (1 - q), at most 1, largest at q = r/H = 2/3. `kKept`: whether e_ij is written down.
+template <bool kCohesive, bool kKept>
 inline void FindPressureOf(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, int i) {
   const Lanes attraction(-6.75f * fluid.cohesion / fluid.radius);
-  const Lanes one(1.0f), zero(0.0f), inverse_radius(1.0f / fluid.radius), tiny(kTiny);
+  const Lanes inverse_radius(1.0f / fluid.radius);
   float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
   const float* xi = p.position + 4 * i;
-  const Lanes x(xi[0]), y(xi[1]), z(xi[2]);
+  const Vec3<Lanes> x = {Lanes(xi[0]), Lanes(xi[1]), Lanes(xi[2])};
   Lanes density(0.0f), squares(0.0f), sum_x(0.0f), sum_y(0.0f), sum_z(0.0f);
   Lanes pull_x(0.0f), pull_y(0.0f), pull_z(0.0f);
   for (int k = neighbors.begin[i]; k < neighbors.end[i]; k += kLanes) {
-    const Vec3<Lanes> xj = Gather(p.position, neighbors.index + k);
-    const Lanes dx = x - xj.x, dy = y - xj.y, dz = z - xj.z;
-    const Lanes squared = Max(MultiplyAdd(dx, dx, MultiplyAdd(dy, dy, dz * dz)), tiny);
-    const Lanes r = Sqrt(squared);
-    const Lanes q = r * inverse_radius;
-    const Lanes s = Max(one - q, zero);
-    const Lanes s2 = s * s;
-    density = MultiplyAdd(s2, s, density);
-    squares = MultiplyAdd(s2, s2, squares);
-    const Lanes scale = s2 / r;
-    const Lanes e_x = scale * dx, e_y = scale * dy, e_z = scale * dz;
-    e_x.Store(ex + k);
-    e_y.Store(ey + k);
-    e_z.Store(ez + k);
-    sum_x = sum_x + e_x;
-    sum_y = sum_y + e_y;
-    sum_z = sum_z + e_z;
+    const Nearness near = FindNearness(x, Gather(p.position, neighbors.index + k), inverse_radius);
+    density = MultiplyAdd(near.s2, near.s, density);
+    squares = MultiplyAdd(near.s2, near.s2, squares);
+    if (kKept) {
+      near.e.x.Store(ex + k);
+      near.e.y.Store(ey + k);
+      near.e.z.Store(ez + k);
+    }
+    sum_x = sum_x + near.e.x;
+    sum_y = sum_y + near.e.y;
+    sum_z = sum_z + near.e.z;
     if (kCohesive) {
-      const Lanes pull = attraction * q * s;
-      pull_x = MultiplyAdd(pull, dx, pull_x);
-      pull_y = MultiplyAdd(pull, dy, pull_y);
-      pull_z = MultiplyAdd(pull, dz, pull_z);
+      const Lanes pull = attraction * near.q * near.s;
+      pull_x = MultiplyAdd(pull, near.away.x, pull_x);
+      pull_y = MultiplyAdd(pull, near.away.y, pull_y);
+      pull_z = MultiplyAdd(pull, near.away.z, pull_z);
     }
   }
   const float pull[3] = {kCohesive ? Sum(pull_x) : 0.0f, kCohesive ? Sum(pull_y) : 0.0f,
@@ -144,15 +162,25 @@ inline void FindPressureOf(const FluidConstants& fluid, const Particles& p, cons
   });
 }
 
+template <bool kKept>
 inline void AddCorrection(const FluidConstants& fluid, const Particles& p, const Neighbors& neighbors, int i) {
   const float scale = fluid.relaxation * fluid.rest_density * fluid.radius / 3.0f;
+  const Lanes inverse_radius(1.0f / fluid.radius);
   const float *ex = neighbors.e, *ey = ex + neighbors.stride, *ez = ey + neighbors.stride;
+  const float* xi = p.position + 4 * i;
+  const Vec3<Lanes> from = {Lanes(xi[0]), Lanes(xi[1]), Lanes(xi[2])};
   Lanes x(0.0f), y(0.0f), z(0.0f);
   for (int k = neighbors.begin[i]; k < neighbors.end[i]; k += kLanes) {
     const Lanes pressure = Pick(p.pressure, neighbors.index + k);
-    x = MultiplyAdd(pressure, Lanes::Load(ex + k), x);
-    y = MultiplyAdd(pressure, Lanes::Load(ey + k), y);
-    z = MultiplyAdd(pressure, Lanes::Load(ez + k), z);
+    Vec3<Lanes> e;
+    if (kKept) {
+      e = {Lanes::Load(ex + k), Lanes::Load(ey + k), Lanes::Load(ez + k)};
+    } else {
+      e = FindNearness(from, Gather(p.position, neighbors.index + k), inverse_radius).e;
+    }
+    x = MultiplyAdd(pressure, e.x, x);
+    y = MultiplyAdd(pressure, e.y, y);
+    z = MultiplyAdd(pressure, e.z, z);
   }
   const float own = p.pressure[i];
   const float* gradient = p.gradient + 4 * i;
