@@ -1,6 +1,7 @@
 """`Place`: where the arrays of worlds are, and what makes their steps: here, this processor."""
 
 import ctypes
+from collections.abc import Callable, Hashable
 from typing import Any, Protocol
 
 import numpy as np
@@ -52,6 +53,15 @@ class Place(Protocol):
 
     def address(self, array: Any) -> int:
         """Where the memory of an array begins."""
+
+    def repeat(self, key: Hashable, function: Callable[[], Any]) -> Any:
+        """What a function returns: arrays, in dicts and tuples, that later calls leave alone.
+
+        Args:
+            key: as long as it is the same the function does the same with arrays in the same
+                memory, whatever is in them, and need not be called.
+            function: reads and writes arrays, and asks for none of their numbers.
+        """
 
     def step(self, kind: str, batch: Any, num_worlds: int, size: int) -> None:
         """Makes, or begins, a step of worlds of a kind.
@@ -108,6 +118,9 @@ class Processor(Place):
 
     def address(self, array: np.ndarray) -> int:
         return array.ctypes.data
+
+    def repeat(self, key: Hashable, function: Callable[[], Any]) -> Any:
+        return function()
 
     def step(self, kind: str, batch: np.ndarray, num_worlds: int, size: int) -> None:
         function(kind, "step")(ctypes.c_void_p(batch.ctypes.data), self._threads, self._turns)

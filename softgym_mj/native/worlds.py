@@ -65,6 +65,7 @@ class Worlds:
         place: where the arrays are.
         models: (num_worlds,) int64 what worlds play, from `load`; those of 0 stand still.
         flags: what went wrong so far, as bits (num_worlds,) int32.
+        grown: how many times the memory of steps has been replaced by a larger one.
     """
 
     kind: str
@@ -92,6 +93,7 @@ class Worlds:
         }
         self.models = place.zeros((num_worlds,), "int64")
         self.flags = place.zeros((num_worlds,), "int32")
+        self.grown = 0
         self._memory: Array = place.zeros((num_worlds, 0), "uint8")
         self._loaded: dict[bytes, tuple[int, Array]] = {}
         self._counts: dict[int, dict[str, int]] = {}  # Sizes of models.
@@ -125,6 +127,7 @@ class Worlds:
         needed = -(-function(self.kind, "memory")(_pointer(model)) // ALIGNMENT) * ALIGNMENT
         if needed > self._memory.shape[1]:  # What it held can be found again.
             self._memory = None
+            self.grown += 1
             self._memory, self._batch = self.place.zeros((self._number, needed), "uint8"), None
         there = self.place.put(model)
         address = self.place.address(there)

@@ -66,7 +66,8 @@ class StraightenRope(Task):
 
     def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
         keys = self.rope.key_points
-        return {f"{len(keys)} key points (x, y, z each) [m]": state.points["rope"][..., keys, :]}
+        found = metrics.chosen(state.points["rope"], keys)
+        return {f"{len(keys)} key points (x, y, z each) [m]": found}
 
     def remarks(self, episode: Episode) -> dict[str, Array]:
         initial = metrics.normalize(episode.initial_performance, *self.bounds(episode))

@@ -234,6 +234,7 @@ def test_rows_grow_with_what_is_put_into_them():
     found = [[[1, 0, 0], [1, 0, 0]], np.zeros((2, 3)), [[2, 2, 2], [0, 0, 0]]]
     np.testing.assert_array_equal(rows.whole["a"][:3], found)
     others = Rows(2, Processor())
+    others.fit(rows)
     others.take(np.array([True, False]), rows, np.array([2, 0]))
     assert others.whole["b"]["c"].tolist() == [7, 0]
     np.testing.assert_array_equal(others.whole["a"], [found[2], np.zeros((2, 3))])

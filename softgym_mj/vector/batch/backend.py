@@ -69,11 +69,16 @@ class BatchBackend(Backend):
         self.observation_space = example.observation_space
         self.action_space = example.action_space
         self.metadata, self.render_mode = example.metadata, example.render_mode
-        # Rows of `Starts` of these episodes and of the next, env steps so far, starts by itself.
-        self._row, self._next, self._counts, self._used = (
-            place.zeros((num_envs,), "int64") for _ in range(4)
-        )
-        self._ended, self._diverged = (place.zeros((num_envs,), "bool") for _ in range(2))
+        # What a step changes: rows of `Starts` of these episodes and of the next, env steps so far,
+        # starts by themselves.
+        self._at = {
+            **{
+                name: place.zeros((num_envs,), "int64") for name in ("row", "next", "count", "used")
+            },
+            **{name: place.zeros((num_envs,), "bool") for name in ("ended", "diverged")},
+        }
+        self._rows.whole["at"] = self._at
+        self._actions = place.zeros((num_envs, *(self.action_space.shape or ())), "float64")
         self._everyone = place.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
         self._offered: list[int | None] = [None] * num_envs  # Variations of `_next`.
@@ -103,7 +108,8 @@ class BatchBackend(Backend):
         which[[*rows]], at[[*rows]], of[[*rows]] = True, [*rows.values()], [*first.values()]
         self._started |= which
         mask, of = self._place.put(which), self._place.put(of)
-        self._row = self._xp.where(mask, of, self._row)
+        self._rows.fit(self._starts.rows)
+        self._at["row"][...] = self._xp.where(mask, of, self._at["row"])
         self._take(mask, self._place.put(at))
 
     def _take(self, which: Array, rows: Array) -> None:
@@ -112,8 +118,9 @@ class BatchBackend(Backend):
         if not may_be(xp, which):
             return
         self._rows.take(which, self._starts.rows, rows)
-        self._counts = xp.where(which, 0, self._counts)
-        self._ended, self._diverged = self._ended & ~which, self._diverged & ~which
+        self._at["count"] = xp.where(which, 0, self._at["count"])
+        for name in ("ended", "diverged"):
+            self._at[name] = self._at[name] & ~which
         self._side.flags[...] = xp.where(which, 0, self._side.flags)
 
     @property
@@ -139,7 +146,7 @@ class BatchBackend(Backend):
             checked = checked_actions(actions, self.num_envs, self.action_space)
             return self._place.put(checked.astype(float))
         shape = self.num_envs, *(self.action_space.shape or ())
-        like = self._counts
+        like = self._actions
         if type(like) is not type(actions) or actions.device != like.device:
             raise InvalidArgumentError(
                 "actions", f"on {actions.device}", "on the environments' device"
@@ -153,42 +160,57 @@ class BatchBackend(Backend):
     def advance(self, actions: Any, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
         if not self._started.all():
             raise LifecycleError("no episode has started: call reset() first")
-        xp, nobody = self._xp, self._xp.zeros_like(self._ended)
         if mode == AutoresetMode.DISABLED:
-            check_running(self._place.get(self._ended))
+            check_running(self._place.get(self._at["ended"]))
         else:
             self._offer()
-        starts = self._ended if mode == AutoresetMode.NEXT_STEP else nobody
-        unknown = xp.any(~xp.isfinite(actions), axis=-1)
-        self._side.command(xp.where(unknown[:, None], 0.0, actions))
+        self._actions[...] = actions
+        self._rows.fit(self._starts.rows)
+        key = mode, self._rows.grown, self._starts.rows.grown, self._side.changed
+        found = self._place.repeat(key, lambda: self._advanced(mode))
+        self._behind.append(self._place.copy(self._at["used"]))
+        return found
+
+    def _advanced(self, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
+        """What `advance` returns, of arrays alone."""
+        xp, at, before = self._xp, self._at, _leaves(self._rows.whole)
+        starts = at["ended"] & (mode == AutoresetMode.NEXT_STEP)
+        unknown = xp.any(~xp.isfinite(self._actions), axis=-1)
+        self._side.command(xp.where(unknown[:, None], 0.0, self._actions))
         for _ in range(self._task.action_repeat):
             self._side.sim_step()
         diverged = (unknown | ((self._side.flags & NOT_FINITE) != 0)) & ~starts
-        counts = self._counts + 1
+        count = at["count"] + 1
         # What has diverged ends where it has started: measures are finite.
         self._use(starts)
-        self._take(starts | diverged, self._row)
-        self._counts = xp.where(starts, 0, counts)
+        self._take(starts | diverged, at["row"])
+        at["count"] = xp.where(starts, 0, count)
         self._side.flags[...] = xp.where(diverged, NOT_FINITE, self._side.flags)
-        truncated = self._counts >= self.horizon
-        self._diverged, self._ended = diverged, diverged | truncated
+        truncated = at["count"] >= self.horizon
+        ended = diverged | truncated
+        at["diverged"], at["ended"] = diverged, ended
         self._look()
         assert self._measures is not None
         rewards = xp.where(starts, 0.0, self._measures.reward)
         last: dict[str, Any] = {}
-        if mode == AutoresetMode.SAME_STEP and may_be(xp, self._ended):
-            ended = self._ended
+        if mode == AutoresetMode.SAME_STEP and may_be(xp, ended):
             last = self.last(self.observe(), self.infos(ended), ended)
             self._use(ended)
-            self._take(ended, self._row)
+            self._take(ended, at["row"])
             self._look()
-        self._behind.append(self._place.copy(self._used))
-        return self.observe(), rewards, diverged, truncated, last | self.infos(self._everyone)
+        found = self.observe(), rewards, diverged, truncated, last | self.infos(self._everyone)
+        # What is new goes where the old was.
+        for (whole, name, old), (_, _, new) in zip(before, _leaves(self._rows.whole), strict=True):
+            if new is not old:
+                old[...] = new
+                whole[name] = old
+        return found
 
     def _use(self, which: Array) -> None:
         """Has episodes of some (num_envs,) bool be followed by what has been offered."""
-        self._row = self._xp.where(which, self._next, self._row)
-        self._used = self._used + self._xp.astype(which, self._used.dtype)
+        at, xp = self._at, self._xp
+        at["row"] = xp.where(which, at["next"], at["row"])
+        at["used"] = at["used"] + xp.astype(which, at["used"].dtype)
 
     def _offer(self) -> None:
         """Says what follows the episodes that end, once more where that has been used."""
@@ -204,7 +226,7 @@ class BatchBackend(Backend):
             which, rows = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, int)
             which[[*changed]], rows[[*changed]] = True, [*changed.values()]
             mask, rows = self._place.put(which), self._place.put(rows)
-            self._next = self._xp.where(mask, rows, self._next)
+            self._at["next"][...] = self._xp.where(mask, rows, self._at["next"])
 
     def _note_used(self, used: np.ndarray) -> None:
         for i in np.flatnonzero(used > self._taken).tolist():
@@ -213,7 +235,7 @@ class BatchBackend(Backend):
 
     def settle(self) -> None:
         self._behind.clear()
-        self._note_used(self._place.get(self._used))
+        self._note_used(self._place.get(self._at["used"]))
 
     # ------------------------------------------------------------------ what is seen
 
@@ -267,17 +289,17 @@ class BatchBackend(Backend):
 
     def _read(self) -> tuple[Array, ...]:
         whole = self._rows.whole
-        return whole["episode"]["variation"], whole["strain"], self._counts, self._ended
+        return whole["episode"]["variation"], whole["strain"], self._at["count"], self._at["ended"]
 
     def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
-        rows, first, counts = {}, {}, self._place.get(self._counts)
+        rows, first, counts = {}, {}, self._place.get(self._at["count"])
         for i, snapshot in snapshots.items():
             rows[i], variation = self._starts.read(i, snapshot)
             first[i] = self._starts.row(variation)
             counts[i] = self.horizon if snapshot.ended else snapshot.step_count
         self._start(rows, first)
-        self._counts = self._place.put(counts)
-        self._ended = self._counts >= self.horizon
+        self._at["count"][...] = self._place.put(counts)
+        self._at["ended"][...] = self._at["count"] >= self.horizon
         self._look()
 
     def call(self, name: str, arguments: Sequence[tuple[Sequence, Mapping]]) -> tuple[Any, ...]:
@@ -285,7 +307,7 @@ class BatchBackend(Backend):
             return (self.horizon,) * self.num_envs
         if name == "shorten":
             steps = np.array([int(share * self.horizon) for (share,), _ in arguments])
-            self._counts = self._counts + self._place.put(steps)
+            self._at["count"] += self._place.put(steps)
             return (None,) * self.num_envs
         raise InvalidArgumentError("name", name, "'horizon' or 'shorten', on this device")
 
@@ -301,3 +323,11 @@ def _observations(example: SoftGymEnv) -> tuple[str, ...]:
         if name not in (*STATES, HELD):
             raise InvalidArgumentError("observation", name, (*STATES, HELD))
     return names
+
+
+def _leaves(whole: dict[str, Any]) -> list[tuple[dict[str, Any], str, Array]]:
+    """Dict, name in it and array, of all arrays in dicts in dicts."""
+    found = []
+    for name, value in whole.items():
+        found += _leaves(value) if isinstance(value, dict) else [(whole, name, value)]
+    return found

@@ -52,6 +52,11 @@ class Flexes(Side):
         self._ways = place.zeros((0,), "float64")
         self._ways_at: dict[bytes, int] = {}
 
+    @property
+    def changed(self) -> int:  # type: ignore[override]
+        """See `Side`."""
+        return len(self._ways_at) + self._worlds.grown
+
     # ------------------------------------------------------------------ the environment
 
     def row(self) -> Arrays:

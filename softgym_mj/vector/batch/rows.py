@@ -16,6 +16,7 @@ class Rows:
 
     Attributes:
         whole: dict of arrays with a leading dimension, and of such dicts.
+        grown: how many times an array has been replaced by a larger one.
     """
 
     def __init__(self, number: int, place: Place):
@@ -27,6 +28,7 @@ class Rows:
         """
         self._number, self._place = number, place
         self.whole: dict[str, Any] = {}
+        self.grown = 0
 
     def put(self, i: int, values: Mapping[str, Any]) -> None:
         """Sets row `i`; all rows have the same names and numbers of dimensions."""
@@ -51,13 +53,26 @@ class Rows:
         shape = (self._number, *(max(sizes) for sizes in zip(before, shape, strict=True)))
         if whole is not None and tuple(whole.shape) == shape:
             return whole
+        self.grown += 1
         larger = self._place.zeros(shape, dtype)
         if whole is not None:
             larger[tuple(slice(size) for size in whole.shape)] = whole
         return larger
 
+    def fit(self, others: "Rows") -> None:
+        """Makes room for any row of others."""
+        self._fit(self.whole, others.whole)
+
+    def _fit(self, whole: dict[str, Any], others: dict[str, Any]) -> None:
+        for name, other in others.items():
+            if isinstance(other, dict):
+                self._fit(whole.setdefault(name, {}), other)
+                continue
+            dtype = str(other.dtype).rpartition(".")[2]
+            whole[name] = self._grown(whole.get(name), tuple(other.shape[1:]), dtype)
+
     def take(self, which: Array, others: "Rows", rows: Array) -> None:
-        """Sets those of some to rows of others, of the same names.
+        """Sets those of some to rows of others, for which there is room.
 
         Args:
             which: (number,) bool.
@@ -67,14 +82,10 @@ class Rows:
         self._take(self.whole, others.whole, which, rows)
 
     def _take(self, whole: dict[str, Any], others: dict[str, Any], which: Array, rows: Array):
-        xp = self._place.xp
         for name, other in others.items():
             if isinstance(other, dict):
-                self._take(whole.setdefault(name, {}), other, which, rows)
+                self._take(whole[name], other, which, rows)
                 continue
-            dtype = str(other.dtype).rpartition(".")[2]
-            own = self._grown(whole.get(name), tuple(other.shape[1:]), dtype)
-            whole[name] = own
             chosen = which.reshape((-1, *[1] * (other.ndim - 1)))
-            part = own[(slice(None), *(slice(size) for size in other.shape[1:]))]
-            part[...] = xp.where(chosen, other[rows], part)
+            part = whole[name][(slice(None), *(slice(size) for size in other.shape[1:]))]
+            part[...] = self._place.xp.where(chosen, other[rows], part)

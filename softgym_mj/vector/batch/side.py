@@ -16,10 +16,12 @@ class Side(Protocol):
 
     Attributes:
         now: arrays of rows by name, as `row` has them, once episodes have started.
+        changed: how many times arrays that are not in `now` have been replaced.
         flags: what went wrong so far, as bits (num_worlds,); the first one: it is not finite.
     """
 
     now: dict[str, Any]
+    changed: int
     flags: Array
 
     def row(self) -> Arrays:

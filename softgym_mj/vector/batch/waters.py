@@ -52,6 +52,11 @@ class Waters(Side):
         self.now["model"] = self._worlds.models
         self._step: Array = None
 
+    @property
+    def changed(self) -> int:  # type: ignore[override]
+        """See `Side`."""
+        return self._worlds.grown
+
     # ------------------------------------------------------------------ the environment
 
     def row(self) -> Arrays:
