@@ -36,6 +36,30 @@ inline void EachBlock(int first, int end, F f) {
   Wait();
 }
 
+// Calls f(i), each by eight threads, for begin[0] <= i < begin[1]; when all have been called for the next such part,
+// and so on. Small parts that follow each other are for one warp, which waits for itself alone.
+template <class F>
+inline void EachBlockOf(const int* begin, int parts, F f) {
+  constexpr int kWarp = 32, kSmall = kWarp / kLanes;
+  const int thread = static_cast<int>(threadIdx.x);
+  for (int part = 0; part < parts;) {
+    if (begin[part + 1] - begin[part] > kSmall) {
+      EachBlock(begin[part], begin[part + 1], f);
+      ++part;
+      continue;
+    }
+    int end = part;
+    while (end < parts && begin[end + 1] - begin[end] <= kSmall) ++end;
+    for (; part < end && thread < kWarp; ++part) {
+      const int step = static_cast<int>(blockDim.x) < kWarp ? static_cast<int>(blockDim.x) / kLanes : kSmall;
+      for (int i = begin[part] + thread / kLanes; i < begin[part + 1]; i += step) f(i);
+      __syncwarp();
+    }
+    part = end;
+    Wait();
+  }
+}
+
 // Adds, and returns what was there before. In which order the turns do so is not known.
 inline int Add(int* p, int n) { return atomicAdd(p, n); }
 inline int Exchange(int* p, int n) { return atomicExch(p, n); }
@@ -86,6 +110,10 @@ inline void Each(int count, F f) {
 template <class F>
 inline void EachBlock(int first, int end, F f) {
   InTurns(first, end, f);
+}
+template <class F>
+inline void EachBlockOf(const int* begin, int parts, F f) {
+  for (int part = 0; part < parts; ++part) InTurns(begin[part], begin[part + 1], f);
 }
 inline int Add(int* p, int n) {
   const int before = *p;

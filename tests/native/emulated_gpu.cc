@@ -34,6 +34,7 @@ std::vector<std::unique_ptr<Group>> groups;
 Group& Own() { return *groups[threadIdx.x / kGroup]; }
 
 void __syncthreads() { block->arrive_and_wait(); }
+void __syncwarp() { block->arrive_and_wait(); }  // There is one warp.
 
 unsigned __ballot_sync(unsigned, bool vote) {
   Group& group = Own();

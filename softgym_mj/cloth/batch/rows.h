@@ -86,11 +86,7 @@ inline void MakeLevels(const World& w, int corners, bool ranked, Rows* rows, F c
 // Calls f(block) for all blocks, level after level.
 template <class F>
 inline void EachLevel(const Rows& rows, F f) {
-  for (int level = 0; level < rows.levels; ++level) EachBlock(rows.begin[level], rows.begin[level + 1], f);
-}
-template <class F>
-inline void EachLevel(const int* begins, int levels, F f) {
-  for (int level = 0; level < levels; ++level) EachBlock(begins[level], begins[level + 1], f);
+  EachBlockOf(rows.begin, rows.levels, f);
 }
 
 }  // namespace

@@ -65,13 +65,13 @@ inline void Bend(const World& w, int substep) {
   const float n = static_cast<float>(m.bend_interval);
   const int chunks = 4 * m.padded / kLanes;
   EachBlock(0, chunks, [&](int i) { Unbent(w.points, kLanes * i, n).Store(w.points.predicted + kLanes * i); });
-  EachLevel(m.At<int>(m.hinge_levels_at), m.hinge_levels, [&](int b) { SweepHinges(w.points, w.hinges + b); });
+  EachBlockOf(m.At<int>(m.hinge_levels_at), m.hinge_levels, [&](int b) { SweepHinges(w.points, w.hinges + b); });
   EachBlock(0, chunks, [&](int i) { SpreadBend(w.points, kLanes * i, n); });
 }
 
 inline void SweepSprings(const World& w) {
   const Model& m = *w.model;
-  EachLevel(m.At<int>(m.edge_levels_at), m.edge_levels, [&](int b) { SweepEdges(w.points, w.edges + b); });
+  EachBlockOf(m.At<int>(m.edge_levels_at), m.edge_levels, [&](int b) { SweepEdges(w.points, w.edges + b); });
   for (int c = 0; c < m.chains; ++c) {
     const int first = m.At<int>(m.chain_first_at)[c], size = m.At<int>(m.chain_first_at)[c + 1] - first;
     const ChainRow chain = {size,

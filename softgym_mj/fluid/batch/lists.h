@@ -31,18 +31,35 @@ inline WallPairs PairsOf(const World& w, int wall) {
           static_cast<long>(n)};
 }
 
+// Fills `sum` with those of number(i, k) of all particles i, for 0 <= k < 3, as `SumInShares` adds them up.
+template <class T, class F>
+inline void SumAll(const World& w, F number) {
+  const int count = w.model->count, shares = (count + kShare - 1) / kShare;
+  Each(3 * shares, [&](int j) {
+    const int first = j / 3 * kShare, k = j % 3;
+    T sum = 0;
+    for (int i = first; i < first + kShare && i < count; ++i) sum += number(i, k);
+    w.sums[j] = sum;
+  });
+  Each(3, [&](int k) {
+    T sum = 0;
+    for (int j = k; j < 3 * shares; j += 3) sum += static_cast<T>(w.sums[j]);
+    w.step->sum[k] = sum;
+  });
+}
+
 // See `Solver::ShapeGrid`.
 inline void ShapeGrid(const World& w) {
   const Model& m = *w.model;
   const float cell = ListDistance(m);
-  Each(3, [&](int k) {
-    double sum = 0, deviation = 0;
-    for (int i = 0; i < m.count; ++i) sum += w.particles.position[4 * i + k];
-    const double mean = sum / m.count;
-    for (int i = 0; i < m.count; ++i) deviation += std::fabs(w.particles.position[4 * i + k] - mean);
-    w.step->extent[k] = static_cast<float>(4 * deviation / m.count / cell) + 2;
-  });
+  const float* x = w.particles.position;
+  double mean[3];
+  SumAll<double>(w, [&](int i, int k) { return x[4 * i + k]; });
+  for (int k = 0; k < 3; ++k) mean[k] = w.step->sum[k] / m.count;
+  Wait();
+  SumAll<double>(w, [&](int i, int k) { return std::fabs(x[4 * i + k] - mean[k]); });
   Once([&] {
+    for (int k = 0; k < 3; ++k) w.step->extent[k] = static_cast<float>(4 * w.step->sum[k] / m.count / cell) + 2;
     int size[3] = {4, 4, 4};
     const double* extent = w.step->extent;
     while (size[0] * size[1] * size[2] < m.count) {
@@ -106,49 +123,32 @@ inline void Sort(World* w) {
   });
 }
 
-// Lists the neighbours of particle i: see `FindNeighbors` of the kernels. Eight places at a time come out of memory
-// before the first are looked at.
+// Lists the neighbours of particle i: see `FindNeighbors` of the kernels. By one thread: those of its neighbours read
+// the same.
 inline void ListNeighbors(const World& w, int i) {
-  constexpr int kAtOnce = 4, kMostBlocks = 64;
   const Particles& p = w.particles;
   const Step& step = *w.step;
   const Grid grid = {step.nx, step.ny, step.nz, w.start};
-  const float distance = ListDistance(*w.model), inverse = 1.0f / distance;
-  const Lanes limit(distance * distance);
-  const Vec3<Lanes> x = {Lanes(p.x[i]), Lanes(p.y[i]), Lanes(p.z[i])};
-  int first[kRanges], last[kRanges], place[kMostBlocks], size[kMostBlocks];
-  const int ranges =
-      FindRanges(grid, CellOf(p.x[i] * inverse) & (step.nx - 1), CellOf(p.y[i] * inverse) & (step.ny - 1),
-                 CellOf(p.z[i] * inverse) & (step.nz - 1), first, last);
+  const float distance = ListDistance(*w.model), inverse = 1.0f / distance, limit = distance * distance;
+  const float x = p.x[i], y = p.y[i], z = p.z[i];
+  int first[kRanges], last[kRanges];
+  const int ranges = FindRanges(grid, CellOf(x * inverse) & (step.nx - 1), CellOf(y * inverse) & (step.ny - 1),
+                                CellOf(z * inverse) & (step.nz - 1), first, last);
   int* index = w.neighbors.index + static_cast<long long>(kListStride) * i;
   int length = 0;
-  for (int r = 0, k = first[0]; r < ranges && length <= kMostNeighbors;) {
-    int blocks = 0;
-    for (; r < ranges && blocks < kMostBlocks; k = r < ranges ? first[r] : 0) {
-      for (; k < last[r] && blocks < kMostBlocks; k += kLanes) place[blocks] = k, size[blocks++] = last[r] - k;
-      if (k < last[r]) break;
-      ++r;
-    }
-    for (int b = 0; b < blocks && length <= kMostNeighbors; b += kAtOnce) {
-      Vec3<Lanes> away[kAtOnce];
-      for (int c = 0; c < kAtOnce; ++c) {
-        const int at = place[b + c < blocks ? b + c : b];
-        away[c] = {Lanes::Load(p.x + at) - x.x, Lanes::Load(p.y + at) - x.y, Lanes::Load(p.z + at) - x.z};
-      }
-      for (int c = 0; c < kAtOnce && b + c < blocks && length <= kMostNeighbors; ++c) {
-        length += ListBlock(away[c], limit, place[b + c], size[b + c], i, index + length);
-      }
+  for (int r = 0; r < ranges && length <= kMostNeighbors; ++r) {
+    for (int k = first[r]; k < last[r] && length <= kMostNeighbors; ++k) {
+      const float dx = p.x[k] - x, dy = p.y[k] - y, dz = p.z[k] - z;
+      if (dx * dx + dy * dy + dz * dz < limit && k != i) index[length++] = k;
     }
   }
-  OneLane([&] {
-    if (length > kMostNeighbors) {
-      length = kMostNeighbors;
-      *w.neighbors.too_many = true;
-    }
-    while (length % kLanes) index[length++] = p.count;
-    w.begin[i] = kListStride * i;
-    w.end[i] = kListStride * i + length;
-  });
+  if (length > kMostNeighbors) {
+    length = kMostNeighbors;
+    *w.neighbors.too_many = true;
+  }
+  while (length % kLanes) index[length++] = p.count;
+  w.begin[i] = kListStride * i;
+  w.end[i] = kListStride * i + length;
 }
 
 // Lists the particles near each wall.
@@ -183,7 +183,7 @@ inline void ListPairs(const World& w) {
 inline void BuildLists(World* w) {
   const Model& m = *w->model;
   Sort(w);
-  EachBlock(0, m.count, [&](int i) { ListNeighbors(*w, i); });
+  Each(m.count, [&](int i) { ListNeighbors(*w, i); });
   Each(4 * m.count, [&](int k) { w->built[k] = w->particles.position[k]; });
   ListPairs(*w);
   Once([&] { w->step->lists_valid = 1; });
@@ -195,10 +195,9 @@ inline bool ListsExpired(const World& w) {
   Step* step = w.step;
   if (!step->lists_valid) return true;
   const float *now = w.particles.position, *built = w.built;
-  Each(4, [&](int k) {
-    float mean = 0;
-    for (int i = 0; i < 4 * m.count; i += 4) mean += now[i + k] - built[i + k];
-    step->mean[k] = mean / static_cast<float>(m.count);
+  SumAll<float>(w, [&](int i, int k) { return now[4 * i + k] - built[4 * i + k]; });
+  Each(3, [&](int k) {
+    step->mean[k] = static_cast<float>(step->sum[k]) / static_cast<float>(m.count);
     if (k > 0) return;
     step->first = step->second = 0;
     step->expired = step->repeated = 0;

@@ -62,10 +62,9 @@ inline void PlaceWalls(const World& w, double fraction) {
 inline void Load(const World& w) {
   const Model& m = *w.model;
   const Particles& p = w.particles;
+  SumAll<double>(w, [&](int i, int k) { return w.positions[3 * i + k]; });
   Each(3, [&](int k) {
-    double sum = 0;
-    for (int i = 0; i < m.count; ++i) sum += w.positions[3 * i + k];
-    w.step->origin[k] = std::round(sum / m.count);
+    w.step->origin[k] = std::round(w.step->sum[k] / m.count);
     w.step->furthest[k] = 0;
   });
   Once([&] {

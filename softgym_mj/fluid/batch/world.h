@@ -4,6 +4,7 @@
 #define SOFTGYM_MJ_FLUID_BATCH_WORLD_H_
 
 #include "fluid/batch/model.h"
+#include "fluid/plugin/motion.h"
 #include "native/group.h"
 #include "native/memory.h"
 
@@ -11,7 +12,7 @@ namespace softgym_mj::fluid {
 
 // Neighbours of a particle that are listed at most; in water at rest there are 28 to 39.
 constexpr int kMostNeighbors = 88;
-constexpr int kListStride = kMostNeighbors + 2 * kLanes;  // More are written for a moment.
+constexpr int kListStride = kMostNeighbors + kLanes;  // One more is written for a moment.
 
 // What went wrong in a step, as bits.
 enum Flag { kNotFinite = 1, kTooManyNeighbors = 2, kTooManyCells = 4, kScattered = 8 };
@@ -20,8 +21,8 @@ enum Flag { kNotFinite = 1, kTooManyNeighbors = 2, kTooManyCells = 4, kScattered
 struct Step {
   int flags, lists_valid, expired, repeated, nx, ny, nz;
   bool too_many, crowded;
-  double origin[3], furthest[3], extent[3];
-  float mean[4], first, second;
+  double origin[3], furthest[3], extent[3], sum[3];
+  float mean[3], first, second;
   int pairs[kMostWalls];
   float wall_start[12 * kMostWalls], wall_end[12 * kMostWalls], wall_built[12 * kMostWalls];
   double from[7 * kMostWalls], to[7 * kMostWalls];  // Poses at the start and the end of the step.
@@ -37,6 +38,7 @@ struct World {
   Step* step;
   Particles particles;
   float *spare, *built, *wall_numbers;
+  double* sums;  // Of shares, see SumAll.
   int *cell, *start, *order, *spare_order, *pair_particle, *fill, *partial;
   Neighbors neighbors;
   int *begin, *end;
@@ -60,6 +62,7 @@ inline void TakeMemory(const Model& model, Memory* memory, World* w) {
   memory->Take(&w->start, model.most_cells + 2);
   memory->Take(&w->fill, model.most_cells + 2);
   memory->Take(&w->partial, kMostThreads);
+  memory->Take(&w->sums, 3 * (n / kShare + 1));
   memory->Take(&w->pair_particle, static_cast<long long>(n) * model.num_walls);
   memory->Take(&w->wall_numbers, 5LL * n * model.num_walls);
   memory->Take(&w->neighbors.index, static_cast<long long>(kListStride) * n);

@@ -19,8 +19,21 @@ constexpr float kFar = 1e6f;  // [m] Where the particle is that pads lists.
 constexpr float kNudge = 0.01f;
 // Particles are held within this of the origin [m].
 constexpr double kFurthest = 1e4;
+constexpr int kShare = 64;  // Numbers of particles are summed in shares of so many, each of which a thread can sum.
 
 namespace {
+
+// The sum of number(i) for 0 <= i < count.
+template <class T, class F>
+inline T SumInShares(int count, F number) {
+  T sum = 0;
+  for (int first = 0; first < count; first += kShare) {
+    T share = 0;
+    for (int i = first; i < first + kShare && i < count; ++i) share += number(i);
+    sum += share;
+  }
+  return sum;
+}
 
 // The cell of a grid in which a coordinate is, in widths of cells. Any one for what is not a number or beyond all
 // integers, which must not be cast on a processor.

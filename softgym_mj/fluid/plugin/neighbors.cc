@@ -29,10 +29,9 @@ void Solver::ShapeGrid() {
   const float cell = ListDistance();
   float extent[3];
   for (int k = 0; k < 3; ++k) {
-    double sum = 0, deviation = 0;
-    for (int i = 0; i < count_; ++i) sum += p_.position[4 * i + k];
-    const double mean = sum / count_;
-    for (int i = 0; i < count_; ++i) deviation += std::fabs(p_.position[4 * i + k] - mean);
+    const float* x = p_.position + k;
+    const double mean = SumInShares<double>(count_, [&](int i) { return x[4 * i]; }) / count_;
+    const double deviation = SumInShares<double>(count_, [&](int i) { return std::fabs(x[4 * i] - mean); });
     extent[k] = static_cast<float>(4 * deviation / count_ / cell) + 2;
   }
   int size[3] = {4, 4, 4};
@@ -195,11 +194,11 @@ void Solver::FindPairs() {
 bool Solver::ListsExpired() const {
   if (!lists_valid_) return true;
   const float *now = p_.position, *built = built_position_.get();
-  float mean[4] = {0, 0, 0, 0};
-  for (int i = 0; i < 4 * count_; i += 4) {
-    for (int k = 0; k < 4; ++k) mean[k] += now[i + k] - built[i + k];
+  float mean[3];
+  for (int k = 0; k < 3; ++k) {
+    const float sum = SumInShares<float>(count_, [&](int i) { return now[4 * i + k] - built[4 * i + k]; });
+    mean[k] = sum / static_cast<float>(count_);
   }
-  for (float& x : mean) x /= static_cast<float>(count_);
   float first = 0, second = 0;  // The two largest, squared.
   for (int i = 0; i < 4 * count_; i += 4) {
     const float squared = SquaredDeviation(now + i, built + i, mean);

@@ -76,23 +76,18 @@ inline int FindRanges(const Grid& grid, int cx, int cy, int cz, int* first, int*
   return ranges;
 }
 
-// Writes which of `size` particles, at most eight, from place k on are nearer to particle i than the root of `limit`,
-// but i itself; returns how many.
-inline int ListBlock(const Vec3<Lanes>& away, Lanes limit, int k, int size, int i, int* out) {
-  unsigned hits = Bits(Less(away.x * away.x + away.y * away.y + away.z * away.z, limit));
-  if (size < kLanes) hits &= (1u << size) - 1u;
-  const unsigned self = static_cast<unsigned>(i - k);
-  if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
-  return Compress(k, hits, out);
-}
-
 // Appends those of the particles first..last-1 that are nearer to particle i, at x y z, than the root of `limit` to
 // `length` others; returns how many there are then. It stops beyond `most`, and writes more for a moment.
 inline int ListRange(const Particles& p, int i, const Vec3<Lanes>& x, Lanes limit, int first, int last, int most,
                      int length, int* index) {
   for (int k = first; k < last && length <= most; k += kLanes) {
-    const Vec3<Lanes> away = {Lanes::Load(p.x + k) - x.x, Lanes::Load(p.y + k) - x.y, Lanes::Load(p.z + k) - x.z};
-    length += ListBlock(away, limit, k, last - k, i, index + length);
+    const Lanes dx = Lanes::Load(p.x + k) - x.x, dy = Lanes::Load(p.y + k) - x.y, dz = Lanes::Load(p.z + k) - x.z;
+    const Lanes squared = dx * dx + dy * dy + dz * dz;
+    unsigned hits = Bits(Less(squared, limit));
+    if (last - k < kLanes) hits &= (1u << (last - k)) - 1u;
+    const unsigned self = static_cast<unsigned>(i - k);
+    if (self < static_cast<unsigned>(kLanes)) hits &= ~(1u << self);
+    length += Compress(k, hits, index + length);
   }
   return length;
 }

@@ -115,9 +115,8 @@ void Solver::Prepare(const FluidConfig& config, double h, const double* position
 
 void Solver::FindOrigin(const double* positions) {
   for (int k = 0; k < 3; ++k) {
-    double sum = 0, furthest = 0;
-    for (int i = 0; i < count_; ++i) sum += positions[3 * i + k];
-    origin_[k] = std::round(sum / count_);
+    double furthest = 0;
+    origin_[k] = std::round(SumInShares<double>(count_, [&](int i) { return positions[3 * i + k]; }) / count_);
     for (int i = 0; i < count_; ++i) {
       furthest = std::max(furthest, std::fabs(positions[3 * i + k] - origin_[k]));
     }
