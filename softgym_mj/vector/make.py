@@ -74,7 +74,7 @@ def make_vec(
     if context is not None:
         raise InvalidArgumentError("context", context, "None: there are no processes")
     place = _place(device, num_workers, check_count("num_envs", num_envs, 1))
-    backend = BatchBackend(make(), num_envs, place)
+    backend = BatchBackend(make(), num_envs, place, make)
     return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))
 
 

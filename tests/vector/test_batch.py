@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode
 
 import softgym_mj
 import softgym_mj.tasks.straighten_rope
+import softgym_mj.vector.batch.starts
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
 from softgym_mj.native.places import Processor
@@ -335,3 +336,19 @@ def test_tensors_that_are_no_actions():
     _, _, terminated, _, infos = envs.step(torch.zeros_like(actions))
     assert not terminated.any()
     envs.close()
+
+
+@pytest.mark.parametrize("task", ["straighten_rope", "transport_water"])
+def test_processes_read_the_same_starts(task, monkeypatch):
+    monkeypatch.setattr(softgym_mj.vector.batch.starts, "_MANY", 2)
+    monkeypatch.setattr(softgym_mj.vector.batch.starts, "num_cores", lambda: 2)
+    envs, alone = _make(task), _make(task)
+    options = {"variation": VARIATIONS}
+    first, _ = envs.reset(options=options)
+    alone.backend._starts._make = None
+    second, _ = alone.reset(options=options)
+    assert same(first, second)
+    for actions in _actions(envs, 2):
+        assert same(envs.step(actions)[0], alone.step(actions)[0])
+    envs.close()
+    alone.close()

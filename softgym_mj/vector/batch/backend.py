@@ -44,13 +44,20 @@ class BatchBackend(Backend):
 
     draws: Draws
 
-    def __init__(self, example: SoftGymEnv, num_envs: int, place: Place):
+    def __init__(
+        self,
+        example: SoftGymEnv,
+        num_envs: int,
+        place: Place,
+        make: Callable[[], SoftGymEnv] | None = None,
+    ):
         """Takes over an environment, which says how episodes start.
 
         Args:
             example: that environment.
             num_envs: number of environments.
             place: where they are.
+            make: makes such an environment in other processes, too.
 
         Raises:
             InvalidArgumentError: for what cannot be played so, by name.
@@ -63,7 +70,7 @@ class BatchBackend(Backend):
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         kind = Flexes if self._task.flexes.flexes else Waters
         self._side: Side = kind(example.dm_env, num_envs, place)
-        self._starts = Starts(example.dm_env, self._side, place)
+        self._starts = Starts(example.dm_env, self._side, place, make)
         self._rows = Rows(num_envs, place)
         self._rows.whole["side"] = self._side.now
         self.observation_space = example.observation_space
@@ -98,6 +105,7 @@ class BatchBackend(Backend):
     # ------------------------------------------------------------------ episodes
 
     def reset(self, variations: Mapping[int, int]) -> None:
+        self._starts.prepare(variations.values())
         rows = {i: self._starts.row(variation) for i, variation in variations.items()}
         self._start(rows, rows)
         self._look()
@@ -294,7 +302,7 @@ class BatchBackend(Backend):
     def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
         rows, first, counts = {}, {}, self._place.get(self._at["count"])
         for i, snapshot in snapshots.items():
-            rows[i], variation = self._starts.read(i, snapshot)
+            rows[i], variation = self._starts.restored(i, snapshot)
             first[i] = self._starts.row(variation)
             counts[i] = self.horizon if snapshot.ended else snapshot.step_count
         self._start(rows, first)

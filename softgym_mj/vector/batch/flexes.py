@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
+from softgym_mj.entities.ways import Ways
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array, lengths
@@ -59,43 +60,40 @@ class Flexes(Side):
 
     # ------------------------------------------------------------------ the environment
 
-    def row(self) -> Arrays:
+    def read(self) -> Arrays:
         """See `Side`: the state, what pickers remember, and the mesh.
 
-        origin: of vertices [m]. ends, lengths: of edges, the lengths at rest [m]. radius,
-        hold_force, hold_stretch: of the flex. ways_at: where in `_ways` the mesh's begin.
+        model: of `ClothWorlds`. origin: of vertices [m]. ends, lengths: of edges, the lengths at
+        rest [m]. radius, hold_force, hold_stretch: of the flex.
         """
-        flex = self._flex
+        flex, model = self._flex, self._env.physics.model.ptr
+        root, number = self._actor.mjcf_model.model, self._actor.num_grippers
+        grippers = [model.geom(f"{root}/picker_{i}").id for i in range(number)]
         return {
-            **self.arrays(),
+            **{name: array.copy() for name, array in self.arrays().items()},
             **self._actor.get_state(),
-            "model": np.array(self._worlds.load(self._described())),
+            "model": describe(model, grippers),
             "origin": flex.origin,
             "present": np.ones(flex.num_points, bool),
-            "count": flex.num_points,
+            "count": np.array(flex.num_points),
             "ends": flex.edges.astype(np.int64),
             "lengths": flex.rest_lengths,
-            "num_edges": len(flex.edges),
-            "radius": flex.radius,
-            "hold_force": flex.hold_force,
-            "hold_stretch": flex.hold_stretch,
-            "ways_at": self._noted_ways(),
+            "num_edges": np.array(len(flex.edges)),
+            "radius": np.array(flex.radius),
+            "hold_force": np.array(flex.hold_force),
+            "hold_stretch": np.array(flex.hold_stretch),
         }
 
-    def _described(self) -> np.ndarray:
-        """Bytes (size,) uint8 of `ClothWorlds`."""
-        model, root = self._env.physics.model.ptr, self._actor.mjcf_model.model
-        number = self._actor.num_grippers
-        return describe(model, [model.geom(f"{root}/picker_{i}").id for i in range(number)])
-
-    def _noted_ways(self) -> int:
-        flex, xp = self._flex, self._xp
-        key = flex.edges.tobytes() + flex.rest_lengths.tobytes()
+    def placed(self, read: Arrays) -> Arrays:
+        """See `Side`; ways_at: where in `_ways` those of the mesh begin."""
+        ends, rest, xp = read["ends"], read["lengths"], self._xp
+        key = ends.tobytes() + rest.tobytes()
         if key not in self._ways_at:
             self._ways_at[key] = len(self._ways)
-            own = self._place.put(flex.ways.all().ravel())
-            self._ways = xp.concat([self._ways, own])
-        return self._ways_at[key]
+            own = Ways(int(read["count"]), ends, rest).all()
+            self._ways = xp.concat([self._ways, self._place.put(own.ravel())])
+        address = np.array(self._worlds.load(read["model"]))
+        return {**read, "model": address, "ways_at": np.array(self._ways_at[key])}
 
     def arrays(self) -> Arrays:
         """See `Side`: of `ClothWorlds`."""

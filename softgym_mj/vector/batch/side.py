@@ -15,7 +15,7 @@ class Side(Protocol):
     """Objects and an actor in all worlds, a row for each.
 
     Attributes:
-        now: arrays of rows by name, as `row` has them, once episodes have started.
+        now: arrays of rows by name, as `placed` has them, once episodes have started.
         changed: how many times arrays that are not in `now` have been replaced.
         flags: what went wrong so far, as bits (num_worlds,); the first one: it is not finite.
     """
@@ -24,8 +24,11 @@ class Side(Protocol):
     changed: int
     flags: Array
 
-    def row(self) -> Arrays:
+    def read(self) -> Arrays:
         """What a world is that does what the environment does, where it is."""
+
+    def placed(self, read: Arrays) -> Arrays:
+        """What `read` said, in any process, as a row of `now`."""
 
     def arrays(self) -> Arrays:
         """Views of the environment's state, by name."""

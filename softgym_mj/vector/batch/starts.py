@@ -1,14 +1,22 @@
 """`Starts`: what a batch is told of the variations of a task."""
 
 import dataclasses
+import functools
+import pickle
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+import cloudpickle
+
 from softgym_mj.envs.environment import Environment, Snapshot
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.native.places import Place
+from softgym_mj.jobs.executors import ProcessExecutor
+from softgym_mj.native.places import Place, Processor
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.rows import Rows
 from softgym_mj.vector.batch.side import Arrays, Side
+from softgym_mj.vector.processes import num_cores
 
 # Methods of a task that see one simulation: what they do is not known of a batch.
 _OF_ONE = (
@@ -16,21 +24,64 @@ _OF_ONE = (
 )  # fmt: skip
 
 
+_MANY, _SHARE = 64, 8  # Starts that several processes read, and how many of them at a time.
+
+
+def read(env: Environment, side: Side) -> dict[str, Any]:
+    """Where an environment is: what `Starts.rows` are made of, without arrays of a place."""
+    task = env.task
+    return {
+        "side": side.read(),
+        "episode": vars(task.episode),
+        "domain": {name: task.domain.values[name] for name in task.domain.varying},
+        "strain": float(task.scene.most_strained),
+    }
+
+
+def read_starts(pickled: bytes, variations: Sequence[int]) -> list[dict[str, Any]]:
+    """What `read` says of starts of variations, in any process.
+
+    Args:
+        pickled: by cloudpickle: what makes the environment, and the kind of side.
+        variations: their indices.
+    """
+    env, side = _opened(pickled)
+    found = []
+    for variation in variations:
+        env.reset(variation)
+        found.append(read(env, side))
+    return found
+
+
+@functools.cache
+def _opened(pickled: bytes) -> tuple[Environment, Side]:
+    make, kind = pickle.loads(pickled)
+    env = make().dm_env
+    return env, kind(env, 1, Processor())
+
+
 class Starts:
-    """Starts of variations, each made once by an environment on the CPU, and snapshots.
+    """Starts of variations, each read once off an environment on the CPU, and snapshots.
 
     Attributes:
-        rows: of worlds that start so: what `Side.row` says; what measures compare with; values of
-            the domain parameters that vary; the largest strain of an edge so far.
+        rows: of worlds that start so: what `Side.placed` says; what measures compare with; values
+            of the domain parameters that vary; the largest strain of an edge so far.
     """
 
-    def __init__(self, env: Environment, side: Side, place: Place):
+    def __init__(
+        self,
+        env: Environment,
+        side: Side,
+        place: Place,
+        make: Callable[[], SoftGymEnv] | None = None,
+    ):
         """Checks that a batch can play the task.
 
         Args:
             env: plays it.
             side: reads what is there.
             place: where the rows are.
+            make: makes such an environment in other processes, if that can be done.
 
         Raises:
             InvalidArgumentError: for what a batch cannot do, by name.
@@ -41,26 +92,36 @@ class Starts:
                 raise InvalidArgumentError("task", env.name, valid)
         if env.task.counts_intersections:
             raise InvalidArgumentError("count_intersections", True, "False, on this device")
-        self._env, self._side = env, side
+        self._env, self._side, self._make = env, side, make
         self.rows = Rows(1, place)
         self._known: dict[Any, int] = {}
+
+    def prepare(self, variations: Iterable[int]) -> None:
+        """Reads the starts of variations, of many in as many processes as there are cores."""
+        missing = sorted({v for v in variations if v not in self._known})
+        if self._make is None or len(missing) < _MANY or num_cores() == 1:
+            for variation in missing:
+                self.row(variation)
+            return
+        pickled = cloudpickle.dumps((self._make, type(self._side)))
+        shares = [missing[i : i + _SHARE] for i in range(0, len(missing), _SHARE)]
+        with ProcessExecutor(min(num_cores(), len(shares))) as executor:
+            for i, found in executor.results(read_starts, [(pickled, s) for s in shares]):
+                for variation, values in zip(shares[i], found, strict=True):
+                    self._put(variation, values)
 
     def row(self, variation: int) -> int:
         """The row of the start of a variation."""
         if variation not in self._known:
             self._env.reset(variation)
-            self._read(variation)
+            self._put(variation, read(self._env, self._side))
         return self._known[variation]
 
-    def _read(self, key: Any) -> None:
-        """Notes where the environment is."""
-        task = self._env.task
+    def _put(self, key: Any, values: Mapping[str, Any]) -> None:
         row = self._known.setdefault(key, len(self._known))
-        domain = {name: task.domain.values[name] for name in task.domain.varying}
-        values = {"side": self._side.row(), "episode": vars(task.episode), "domain": domain}
-        self.rows.put(row, {**values, "strain": float(task.scene.most_strained)})
+        self.rows.put(row, {**values, "side": self._side.placed(values["side"])})
 
-    def read(self, i: int, snapshot: Snapshot) -> tuple[int, int]:
+    def restored(self, i: int, snapshot: Snapshot) -> tuple[int, int]:
         """The row of where the episode of a snapshot of any environment is, and its variation.
 
         Args:
@@ -71,7 +132,7 @@ class Starts:
             SnapshotError: for one of another task or with other settings.
         """
         self._env.set_state(snapshot)
-        self._read(("snapshot", i))
+        self._put(("snapshot", i), read(self._env, self._side))
         return self._known["snapshot", i], self._env.task.variation
 
     def snapshot(

@@ -59,10 +59,10 @@ class Waters(Side):
 
     # ------------------------------------------------------------------ the environment
 
-    def row(self) -> Arrays:
+    def read(self) -> Arrays:
         """See `Side`: the state of the water, what the mover remembers, and the cups.
 
-        poses: as `whole_pose` has them; sizes: as `Cup.arrays` has them.
+        model: of `WaterWorlds`. poses: as `whole_pose` has them; sizes: as `Cup.arrays` has them.
         """
         model, own = self._env.physics.model.ptr, self.arrays()
         ids = [model.body(cup.body.full_identifier).id for cup in self._cups]
@@ -72,13 +72,16 @@ class Waters(Side):
             theta = 2.0 * math.atan2(quaternion[2], quaternion[0])
             poses.append(np.concatenate([own[f"{name} position"], quaternion, [theta]]))
         return {
-            **{name: own[name] for name in WaterWorlds.fields},
+            **{name: own[name].copy() for name in WaterWorlds.fields},
             **self._mover.get_state(),
-            "model": np.array(self._worlds.load(describe(model, ids))),
+            "model": describe(model, ids),
             "present": np.ones(self._water.num_points, bool),
             "poses": np.stack(poses),
             "sizes": np.stack([cup.arrays["size"] for cup in self._cups]),
         }
+
+    def placed(self, read: Arrays) -> Arrays:
+        return {**read, "model": np.array(self._worlds.load(read["model"]))}
 
     def arrays(self) -> Arrays:
         """See `Side`: of `WaterWorlds`, then where the cups are."""
