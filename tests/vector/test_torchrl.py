@@ -1,0 +1,62 @@
+"""`TorchRLEnv` keeps to TorchRL's rules, and plays what the vector environment plays."""
+
+import numpy as np
+import pytest
+import torch
+from torchrl.envs.utils import check_env_specs
+
+import softgym_mj
+from softgym_mj.vector.torchrl import TorchRLEnv
+
+SETTINGS = {"fidelity": "fast", "num_workers": 1, "split": "all"}
+BACKENDS = [
+    *(("host", task) for task in softgym_mj.TASKS),
+    *(
+        ("cpu", task) if task == "transport_water" else pytest.param("cpu", task, marks=slow)
+        for slow in (pytest.mark.slow,)
+        for task in softgym_mj.TASKS
+    ),
+]
+
+
+@pytest.mark.parametrize(("device", "task"), BACKENDS)
+def test_specs(device, task):
+    names = ["reduced", "full", "full_mask"]
+    info = ["normalized_performance", "success"]
+    env = TorchRLEnv(task, 2, device=device, observation=names, info=info, horizon=3, **SETTINGS)
+    check_env_specs(env, seed=0)
+    env.close()
+
+
+def test_it_plays_what_the_vector_environment_plays():
+    env = TorchRLEnv("straighten_rope", 3, device="host", horizon=2, **SETTINGS)
+    envs = softgym_mj.make_vec("straighten_rope", 3, device="host", horizon=2, **SETTINGS)
+    env.set_seed(5)
+    first, _ = envs.reset(seed=5)
+    now = env.reset()
+    np.testing.assert_array_equal(now["observation"], first)
+    for step in range(5):  # The third and fifth step come after a reset.
+        actions = np.random.default_rng(step).uniform(-1, 1, (3, 8)).astype(np.float32)
+        if step in (2, 4):
+            envs.step(actions)
+        now["action"] = torch.from_numpy(actions)
+        ended, now = env.step_and_maybe_reset(now)
+        observations, rewards, _, truncated, _ = envs.step(actions)
+        np.testing.assert_array_equal(ended["next", "observation"], observations)
+        np.testing.assert_allclose(ended["next", "reward"][:, 0], rewards, rtol=1e-6)
+        np.testing.assert_array_equal(ended["next", "truncated"][:, 0], truncated)
+    env.close()
+    envs.close()
+
+
+def test_a_part_is_reset_alone():
+    env = TorchRLEnv("straighten_rope", 3, device="host", horizon=4, **SETTINGS)
+    env.set_seed(1)
+    now = env.rand_step(env.reset())
+    before = now["next", "observation"].clone()
+    mask = torch.tensor([[False], [True], [False]])
+    part = now["next"].select(*env.observation_spec.keys(), *env.done_keys)
+    part["_reset"] = mask
+    after = env.reset(part)["observation"]
+    assert (after == before).all(1).tolist() == [True, False, True]
+    env.close()
