@@ -1,0 +1,200 @@
+"""What environments on a GPU do: rates, memory, and whether their bits are those of the CPU.
+
+    python -m benchmarks.gpu --out docs/results/gpu.json
+
+For one CUDA device. Each task starts from evaluation variations, one after the other, takes random
+actions, and resets by itself, each environment in another step. Rates count env steps of all
+environments: measures, rewards, infos and reduced observations are made in each. The oracle of bits
+is the processor's program, whose own oracle is the plugin (tests/cloth, tests/fluid, tests/vector).
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import platform
+import tempfile
+import time
+from typing import Any
+
+import numpy as np
+import torch
+
+import softgym_mj
+from softgym_mj.native import gpu
+
+EVALUATION = range(800, 1000)
+NUMBERS, MAIN = (1, 16, 128, 256, 1056, 4096), 1056
+FEW = 32  # Variations of other numbers than the main one: each start takes time to read.
+WARM_UP, STEPS, SECONDS = 4, 6, 2.0  # Env steps before the clock runs; at least; about.
+BITS, BITS_STEPS = 16, 12  # Environments whose bits are compared, and env steps.
+
+
+def machine() -> dict[str, Any]:
+    """Where this runs."""
+    driver = pathlib.Path("/proc/driver/nvidia/version")
+    return {
+        "gpu": torch.cuda.get_device_name(),
+        "memory_gb": round(torch.cuda.get_device_properties(0).total_memory / 1e9, 1),
+        "multiprocessors": torch.cuda.get_device_properties(0).multi_processor_count,
+        "driver": driver.read_text().split("\n")[0].strip() if driver.exists() else "",
+        "torch": torch.__version__,
+        "cores": os.cpu_count(),
+        "processor": platform.processor() or platform.machine(),
+    }
+
+
+def compile_times() -> dict[str, float]:
+    """Seconds to compile each program, in a cache of its own."""
+    before, found = os.environ.get("SOFTGYM_MJ_CACHE"), {}
+    major, minor = torch.cuda.get_device_capability()
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["SOFTGYM_MJ_CACHE"] = folder
+        for name in gpu.PROGRAMS:
+            start = time.perf_counter()
+            gpu.compiled(name, f"{major}{minor}")
+            found[name] = round(time.perf_counter() - start, 1)
+    if before is None:
+        del os.environ["SOFTGYM_MJ_CACHE"]
+    else:
+        os.environ["SOFTGYM_MJ_CACHE"] = before
+    return found
+
+
+def variations(number: int, most: int) -> list[int]:
+    """Of `number` environments: evaluation variations in turn."""
+    return [EVALUATION[i % min(most, len(EVALUATION))] for i in range(number)]
+
+
+def actions_of(envs: Any, steps: int, seed: int = 0) -> torch.Tensor:
+    """Random actions (steps, num_envs, n) on the GPU, the same for the same seed."""
+    shape = (steps, *envs.action_space.shape)
+    numbers = np.random.default_rng(seed).uniform(-1.0, 1.0, shape).astype(np.float32)
+    return torch.from_numpy(numbers).cuda()
+
+
+def rate(task: str, number: int, most: int) -> dict[str, float]:
+    """Env steps a second of a number of environments, and what they need."""
+    torch.cuda.empty_cache()
+    torch.cuda.reset_peak_memory_stats()
+    split = EVALUATION[: min(number, most)]
+    envs = softgym_mj.make_vec(task, number, device="cuda", split=split)
+    options = {"variation": variations(number, most), "stagger": True}
+    start = time.perf_counter()
+    envs.reset(seed=0, options=options)
+    torch.cuda.synchronize()
+    first = time.perf_counter() - start
+    start = time.perf_counter()
+    envs.reset(seed=0, options=options)
+    torch.cuda.synchronize()
+    again = time.perf_counter() - start
+    actions = actions_of(envs, WARM_UP)
+    for each in actions:
+        envs.step(each)
+    torch.cuda.synchronize()
+    steps, ended, start = 0, torch.zeros((), device="cuda"), time.perf_counter()
+    torch.cuda.set_sync_debug_mode("error")  # Nothing in a step waits for the GPU.
+    while steps < STEPS or (time.perf_counter() - start < SECONDS and steps < 10 * STEPS):
+        _, _, terminated, truncated, infos = envs.step(actions[steps % WARM_UP])
+        ended += (terminated | truncated).sum()
+        steps += 1
+    torch.cuda.set_sync_debug_mode("default")
+    torch.cuda.synchronize()
+    seconds = time.perf_counter() - start
+    flags = envs.backend._side.flags
+    found = {
+        "env_steps_per_s": round(number * steps / seconds, 1),
+        "ms_a_step": round(1e3 * seconds / steps, 3),
+        "first_reset_s": round(first, 2),
+        "reset_ms": round(1e3 * again, 1),
+        "memory_gb": round(torch.cuda.max_memory_allocated() / 1e9, 2),
+        "episodes_ended": int(ended),
+        "flags": flags[flags != 0].tolist(),  # Of ClothWorlds or WaterWorlds.
+        "mean_normalized_performance": round(float(infos["normalized_performance"].mean()), 4),
+    }
+    envs.close()
+    return found
+
+
+def played(task: str, number: int, device: str, steps: int, rows: int) -> list[np.ndarray]:
+    """Full states of the first rows after each env step."""
+    settings: dict[str, Any] = {"observation": ["full", "reduced"], "split": "all"}
+    envs = softgym_mj.make_vec(task, number, device=device, **settings)
+    envs.reset(options={"variation": variations(number, BITS)})
+    actions = actions_of(envs, steps).cpu().numpy()
+    actions[:, :rows] = (
+        actions_of(envs, steps)[:, :1].cpu().numpy()
+        * np.linspace(0.5, 1.0, rows, dtype=np.float32)[:, None]
+    )
+    found = []
+    for each in actions:
+        seen, rewards, *_ = envs.step(each if device != "cuda" else torch.from_numpy(each).cuda())
+        arrays = [seen["full"], seen["reduced"], rewards]
+        host = [np.asarray(a.cpu() if device == "cuda" else a, float)[:rows] for a in arrays]
+        found.append(np.concatenate([a.reshape(rows, -1) for a in host], axis=1))
+    envs.close()
+    return found
+
+
+def bits(task: str) -> dict[str, Any]:
+    """Whether a GPU's numbers are the processor's, its own of another run, and in other places."""
+    first = played(task, BITS, "cuda", BITS_STEPS, BITS)
+    again = played(task, BITS, "cuda", BITS_STEPS, BITS)
+    among = played(task, 300, "cuda", BITS_STEPS, BITS)
+    host = played(task, BITS, "host", BITS_STEPS, BITS)
+    differences = [np.abs(a - b) for a, b in zip(first, host, strict=True)]
+    return {
+        "env_steps": BITS * BITS_STEPS,
+        "same_in_another_run": all(map(np.array_equal, first, again)),
+        "same_among_others": all(map(np.array_equal, first, among)),
+        "of_processor_different_share": float(np.mean([(d > 0).mean() for d in differences])),
+        "of_processor_largest_difference": float(max(d.max() for d in differences)),
+    }
+
+
+def alone(task: str) -> bool:
+    """Whether a world that is not finite changes no other."""
+    seen = []
+    for spoilt in (False, True):
+        envs = softgym_mj.make_vec(task, 8, device="cuda", observation="full", split="all")
+        envs.reset(options={"variation": variations(8, 8)})
+        if spoilt:
+            name = "qvel" if "qvel" in envs.backend._side.now else "velocities"
+            envs.backend._side.now[name][3, 2] = torch.inf
+        for each in actions_of(envs, 6):
+            observations, *_ = envs.step(each)
+        seen.append(np.delete(observations.cpu().numpy(), 3, axis=0))
+        envs.close()
+    return bool(np.array_equal(*seen))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tasks", nargs="+", default=list(softgym_mj.TASKS))
+    parser.add_argument("--numbers", nargs="+", type=int, default=NUMBERS)
+    parser.add_argument("--variations", type=int, default=len(EVALUATION), help="of the main number")
+    parser.add_argument("--no-bits", action="store_true", help="rates alone")
+    parser.add_argument("--out", type=pathlib.Path)
+    arguments = parser.parse_args()
+    begun = time.perf_counter()
+    found: dict[str, Any] = {"machine": machine(), "compile_s": compile_times()}
+    print(json.dumps(found), flush=True)
+    found |= {"rates": {}, "bits": {}, "alone": {}}
+    for task in arguments.tasks:
+        found["rates"][task] = {}
+        for number in arguments.numbers:
+            most = arguments.variations if number == MAIN else FEW
+            own = rate(task, number, most)
+            found["rates"][task][str(number)] = own
+            print(task, number, own, f"{time.perf_counter() - begun:.0f} s", flush=True)
+        if not arguments.no_bits:
+            found["bits"][task], found["alone"][task] = bits(task), alone(task)
+            print(task, found["bits"][task], found["alone"][task], flush=True)
+        found["seconds"] = round(time.perf_counter() - begun)
+        if arguments.out:
+            arguments.out.parent.mkdir(parents=True, exist_ok=True)
+            arguments.out.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
