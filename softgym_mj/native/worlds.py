@@ -64,6 +64,8 @@ class Worlds:
         told: those of what worlds are told in a step, likewise.
         place: where the arrays are.
         models: (num_worlds,) int64 what worlds play, from `load`; those of 0 stand still.
+        order, cost: in which worlds are begun on a GPU (num_worlds,) int32, and what the last step
+            of each took there (num_worlds,) int64 [cycles].
         flags: what went wrong so far, as bits (num_worlds,) int32.
         grown: how many times the memory of steps has been replaced by a larger one.
     """
@@ -92,6 +94,8 @@ class Worlds:
             for name, (size, more, dtype) in self.told.items()
         }
         self.models = place.zeros((num_worlds,), "int64")
+        self.order = place.put(np.arange(num_worlds, dtype=np.int32))
+        self.cost = place.zeros((num_worlds,), "int64")
         self.flags = place.zeros((num_worlds,), "int32")
         self.grown = 0
         self._memory: Array = place.zeros((num_worlds, 0), "uint8")
@@ -162,6 +166,11 @@ class Worlds:
 
     # ------------------------------------------------------------------ all
 
+    def plan(self) -> None:
+        """Has those that took longest be begun first: in the end few wait for one."""
+        xp = self.place.xp
+        self.order[...] = xp.astype(xp.argsort(-self.cost), self.order.dtype)
+
     def _step(self, **told: Array) -> None:
         """Makes a step of all worlds that are told this, by name."""
         for name, array in told.items():
@@ -175,5 +184,6 @@ class Worlds:
         """`Batch`: ints, an even number of them, then pointers."""
         sizes = np.array([self._number, *self._sizes.values(), self._memory.shape[1]], np.int64)
         arrays = [self.models, self._memory, *(getattr(self, name) for name in self.fields)]
-        pointers = [self.place.address(a) for a in (*arrays, *self._told.values(), self.flags)]
+        arrays += [*self._told.values(), self.order, self.cost, self.flags]
+        pointers = [self.place.address(array) for array in arrays]
         return self.place.put(np.concatenate([sizes, np.array(pointers, np.int64)]))

@@ -15,7 +15,9 @@ struct Batch {
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
   const double *targets, *goals;
   const int* held;
-  int* flags;  // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
+  const int* order;  // (num_worlds,) in which they are begun on a GPU,
+  long long* cost;   // and what each took there, in cycles.
+  int* flags;        // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
 };
 
 // A step of world `i`; `turns`: see group.h.

@@ -21,7 +21,7 @@ inline Key RowKey(const int* vertex, int corners, unsigned number) {
 // order of their keys if they are `ranked`. Beyond the last level rows are left out.
 template <class F>
 inline void MakeLevels(const World& w, int corners, bool ranked, Rows* rows, F counts) {
-  const int words = kMostLevels / 64, count = rows->count;
+  const int levels = rows->room, words = (levels + 63) / 64, count = rows->count;
   Each(w.model->padded, [&](int v) {
     for (int k = 0; k < words; ++k) w.taken[words * v + k] = 0;
   });
@@ -51,21 +51,21 @@ inline void MakeLevels(const World& w, int corners, bool ranked, Rows* rows, F c
           if (counts(vertex[k])) w.taken[words * vertex[k] + word] |= Key{1} << level % 64;
         }
       }
-      if (level < 0) {
+      if (level < 0 || level >= levels) {
         SetBits(&w.step->flags, kLevelsFull);
-        level = kMostLevels;
+        level = levels;
       }
       rows->level[i] = level;
       Add(&w.step->remaining, -1);
     });
   }
-  Each(kMostLevels, [&](int level) { rows->filled[level] = 0; });
+  Each(levels, [&](int level) { rows->filled[level] = 0; });
   Each(count, [&](int i) {
-    if (rows->level[i] < kMostLevels) Add(&rows->filled[rows->level[i]], 1);
+    if (rows->level[i] < levels) Add(&rows->filled[rows->level[i]], 1);
   });
   Once([&] {
     int block = 0, level = 0;
-    for (; level < kMostLevels && rows->filled[level] > 0; ++level) {
+    for (; level < levels && rows->filled[level] > 0; ++level) {
       rows->begin[level] = block;
       block += (rows->filled[level] + kBlock - 1) / kBlock;
     }
@@ -76,7 +76,7 @@ inline void MakeLevels(const World& w, int corners, bool ranked, Rows* rows, F c
   Each(rows->levels, [&](int level) { rows->filled[level] = 0; });
   Each(count, [&](int i) {
     const int level = rows->level[i];
-    if (level >= kMostLevels) return;
+    if (level >= levels) return;
     int rank = 0;
     for (int j = 0; ranked && j < count; ++j) rank += rows->level[j] == level && rows->key[j] < rows->key[i];
     rows->order[kBlock * rows->begin[level] + (ranked ? rank : Add(&rows->filled[level], 1))] = i;

@@ -10,8 +10,9 @@
 
 namespace softgym_mj::cloth {
 
-constexpr int kMostLevels = 256;  // Of rows without a common vertex.
-constexpr int kKeptPairs = 2;     // Of each vertex, see Kept.
+// Of rows without a common vertex: of all kinds, and of those of a mesh, where each has few neighbours.
+constexpr int kMostLevels = 256, kMeshLevels = 32;
+constexpr int kKeptPairs = 2;  // Of each vertex, see Kept.
 
 // What went wrong in a step, as bits. All but the first: some contacts were left out.
 enum Flag { kNotFinite = 1, kCandidatesFull = 2, kPairsFull = 4, kRowsFull = 8, kLevelsFull = 16 };
@@ -19,6 +20,7 @@ enum Flag { kNotFinite = 1, kCandidatesFull = 2, kPairsFull = 4, kRowsFull = 8, 
 // Rows in levels.
 struct Rows {
   int count, blocks, levels;  // `blocks`: of eight places.
+  int room;                   // For levels.
   Key* key;                   // Of each row: its order. Never two alike.
   int* vertex;                // (count, corners)
   int* level;                 // Of each row.
@@ -84,13 +86,15 @@ struct World {
   Touch* touch;
 };
 
-inline int Blocks(int rows) { return (rows + kBlock - 1) / kBlock + kMostLevels; }
+inline int Blocks(int rows, int levels) { return (rows + kBlock - 1) / kBlock + levels; }
 
-inline void TakeRows(Memory* memory, int most, int corners, Rows* rows) {
+// Memory for at most so many rows, in at most so many levels.
+inline void TakeRows(Memory* memory, int most, int corners, int levels, Rows* rows) {
+  rows->room = levels;
   memory->Take(&rows->key, most);
   memory->Take(&rows->vertex, corners * most);
   memory->Take(&rows->level, most);
-  memory->Take(&rows->order, kBlock * Blocks(most));
+  memory->Take(&rows->order, kBlock * Blocks(most, levels));
 }
 
 // Rows lie in the memory themselves, if there is any.
@@ -156,19 +160,19 @@ inline void TakeMemory(const Model& model, Memory* memory, World* w) {
   memory->Take(&w->found, model.found);
   memory->Take(&w->near, model.found);
   memory->Take(&w->pairs, model.rows);
-  memory->Take(&w->layers, Blocks(model.rows));
+  memory->Take(&w->layers, Blocks(model.rows, kMostLevels));
   memory->Take(&w->best, model.padded);
   memory->Take(&w->taken, kMostLevels / 64 * model.padded);
   Rows unused;
-  TakeRows(memory, model.rows, 4, w->step ? &w->step->layers : &unused);
+  TakeRows(memory, model.rows, 4, kMostLevels, w->step ? &w->step->layers : &unused);
   for (int g = 0; g < model.grippers; ++g) {
     Touch of_none;
     Touch* touch = w->touch ? w->touch + g : &of_none;
     const int elements = model.is_surface ? model.triangles : model.edges;
-    TakeRows(memory, n, 3, &touch->points);
-    TakeRows(memory, elements, 3, &touch->triangles);
-    memory->Take(&touch->point_blocks, Blocks(n));
-    memory->Take(&touch->triangle_blocks, Blocks(elements));
+    TakeRows(memory, n, 3, kMeshLevels, &touch->points);
+    TakeRows(memory, elements, 3, kMeshLevels, &touch->triangles);
+    memory->Take(&touch->point_blocks, Blocks(n, kMeshLevels));
+    memory->Take(&touch->triangle_blocks, Blocks(elements, kMeshLevels));
   }
 }
 

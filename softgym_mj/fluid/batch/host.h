@@ -12,7 +12,9 @@ struct Batch {
   char* memory;               // (num_worlds, memory_size)
   double *known, *positions, *velocities, *walls;
   const double* poses;
-  int* flags;  // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
+  const int* order;  // (num_worlds,) in which they are begun on a GPU,
+  long long* cost;   // and what each took there, in cycles.
+  int* flags;        // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
 };
 
 // A step of world `i`; `turns`: see group.h.
