@@ -1,6 +1,6 @@
 """What environments on a GPU do: rates, memory, and whether their bits are those of the CPU.
 
-    python -m benchmarks.gpu --out docs/results/gpu.json
+    python -m benchmarks.gpu --out docs/gpu.json
 
 For one CUDA device. Each task starts from evaluation variations, one after the other, takes random
 actions, and resets by itself, each environment in another step. Rates count env steps of all
@@ -26,7 +26,7 @@ from softgym_mj.native import gpu
 EVALUATION = range(800, 1000)
 NUMBERS, MAIN = (1, 16, 128, 256, 1056, 4096), 1056
 FEW = 32  # Variations of other numbers than the main one: each start takes time to read.
-WARM_UP, STEPS, SECONDS = 4, 6, 2.0  # Env steps before the clock runs; at least; about.
+WARM_UP, STEPS, SECONDS = 3, 5, 1.5  # Env steps before the clock runs; at least; about.
 BITS, BITS_STEPS = 16, 5  # Environments whose bits are compared, and env steps.
 
 

@@ -1,8 +1,8 @@
 """Env steps per second of planning: what rollouts add to stepping, and how they scale.
 
 Every turn plays the same sequences from the same state, in this order: plain `env.step` in a loop,
-`Rollouts` in this process, in one and two processes, in one and two threads. Medians over turns;
-ratios are medians of the turns' ratios, as machines are noisy.
+`ExecutorRollouts` in this process, in one and two processes, in one and two threads. Medians over
+turns; ratios are medians of the turns' ratios, as machines are noisy.
 
     OMP_NUM_THREADS=1 python benchmarks/planning.py --tasks straighten_rope fold_cloth
 """
@@ -19,7 +19,7 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj.jobs.executors import Executor, ProcessExecutor, SerialExecutor
-from softgym_mj.policies.rollouts import Rollouts
+from softgym_mj.policies.rollouts import ExecutorRollouts
 
 SETTINGS = {"rope": {}, "cloth": {}, "water": {}}
 SEQUENCES, HORIZON = {"rope": 60, "cloth": 12, "water": 24}, 15
@@ -76,7 +76,7 @@ def measure(task: str, turns: int) -> dict[str, float]:
     }
     ways = {"plain": functools.partial(step_through, env)}
     for name, own in executors.items():
-        ways[name] = Rollouts(task, settings, own).returns
+        ways[name] = ExecutorRollouts(task, settings, own).returns
     expected = {name: way(snapshot, sequences) for name, way in ways.items()}  # Warms up, too.
     for name, returns in expected.items():
         np.testing.assert_array_equal(returns, expected["plain"], err_msg=name)

@@ -26,7 +26,7 @@ from softgym_mj.jobs.executors import SerialExecutor
 from softgym_mj.policies import planners
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
-from softgym_mj.policies.rollouts import Rollouts
+from softgym_mj.policies.rollouts import ExecutorRollouts
 
 VARIATION, SEED = 803, 5
 LONGEST = 40  # Env steps of an episode, unless it ends before.
@@ -69,7 +69,7 @@ def digest(case: Case, longest: int = LONGEST) -> str:
     timestep = env.reset(VARIATION)
     if name in planners.PLANNERS:
         planner = planners.make_planner(name, task, horizon=5, budget=200, iterations=2)
-        rollouts = Rollouts(task, settings, SerialExecutor())
+        rollouts = ExecutorRollouts(task, settings, SerialExecutor())
         act, longest = ModelPredictivePolicy(env, planner, rollouts, seed=SEED), PLANNED
     else:
         try:

@@ -18,7 +18,7 @@ import typer
 import typer.core
 
 import softgym_mj
-from softgym_mj.cli import data, evaluation, photo, view
+from softgym_mj.cli import data, devices, evaluation, photo, view
 from softgym_mj.cli.console import (
     Actor,
     Grasp,
@@ -62,6 +62,8 @@ app.command()(data.generate)
 app.command()(data.record)
 app.command()(view.view)
 app.command()(photo.photo)
+app.command("compile")(devices.compile_programs)
+app.command()(devices.bench)
 
 _VIDEO_SIZE = 480  # Side of a video [pixels].
 

@@ -62,6 +62,9 @@ def evaluate(
     settings: Settings = "{}",
     jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
     ray: Ray = None,
+    device: Annotated[
+        str, typer.Option(help="Where a planner tries actions: cpu (by --jobs), host or cuda.")
+    ] = "cpu",
     out: Annotated[pathlib.Path, typer.Option(help="Folder of this evaluation.")] = pathlib.Path(
         "evaluation"
     ),
@@ -81,7 +84,9 @@ def evaluate(
     )
     try:
         with _progress(configuration) as progress, make_executor(jobs, ray) as executor:
-            result = evaluation.evaluate(configuration, out, executor, progress, trust=trust)
+            result = evaluation.evaluate(
+                configuration, out, executor, progress, trust=trust, device=device
+            )
     except KeyboardInterrupt:
         message = f"{out} keeps what is done: the same command goes on from it"
         raise KeyboardInterrupt(message) from None

@@ -15,13 +15,21 @@ from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import open_folder
 from softgym_mj.evaluation.statistics import methods, quality, summary
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.jobs.files import write_json
 from softgym_mj.jobs.store import Store
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import PLANNERS, Plan
-from softgym_mj.policies.rollouts import Rollouts, kept_environment, sent_to
+from softgym_mj.policies.rollouts import (
+    DeviceRollouts,
+    ExecutorRollouts,
+    Rollouts,
+    kept_environment,
+    sent_to,
+)
+from softgym_mj.vector.make import DEVICES
 
 
 @dataclasses.dataclass
@@ -44,6 +52,7 @@ def evaluate(
     progress: Progress | None = None,
     *,
     trust: bool = False,
+    device: str = "cpu",
 ) -> dict:
     """Plays all episodes that `folder` does not hold yet, and writes `folder`/result.json.
 
@@ -57,6 +66,8 @@ def evaluate(
         executor: where it is simulated; None for this process.
         progress: told of episodes and decisions.
         trust: whether the file of a policy may be loaded, as in `make_policy`.
+        device: where a planner's samples are simulated: "cpu" for the executor's workers; "cuda",
+            or "host", all at once.
 
     Returns:
         The content of the result: configuration, machines on which it was evaluated, `summary`,
@@ -64,8 +75,12 @@ def evaluate(
 
     Raises:
         StoreError: if the folder belongs to another configuration or holds a damaged file.
-        InvalidArgumentError: for a saved policy that is none.
+        InvalidArgumentError: for a saved policy that is none; for a device that a policy does not
+            use, or does not know all that is to be simulated.
     """
+    check_name("device", device, DEVICES)
+    if device != "cpu" and configuration.policy not in PLANNERS:
+        raise InvalidArgumentError("device", device, f"'cpu' for {configuration.policy!r}")
     executor, progress = executor or SerialExecutor(), progress or Progress()
     written = configuration.as_json()
     store, machines = open_folder(pathlib.Path(folder), written)
@@ -77,7 +92,10 @@ def evaluate(
 
     play: Callable[[int, int], dict]
     if configuration.policy in PLANNERS:  # They use the executor, for samples.
-        play, executor = _planned(configuration, store, executor, progress), SerialExecutor()
+        play, executor = (
+            _planned(configuration, store, executor, progress, device),
+            SerialExecutor(),
+        )
     else:
         task = sent_to(executor, configuration.task)
         settings = json.dumps(dict(configuration.settings), sort_keys=True)
@@ -97,7 +115,11 @@ def evaluate(
 
 
 def _planned(
-    configuration: Configuration, store: Store, executor: Executor, progress: Progress
+    configuration: Configuration,
+    store: Store,
+    executor: Executor,
+    progress: Progress,
+    device: str,
 ) -> Callable[[int, int], dict]:
     """What plays an episode of a policy that plans, by variation and seed."""
     planning = configuration.planning
@@ -105,7 +127,11 @@ def _planned(
     # Not `kept_environment`: in this process the samples are played in that one.
     settings = {"observation": "reduced", **configuration.settings}
     env = load(configuration.task, split="all", **settings)
-    rollouts = Rollouts(configuration.task, configuration.settings, executor)
+    rollouts: Rollouts
+    if device == "cpu":
+        rollouts = ExecutorRollouts(configuration.task, configuration.settings, executor)
+    else:
+        rollouts = DeviceRollouts(configuration.task, configuration.settings, device)
 
     def play(variation: int, seed: int) -> dict:
         policy = ModelPredictivePolicy(

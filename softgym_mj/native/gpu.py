@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.exceptions import UnavailableError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, UnavailableError, check_name
 from softgym_mj.native.caches import cache_folder
 from softgym_mj.native.places import Copy, Place
 
@@ -72,6 +72,8 @@ def compiled(name: str, architecture: str) -> bytes:
     macros = [("SGM_THREADS", str(threads)), ("SGM_BLOCKS", str(blocks))]
     settings = {**_OPTIONS, "define_macro": macros}
     key = hashlib.sha256(f"{_source(room, file)}{settings}".encode()).hexdigest()[:16]
+    if not architecture.isdecimal():
+        raise InvalidArgumentError("architecture", architecture, "such as '90'")
     kept = cache_folder() / "programs" / f"{name}-sm_{architecture}-{key}.cubin"
     if not kept.exists():
         _log.warning(_NOTICE, name, architecture)

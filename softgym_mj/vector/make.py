@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from softgym_mj.vector.backend import Backend
     from softgym_mj.vector.base import VectorEnv
 
-_DEVICES = ("cpu", "host", "cuda")
+DEVICES = ("cpu", "host", "cuda")
 _MODES = [mode.value for mode in AutoresetMode]
 
 
@@ -54,7 +54,7 @@ def make_vec(
         InvalidArgumentError, UnexpectedArgumentError: for a bad name or value.
         InvalidArgumentError: as in `registry.find`.
     """
-    check_name("device", device, _DEVICES)
+    check_name("device", device, DEVICES)
     if not isinstance(autoreset_mode, AutoresetMode):
         check_name("autoreset_mode", autoreset_mode, _MODES)
     record = find(task)  # Another process has not necessarily registered the same tasks.
@@ -73,13 +73,18 @@ def make_vec(
 
     if context is not None:
         raise InvalidArgumentError("context", context, "None: there are no processes")
-    place = _place(device, num_workers, check_count("num_envs", num_envs, 1))
+    place = make_place(device, check_count("num_envs", num_envs, 1), num_workers)
     backend = BatchBackend(make(), num_envs, place, make)
     return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))
 
 
-def _place(device: str, num_workers: int | None, num_envs: int) -> "Place":
-    """Where the rows of a batch are."""
+def make_place(device: str, num_envs: int, num_workers: int | None = None) -> "Place":
+    """Where the rows of a batch are.
+
+    Args:
+        device: "host" or "cuda".
+        num_envs, num_workers: of `make_vec`.
+    """
     if device == "cuda":
         from softgym_mj.native.gpu import Gpu
 

@@ -131,6 +131,16 @@ def test_bad_configurations(settings, message):
         Configuration(**valid, planning=Planning())
 
 
+def test_planners_try_actions_on_a_device(tmp_path):
+    found = [evaluate(PLANNED, tmp_path / name, device=name) for name in ("cpu", "host")]
+    scores = [
+        [episode["normalized_performance"] for episode in result["episodes"]] for result in found
+    ]
+    assert scores[0] == pytest.approx(scores[1], abs=1e-9)
+    with pytest.raises(InvalidArgumentError, match=r"device='host'.*'cpu' for 'random'"):
+        evaluate(SIMPLE, tmp_path / "random", device="host")
+
+
 def test_the_command_line_evaluates(tmp_path, monkeypatch):
     arguments = ["evaluate", "straighten_rope", "--policy", "cem", "--horizon", "3", "--budget"]
     arguments += ["60", "--iterations", "2", "--replan-every", "3", "--episodes", "1"]

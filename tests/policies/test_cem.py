@@ -10,7 +10,7 @@ from softgym_mj.jobs.journal import Journal
 from softgym_mj.policies import planners
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
-from softgym_mj.policies.rollouts import Rollouts
+from softgym_mj.policies.rollouts import DeviceRollouts, ExecutorRollouts
 from tests.contract.test_contract import actions
 
 both_planners = pytest.mark.parametrize("planner", [CEM, ICEM])
@@ -125,7 +125,7 @@ def test_rollouts_are_what_the_environment_does(task, settings):
     if sequences.shape[2] == 8:
         sequences[:, :, 3] = 1.0  # One gripper closes, whatever is there.
     snapshot = env.get_state()
-    returns = Rollouts(task, settings, SerialExecutor()).returns(snapshot, sequences)
+    returns = ExecutorRollouts(task, settings, SerialExecutor()).returns(snapshot, sequences)
     expected = []
     for sequence in sequences:
         env.set_state(snapshot)
@@ -140,7 +140,7 @@ def test_returns_end_with_the_episode():
     env.reset(800)
     env.step(np.zeros(8))
     sequences = actions(env, 6)[None]
-    returns = Rollouts("straighten_rope", settings, SerialExecutor()).returns(
+    returns = ExecutorRollouts("straighten_rope", settings, SerialExecutor()).returns(
         env.get_state(), sequences
     )
     assert returns == [sum(env.step(action).reward for action in sequences[0, :2])]
@@ -160,7 +160,7 @@ def play(env, policy, steps):
 
 def make_policy(env, **settings):
     planner = make_planner("icem", "straighten_rope", 4, budget=80, iterations=2)
-    rollouts = Rollouts("straighten_rope", {}, SerialExecutor())
+    rollouts = ExecutorRollouts("straighten_rope", {}, SerialExecutor())
     return ModelPredictivePolicy(env, planner, rollouts, **{"replan_every": 2, **settings})
 
 
@@ -194,10 +194,42 @@ def test_planning_straightens_a_rope():
     env = softgym_mj.load("straighten_rope", split="all", horizon=40)
     planner = make_planner("icem", "straighten_rope", 5, budget=150, iterations=3)
     policy = ModelPredictivePolicy(
-        env, planner, Rollouts("straighten_rope", {}, SerialExecutor()), replan_every=5
+        env, planner, ExecutorRollouts("straighten_rope", {}, SerialExecutor()), replan_every=5
     )
     timestep = env.reset(801)
     start = env.info()["normalized_performance"]
     while not timestep.last():
         timestep = env.step(policy(timestep))
     assert env.info()["normalized_performance"] > max(0.8, start + 0.2)
+
+
+@pytest.mark.parametrize("task", ["straighten_rope", "fold_cloth", "pour_water"])
+def test_a_device_plays_the_same_sequences(task):
+    settings = {"fidelity": "fast"}
+    env = softgym_mj.load(task, split="all", observation="reduced", **settings)
+    env.reset(805)
+    size = env.task.actor.action_size
+    random = np.random.default_rng(0)
+    for _ in range(2):
+        env.step(random.uniform(-1.0, 1.0, size))
+    sequences, snapshot = random.uniform(-1.0, 1.0, (3, 4, size)), env.get_state()
+    expected = ExecutorRollouts(task, settings, SerialExecutor()).returns(snapshot, sequences)
+    rollouts = DeviceRollouts(task, settings, "host")
+    for _ in range(2):  # The second time from where the first has ended.
+        np.testing.assert_allclose(rollouts.returns(snapshot, sequences), expected, rtol=1e-12)
+
+
+def test_a_device_plays_no_further_than_the_episode():
+    settings = {"fidelity": "fast", "horizon": 5}
+    env = softgym_mj.load("straighten_rope", split="all", observation="reduced", **settings)
+    env.reset(805)
+    env.step(np.zeros(8))
+    sequences = np.random.default_rng(0).uniform(-1.0, 1.0, (2, 9, 8))
+    both = [
+        rollouts.returns(env.get_state(), sequences)
+        for rollouts in (
+            DeviceRollouts("straighten_rope", settings, "host"),
+            ExecutorRollouts("straighten_rope", settings, SerialExecutor()),
+        )
+    ]
+    np.testing.assert_allclose(*both, rtol=1e-12)

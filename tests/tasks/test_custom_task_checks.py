@@ -13,7 +13,7 @@ from softgym_mj.evaluation import Configuration, Planning, evaluate
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError, SoftGymError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
-from softgym_mj.policies.rollouts import Rollouts
+from softgym_mj.policies.rollouts import ExecutorRollouts
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks import Measures, Task, TaskSettings
 
@@ -219,7 +219,9 @@ def test_the_task_that_was_registered_last_is_played(executor, register, tmp_pat
             register("mine", rewarding(value, dims), horizon=2)
             env = softgym_mj.load("mine")
             env.reset(800)
-            returns = Rollouts("mine", {}, executor).returns(env.get_state(), np.zeros((2, 2, 8)))
+            returns = ExecutorRollouts("mine", {}, executor).returns(
+                env.get_state(), np.zeros((2, 2, 8))
+            )
             assert returns.tolist() == [2 * value, 2 * value]
             for policy in ("zero", "cem"):
                 configuration = Configuration(

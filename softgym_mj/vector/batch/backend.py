@@ -1,5 +1,6 @@
 """`BatchBackend`: environments of a task as rows of arrays."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -165,12 +166,30 @@ class BatchBackend(Backend):
             )
         return self._xp.clip(actions.double(), -1.0, 1.0)
 
-    def advance(self, actions: Any, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
+    def replay(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
+        """Undiscounted returns (num_envs,) of action sequences (num_envs, steps, n) from a state.
+
+        A sequence counts up to the end of the episode. Nothing is worse than one with which the
+        simulation diverges: minus infinity.
+        """
+        row, variation = self._starts.restored(0, snapshot)
+        first = self._starts.row(variation)
+        numbers = range(self.num_envs)
+        self._start(dict.fromkeys(numbers, row), dict.fromkeys(numbers, first))
+        xp, steps = self._xp, self.horizon - snapshot.step_count
+        returns = self._place.zeros((self.num_envs,), "float64")
+        for k in range(min(sequences.shape[1], 0 if snapshot.ended else steps)):
+            _, rewards, diverged, _, _ = self.advance(self._place.put(sequences[:, k]), None)
+            returns = xp.where(diverged, -math.inf, returns + rewards)
+        return self._place.get(returns)
+
+    def advance(self, actions: Any, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
+        """As of `Backend`; without a mode what has ended goes on."""
         if not self._started.all():
             raise LifecycleError("no episode has started: call reset() first")
         if mode == AutoresetMode.DISABLED:
             check_running(self._place.get(self._at["ended"]))
-        else:
+        elif mode is not None:
             self._offer()
         self._actions[...] = actions
         self._rows.fit(self._starts.rows)
@@ -179,7 +198,7 @@ class BatchBackend(Backend):
         self._behind.append(self._place.copy(self._at["used"]))
         return found
 
-    def _advanced(self, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
+    def _advanced(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
         """What `advance` returns, of arrays alone."""
         xp, at, before = self._xp, self._at, _leaves(self._rows.whole)
         starts = at["ended"] & (mode == AutoresetMode.NEXT_STEP)

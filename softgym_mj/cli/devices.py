@@ -1,0 +1,71 @@
+"""Commands for GPUs: programs compiled ahead of time, and how many env steps a device makes."""
+
+import time
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from softgym_mj.cli.console import Settings, Task, console, parsed_settings
+from softgym_mj.exceptions import UnavailableError, check_count
+from softgym_mj.vector.make import DEVICES, make_vec
+
+_WARM_UP = 3  # Env steps before the clock runs.
+
+
+def compile_programs(
+    arch: Annotated[
+        str | None, typer.Option(help="Such as 90 for an H100; else of this machine's GPU.")
+    ] = None,
+) -> None:
+    """Compiles the programs of GPUs, which else happens when they are first used; needs no GPU."""
+    from softgym_mj.native import gpu
+
+    if arch is None:
+        import torch
+
+        if not torch.cuda.is_available():
+            raise UnavailableError("there is no CUDA device: name an architecture by --arch")
+        arch = "".join(map(str, torch.cuda.get_device_capability()))
+    for name in gpu.PROGRAMS:
+        start = time.perf_counter()
+        size = len(gpu.compiled(name, arch))
+        console.print(
+            f"{name} for sm_{arch}: {size / 1000:.0f} kB, {time.perf_counter() - start:.1f} s"
+        )
+
+
+def bench(
+    task: Task,
+    num_envs: Annotated[int, typer.Option(help="Environments.")] = 16,
+    device: Annotated[str, typer.Option(help=f"What simulates: {', '.join(DEVICES)}.")] = "cpu",
+    seconds: Annotated[float, typer.Option(help="For which the clock runs, about.")] = 5.0,
+    settings: Settings = "{}",
+) -> None:
+    """Counts env steps a second: random actions, evaluation variations, episodes that reset."""
+    check_count("num_envs", num_envs, 1)
+    arguments: dict[str, Any] = {"split": "evaluate", **parsed_settings(settings)}
+    envs = make_vec(task, num_envs, device=device, **arguments)
+    random = np.random.default_rng(0)
+    shape = (_WARM_UP, *(envs.action_space.shape or ()))
+    actions: Any = random.uniform(-1.0, 1.0, shape).astype(np.float32)
+    if device == "cuda":
+        import torch
+
+        actions = torch.from_numpy(actions).cuda()
+    envs.reset(seed=0, options={"stagger": True})
+    for each in actions:
+        outcome = envs.step(each)
+    steps, start = 0, _now(outcome)
+    while time.perf_counter() - start < seconds or steps < 2:
+        outcome = envs.step(actions[steps % _WARM_UP])
+        steps += 1
+    rate = steps * num_envs / (_now(outcome) - start)
+    console.print(f"{task} on {device}: {num_envs} environments, {rate:.0f} env steps a second")
+    envs.close()
+
+
+def _now(outcome: Any) -> float:
+    """The time when an env step's outcome is there."""
+    float(outcome[1].sum())  # Waits for a device.
+    return time.perf_counter()

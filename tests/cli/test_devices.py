@@ -1,0 +1,41 @@
+"""Commands for GPUs, of which none is needed here."""
+
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from softgym_mj.cli import commands
+from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
+from softgym_mj.native import gpu
+
+
+@pytest.mark.parametrize("device", ["cpu", "host"])
+def test_bench_counts_env_steps(device):
+    arguments = ["bench", "straighten_rope", "--num-envs", "2", "--device", device]
+    output = CliRunner().invoke(commands.app, [*arguments, "--seconds", "0.1"])
+    assert output.exit_code == 0, output.output
+    words = output.output.split()
+    rate = int(words[words.index("env") - 1])
+    assert 10 < rate < 1e6
+
+
+def test_programs_are_compiled_once(tmp_path, monkeypatch):
+    pytest.importorskip("cuda.core")
+    monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path))
+    first = CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
+    assert first.exit_code == 0, first.output
+    assert sorted(gpu.PROGRAMS) == [line.split()[0] for line in sorted(first.output.splitlines())]
+    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "programs").iterdir()}
+    assert len(kept) == len(gpu.PROGRAMS)
+    CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
+    assert kept == {file: file.stat().st_mtime_ns for file in (tmp_path / "programs").iterdir()}
+
+
+def test_what_there_is_no_gpu_for():
+    failed = CliRunner().invoke(commands.app, ["compile", "--arch", "ninety"])
+    assert isinstance(failed.exception, InvalidArgumentError | UnavailableError)
+    if not torch.cuda.is_available():
+        with pytest.raises(UnavailableError, match="no CUDA device"):
+            gpu.Gpu()
+        failed = CliRunner().invoke(commands.app, ["compile"])
+        assert isinstance(failed.exception, UnavailableError)
