@@ -120,7 +120,7 @@ def rate(task: str, number: int, most: int) -> dict[str, float]:
 
 def played(task: str, number: int, device: str, steps: int, rows: int) -> list[np.ndarray]:
     """Full states of the first rows after each env step."""
-    settings: dict[str, Any] = {"observation": ["full", "reduced"], "split": "all"}
+    settings: dict[str, Any] = {"observation": ["full", "reduced"], "split": EVALUATION[:BITS]}
     envs = softgym_mj.make_vec(task, number, device=device, **settings)
     envs.reset(options={"variation": variations(number, BITS)})
     random = np.random.default_rng(1)
@@ -157,7 +157,7 @@ def alone(task: str) -> bool:
     """Whether a world that is not finite changes no other."""
     seen = []
     for spoilt in (False, True):
-        envs = softgym_mj.make_vec(task, 8, device="cuda", observation="full", split="all")
+        envs = softgym_mj.make_vec(task, 8, device="cuda", observation="full", split=EVALUATION[:8])
         envs.reset(options={"variation": variations(8, 8)})
         if spoilt:
             name = "qvel" if "qvel" in envs.backend._side.now else "velocities"

@@ -1,7 +1,7 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, docs/sac.json
-and docs/results.
+That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, docs/gpu.json,
+docs/sac.json and docs/results.
 """
 
 import json
@@ -18,7 +18,7 @@ from tools import framing, gallery
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES = (
+README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU = (
     ROOT / "README.md",
     DOCS / "domain.md",
     DOCS / "robots.md",
@@ -26,8 +26,9 @@ README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES = (
     DOCS / "results.md",
     DOCS / "recipes.md",
     DOCS / "pictures.md",
+    DOCS / "gpu.md",
 )
-PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES)
+PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU)
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -168,14 +169,55 @@ def pictures() -> str:
 
 def overview(scores: experts.Scores) -> str:
     """The README's table of the tasks: goals, scores, speeds."""
-    rates = measured("throughput")["tasks"]
+    rates, on_gpus = measured("throughput")["tasks"], measured("gpu")["rates"]
     rows = []
     for name, record in TASKS.items():
         score = cells(scores[name])[0] if name in scores else "not yet played"
         rate = f"{rates[name]['env_steps_per_second']:.0f}" if name in rates else "not yet measured"
         page = f"[`{name}`](docs/tasks/{name}.md)"
-        rows.append(f"| {page} | {record.tags[0]} | {record.summary} | {score} | {rate} |")
-    head = "| task | | goal | scripted expert | env steps/s, one core |"
+        thousand = on_gpus.get(name, {}).get("1056")
+        fast = f"{thousand['env_steps_per_s']:,.0f}" if thousand else "not yet measured"
+        row = page, record.tags[0], record.summary, score, rate, fast
+        rows.append(f"| {' | '.join(row)} |")
+    head = "| task | | goal | scripted expert | env steps/s, one core | on one H100 |"
+    return table(head, rows)
+
+
+GPU_NUMBERS = (1, 16, 128, 256, 1056, 4096)  # Of environments.
+
+
+def on_gpu() -> str:
+    """Env steps a second on a GPU, and the memory of most environments."""
+    found = measured("gpu")
+    rows = []
+    for task in TASKS:
+        rates = found["rates"].get(task, {})
+        own = [rates.get(str(number)) for number in GPU_NUMBERS]
+        cells = [f"{rate['env_steps_per_s']:,.0f}" if rate else "not yet" for rate in own]
+        cells.append(f"{own[-1]['memory_gb']:.1f}" if own[-1] else "")
+        rows.append(f"| `{task}` | {' | '.join(cells)} |".replace("|  |", "| |"))
+    head = " | ".join(f"{number:,}" for number in GPU_NUMBERS)
+    compiled = sum(found["compile_s"].values())
+    machine = found["machine"]
+    return (
+        f"{table(f'| task | {head} | GB of {GPU_NUMBERS[-1]:,} |', rows)}\n\n"
+        f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the programs took "
+        f"{compiled:.0f} s, once."
+    )
+
+
+def bits_on_gpu() -> str:
+    """Whether a GPU's numbers are the processor's."""
+    found = measured("gpu")["bits"]
+    rows = []
+    for task, own in found.items():
+        kept = ("same_in_another_run", "same_among_others")
+        words = ["yes" if own[name] else "no" for name in kept]
+        apart = f"{own['of_processor_largest_difference']:.1g}"
+        rows.append(f"| `{task}` | {' | '.join(words)} | {apart} |")
+    head = (
+        "| task | same bits in another run | among other worlds | furthest from the processor's |"
+    )
     return table(head, rows)
 
 
@@ -230,6 +272,8 @@ def pages() -> dict[pathlib.Path, str]:
     texts[README] = between(texts[README], "processes", processes())
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
     texts[RECIPES] = with_table(texts[RECIPES], learning())
+    texts[GPU] = between(texts[GPU], "rates", on_gpu())
+    texts[GPU] = between(texts[GPU], "bits", bits_on_gpu())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())

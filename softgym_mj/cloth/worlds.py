@@ -90,6 +90,14 @@ class ClothWorlds(worlds.Worlds):
         sizes = {"vertices": vertices, "edges": EDGES_OF_VERTEX * vertices, "grippers": grippers}
         super().__init__(num_worlds, sizes, place)
 
+    def get_state(self, i: int) -> dict[str, np.ndarray]:
+        """As of `Worlds`; what layers are kept comes in one order, whoever was first."""
+        state = super().get_state(i)
+        kept = state["after_layers"].reshape((-1, 4))
+        order = np.lexsort([kept[:, 0], kept[:, 0] == 0.0])
+        state["after_layers"] = kept[order].reshape(state["after_layers"].shape)
+        return state
+
     def step(self, targets: Array, held: Array, goals: Array) -> None:
         """Makes a step of all worlds that have a model.
 

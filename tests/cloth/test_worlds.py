@@ -204,3 +204,17 @@ def test_a_world_without_a_model_stands_still():
         worlds.step(*(np.stack([array] * 3) for array in told))
     np.testing.assert_array_equal(worlds.qpos[1], before)
     followed.check(worlds, 2)
+
+
+def test_states_do_not_depend_on_the_order_of_what_is_done_at_once():
+    states = []
+    for turns in (0, 3):
+        followed = _Followed("spread_cloth", 803, fidelity="fast")
+        worlds = _worlds([_model(followed.env)], Processor(turns=turns))
+        followed.place(worlds, 0)
+        for told in followed.steps(followed.actions(2, 0)):
+            worlds.step(*(array[None] for array in told))
+        states.append(worlds.get_state(0))
+    assert (states[0]["after_layers"][..., 0] != 0).sum() > 10
+    for name, array in states[0].items():
+        np.testing.assert_array_equal(states[1][name], array, err_msg=name)

@@ -148,6 +148,17 @@ def test_torchrl_environment(run):
     torch.testing.assert_close(episode["next", "reward"][:, 0], (performance - 1.0) / 2)
 
 
+def test_torchrl_of_many(run):
+    batch = run("TorchRL: many environments in one").batch
+    assert batch.batch_size == (4, 80)
+    ends = (torch.arange(80) + 1) % HORIZON == 0
+    assert torch.equal(batch["next", "truncated"][..., 0], ends.expand(4, -1))
+    performance = batch["next", "normalized_performance"]
+    torch.testing.assert_close(batch["next", "reward"], (performance - 1.0) / 2)
+    starts = batch["observation"][:, [0, HORIZON]]
+    assert not torch.equal(starts[:, 0], starts[:, 1])
+
+
 def test_torchrl_collector(run):
     batches = run("TorchRL: a collector").batches
     assert [batch.batch_size for batch in batches] == [(2, 150)] * 2

@@ -11,7 +11,7 @@
 namespace softgym_mj::cloth {
 
 // Of rows without a common vertex: of all kinds, and of those of a mesh, where each has few neighbours.
-constexpr int kMostLevels = 256, kMeshLevels = 32;
+constexpr int kMostLevels = 256, kMeshLevels = 64;
 constexpr int kKeptPairs = 2;  // Of each vertex, see Kept.
 
 // What went wrong in a step, as bits. All but the first: some contacts were left out.

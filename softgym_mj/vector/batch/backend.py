@@ -89,7 +89,7 @@ class BatchBackend(Backend):
         self._actions = place.zeros((num_envs, *(self.action_space.shape or ())), "float64")
         self._everyone = place.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
-        self._offered: list[int | None] = [None] * num_envs  # Variations of `_next`.
+        self._offered = [-1] * num_envs  # Variations of the next rows.
         self._taken = np.zeros(num_envs, int)  # What is known of `_used`.
         self._behind: deque[Copy] = deque()  # Of `_used`.
         self._strains: Array = None  # Largest of an edge now.
@@ -243,15 +243,13 @@ class BatchBackend(Backend):
         """Says what follows the episodes that end, once more where that has been used."""
         while self._behind and (self._behind[0].done or len(self._behind) > _MOST_BEHIND):
             self._note_used(self._behind.popleft().wait())
-        changed = {}
-        for i in range(self.num_envs):
-            variation = self.draws.upcoming(i)
-            if variation != self._offered[i]:
-                self._offered[i] = variation
-                changed[i] = self._starts.row(variation)
+        upcoming = [self.draws.upcoming(i) for i in range(self.num_envs)]
+        changed = [i for i, offered in enumerate(self._offered) if offered != upcoming[i]]
         if changed:
+            self._offered = upcoming
+            self._starts.prepare(upcoming[i] for i in changed)
             which, rows = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, int)
-            which[[*changed]], rows[[*changed]] = True, [*changed.values()]
+            which[changed], rows[changed] = True, [self._starts.row(upcoming[i]) for i in changed]
             mask, rows = self._place.put(which), self._place.put(rows)
             self._at["next"][...] = self._xp.where(mask, rows, self._at["next"])
 
