@@ -215,6 +215,6 @@ def test_states_do_not_depend_on_the_order_of_what_is_done_at_once():
         for told in followed.steps(followed.actions(2, 0)):
             worlds.step(*(array[None] for array in told))
         states.append(worlds.get_state(0))
-    assert (states[0]["after_layers"][..., 0] != 0).sum() > 10
+    assert (states[0]["after_layers"][..., 0] != 0).sum() > 5
     for name, array in states[0].items():
         np.testing.assert_array_equal(states[1][name], array, err_msg=name)
