@@ -13,7 +13,7 @@ from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
 from softgym_mj.native.places import Processor
 from softgym_mj.vector.base import VectorEnv
-from softgym_mj.vector.batch.backend import BatchBackend
+from softgym_mj.vector.batch.backend import BatchBackend, _leaves
 from softgym_mj.vector.batch.rows import Rows
 from tests.native.torch_processor import TorchProcessor
 from tests.vector.same import same
@@ -352,3 +352,31 @@ def test_processes_read_the_same_starts(task, monkeypatch):
         assert same(envs.step(actions)[0], alone.step(actions)[0])
     envs.close()
     alone.close()
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_arrays_stay_where_they_are(mode):
+    """A graph of a GPU knows them by their places: nothing that happens between steps moves any."""
+    _, envs = _twins("spread_cloth", mode=mode, horizon=3)
+    envs.reset(options={"variation": VARIATIONS})
+    actions = torch.zeros(envs.action_space.shape)
+    envs.step(actions)
+
+    def places():
+        leaves = _leaves(envs.backend._rows.whole)
+        return {(id(whole), name): array.data_ptr() for whole, name, array in leaves}
+
+    before = places()
+    states = envs.get_state()
+    envs.step(actions)
+    assert places() == before
+    mask = np.array([True, False, False])
+    envs.reset(options={"variation": VARIATIONS[1], "reset_mask": mask})
+    assert places() == before
+    envs.reset(options={"variation": VARIATIONS, "stagger": True})
+    assert places() == before
+    envs.set_state(states)
+    assert places() == before
+    envs.backend.replay(states[0][0], np.zeros((3, 2, actions.shape[1])))
+    assert places() == before
+    envs.close()

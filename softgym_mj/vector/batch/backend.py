@@ -1,8 +1,9 @@
 """`BatchBackend`: environments of a task as rows of arrays."""
 
+import contextlib
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -33,6 +34,7 @@ from softgym_mj.vector.batch.starts import Starts
 from softgym_mj.vector.batch.waters import Waters
 from softgym_mj.vector.draws import Draws
 
+_FOLLOWED = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)  # Another episode by itself.
 _MOST_BEHIND = 8  # Env steps that a device may be behind this process.
 
 
@@ -90,8 +92,8 @@ class BatchBackend(Backend):
         self._everyone = place.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
         self._offered = [-1] * num_envs  # Variations of the next rows.
-        self._taken = np.zeros(num_envs, int)  # What is known of `_used`.
-        self._behind: deque[Copy] = deque()  # Of `_used`.
+        self._taken = np.zeros(num_envs, int)  # What is known of those starts.
+        self._behind: deque[Copy] = deque()  # Of them, on their way here.
         self._strains: Array = None  # Largest of an edge now.
         self._state: State | None = None
         self._measures: Measures | None = None
@@ -109,17 +111,44 @@ class BatchBackend(Backend):
         self._starts.prepare(variations.values())
         rows = {i: self._starts.row(variation) for i, variation in variations.items()}
         self._start(rows, rows)
-        self._look()
 
-    def _start(self, rows: Mapping[int, int], first: Mapping[int, int]) -> None:
-        """Starts episodes at rows of `Starts`; `first`: those of the start of their variations."""
-        which, at, of = np.zeros(self.num_envs, bool), *np.zeros((2, self.num_envs), int)
+    def _start(
+        self,
+        rows: Mapping[int, int],
+        first: Mapping[int, int],
+        counts: Mapping[int, int] | None = None,
+    ) -> None:
+        """Starts episodes.
+
+        Args:
+            rows: of `Starts`, by number of the environment.
+            first: those of the start of their variations.
+            counts: env steps so far; None for zeros.
+        """
+        which, at, of, count = np.zeros(self.num_envs, bool), *np.zeros((3, self.num_envs), int)
         which[[*rows]], at[[*rows]], of[[*rows]] = True, [*rows.values()], [*first.values()]
+        if counts is not None:
+            count[[*counts]] = [*counts.values()]
         self._started |= which
-        mask, of = self._place.put(which), self._place.put(of)
+        put, xp = self._place.put, self._xp
+        mask, at, of, count = put(which), put(at), put(of), put(count)
         self._rows.fit(self._starts.rows)
-        self._at["row"][...] = self._xp.where(mask, of, self._at["row"])
-        self._take(mask, self._place.put(at))
+        with self._kept():
+            self._at["row"] = xp.where(mask, of, self._at["row"])
+            self._take(mask, at)
+            self._at["count"] = xp.where(mask, count, self._at["count"])
+            self._at["ended"] = xp.where(mask, count >= self.horizon, self._at["ended"])
+            self._look()
+
+    @contextlib.contextmanager
+    def _kept(self) -> Iterator[None]:
+        """Has arrays stay where they are: what is new in the end goes where the old was."""
+        before = _leaves(self._rows.whole)
+        yield
+        for (whole, name, old), (_, _, new) in zip(before, _leaves(self._rows.whole), strict=True):
+            if new is not old:
+                old[...] = new
+                whole[name] = old
 
     def _take(self, which: Array, rows: Array) -> None:
         """Has some worlds (num_envs,) bool start at rows of `Starts` (num_envs,)."""
@@ -189,18 +218,23 @@ class BatchBackend(Backend):
             raise LifecycleError("no episode has started: call reset() first")
         if mode == AutoresetMode.DISABLED:
             check_running(self._place.get(self._at["ended"]))
-        elif mode is not None:
+        elif mode in _FOLLOWED:
             self._offer()
         self._actions[...] = actions
         self._rows.fit(self._starts.rows)
         key = mode, self._rows.grown, self._starts.rows.grown, self._side.changed
         found = self._place.repeat(key, lambda: self._advanced(mode))
-        self._behind.append(self._place.copy(self._at["used"]))
+        if mode in _FOLLOWED:
+            self._behind.append(self._place.copy(self._at["used"]))
         return found
 
     def _advanced(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
         """What `advance` returns, of arrays alone."""
-        xp, at, before = self._xp, self._at, _leaves(self._rows.whole)
+        with self._kept():
+            return self._stepped(mode)
+
+    def _stepped(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
+        xp, at = self._xp, self._at
         starts = at["ended"] & (mode == AutoresetMode.NEXT_STEP)
         unknown = xp.any(~xp.isfinite(self._actions), axis=-1)
         self._side.command(xp.where(unknown[:, None], 0.0, self._actions))
@@ -225,13 +259,7 @@ class BatchBackend(Backend):
             self._use(ended)
             self._take(ended, at["row"])
             self._look()
-        found = self.observe(), rewards, diverged, truncated, last | self.infos(self._everyone)
-        # What is new goes where the old was.
-        for (whole, name, old), (_, _, new) in zip(before, _leaves(self._rows.whole), strict=True):
-            if new is not old:
-                old[...] = new
-                whole[name] = old
-        return found
+        return self.observe(), rewards, diverged, truncated, last | self.infos(self._everyone)
 
     def _use(self, which: Array) -> None:
         """Has episodes of some (num_envs,) bool be followed by what has been offered."""
@@ -317,15 +345,12 @@ class BatchBackend(Backend):
         return whole["episode"]["variation"], whole["strain"], self._at["count"], self._at["ended"]
 
     def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
-        rows, first, counts = {}, {}, self._place.get(self._at["count"])
+        rows, first, counts = {}, {}, {}
         for i, snapshot in snapshots.items():
             rows[i], variation = self._starts.restored(i, snapshot)
             first[i] = self._starts.row(variation)
             counts[i] = self.horizon if snapshot.ended else snapshot.step_count
-        self._start(rows, first)
-        self._at["count"][...] = self._place.put(counts)
-        self._at["ended"][...] = self._at["count"] >= self.horizon
-        self._look()
+        self._start(rows, first, counts)
 
     def call(self, name: str, arguments: Sequence[tuple[Sequence, Mapping]]) -> tuple[Any, ...]:
         if name == "horizon":
