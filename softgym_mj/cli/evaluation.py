@@ -63,7 +63,7 @@ def evaluate(
     jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
     ray: Ray = None,
     device: Annotated[
-        str, typer.Option(help="Where a planner tries actions: cpu (by --jobs), host or cuda.")
+        str, typer.Option(help="Where it is simulated: cpu (by --jobs), host or cuda, all at once.")
     ] = "cpu",
     out: Annotated[pathlib.Path, typer.Option(help="Folder of this evaluation.")] = pathlib.Path(
         "evaluation"

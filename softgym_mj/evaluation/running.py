@@ -14,8 +14,9 @@ from softgym_mj import registry
 from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import open_folder
+from softgym_mj.evaluation.rows import Together, check_policy, play_rows
 from softgym_mj.evaluation.statistics import methods, quality, summary
-from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.exceptions import check_name
 from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.jobs.files import write_json
 from softgym_mj.jobs.store import Store
@@ -66,8 +67,8 @@ def evaluate(
         executor: where it is simulated; None for this process.
         progress: told of episodes and decisions.
         trust: whether the file of a policy may be loaded, as in `make_policy`.
-        device: where a planner's samples are simulated: "cpu" for the executor's workers; "cuda",
-            or "host", all at once.
+        device: where episodes, or a planner's samples, are simulated: "cpu" by the executor's
+            workers; "cuda" or "host" all at once, of policies that see observations alone.
 
     Returns:
         The content of the result: configuration, machines on which it was evaluated, `summary`,
@@ -80,7 +81,7 @@ def evaluate(
     """
     check_name("device", device, DEVICES)
     if device != "cpu" and configuration.policy not in PLANNERS:
-        raise InvalidArgumentError("device", device, f"'cpu' for {configuration.policy!r}")
+        check_policy(configuration.policy)
     executor, progress = executor or SerialExecutor(), progress or Progress()
     written = configuration.as_json()
     store, machines = open_folder(pathlib.Path(folder), written)
@@ -90,16 +91,21 @@ def evaluate(
         episodes[key] = episode
         progress.on_episode(episode)
 
-    play: Callable[[int, int], dict]
+    play: Callable
     if configuration.policy in PLANNERS:  # They use the executor, for samples.
         play, executor = (
             _planned(configuration, store, executor, progress, device),
             SerialExecutor(),
         )
+    elif device != "cpu":
+        task, settings = configuration.task, configuration.settings
+        policy = configuration.policy
+        play = functools.partial(play_rows, task, settings, policy, trust, device)
+        executor = Together()
     else:
-        task = sent_to(executor, configuration.task)
-        settings = json.dumps(dict(configuration.settings), sort_keys=True)
-        play = functools.partial(play_episode, task, settings, configuration.policy, trust)
+        sent = sent_to(executor, configuration.task)
+        written_settings = json.dumps(dict(configuration.settings), sort_keys=True)
+        play = functools.partial(play_episode, sent, written_settings, configuration.policy, trust)
     store.run(configuration.episodes, play, executor, add)
     ordered = [episodes[key] for key in configuration.episodes]
     result = {

@@ -1,5 +1,6 @@
 """Evaluation: what is scored, by whom, and what interruptions cost."""
 
+import dataclasses
 import json
 import pathlib
 import signal
@@ -8,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+import torch
 from typer.testing import CliRunner
 
 import softgym_mj
@@ -137,8 +139,41 @@ def test_planners_try_actions_on_a_device(tmp_path):
         [episode["normalized_performance"] for episode in result["episodes"]] for result in found
     ]
     assert scores[0] == pytest.approx(scores[1], abs=1e-9)
-    with pytest.raises(InvalidArgumentError, match=r"device='host'.*'cpu' for 'random'"):
-        evaluate(SIMPLE, tmp_path / "random", device="host")
+
+
+@pytest.mark.parametrize("policy", ["random", "zero"])
+def test_episodes_side_by_side_are_those_of_one_after_the_other(tmp_path, policy):
+    seeds = (0, 1) if policy == "random" else (0,)
+    configuration = dataclasses.replace(SIMPLE, policy=policy, seeds=seeds)
+    found = [evaluate(configuration, tmp_path / name, device=name) for name in ("cpu", "host")]
+    for ours, theirs in zip(*(result["episodes"] for result in found), strict=True):
+        assert ours.keys() == theirs.keys() and ours["quality"].keys() == theirs["quality"].keys()
+        for name in ("variation", "seed", "success"):
+            assert ours[name] == theirs[name]
+        for name in ("normalized_performance", "performance", "return"):
+            assert theirs[name] == pytest.approx(ours[name], abs=1e-12)
+        assert theirs["quality"] == pytest.approx(ours["quality"], abs=1e-12)
+    assert evaluate(configuration, tmp_path / "host", device="cpu") == found[1]  # It is all there.
+
+
+def test_saved_policies_act_side_by_side(tmp_path):
+    torch.manual_seed(0)
+    module = torch.nn.Sequential(torch.nn.Linear(36, 8), torch.nn.Tanh())
+    file = tmp_path / "policy.pt2"
+    torch.export.save(torch.export.export(module, (torch.zeros(1, 36),)), file)
+    configuration = dataclasses.replace(SIMPLE, policy=str(file), seeds=(0,))
+    found = [
+        evaluate(configuration, tmp_path / name, device=name, trust=True)
+        for name in ("cpu", "host")
+    ]
+    scores = [[e["return"] for e in result["episodes"]] for result in found]
+    assert scores[0] == pytest.approx(scores[1], abs=1e-12) and len(set(scores[0])) == 3
+
+
+def test_what_looks_at_a_simulation_is_refused_on_devices(tmp_path):
+    configuration = dataclasses.replace(SIMPLE, policy="scripted", seeds=(0,))
+    with pytest.raises(InvalidArgumentError, match=r"device.*'cpu' for 'scripted'"):
+        evaluate(configuration, tmp_path, device="host")
 
 
 def test_the_command_line_evaluates(tmp_path, monkeypatch):
