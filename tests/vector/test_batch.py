@@ -13,8 +13,8 @@ from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
 from softgym_mj.native.places import Processor
 from softgym_mj.vector.base import VectorEnv
-from softgym_mj.vector.batch.backend import BatchBackend, _leaves
-from softgym_mj.vector.batch.rows import Rows
+from softgym_mj.vector.batch.backend import BatchBackend
+from softgym_mj.vector.batch.rows import Rows, leaves
 from tests.native.torch_processor import TorchProcessor
 from tests.vector.same import same
 
@@ -363,8 +363,8 @@ def test_arrays_stay_where_they_are(mode):
     envs.step(actions)
 
     def places():
-        leaves = _leaves(envs.backend._rows.whole)
-        return {(id(whole), name): array.data_ptr() for whole, name, array in leaves}
+        found = leaves(envs.backend._rows.whole)
+        return {(id(whole), name): array.data_ptr() for whole, name, array in found}
 
     before = places()
     states = envs.get_state()

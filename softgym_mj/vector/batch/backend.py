@@ -1,9 +1,7 @@
 """`BatchBackend`: environments of a task as rows of arrays."""
 
-import contextlib
 import math
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -15,7 +13,7 @@ from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.native.places import Copy, Place
+from softgym_mj.native.places import Place
 from softgym_mj.native.worlds import NOT_FINITE
 from softgym_mj.robots.grip import may_be
 from softgym_mj.robots.gripper import HELD
@@ -28,6 +26,7 @@ from softgym_mj.vector.backend import (
     checked_actions,
 )
 from softgym_mj.vector.batch.flexes import Flexes
+from softgym_mj.vector.batch.offers import Offers
 from softgym_mj.vector.batch.rows import Rows
 from softgym_mj.vector.batch.side import Side
 from softgym_mj.vector.batch.starts import Starts
@@ -35,7 +34,6 @@ from softgym_mj.vector.batch.waters import Waters
 from softgym_mj.vector.draws import Draws
 
 _FOLLOWED = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)  # Another episode by itself.
-_MOST_BEHIND = 8  # Env steps that a device may be behind this process.
 
 
 class BatchBackend(Backend):
@@ -91,9 +89,7 @@ class BatchBackend(Backend):
         self._actions = place.zeros((num_envs, *(self.action_space.shape or ())), "float64")
         self._everyone = place.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
-        self._offered = [-1] * num_envs  # Variations of the next rows.
-        self._taken = np.zeros(num_envs, int)  # What is known of those starts.
-        self._behind: deque[Copy] = deque()  # Of them, on their way here.
+        self._offers = Offers(num_envs)
         self._strains: Array = None  # Largest of an edge now.
         self._state: State | None = None
         self._measures: Measures | None = None
@@ -133,22 +129,12 @@ class BatchBackend(Backend):
         put, xp = self._place.put, self._xp
         mask, at, of, count = put(which), put(at), put(of), put(count)
         self._rows.fit(self._starts.rows)
-        with self._kept():
+        with self._rows.kept():
             self._at["row"] = xp.where(mask, of, self._at["row"])
             self._take(mask, at)
             self._at["count"] = xp.where(mask, count, self._at["count"])
             self._at["ended"] = xp.where(mask, count >= self.horizon, self._at["ended"])
             self._look()
-
-    @contextlib.contextmanager
-    def _kept(self) -> Iterator[None]:
-        """Has arrays stay where they are: what is new in the end goes where the old was."""
-        before = _leaves(self._rows.whole)
-        yield
-        for (whole, name, old), (_, _, new) in zip(before, _leaves(self._rows.whole), strict=True):
-            if new is not old:
-                old[...] = new
-                whole[name] = old
 
     def _take(self, which: Array, rows: Array) -> None:
         """Has some worlds (num_envs,) bool start at rows of `Starts` (num_envs,)."""
@@ -225,12 +211,12 @@ class BatchBackend(Backend):
         key = mode, self._rows.grown, self._starts.rows.grown, self._side.changed
         found = self._place.repeat(key, lambda: self._advanced(mode))
         if mode in _FOLLOWED:
-            self._behind.append(self._place.copy(self._at["used"]))
+            self._offers.follow(self._place.copy(self._at["used"]))
         return found
 
     def _advanced(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
         """What `advance` returns, of arrays alone."""
-        with self._kept():
+        with self._rows.kept():
             return self._stepped(mode)
 
     def _stepped(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
@@ -269,26 +255,17 @@ class BatchBackend(Backend):
 
     def _offer(self) -> None:
         """Says what follows the episodes that end, once more where that has been used."""
-        while self._behind and (self._behind[0].done or len(self._behind) > _MOST_BEHIND):
-            self._note_used(self._behind.popleft().wait())
-        upcoming = [self.draws.upcoming(i) for i in range(self.num_envs)]
-        changed = [i for i, offered in enumerate(self._offered) if offered != upcoming[i]]
-        if changed:
-            self._offered = upcoming
-            self._starts.prepare(upcoming[i] for i in changed)
-            which, rows = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, int)
-            which[changed], rows[changed] = True, [self._starts.row(upcoming[i]) for i in changed]
-            mask, rows = self._place.put(which), self._place.put(rows)
-            self._at["next"][...] = self._xp.where(mask, rows, self._at["next"])
-
-    def _note_used(self, used: np.ndarray) -> None:
-        for i in np.flatnonzero(used > self._taken).tolist():
-            self.draws.next(i)
-        self._taken = used
+        changed = self._offers.changed(self.draws)
+        if not changed:
+            return
+        self._starts.prepare(changed.values())
+        which, rows = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, int)
+        which[[*changed]], rows[[*changed]] = True, [*map(self._starts.row, changed.values())]
+        mask, rows = self._place.put(which), self._place.put(rows)
+        self._at["next"][...] = self._xp.where(mask, rows, self._at["next"])
 
     def settle(self) -> None:
-        self._behind.clear()
-        self._note_used(self._place.get(self._at["used"]))
+        self._offers.settle(self._place.get(self._at["used"]), self.draws)
 
     # ------------------------------------------------------------------ what is seen
 
@@ -373,11 +350,3 @@ def _observations(example: SoftGymEnv) -> tuple[str, ...]:
         if name not in (*STATES, HELD):
             raise InvalidArgumentError("observation", name, (*STATES, HELD))
     return names
-
-
-def _leaves(whole: dict[str, Any]) -> list[tuple[dict[str, Any], str, Array]]:
-    """Dict, name in it and array, of all arrays in dicts in dicts."""
-    found = []
-    for name, value in whole.items():
-        found += _leaves(value) if isinstance(value, dict) else [(whole, name, value)]
-    return found

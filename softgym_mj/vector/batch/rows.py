@@ -1,6 +1,7 @@
 """`Rows`: what many episodes start with, or are at, in arrays with a row for each."""
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,19 @@ class Rows:
             larger[tuple(slice(size) for size in whole.shape)] = whole
         return larger
 
+    @contextlib.contextmanager
+    def kept(self) -> Iterator[None]:
+        """Has arrays stay where they are: what is new in the end goes where the old was.
+
+        A graph of a GPU knows them by their places.
+        """
+        before = leaves(self.whole)
+        yield
+        for (whole, name, old), (_, _, new) in zip(before, leaves(self.whole), strict=True):
+            if new is not old:
+                old[...] = new
+                whole[name] = old
+
     def fit(self, others: "Rows") -> None:
         """Makes room for any row of others."""
         self._fit(self.whole, others.whole)
@@ -89,3 +103,11 @@ class Rows:
             chosen = which.reshape((-1, *[1] * (other.ndim - 1)))
             part = whole[name][(slice(None), *(slice(size) for size in other.shape[1:]))]
             part[...] = self._place.xp.where(chosen, other[rows], part)
+
+
+def leaves(whole: dict[str, Any]) -> list[tuple[dict[str, Any], str, Array]]:
+    """Dict, name in it and array, of all arrays in dicts in dicts."""
+    found = []
+    for name, value in whole.items():
+        found += leaves(value) if isinstance(value, dict) else [(whole, name, value)]
+    return found
