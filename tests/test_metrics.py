@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import shapely
+import torch
 
 from softgym_mj import metrics
 from softgym_mj.entities.intersections import count_intersections
+from softgym_mj.exceptions import InvalidArgumentError
 
 RHO = 0.00625  # FleX particle spacing [m].
 SQUARE_CELLS = 100  # SoftGym's covered-area grid has 100 x 100 cells.
@@ -423,3 +425,25 @@ def test_order_of_edges_and_triangles_does_not_matter():
         vertices, random.permutation(edges)[:, ::-1], random.permutation(triangles)[:, [2, 0, 1]]
     )
     assert shuffled == expected
+
+
+@pytest.mark.parametrize("number", [3, 150])
+def test_tensors_of_any_number_of_pieces(number):
+    """More than are kept for a line at a time: apart, and every third one twice."""
+    corners = np.array([[0.0, 0.0], [0.6, 0.1], [0.2, 1.0]])
+    places = np.random.default_rng(0).permutation(number)
+    vertices = (corners + np.stack([places, 0 * places], axis=1)[:, None]).reshape(-1, 2)
+    triangles = np.arange(3 * number).reshape(-1, 3)
+    triangles = np.concatenate([triangles, triangles[::3]])
+    found = metrics.covered_area(
+        torch.from_numpy(vertices)[None], torch.from_numpy(triangles)[None]
+    )
+    expected = metrics.covered_area(vertices, triangles)
+    assert found.item() == pytest.approx(expected, rel=1e-12)
+    assert expected == pytest.approx(number * 0.29, rel=1e-3)
+
+
+def test_more_points_than_tensors_are_matched_for():
+    points = torch.zeros(1, 65, 3)
+    with pytest.raises(InvalidArgumentError, match=r"points=65.*at most 64"):
+        metrics.matched_distance(points, points)

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from dm_control import mjcf
 
-from softgym_mj.native.library import CLOTH, load_plugin
+from softgym_mj.native.library import CLOTH, load_plugin, open_library
 
 TIMESTEP = 0.01  # [s]: a sim step. Of which the plugin makes 25.
 
@@ -93,7 +93,7 @@ _MOST_CONTACTS = 4096
 
 @functools.cache
 def _library() -> ctypes.CDLL:
-    library = ctypes.CDLL(str(load_plugin()))
+    library = open_library()
     pointer = ctypes.c_void_p
     library.softgym_mj_cloth_contacts.argtypes = [pointer, pointer, pointer, ctypes.c_int]
     library.softgym_mj_cloth_holding_force.argtypes = [pointer, pointer, ctypes.c_int]

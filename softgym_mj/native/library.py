@@ -1,5 +1,7 @@
 """Loads the library with the engine plugins into MuJoCo."""
 
+import ctypes
+import functools
 import importlib.metadata
 import pathlib
 import sys
@@ -56,6 +58,12 @@ def check_release() -> None:
     """
     if any(_FOLDER.glob(f"{_STEM}*")):
         _find(_FOLDER, importlib.metadata.version("mujoco"))
+
+
+@functools.cache
+def open_library() -> ctypes.CDLL:
+    """The library, for functions of its own; errors as of `load_plugin`."""
+    return ctypes.CDLL(str(load_plugin()))
 
 
 def load_plugin() -> pathlib.Path:

@@ -1,19 +1,14 @@
 """Measures of many simulations at once, of PyTorch's tensors on any device, by the library."""
 
 import ctypes
-import functools
 from typing import Any
 
-from softgym_mj.native.library import load_plugin
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.native.library import open_library
 
 MOST_MATCHED = 64  # As in matched.h.
 
 _WARP = 32  # Threads.
-
-
-@functools.cache
-def _library() -> Any:
-    return ctypes.CDLL(str(load_plugin()))
 
 
 def covered_areas(points: Any, triangles: Any, lines: int) -> Any:
@@ -38,8 +33,12 @@ def covered_areas(points: Any, triangles: Any, lines: int) -> Any:
 def matched_distances(distances: Any) -> Any:
     """Smallest means (number,) of one of each row and column of distances (number, n, n) float64.
 
-    n is at most `MOST_MATCHED`.
+    Raises:
+        InvalidArgumentError: for more than `MOST_MATCHED` rows.
     """
+    if distances.shape[-1] > MOST_MATCHED:
+        valid = f"at most {MOST_MATCHED} of each, of tensors"
+        raise InvalidArgumentError("number of points", distances.shape[-1], valid)
     distances = distances.contiguous()
     means = distances.new_empty(distances.shape[:1])
     number, count, _ = distances.shape
@@ -55,6 +54,6 @@ def _run(name: str, entry: str, number: int, threads: int, sizes: list[int], arr
 
         gpu.launch("measures", entry, device, number, threads, *sizes, *pointers)
         return
-    function = getattr(_library(), f"softgym_mj_{name}")
+    function = getattr(open_library(), f"softgym_mj_{name}")
     long, pointer = ctypes.c_longlong, ctypes.c_void_p
     function(long(number), *map(long, sizes), *map(pointer, pointers))

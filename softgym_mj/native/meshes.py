@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
-from softgym_mj.native.library import load_plugin
+from softgym_mj.native.library import open_library
 
 MOST_TRIANGLES = 2_000_000  # Of a surface: 250 times those of a cup of water.
 _MOST_POINTS, _MOST_SIDES, _MOST_RINGS = 100_000, 256, 64
@@ -53,7 +53,7 @@ ROPE = Strands(3, 0.22, 70.0)  # A turn in 9 cm: the lay of a rope of 12 mm, haw
 
 @functools.cache
 def _library() -> ctypes.CDLL:
-    library = ctypes.CDLL(str(load_plugin()))
+    library = open_library()
     pointer, whole, real = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
     library.softgym_mj_tube.argtypes = [
         pointer, whole, real, whole, whole, whole, whole, real, real, pointer, pointer,

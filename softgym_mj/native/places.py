@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from softgym_mj.native.library import load_plugin
+from softgym_mj.native.library import open_library
 
 ALIGNMENT = 64  # [bytes] Of what programs get: of the widest vectors.
 
@@ -128,6 +128,6 @@ class Processor(Place):
 
 def function(kind: str, name: str) -> Any:
     """A function of the library for worlds of a kind."""
-    found = getattr(ctypes.CDLL(str(load_plugin())), f"softgym_mj_{kind}_batch_{name}")
+    found = getattr(open_library(), f"softgym_mj_{kind}_batch_{name}")
     found.restype = _RESULTS.get(name, ctypes.c_int)
     return found
