@@ -183,24 +183,22 @@ def overview(scores: experts.Scores) -> str:
     return table(head, rows)
 
 
-GPU_NUMBERS = (1, 16, 128, 256, 1056, 4096)  # Of environments.
-
-
 def on_gpu() -> str:
     """Env steps a second on a GPU, and the memory of most environments."""
     found = measured("gpu")
+    numbers = sorted({int(number) for rates in found["rates"].values() for number in rates})
     rows = []
     for task in TASKS:
         rates = found["rates"].get(task, {})
-        own = [rates.get(str(number)) for number in GPU_NUMBERS]
+        own = [rates.get(str(number)) for number in numbers]
         cells = [f"{rate['env_steps_per_s']:,.0f}" if rate else "not yet" for rate in own]
         cells.append(f"{own[-1]['memory_gb']:.1f}" if own[-1] else "")
         rows.append(f"| `{task}` | {' | '.join(cells)} |".replace("|  |", "| |"))
-    head = " | ".join(f"{number:,}" for number in GPU_NUMBERS)
+    head = " | ".join(f"{number:,}" for number in numbers)
     compiled = sum(found["compile_s"].values())
     machine = found["machine"]
     return (
-        f"{table(f'| task | {head} | GB of {GPU_NUMBERS[-1]:,} |', rows)}\n\n"
+        f"{table(f'| task | {head} | GB of {numbers[-1]:,} |', rows)}\n\n"
         f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the programs took "
         f"{compiled:.0f} s, once."
     )

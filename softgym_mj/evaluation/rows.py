@@ -1,6 +1,5 @@
 """Episodes of policies that look at observations alone, side by side on a device."""
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
@@ -39,11 +38,11 @@ class Together(Executor):
         pass
 
 
-def check_policy(policy: str) -> None:
+def check_policy(policy: str, device: str) -> None:
     """Raises `InvalidArgumentError` for a policy that looks at more than observations."""
     if policy not in ("random", "zero") and not policy.endswith(SUFFIX):
         valid = f"'cpu' for {policy!r}: it looks at one simulation"
-        raise InvalidArgumentError("device", "not 'cpu'", valid)
+        raise InvalidArgumentError("device", device, valid)
 
 
 def play_rows(
@@ -65,7 +64,7 @@ def play_rows(
     Raises:
         SimulationError: if an episode diverges.
     """
-    arguments: dict[str, Any] = {"observation": "reduced", **json.loads(json.dumps(dict(settings)))}
+    arguments: dict[str, Any] = {"observation": "reduced", **settings}
     example = SoftGymEnv(find(task), split="all", **arguments)
     backend = BatchBackend(example, len(calls), make_place(device, len(calls)))
     envs = VectorEnv(backend, range(1), AutoresetMode.DISABLED)

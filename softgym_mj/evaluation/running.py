@@ -81,7 +81,7 @@ def evaluate(
     """
     check_name("device", device, DEVICES)
     if device != "cpu" and configuration.policy not in PLANNERS:
-        check_policy(configuration.policy)
+        check_policy(configuration.policy, device)
     executor, progress = executor or SerialExecutor(), progress or Progress()
     written = configuration.as_json()
     store, machines = open_folder(pathlib.Path(folder), written)

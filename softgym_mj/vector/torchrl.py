@@ -12,6 +12,8 @@ from torchrl.envs import EnvBase
 from softgym_mj.registry import TaskRecord
 from softgym_mj.vector.make import make_vec
 
+_ENDS = ("done", "terminated", "truncated")
+
 
 class TorchRLEnv(EnvBase):
     """`make_vec` as an environment of TorchRL, with a batch size of (num_envs,).
@@ -104,6 +106,3 @@ class TorchRLEnv(EnvBase):
         """Closes the environments."""
         self.envs.close()
         super().close(raise_if_closed=raise_if_closed)
-
-
-_ENDS = ("done", "terminated", "truncated")

@@ -83,7 +83,7 @@ class BatchBackend(Backend):
             **{
                 name: place.zeros((num_envs,), "int64") for name in ("row", "next", "count", "used")
             },
-            **{name: place.zeros((num_envs,), "bool") for name in ("ended", "diverged")},
+            "ended": place.zeros((num_envs,), "bool"),
         }
         self._rows.whole["at"] = self._at
         self._actions = place.zeros((num_envs, *(self.action_space.shape or ())), "float64")
@@ -143,8 +143,7 @@ class BatchBackend(Backend):
             return
         self._rows.take(which, self._starts.rows, rows)
         self._at["count"] = xp.where(which, 0, self._at["count"])
-        for name in ("ended", "diverged"):
-            self._at[name] = self._at[name] & ~which
+        self._at["ended"] = self._at["ended"] & ~which
         self._side.flags[...] = xp.where(which, 0, self._side.flags)
 
     @property
@@ -235,7 +234,7 @@ class BatchBackend(Backend):
         self._side.flags[...] = xp.where(diverged, NOT_FINITE, self._side.flags)
         truncated = at["count"] >= self.horizon
         ended = diverged | truncated
-        at["diverged"], at["ended"] = diverged, ended
+        at["ended"] = ended
         self._look()
         assert self._measures is not None
         rewards = xp.where(starts, 0.0, self._measures.reward)

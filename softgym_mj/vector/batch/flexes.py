@@ -1,7 +1,6 @@
 """`Flexes`: a rope or cloth with pickers, in many worlds."""
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -41,11 +40,7 @@ class Flexes(Side):
         self._name = next(iter(task.scene.materials))
         self._place, self._xp, actor = place, place.xp, task.actor
         self._worlds = ClothWorlds(num_worlds, task.max_points, actor.num_grippers, place)
-        self.flags = self._worlds.flags
-        self.now: dict[str, Any] = {
-            name: getattr(self._worlds, name) for name in ClothWorlds.fields
-        }
-        self.now["model"] = self._worlds.models
+        self.flags, self.now = self._worlds.flags, self._worlds.rows()
         self._pickers = Pickers(
             self.now, place.xp, actor.num_grippers, actor.radius, actor.pick_distance
         )

@@ -1,7 +1,6 @@
 """`Waters`: water in cups, one of which moves, in many worlds."""
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -45,11 +44,7 @@ class Waters(Side):
         self._names = [cup.mjcf_model.model for cup in self._cups]
         self._place, self._xp, self._number = place, place.xp, num_worlds
         self._worlds = WaterWorlds(num_worlds, task.max_points, len(self._cups), place)
-        self.flags = self._worlds.flags
-        self.now: dict[str, Any] = {
-            name: getattr(self._worlds, name) for name in WaterWorlds.fields
-        }
-        self.now["model"] = self._worlds.models
+        self.flags, self.now = self._worlds.flags, self._worlds.rows()
         self._step: Array = None
 
     @property
