@@ -12,7 +12,6 @@
 namespace softgym_mj {
 namespace {
 
-constexpr float kLevel = 0.5f;  // Weight of the water at its surface: about one inside, none outside.
 // What is further from the world's origin than this many cells, or not a number, is not drawn: a key has
 // 21 bits for each axis.
 constexpr double kMostCells = 1e6;
@@ -25,11 +24,6 @@ constexpr int kMostTries = 8;
 constexpr double kSmoothed = 2;
 constexpr double kShrink = 0.5, kGrow = -0.53;
 
-uint64_t Key(int x, int y, int z) {
-  constexpr uint64_t kMask = (1u << 21) - 1;
-  return (x & kMask) << 42 | (y & kMask) << 21 | (z & kMask);
-}
-
 // Where a point of a block, or the first beyond it, is: in which of the next blocks, as bits, and there.
 int NearOf(int x, int y, int z) { return (x >> 3) | (y >> 3) << 1 | (z >> 3) << 2; }
 int PointOf(int x, int y, int z) { return (x & 7) | (y & 7) << 3 | (z & 7) << 6; }
@@ -37,7 +31,7 @@ int PointOf(int x, int y, int z) { return (x & 7) | (y & 7) << 3 | (z & 7) << 6;
 }  // namespace
 
 SurfaceExtractor::Block& SurfaceExtractor::FindBlock(int x, int y, int z) {
-  auto [entry, added] = index_.try_emplace(Key(x, y, z), static_cast<int>(blocks_.size()));
+  auto [entry, added] = index_.try_emplace(CellKey(x, y, z), static_cast<int>(blocks_.size()));
   if (added) {
     blocks_.emplace_back();
     Block& block = blocks_.back();
@@ -92,7 +86,7 @@ void SurfaceExtractor::Splat(const KernelShape& kernel) {
 
 void SurfaceExtractor::LookAround(const Block& block, Surroundings* around) const {
   for (int k = 0; k < 8; ++k) {
-    auto entry = index_.find(Key(block.x + (k & 1), block.y + (k >> 1 & 1), block.z + (k >> 2)));
+    auto entry = index_.find(CellKey(block.x + (k & 1), block.y + (k >> 1 & 1), block.z + (k >> 2)));
     around->near[k] = entry == index_.end() ? nullptr : &blocks_[entry->second];
   }
   int count = 0;

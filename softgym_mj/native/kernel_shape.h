@@ -1,0 +1,95 @@
+// How a particle of water fills space, for its surface: an ellipsoid as its neighbors lie.
+
+#ifndef SOFTGYM_MJ_NATIVE_KERNEL_SHAPE_H_
+#define SOFTGYM_MJ_NATIVE_KERNEL_SHAPE_H_
+
+#include <algorithm>
+#include <cmath>
+
+#include "native/vec.h"
+
+namespace softgym_mj {
+
+// Weighs amplitude (1 - q)^3 where q = (x - centre) metric (x - centre) < 1, lengths in voxels.
+struct KernelShape {
+  double centre[3];
+  double metric[6];  // xx, yy, zz, yz, xz, xy.
+  double reach[3];   // Half the extents along the axes.
+  double amplitude;
+};
+
+namespace {
+
+// Neighbors are up to here [spacings]; they weigh 1 - (r / kNear)^2.
+constexpr double kNear = 2.2;
+// Variance [spacings^2] of where they are, along any direction, if they are all around.
+constexpr double kVariance = kNear * kNear / 7;
+// Reach [spacings] of a kernel that has neighbors all around, and of one that has none: the surface around a lone
+// drop then has 0.6 spacings, hence the volume of a particle, nearly.
+constexpr double kReach = 2.0;
+constexpr double kDropReach = 1.32;
+// The share of the way to the middle of its neighbors that the centre of a kernel is moved: flattens the surface, and
+// draws it in to where walls hold particles back.
+constexpr double kMoved = 0.5;
+constexpr double kLeastReach = 1.95;  // [voxels] The surface around a lone drop must have a point of the grid inside.
+constexpr int kMostInCell = 64;       // Of the particles in one place that count as neighbors; at rest there are 11.
+constexpr float kLevel = 0.5f;        // Weight of the water at its surface: about one inside, none outside.
+
+// The number of a cell, of those less than a million away from the origin.
+inline unsigned long long CellKey(long long x, long long y, long long z) {
+  constexpr unsigned long long kMask = (1u << 21) - 1;
+  return (x & kMask) << 42 | (y & kMask) << 21 | (z & kMask);
+}
+
+inline double Square(double a) { return a * a; }
+
+// How far q is from p for a metric, squared.
+inline double Distance(const double metric[6], const Vector& d) {
+  return metric[0] * d.x * d.x + metric[1] * d.y * d.y + metric[2] * d.z * d.z +
+         2 * (metric[3] * d.y * d.z + metric[4] * d.x * d.z + metric[5] * d.x * d.y);
+}
+
+// The ellipsoid of a particle (Yu and Turk, 2013): wide along sheets and threads, narrow across them. `offsets(f)`
+// calls f with the offset of each particle around it, in the same order each time.
+template <class Offsets>
+inline KernelShape FitKernel(const Vector& centre, double spacing, const Offsets& offsets) {
+  const double scale = 1 / Square(kNear * spacing);
+  double sum = 1;  // Of the weights, with its own.
+  Vector mean = {0, 0, 0};
+  double square[6] = {0, 0, 0, 0, 0, 0};
+  offsets([&](const Vector& d) {
+    const double weight = 1 - scale * Dot(d, d);
+    sum += weight;
+    mean = mean + weight * d;
+    const double products[6] = {d.x * d.x, d.y * d.y, d.z * d.z, d.y * d.z, d.x * d.z, d.x * d.y};
+    for (int k = 0; k < 6; ++k) square[k] += weight * products[k];
+  });
+  mean = (1 / sum) * mean;
+  const double means[6] = {mean.x * mean.x, mean.y * mean.y, mean.z * mean.z,
+                           mean.y * mean.z, mean.x * mean.z, mean.x * mean.y};
+  const double drop = Square(std::max(kDropReach * spacing, kLeastReach));
+  const double grown = std::max(0.0, Square(kReach * spacing) - drop) / (kVariance * spacing * spacing);
+  double extent[6];  // The ellipsoid is x extent^-1 x < 1.
+  for (int k = 0; k < 6; ++k) extent[k] = grown * (square[k] / sum - means[k]) + (k < 3 ? drop : 0);
+  const double xx = extent[0], yy = extent[1], zz = extent[2], yz = extent[3], xz = extent[4], xy = extent[5];
+  const double minors[6] = {yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy,
+                            xy * xz - xx * yz, xy * yz - yy * xz, xz * yz - zz * xy};
+  const double determinant = xx * minors[0] + xy * minors[5] + xz * minors[4];
+  const Vector moved = centre + kMoved * mean;
+  KernelShape shape = {{moved.x, moved.y, moved.z}, {}, {}, 1};
+  for (int k = 0; k < 6; ++k) shape.metric[k] = minors[k] / determinant;
+  for (int k = 0; k < 3; ++k) shape.reach[k] = std::sqrt(extent[k]);
+  // So that the water weighs about one wherever particles are.
+  double weight = 1;
+  offsets([&](const Vector& d) {
+    const double s = std::max(0.0, 1 - Distance(shape.metric, d));
+    weight += s * s * s;
+  });
+  shape.amplitude = 1 / weight;
+  return shape;
+}
+
+}  // namespace
+}  // namespace softgym_mj
+
+#endif  // SOFTGYM_MJ_NATIVE_KERNEL_SHAPE_H_
