@@ -24,12 +24,13 @@ PROGRAMS = {
     "cloth": ("cloth", "cloth/batch/step.cu"),
     "fluid": ("fluid", "fluid/batch/step.cu"),
     "measures": ("native", "native/measures.cu"),
+    "pictures": ("rendering", "rendering/batch/draw.cu"),
 }
 # Threads of a block, at most, and blocks that each multiprocessor has to have room for: what is
 # quickest on an H100.
-BLOCKS = {"cloth": (256, 4), "fluid": (512, 2), "measures": (256, 1)}
+BLOCKS = {"cloth": (256, 4), "fluid": (512, 2), "measures": (256, 1), "pictures": (256, 4)}
 # [bytes] Of shared memory: for a point, as in cloth/batch/host.h; most that a block gets.
-QUICK, MOST_QUICK = {"cloth": 48, "fluid": 0}, 48 * 1024
+QUICK, MOST_QUICK = {"cloth": 48, "fluid": 0, "pictures": 0}, 48 * 1024
 
 _WARP = 32  # Threads.
 _FOLDER = pathlib.Path(__file__).parents[1]
@@ -185,6 +186,10 @@ class Gpu(Place):
             raise UnavailableError("there is no CUDA device that PyTorch can use")
         self._torch, self.xp, self.device = torch, xp, torch.device("cuda", index)
         self._graphs: dict[Any, tuple[Any, Any]] = {}
+
+    def at_once(self, kind: str) -> int:
+        properties = self._torch.cuda.get_device_properties(self.device)
+        return BLOCKS[kind][1] * properties.multi_processor_count
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
         return self._torch.zeros(shape, dtype=getattr(self._torch, dtype), device=self.device)

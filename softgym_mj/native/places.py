@@ -39,6 +39,9 @@ class Place(Protocol):
     xp: Any
     device: Any
 
+    def at_once(self, kind: str) -> int:
+        """How many worlds of a kind it works on at a time."""
+
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
         """Zeros (...), of a type by its name; their memory begins at a multiple of `ALIGNMENT`."""
 
@@ -98,6 +101,9 @@ class Processor(Place):
             turns: in which order each part of a step is done, which changes no bit: for tests.
         """
         self._threads, self._turns = num_threads, turns
+
+    def at_once(self, kind: str) -> int:
+        return self._threads
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> np.ndarray:
         size = int(np.prod(shape)) * np.dtype(dtype).itemsize

@@ -9,17 +9,18 @@
 #include "native/vec.h"
 
 namespace softgym_mj {
-namespace {
-
-// From this direction frames are turned to the start of the tube, the shortest way: only where it starts the opposite
-// way do they jump. Ropes seldom do: most lie, and some hang.
-constexpr Vector kReference = {1.0 / 3, 2.0 / 3, 2.0 / 3};
 
 struct Ring {
   Vector centre, tangent, normal;
   double length;  // From the start of the tube [m].
   double scale;   // Of the radius.
 };
+
+namespace {
+
+// From this direction frames are turned to the start of the tube, the shortest way: only where it starts the opposite
+// way do they jump. Ropes seldom do: most lie, and some hang.
+constexpr Vector kReference = {1.0 / 3, 2.0 / 3, 2.0 / 3};
 
 inline Vector Unit(const Vector& a, const Vector& otherwise) {
   const double length = Norm(a);

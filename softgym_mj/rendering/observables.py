@@ -68,12 +68,7 @@ class LabelledView(CameraView):
         """Notes what is what in a model."""
         if model is not self._model:
             self._model = model
-            owners = {
-                name: i for i, label in enumerate(LABELS) for name in self._parts().get(label, ())
-            }
-            self._labels = np.array(
-                [_label(model.body(body).name, owners) for body in model.geom_bodyid], np.uint8
-            )
+            self._labels = geom_labels(model, self._parts())
             self._has_glass = bool(np.any(model.geom_group == GLASS_GROUP))
 
     def _first(self, view: CameraView, physics) -> tuple[np.ndarray, np.ndarray]:
@@ -131,6 +126,12 @@ def wrist_observables(
     """
     views = [CameraView(camera, height, width, marks=False) for camera in cameras]
     return {WRIST_RGB: _colors_of(views)} if views else {}
+
+
+def geom_labels(model: mujoco.MjModel, parts: Mapping[str, Sequence[str]]) -> np.ndarray:
+    """Index into `LABELS` (ngeom,) uint8 of each geom; `parts` as of `LabelledView`."""
+    owners = {name: i for i, label in enumerate(LABELS) for name in parts.get(label, ())}
+    return np.array([_label(model.body(body).name, owners) for body in model.geom_bodyid], np.uint8)
 
 
 def _label(body: str, owners: Mapping[str, int]) -> int:

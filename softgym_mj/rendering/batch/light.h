@@ -1,0 +1,157 @@
+// Light and shadow, and the colours of things, as OpenGL's fixed functions have them but for each sample.
+
+#ifndef SOFTGYM_MJ_RENDERING_BATCH_LIGHT_H_
+#define SOFTGYM_MJ_RENDERING_BATCH_LIGHT_H_
+
+#include "rendering/batch/meshes.h"
+#include "rendering/batch/solids.h"
+#include "rendering/batch/water.h"
+
+namespace softgym_mj::pictures {
+namespace {
+
+constexpr float kAside = 100;       // [m] From the origin: beyond, nothing throws a shadow.
+constexpr float kOffset = 2e-3f;    // [m] Off a surface, of what looks towards a light.
+constexpr float kTexelsOff = 1.5f;  // The same, in texels of a shadow.
+constexpr float kShininess = 128;   // Of OpenGL, of a material whose shininess is 1.
+
+inline Point Times(const Point& a, const Point& b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
+
+// Across a light, and towards it.
+struct Across {
+  Point right, up, to;
+
+  explicit Across(const Light& light) : to(At(light.direction)) {
+    right = Direction(Cross(fabsf(to.z) < 0.9f ? Point{0, 0, 1} : Point{1, 0, 0}, to));
+    up = Cross(to, right);
+  }
+};
+
+// A grid across a light over all that deforms.
+struct ShadowGrid {
+  float left, low, scale;  // [m], texels in a metre.
+
+  explicit ShadowGrid(const float* bounds) {
+    left = kAside - bounds[1], low = kAside - bounds[3];
+    const float size = std::max(bounds[0] - kAside - left, bounds[2] - kAside - low);
+    scale = (kShadowSide - 4) / std::max(size, 0.05f);
+    left -= 2 / scale, low -= 2 / scale;
+  }
+};
+
+// How near to each light that throws shadows something is, of what deforms and is a mesh.
+inline void DrawShadows(const Canvas& c) {
+  const Scene& s = *c.scene;
+  const Light* lights = s.At<Light>(s.lights);
+  const int* triangles = s.At<int>(s.triangles);
+  if (!s.num_triangles) return;
+  for (int l = 0, shadow = 0; l < s.num_lights && shadow < kMostShadows; ++l) {
+    if (!lights[l].has_shadow) continue;
+    float *bounds = c.bounds + 4 * shadow, *heights = c.shadows + kShadowTexels * shadow;
+    ++shadow;
+    const Across across(lights[l]);
+    Each(4, [&](int i) { bounds[i] = 0; });
+    Each(kShadowTexels, [&](int i) { heights[i] = 0; });
+    Each(s.num_vertices, [&](int i) {
+      const float x = Dot(across.right, c.places[i]), y = Dot(across.up, c.places[i]);
+      if (!(fabsf(x) < kAside && fabsf(y) < kAside)) return;
+      TakeLargest(&bounds[0], kAside + x), TakeLargest(&bounds[1], kAside - x);
+      TakeLargest(&bounds[2], kAside + y), TakeLargest(&bounds[3], kAside - y);
+    });
+    const ShadowGrid grid(bounds);
+    Each(s.num_triangles, [&](int t) {
+      int corners[3][2];
+      float values[3];
+      for (int k = 0; k < 3; ++k) {
+        const Point& p = c.places[triangles[3 * t + k]];
+        const float x = Dot(across.right, p), y = Dot(across.up, p), height = Dot(across.to, p);
+        if (!(fabsf(x) < kAside && fabsf(y) < kAside && fabsf(height) < kAside)) return;
+        corners[k][0] = static_cast<int>(256 * grid.scale * (x - grid.left));
+        corners[k][1] = -static_cast<int>(256 * grid.scale * (y - grid.low)) + 256 * kShadowSide;
+        values[k] = kAside + height;
+      }
+      EachSample(corners, values, kShadowSide, kShadowSide, [&](int x, int y, float height) {
+        TakeLargest(&heights[(kShadowSide - 1 - y) * kShadowSide + x], height);
+      });
+    });
+  }
+}
+
+// The share of a light that reaches a point; `shadow`: the number of its shadow.
+inline float Reaches(const Canvas& c, const Light& light, int shadow, const Point& place, const Point& normal) {
+  const Scene& s = *c.scene;
+  const Across across(light);
+  const Point off = place + kOffset * normal;
+  for (int i = 0; i < s.num_solids; ++i) {
+    if (HitSolid(c, i, off, across.to).distance < kFar) return 0;
+  }
+  if (s.kind == kWater) return EnterWater(c, off, across.to, 0, kAside) < kAside ? 0.0f : 1.0f;
+  if (!s.num_triangles || shadow >= kMostShadows) return 1;
+  const ShadowGrid grid(c.bounds + 4 * shadow);
+  const float* heights = c.shadows + kShadowTexels * shadow;
+  const Point p = place + std::max(kOffset, kTexelsOff / grid.scale) * normal;
+  const float x = grid.scale * (Dot(across.right, p) - grid.left) - 0.5f,
+              y = grid.scale * (Dot(across.up, p) - grid.low) - 0.5f, height = kAside + Dot(across.to, p);
+  if (!(x >= 0 && y >= 0 && x < kShadowSide - 1 && y < kShadowSide - 1)) return 1;
+  const int i = static_cast<int>(x), j = static_cast<int>(y);
+  const float u = x - static_cast<float>(i), v = y - static_cast<float>(j);
+  float share = 0;
+  for (int k = 0; k < 4; ++k) {
+    const bool is_lit = heights[(j + k / 2) * kShadowSide + i + k % 2] <= height;
+    share += (k % 2 ? u : 1 - u) * (k / 2 ? v : 1 - v) * (is_lit ? 1.0f : 0.0f);
+  }
+  return share;
+}
+
+// The colour of a texture; `texels`: how many of the first level are in a sample.
+inline Point Sampled(const Texture& texture, float u, float v, float texels) {
+  const unsigned char* data = reinterpret_cast<const unsigned char*>(texture.texels);
+  int width = texture.width, height = texture.height;
+  for (int level = 1; level < texture.levels && texels > 1.5f; ++level, texels *= 0.5f) {
+    data += 4 * width * height;
+    width = width > 1 ? width / 2 : 1, height = height > 1 ? height / 2 : 1;
+  }
+  const float x = (u - floorf(u)) * static_cast<float>(width) - 0.5f,
+              y = (v - floorf(v)) * static_cast<float>(height) - 0.5f;
+  const float fx = floorf(x), fy = floorf(y);
+  Point sum = {0, 0, 0};
+  for (int k = 0; k < 4; ++k) {
+    const int i = (static_cast<int>(fx) + k % 2 + width) % width, j = (static_cast<int>(fy) + k / 2 + height) % height;
+    const unsigned char* texel = data + 4 * (j * width + i);
+    const float share = (k % 2 ? x - fx : 1 - (x - fx)) * (k / 2 ? y - fy : 1 - (y - fy));
+    const Point color = {static_cast<float>(texel[0]), static_cast<float>(texel[1]), static_cast<float>(texel[2])};
+    sum = sum + share / 255 * color;
+  }
+  return sum;
+}
+
+// What a surface sends to an eye. `texel`: factor to it, white without a texture.
+inline Point Lit(const Canvas& c, const Material& material, const Point& texel, const Point& place, const Point& normal,
+                 const Point& to_eye) {
+  const Scene& s = *c.scene;
+  const Light* lights = s.At<Light>(s.lights);
+  const float facing = Dot(normal, to_eye);
+  Point sum = At(s.ambient) + std::max(facing, 0.0f) * At(s.headlight), shine = {0, 0, 0};
+  for (int l = 0, shadow = 0; l < s.num_lights; ++l) {
+    const Light& light = lights[l];
+    const Point to = At(light.direction);
+    const int own = shadow;
+    shadow += light.has_shadow;
+    sum = sum + At(light.ambient);
+    const float cosine = Dot(normal, to);
+    if (cosine <= 0) continue;
+    const float share = light.has_shadow ? Reaches(c, light, own, place, normal) : 1.0f;
+    if (share <= 0) continue;
+    sum = sum + share * cosine * At(light.diffuse);
+    const float half = Dot(normal, Direction(to + to_eye)), n = kShininess * material.shininess;
+    // Schlick (1994) for half^n: no function of whose last bits processors differ.
+    if (half > 0) shine = shine + share * material.specular * half / (n - n * half + half) * At(light.specular);
+  }
+  const Point all = Times(Times(sum, At(material.color)) + shine, texel);
+  return {std::min(all.x, 1.0f), std::min(all.y, 1.0f), std::min(all.z, 1.0f)};
+}
+
+}  // namespace
+}  // namespace softgym_mj::pictures
+
+#endif  // SOFTGYM_MJ_RENDERING_BATCH_LIGHT_H_

@@ -1,0 +1,126 @@
+"""`Pictures`: what cameras see in many worlds, drawn together."""
+
+import ctypes
+import hashlib
+from typing import Any
+
+import numpy as np
+
+from softgym_mj.native.places import Place, function
+from softgym_mj.rendering.batch.scenes import Described, textures_of
+
+KIND = "pictures"  # Of programs.
+SAMPLES = 2  # Of colours, along a side of a pixel.
+_COLORS, _SURFACES = 0, 1  # As in scene.h.
+_ALIGNMENT = 64  # [bytes] Of the memory of a slot.
+_BUSY = 1 << 20  # Enough to do for all threads of a block.
+
+Array = Any
+
+
+class Pictures:
+    """Colours, distances and labels of cameras in many worlds.
+
+    Attributes:
+        grown: how many times the memory of pictures has been replaced by a larger one.
+    """
+
+    def __init__(
+        self,
+        num_worlds: int,
+        most_points: int,
+        num_movers: int,
+        num_cameras: int,
+        size: tuple[int, int],
+        place: Place,
+    ):
+        """Pictures of nothing.
+
+        Args:
+            num_worlds: how many worlds.
+            most_points: of what deforms in the largest scene.
+            num_movers, num_cameras: of each scene.
+            size: (height, width) [pixels].
+            place: where they are drawn.
+        """
+        self._place, self._size, self._number = place, size, num_worlds
+        self._slots = min(num_worlds, place.at_once(KIND))
+        self._shape = (num_worlds, num_cameras, *size)
+        self._scenes = place.zeros((num_worlds,), "int64")
+        self._points = place.zeros((num_worlds, most_points, 3), "float64")
+        self._poses = place.zeros((num_worlds, num_movers, 7), "float64")
+        self._colors = place.zeros((*self._shape, 3), "uint8")
+        self._distances = place.zeros(self._shape, "float32")
+        self._labels = place.zeros(self._shape, "uint8")
+        self._known: dict[bytes, tuple[int, Array]] = {}
+        self._memory: Array = place.zeros((self._slots, 0), "uint8")
+        self._batches: dict[int, Array] = {}
+        self.grown = 0
+
+    def load(self, described: Described) -> int:
+        """Gets a scene ready; returns its address, for `draw`."""
+        textures = textures_of(scene := described.scene.copy())
+        if len(textures):
+            textures["texels"] += np.uint64(self._put(described.texels))
+        address, whole = self._put(scene), ctypes.c_void_p(scene.ctypes.data)
+        sizes = (*self._size, SAMPLES)
+        needed = function(KIND, "memory")(whole, *map(ctypes.c_longlong, sizes))
+        needed = -(-needed // _ALIGNMENT) * _ALIGNMENT
+        if needed > self._memory.shape[1]:
+            self._memory = None
+            self.grown += 1
+            self._memory = self._place.zeros((self._slots, needed), "uint8")
+            self._batches.clear()
+        return address
+
+    def _put(self, array: np.ndarray) -> int:
+        """The address of a copy of bytes, one of all that are the same."""
+        key = hashlib.sha256(array.tobytes()).digest()
+        if key not in self._known:
+            there = self._place.put(array)
+            self._known[key] = self._place.address(there), there
+        return self._known[key][0]
+
+    def colors(self, scenes: Array, points: Array, poses: Array) -> Array:
+        """Images (num_worlds, cameras, height, width, 3) uint8.
+
+        Args:
+            scenes: (num_worlds,) addresses, from `load`.
+            points: of what deforms (num_worlds, most_points, 3) [m].
+            poses: of movers (num_worlds, movers, 7), positions [m] and quaternions.
+        """
+        self._draw(_COLORS, SAMPLES, scenes, points, poses)
+        return self._place.xp.asarray(self._colors, copy=True)
+
+    def surfaces(self, scenes: Array, points: Array, poses: Array) -> tuple[Array, Array]:
+        """Labels and distances of what the middles of pixels show; arguments as of `colors`.
+
+        Returns:
+            Index into `LABELS` (num_worlds, cameras, height, width) uint8, of objects also behind
+            glass, and how far away it is along the view (...) float32 [m], of glass first.
+        """
+        self._draw(_SURFACES, 1, scenes, points, poses)
+        xp = self._place.xp
+        return xp.asarray(self._labels, copy=True), xp.asarray(self._distances, copy=True)
+
+    def _draw(self, what: int, samples: int, scenes: Array, points: Array, poses: Array) -> None:
+        self._scenes[...] = scenes
+        self._points[...] = points
+        if poses.shape[1]:
+            self._poses[...] = poses
+        if what not in self._batches:
+            self._batches[what] = self._written(what, samples)
+        self._place.step(KIND, self._batches[what], self._slots, _BUSY)
+
+    def _written(self, what: int, samples: int) -> Array:
+        """`Batch` of scene.h, as bytes."""
+        sizes = (
+            self._number, self._slots, self._points.shape[1], self._poses.shape[1],
+            self._shape[1], *self._size, samples, what, self._memory.shape[1],
+        )  # fmt: skip
+        arrays = (
+            self._scenes, self._memory, self._points, self._poses,
+            self._colors, self._distances, self._labels,
+        )  # fmt: skip
+        pointers = [self._place.address(array) for array in arrays]
+        return self._place.put(np.array([*sizes, *pointers], np.int64))

@@ -1,0 +1,214 @@
+// What a picture is drawn from: scenes, and where they are drawn.
+//
+// A scene is one piece of memory: `Scene`, then arrays at offsets in bytes. rendering/batch/scenes.py writes it.
+
+#ifndef SOFTGYM_MJ_RENDERING_BATCH_SCENE_H_
+#define SOFTGYM_MJ_RENDERING_BATCH_SCENE_H_
+
+#include "native/group.h"
+#include "native/kernel_shape.h"
+#include "native/memory.h"
+#include "native/tube.h"
+#include "native/vec.h"
+
+namespace softgym_mj::pictures {
+
+using Point = Vec3<float>;
+
+enum Kind { kNothing, kSheet, kRope, kWater };      // What deforms.
+enum Shape { kBox, kSphere, kCylinder };            // Of solids.
+enum Label { kBackground, kObject, kActor, kCup };  // As LABELS in rendering/observables.py.
+enum What { kColors, kSurfaces };                   // What is drawn: colours, or labels and distances.
+
+constexpr int kSkyRows = 32;   // Colours of the sky, from straight down to straight up.
+constexpr int kMostPanes = 6;  // Of glass behind each other that are seen.
+constexpr int kShadowSide = 256, kShadowTexels = kShadowSide * kShadowSide;
+constexpr int kMostLights = 8, kMostShadows = 3;
+// Where water is drawn: blocks of voxels around the origin, as many as lie in the memory.
+constexpr int kBlockSide = 8, kVoxels = kBlockSide * kBlockSide * kBlockSide;
+constexpr int kBlocksX = 32, kBlocksZ = 16, kBlocks = kBlocksX * kBlocksX * kBlocksZ, kMostBlocks = 256;
+constexpr int kBuckets = 4096;  // Of particles by their cells.
+
+struct Material {
+  float color[3], opacity, specular, shininess;
+  int texture;   // -1: none.
+  float repeat;  // Pictures in a metre.
+};
+
+struct Solid {
+  int shape, mover, label;  // Of a mover, or -1: still.
+  float size[3], position[3], rotation[9];
+  Material material;
+};
+
+struct Glass {
+  int mover, first_vertex, num_vertices, first_triangle, num_triangles;
+  Material material;
+};
+
+struct Light {
+  float direction[3], diffuse[3], ambient[3], specular[3];  // The first towards it.
+  int has_shadow;
+};
+
+struct Eye {
+  float position[3], rotation[9], slope;  // Of the upper edge of the image.
+};
+
+struct Texture {
+  unsigned long long texels;  // Address of RGBX; each level after the one of twice its sides.
+  int width, height, levels, unused;
+};
+
+struct Scene {
+  int kind, num_points, num_vertices, num_triangles;  // Of what deforms.
+  int num_glasses, glass_vertices, glass_triangles;
+  int num_solids, num_lights, num_eyes, num_movers;
+  int sides, rings_per_edge;  // Of a rope.
+  int most_triangles;         // Of the surface of water, if it were made of them: else its voxels grow.
+  float inflate, radius, spacing, voxel;
+  float ambient[3], headlight[3];
+  Material material;  // Of what deforms.
+  int glasses, solids, lights, eyes, textures, sky;
+  // Of vertices: weights of points, triangles around it; of triangles: vertices; those of glasses follow.
+  int weight_starts, weight_points, weights, around_starts, around, triangles, texcoords, glass_places, glass_normals;
+  int circle, quarter;  // Cosines and sines of a rope's sides and caps.
+
+  template <class T>
+  const T* At(int offset) const {
+    return reinterpret_cast<const T*>(reinterpret_cast<const char*>(this) + offset);
+  }
+};
+
+// Pictures of many worlds. Each array has a row for a world.
+struct Batch {
+  long long num_worlds, num_slots, most_points, num_movers, num_eyes, height, width, samples, what, memory_size;
+  const char* const* scenes;  // (num_worlds,) a Scene each, or null: not drawn.
+  char* memory;               // (num_slots, memory_size)
+  const double* points;       // (num_worlds, most_points, 3)
+  const double* poses;        // (num_worlds, num_movers, 7) positions and quaternions
+  unsigned char* colors;      // (num_worlds, num_eyes, height, width, 3)
+  float* distances;           // (num_worlds, num_eyes, height, width)
+  unsigned char* labels;      // likewise
+};
+
+// Where a mover or a solid is.
+struct Pose {
+  Point position;
+  float rotation[9];
+};
+
+// What one world is drawn with.
+struct Canvas {
+  const Scene* scene;
+  const double *points, *poses;
+  int width, height, samples;  // In samples: of an image, and along a side of a pixel.
+  // Vertices of what deforms, then of glasses: places and normals; their image, in 1/256 of a sample, and 1 / distance.
+  Point *places, *normals;
+  int* image;
+  float* nearness;
+  Pose* frames;  // Of solids.
+  // Nearest triangles in each sample, distance and number: of what deforms, then panes of glass one after the other.
+  Key* nearest;
+  float* shadows;  // (kMostShadows, kShadowTexels) how near to the light something is.
+  float* bounds;   // (kMostShadows, 4) of what throws shadows, across the light.
+  Ring* rings;
+  Vector *surface, *out;
+  // Water.
+  unsigned long long* cells;
+  int *bucket_starts, *bucket_ends, *in_buckets;
+  KernelShape* kernels;
+  int *blocks, *wet;  // (kBlocks,) how many have water up to each; (kMostBlocks,) which those are;
+  int* weights;       // (kMostBlocks, kVoxels) of the water, in units of kUnit.
+  int* partial;
+  float voxel;
+};
+
+inline Point At(const float* a) { return {a[0], a[1], a[2]}; }
+inline Point At(const double* a) {
+  return {static_cast<float>(a[0]), static_cast<float>(a[1]), static_cast<float>(a[2])};
+}
+using softgym_mj::Dot;
+inline float Dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Point Direction(const Point& a) {
+  const float length = sqrtf(Dot(a, a));
+  return length > 0 ? 1 / length * a : Point{0, 0, 1};
+}
+// By a matrix of rows, and by its transpose.
+inline Point Turned(const float* m, const Point& a) {
+  return {m[0] * a.x + m[1] * a.y + m[2] * a.z, m[3] * a.x + m[4] * a.y + m[5] * a.z,
+          m[6] * a.x + m[7] * a.y + m[8] * a.z};
+}
+inline Point TurnedBack(const float* m, const Point& a) {
+  return {m[0] * a.x + m[3] * a.y + m[6] * a.z, m[1] * a.x + m[4] * a.y + m[7] * a.z,
+          m[2] * a.x + m[5] * a.y + m[8] * a.z};
+}
+
+inline Pose PoseOf(const Canvas& c, int mover) {
+  if (mover < 0) return {{0, 0, 0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+  const double* p = c.poses + 7 * mover;
+  const float w = static_cast<float>(p[3]), x = static_cast<float>(p[4]), y = static_cast<float>(p[5]),
+              z = static_cast<float>(p[6]);
+  return {
+      At(p),
+      {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
+       2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}};
+}
+
+inline int CapRings(const Scene& s) { return s.sides / 4 > 2 ? s.sides / 4 : 2; }
+inline int TubeRings(const Scene& s) { return (s.num_points - 1) * s.rings_per_edge + 1 + 2 * CapRings(s); }
+
+// Takes a canvas for images of (height, width) pixels from a memory.
+inline void TakeCanvas(const Scene& s, long long height, long long width, long long samples, Memory* memory,
+                       Canvas* c) {
+  const long long vertices = s.num_vertices + s.glass_vertices, pixels = height * width * samples * samples;
+  c->width = static_cast<int>(width * samples), c->height = static_cast<int>(height * samples);
+  c->samples = static_cast<int>(samples);
+  memory->Take(&c->places, vertices);
+  memory->Take(&c->normals, vertices);
+  memory->Take(&c->image, 2 * vertices);
+  memory->Take(&c->nearness, vertices);
+  memory->Take(&c->frames, s.num_solids);
+  memory->Take(&c->nearest, pixels * (1 + (s.num_glasses ? kMostPanes : 0)));
+  memory->Take(&c->shadows, kMostShadows * kShadowTexels);
+  memory->Take(&c->bounds, kMostShadows * 4);
+  memory->Take(&c->partial, kMostThreads);
+  if (s.kind == kRope) {
+    memory->Take(&c->rings, TubeRings(s));
+    memory->Take(&c->surface, s.num_vertices);
+    memory->Take(&c->out, s.num_vertices);
+  }
+  if (s.kind == kWater) {
+    memory->Take(&c->cells, s.num_points);
+    memory->Take(&c->bucket_starts, kBuckets + 1);
+    memory->Take(&c->bucket_ends, kBuckets);
+    memory->Take(&c->in_buckets, s.num_points);
+    memory->Take(&c->kernels, s.num_points);
+    memory->Take(&c->blocks, kBlocks);
+    memory->Take(&c->wet, kMostBlocks);
+    memory->Take(&c->weights, static_cast<long long>(kMostBlocks) * kVoxels);
+  }
+}
+
+inline unsigned BitsOf(float a) {
+  union {
+    float number;
+    unsigned bits;
+  } both = {a};
+  return both.bits;
+}
+inline float NumberOf(unsigned bits) {
+  union {
+    unsigned bits;
+    float number;
+  } both = {bits};
+  return both.number;
+}
+
+constexpr Key kNone = ~0ull;
+inline float DistanceOf(Key key) { return NumberOf(static_cast<unsigned>(key >> 32)); }
+inline int TriangleOf(Key key) { return static_cast<int>(key & 0xffffffffu); }
+
+}  // namespace softgym_mj::pictures
+
+#endif  // SOFTGYM_MJ_RENDERING_BATCH_SCENE_H_
