@@ -18,7 +18,7 @@ HALF_SIDES, TOP, HEIGHT = (1.3, 1.1), 0.04, 0.75
 ENDLESS: dict[str, object] = {"type": "plane", "size": [0.0, 0.0, 0.1]}
 LARGE: dict[str, object] = {"type": "box", "size": [15.0, 15.0, 0.001]}
 SHEET = 0.002  # [m] Thickness of the laminate upon it.
-# What the table may be of, and its colour: a metre of it is one picture.
+# What the table may be of, and its colour: two metres of it are one picture.
 TABLES: dict[str, tuple[Callable[..., mjcf.Asset], Color]] = {
     "plaster": (plaster, looks.TABLE.rgba[:3]),
     "wood": (wood, (0.72, 0.57, 0.42)),

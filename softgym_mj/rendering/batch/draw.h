@@ -11,7 +11,8 @@ namespace {
 // A ray through a sample: its direction has the length 1 along the view.
 struct Ray {
   Point from, along;
-  Point to_eye;  // Unit.
+  Point to_eye;  // Unit,
+  Point back;    // of the middle of the image: for light, all of it is seen from there, as by OpenGL.
   float spread;  // Of what a sample shows, at the distance 1.
 };
 
@@ -20,7 +21,11 @@ inline Ray RayOf(const Canvas& c, const Eye& eye, int x, int y) {
   const Point view = {pixel * (static_cast<float>(x) + 0.5f - 0.5f * static_cast<float>(c.width)),
                       pixel * (0.5f * static_cast<float>(c.height) - static_cast<float>(y) - 0.5f), -1};
   const Point along = Turned(eye.rotation, view);
-  return {At(eye.position), along, Direction({-along.x, -along.y, -along.z}), pixel};
+  return {At(eye.position),
+          along,
+          Direction({-along.x, -along.y, -along.z}),
+          {eye.rotation[2], eye.rotation[5], eye.rotation[8]},
+          pixel};
 }
 
 // What of a triangle a ray shows: where, and the shares of its corners.
@@ -65,7 +70,7 @@ inline Point MeshColor(const Canvas& c, int triangle, const Ray& ray) {
                           65536;
     texel = Sampled(texture, at[0], at[1], sqrtf(texels / std::max(samples, 1e-3f)));
   }
-  return Lit(c, s.material, texel, on.place, NormalOn(c, corner, on), ray.to_eye);
+  return Lit(c, s.material, texel, on.place, NormalOn(c, corner, on), ray.back);
 }
 
 inline Point SolidColor(const Canvas& c, const Solid& solid, const Hit& hit, const Ray& ray) {
@@ -75,11 +80,13 @@ inline Point SolidColor(const Canvas& c, const Solid& solid, const Hit& hit, con
   if (material.texture >= 0) {
     const Texture& texture = s.At<Texture>(s.textures)[material.texture];
     const float facing = std::max(fabsf(Dot(hit.normal, ray.to_eye)), 0.05f);
-    const float side = ray.spread * hit.distance / sqrtf(facing) * material.repeat;
-    const float u = material.repeat * hit.at.x + 0.5f, v = 0.5f - material.repeat * hit.at.y;
+    const float side = ray.spread * hit.distance / sqrtf(facing) * 0.5f * material.repeat;
+    // As MuJoCo has it: a picture covers two metres.
+    const float u = 0.5f * material.repeat * (hit.at.x + solid.size[0]),
+                v = 0.5f * material.repeat * (solid.size[1] - hit.at.y);
     texel = Sampled(texture, u, v, side * static_cast<float>(texture.width));
   }
-  return Lit(c, material, texel, ray.from + hit.distance * ray.along, hit.normal, ray.to_eye);
+  return Lit(c, material, texel, ray.from + hit.distance * ray.along, hit.normal, ray.back);
 }
 
 inline Point SkyColor(const Canvas& c, const Ray& ray) {
@@ -126,7 +133,7 @@ inline Point ColorAt(const Canvas& c, const Eye& eye, int x, int y) {
     color = solid < 0 ? SkyColor(c, ray) : SolidColor(c, s.At<Solid>(s.solids)[solid], hit, ray);
   }
   const auto over = [&](const Material& material, const Point& place, const Point& normal) {
-    const Point own = Lit(c, material, {1, 1, 1}, place, normal, ray.to_eye);
+    const Point own = Lit(c, material, {1, 1, 1}, place, normal, ray.back);
     color = material.opacity * own + (1 - material.opacity) * color;
   };
   float water = s.kind == kWater ? EnterWater(c, ray.from, ray.along, 0, behind) : behind;

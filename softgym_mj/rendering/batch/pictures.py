@@ -105,7 +105,7 @@ class Pictures:
 
     def _draw(self, what: int, samples: int, scenes: Array, points: Array, poses: Array) -> None:
         self._scenes[...] = scenes
-        self._points[...] = points
+        self._points[:, : points.shape[1]] = points
         if poses.shape[1]:
             self._poses[...] = poses
         if what not in self._batches:

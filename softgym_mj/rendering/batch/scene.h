@@ -32,7 +32,7 @@ constexpr int kBuckets = 4096;  // Of particles by their cells.
 struct Material {
   float color[3], opacity, specular, shininess;
   int texture;   // -1: none.
-  float repeat;  // Pictures in a metre.
+  float repeat;  // Pictures in two metres.
 };
 
 struct Solid {

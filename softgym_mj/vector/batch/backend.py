@@ -25,6 +25,7 @@ from softgym_mj.vector.backend import (
     check_running,
     checked_actions,
 )
+from softgym_mj.vector.batch.cameras import IMAGES, Cameras
 from softgym_mj.vector.batch.flexes import Flexes
 from softgym_mj.vector.batch.offers import Offers
 from softgym_mj.vector.batch.rows import Rows
@@ -71,7 +72,8 @@ class BatchBackend(Backend):
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         kind = Flexes if self._task.flexes.flexes else Waters
         self._side: Side = kind(example.dm_env, num_envs, place)
-        self._starts = Starts(example.dm_env, self._side, place, make)
+        self._cameras = Cameras(example.dm_env, self._names, num_envs, self._side, place)
+        self._starts = Starts(example.dm_env, self._side, self._cameras, place, make)
         self._rows = Rows(num_envs, place)
         self._rows.whole["side"] = self._side.now
         self.observation_space = example.observation_space
@@ -207,7 +209,8 @@ class BatchBackend(Backend):
             self._offer()
         self._actions[...] = actions
         self._rows.fit(self._starts.rows)
-        key = mode, self._rows.grown, self._starts.rows.grown, self._side.changed
+        grown = self._rows.grown, self._starts.rows.grown
+        key = mode, *grown, self._side.changed, self._cameras.changed
         found = self._place.repeat(key, lambda: self._advanced(mode))
         if mode in _FOLLOWED:
             self._offers.follow(self._place.copy(self._at["used"]))
@@ -269,7 +272,10 @@ class BatchBackend(Backend):
     # ------------------------------------------------------------------ what is seen
 
     def observe(self) -> Any:
-        seen = {name: self._seen(name) for name in self._names}
+        seen = {name: self._seen(name) for name in self._names if name not in IMAGES}
+        if self._cameras.names:
+            points, poses = self._side.points(self._task.max_points), self._side.poses()
+            seen |= self._cameras.draw(self._rows.whole["view"], points, poses)
         if isinstance(self.observation_space, gymnasium.spaces.Dict):
             return {name: seen[name] for name in self.observation_space}
         return seen[self._names[0]]
@@ -342,10 +348,10 @@ def _observations(example: SoftGymEnv) -> tuple[str, ...]:
     """The names that are observed.
 
     Raises:
-        InvalidArgumentError: for images.
+        InvalidArgumentError: for one that is not known here.
     """
-    names = tuple(example.dm_env.observation_spec())
+    names, known = tuple(example.dm_env.observation_spec()), (*STATES, HELD, *IMAGES)
     for name in names:
-        if name not in (*STATES, HELD):
-            raise InvalidArgumentError("observation", name, (*STATES, HELD))
+        if name not in known:
+            raise InvalidArgumentError("observation", name, known)
     return names

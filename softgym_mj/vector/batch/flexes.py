@@ -8,7 +8,7 @@ from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
 from softgym_mj.entities.ways import Ways
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.metrics import Array, lengths
+from softgym_mj.metrics import Array, constant, lengths
 from softgym_mj.native.places import Place
 from softgym_mj.robots.grip import remembered
 from softgym_mj.robots.picker import Picker
@@ -62,12 +62,10 @@ class Flexes(Side):
         rest [m]. radius, hold_force, hold_stretch: of the flex.
         """
         flex, model = self._flex, self._env.physics.model.ptr
-        root, number = self._actor.mjcf_model.model, self._actor.num_grippers
-        grippers = [model.geom(f"{root}/picker_{i}").id for i in range(number)]
         return {
             **{name: array.copy() for name, array in self.arrays().items()},
             **self._actor.get_state(),
-            "model": describe(model, grippers),
+            "model": describe(model, self._grippers()),
             "origin": flex.origin,
             "present": np.ones(flex.num_points, bool),
             "count": np.array(flex.num_points),
@@ -111,6 +109,15 @@ class Flexes(Side):
             found[name], rest = rest[:size].reshape(shape), rest[size:]
         return found
 
+    def _grippers(self) -> list[int]:
+        """Geoms of the pickers."""
+        model, root = self._env.physics.model.ptr, self._actor.mjcf_model.model
+        return [model.geom(f"{root}/picker_{i}").id for i in range(self._actor.num_grippers)]
+
+    def movers(self) -> list[int]:
+        bodies = self._env.physics.model.ptr.geom_bodyid
+        return [int(bodies[geom]) for geom in self._grippers()]
+
     # ------------------------------------------------------------------ worlds
 
     def command(self, actions: Array) -> None:
@@ -137,9 +144,9 @@ class Flexes(Side):
 
     # ------------------------------------------------------------------ what is seen
 
-    def _points(self, number: int) -> Array:
-        """Of vertices (num_worlds, number, 3) [m], zeros where there is none."""
+    def points(self, number: int) -> Array:
         now = self.now
+        number = min(number, now["origin"].shape[1])
         points = now["origin"][:, :number] + now["qpos"][:, :number]
         return self._xp.where(now["present"][:, :number, None], points, 0.0)
 
@@ -147,12 +154,19 @@ class Flexes(Side):
         xp, grips = self._xp, self._pickers.grips
         present = xp.asarray(self.now["present"][:, :number], copy=True)
         centres = xp.asarray(grips.centre, copy=True).reshape((len(present), -1))
-        points = self._points(number)
+        points = self.points(number)
         return State({self._name: points}, {self._name: present}, {}, centres, remembered(grips))
+
+    def poses(self) -> Array:
+        """See `Side`: they do not turn."""
+        centres = self.now["centre"]
+        still = constant([1.0, 0.0, 0.0, 0.0], centres)
+        turns = self._xp.zeros_like(centres[..., :1]) + still
+        return self._xp.concat([centres, turns], axis=-1)
 
     def strains(self) -> Array:
         xp, now = self._xp, self.now
-        ends, points = now["ends"], self._points(now["origin"].shape[1])
+        ends, points = now["ends"], self.points(now["origin"].shape[1])
         first, second = (xp.take_along_axis(points, ends[..., i, None], axis=1) for i in range(2))
         exists = xp.arange(ends.shape[1], device=self._place.device) < now["num_edges"][:, None]
         strains = lengths(first - second) / xp.where(exists, now["lengths"], 1.0) - 1.0

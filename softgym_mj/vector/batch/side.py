@@ -33,6 +33,15 @@ class Side(Protocol):
     def arrays(self) -> Arrays:
         """Views of the environment's state, by name."""
 
+    def movers(self) -> list[int]:
+        """Bodies of the environment's model that its actor moves."""
+
+    def poses(self) -> Array:
+        """Where they are in all worlds: (num_worlds, movers, 7), positions [m] and quaternions."""
+
+    def points(self, number: int) -> Array:
+        """Points of what deforms (num_worlds, at most `number`, 3) [m], zeros where there is none."""
+
     def command(self, actions: Array) -> None:
         """Starts an env step with actions (num_worlds, n)."""
 

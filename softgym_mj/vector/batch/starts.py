@@ -14,6 +14,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.executors import ProcessExecutor
 from softgym_mj.native.places import Place, Processor
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.vector.batch.cameras import Cameras
 from softgym_mj.vector.batch.rows import Rows
 from softgym_mj.vector.batch.side import Arrays, Side
 from softgym_mj.vector.processes import num_cores
@@ -27,11 +28,12 @@ _OF_ONE = (
 _MANY, _SHARE = 64, 8  # Starts that several processes read, and how many of them at a time.
 
 
-def read(env: Environment, side: Side) -> dict[str, Any]:
+def read(env: Environment, side: Side, cameras: Cameras) -> dict[str, Any]:
     """Where an environment is: what `Starts.rows` are made of, without arrays of a place."""
     task = env.task
     return {
         "side": side.read(),
+        "view": cameras.read(env, side),
         "episode": vars(task.episode),
         "domain": {name: task.domain.values[name] for name in task.domain.varying},
         "strain": float(task.scene.most_strained),
@@ -42,36 +44,40 @@ def read_starts(pickled: bytes, variations: Sequence[int]) -> list[dict[str, Any
     """What `read` says of starts of variations, in any process.
 
     Args:
-        pickled: by cloudpickle: what makes the environment, and the kind of side.
+        pickled: by cloudpickle: what makes the environment, the kind of side, and the names of
+            what is observed.
         variations: their indices.
     """
-    env, side = _opened(pickled)
+    env, side, cameras = _opened(pickled)
     found = []
     for variation in variations:
         env.reset(variation)
-        found.append(read(env, side))
+        found.append(read(env, side, cameras))
     return found
 
 
 @functools.cache
-def _opened(pickled: bytes) -> tuple[Environment, Side]:
-    make, kind = pickle.loads(pickled)
-    env = make().dm_env
-    return env, kind(env, 1, Processor())
+def _opened(pickled: bytes) -> tuple[Environment, Side, Cameras]:
+    make, kind, names = pickle.loads(pickled)
+    env, place = make().dm_env, Processor()
+    side = kind(env, 1, place)
+    return env, side, Cameras(env, names, 1, side, place)
 
 
 class Starts:
     """Starts of variations, each read once off an environment on the CPU, and snapshots.
 
     Attributes:
-        rows: of worlds that start so: what `Side.placed` says; what measures compare with; values
-            of the domain parameters that vary; the largest strain of an edge so far.
+        rows: of worlds that start so: what `Side.placed` and `Cameras.placed` say; what measures
+            compare with; values of the domain parameters that vary; the largest strain of an edge
+            so far.
     """
 
     def __init__(
         self,
         env: Environment,
         side: Side,
+        cameras: Cameras,
         place: Place,
         make: Callable[[], SoftGymEnv] | None = None,
     ):
@@ -79,7 +85,8 @@ class Starts:
 
         Args:
             env: plays it.
-            side: reads what is there.
+            side: reads what is there,
+            cameras: and what they see.
             place: where the rows are.
             make: makes such an environment in other processes, if that can be done.
 
@@ -92,7 +99,7 @@ class Starts:
                 raise InvalidArgumentError("task", env.name, valid)
         if env.task.counts_intersections:
             raise InvalidArgumentError("count_intersections", True, "False, on this device")
-        self._env, self._side, self._make = env, side, make
+        self._env, self._side, self._cameras, self._make = env, side, cameras, make
         self.rows = Rows(1, place)
         self._known: dict[Any, int] = {}
 
@@ -103,7 +110,7 @@ class Starts:
             for variation in missing:
                 self.row(variation)
             return
-        pickled = cloudpickle.dumps((self._make, type(self._side)))
+        pickled = cloudpickle.dumps((self._make, type(self._side), self._cameras.observed))
         shares = [missing[i : i + _SHARE] for i in range(0, len(missing), _SHARE)]
         with ProcessExecutor(min(num_cores(), len(shares))) as executor:
             for i, found in executor.results(read_starts, [(pickled, s) for s in shares]):
@@ -114,12 +121,16 @@ class Starts:
         """The row of the start of a variation."""
         if variation not in self._known:
             self._env.reset(variation)
-            self._put(variation, read(self._env, self._side))
+            self._put(variation, read(self._env, self._side, self._cameras))
         return self._known[variation]
 
     def _put(self, key: Any, values: Mapping[str, Any]) -> None:
         row = self._known.setdefault(key, len(self._known))
-        self.rows.put(row, {**values, "side": self._side.placed(values["side"])})
+        placed = {
+            "side": self._side.placed(values["side"]),
+            "view": self._cameras.placed(values["view"]),
+        }
+        self.rows.put(row, {**values, **placed})
 
     def restored(self, i: int, snapshot: Snapshot) -> tuple[int, int]:
         """The row of where the episode of a snapshot of any environment is, and its variation.
@@ -132,7 +143,7 @@ class Starts:
             SnapshotError: for one of another task or with other settings.
         """
         self._env.set_state(snapshot)
-        self._put(("snapshot", i), read(self._env, self._side))
+        self._put(("snapshot", i), read(self._env, self._side, self._cameras))
         return self._known["snapshot", i], self._env.task.variation
 
     def snapshot(

@@ -60,7 +60,6 @@ class Waters(Side):
         model: of `WaterWorlds`. poses: as `whole_pose` has them; sizes: as `Cup.arrays` has them.
         """
         model, own = self._env.physics.model.ptr, self.arrays()
-        ids = [model.body(cup.body.full_identifier).id for cup in self._cups]
         poses = []
         for name in self._names:
             quaternion = own[f"{name} quaternion"]
@@ -69,7 +68,7 @@ class Waters(Side):
         return {
             **{name: own[name].copy() for name in WaterWorlds.fields},
             **self._mover.get_state(),
-            "model": describe(model, ids),
+            "model": describe(model, self.movers()),
             "present": np.ones(self._water.num_points, bool),
             "poses": np.stack(poses),
             "sizes": np.stack([cup.arrays["size"] for cup in self._cups]),
@@ -93,6 +92,10 @@ class Waters(Side):
             found[f"{name} position"], found[f"{name} quaternion"] = cup.position, cup.quaternion
         return found
 
+    def movers(self) -> list[int]:
+        model = self._env.physics.model.ptr
+        return [model.body(cup.body.full_identifier).id for cup in self._cups]
+
     # ------------------------------------------------------------------ worlds
 
     def command(self, actions: Array) -> None:
@@ -113,20 +116,28 @@ class Waters(Side):
         goal = xp.where(allowed[:, None], wanted, pose)
         now["way"] = xp.stack([pose, goal], axis=1)
         now["poses"] = xp.concat([whole_pose(goal)[:, None], now["poses"][:, 1:]], axis=1)
-        self._worlds.step(now["poses"][..., POSITION_AND_QUATERNION])
+        self._worlds.step(self.poses())
 
     # ------------------------------------------------------------------ what is seen
 
     def state(self, number: int) -> State:
         xp, now = self._xp, self.now
         present = xp.asarray(now["present"][:, :number], copy=True)
-        points = xp.where(present[..., None], now["positions"][:, :number], 0.0)
+        points = self.points(number)
         poses = {
             name: xp.asarray(now["poses"][:, k], copy=True) for k, name in enumerate(self._names)
         }
         velocity = (now["way"][:, 1] - now["way"][:, 0]) / SIM_STEP
         sensed = _planar(now["poses"][:, 0])
         return State({self._name: points}, {self._name: present}, poses, sensed, velocity)
+
+    def points(self, number: int) -> Array:
+        present = self.now["present"][:, :number, None]
+        positions = self.now["positions"][:, : present.shape[1]]
+        return self._xp.where(present, positions, 0.0)
+
+    def poses(self) -> Array:
+        return self.now["poses"][..., POSITION_AND_QUATERNION]
 
     def strains(self) -> Array:
         """See `Side`: zeros (num_worlds,), there is no edge."""

@@ -1,0 +1,111 @@
+"""`Cameras`: what is observed of many worlds as images."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.metrics import Array
+from softgym_mj.native.places import Place
+from softgym_mj.rendering.batch import Described, Pictures, describe
+from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB
+from softgym_mj.vector.batch.side import Arrays, Side
+
+
+class _Image(NamedTuple):
+    """An observation: by which cameras, a stack of their images or the only one, and of what."""
+
+    cameras: tuple[str, ...]
+    is_stack: bool
+    shows: str
+
+
+IMAGES = {
+    "rgb": _Image(("task",), False, "colors"),
+    "depth": _Image(("task",), False, "distances"),
+    "segmentation": _Image(("task",), False, "labels"),
+    EXTERNAL_RGB: _Image(EXTERNAL, True, "colors"),
+    "external_depth": _Image(EXTERNAL, True, "distances"),
+}
+_FAULTS = "sensor_"  # Begins names of domain parameters that worsen a drawn picture.
+
+
+class Cameras:
+    """Draws images by the names of observations.
+
+    Attributes:
+        observed: these names.
+        names: of the cameras that draw them.
+    """
+
+    def __init__(
+        self, env: Environment, names: Sequence[str], num_worlds: int, side: Side, place: Place
+    ):
+        """Notes what is to be drawn.
+
+        Args:
+            env: says how large images are.
+            names: of observations, of which images are drawn.
+            num_worlds: number of worlds.
+            side: what moves in them.
+            place: where they are.
+
+        Raises:
+            InvalidArgumentError: for what cannot be drawn so.
+        """
+        self._images = {name: IMAGES[name] for name in names if name in IMAGES}
+        self.observed = tuple(self._images)
+        self._xp, task = place.xp, env.task
+        wanted = {camera for image in self._images.values() for camera in image.cameras}
+        self.names = tuple(camera for camera in ("task", *EXTERNAL) if camera in wanted)
+        if not self._images:
+            return
+        faults = [name for name in task.domain.varying if name.startswith(_FAULTS)]
+        if faults and any(image.shows == "colors" for image in self._images.values()):
+            raise InvalidArgumentError("domain", faults, "without these, of images on this device")
+        name, image = next(iter(self._images.items()))
+        shape = env.observation_spec()[name].shape[image.is_stack :]
+        self._pictures = Pictures(
+            num_worlds, task.max_points, len(side.movers()), len(self.names), shape[:2], place
+        )
+
+    @property
+    def changed(self) -> int:
+        """How many times arrays of its own have been replaced."""
+        return self._pictures.grown if self._images else 0
+
+    def read(self, env: Environment, side: Side) -> Arrays:
+        """What is seen of an environment, all but where things are, for `placed`."""
+        if not self._images:
+            return {}
+        model, scene = env.physics.model.ptr, env.task.scene
+        movers = {body: i for i, body in enumerate(side.movers())}
+        return describe(model, self.names, movers, scene.segmentation_models)._asdict()
+
+    def placed(self, read: Arrays) -> Arrays:
+        """What `read` said, in any process, as a row for `draw`."""
+        return {"scene": np.array(self._pictures.load(Described(**read)))} if read else {}
+
+    def draw(self, views: Mapping[str, Array], points: Array, poses: Array) -> dict[str, Array]:
+        """Images of all worlds by name.
+
+        Args:
+            views: rows as `placed` has them.
+            points: of what deforms (num_worlds, most_points, 3) [m].
+            poses: positions [m] and quaternions of what moves (num_worlds, movers, 7).
+        """
+        seen: dict[str, Any] = {}
+        told = views.get("scene"), points, poses
+        shown = {image.shows for image in self._images.values()}
+        if "colors" in shown:
+            seen["colors"] = self._pictures.colors(*told)
+        if shown - {"colors"}:
+            seen["labels"], seen["distances"] = self._pictures.surfaces(*told)
+        found = {}
+        for name, image in self._images.items():
+            first = self.names.index(image.cameras[0])
+            stack = seen[image.shows][:, first : first + len(image.cameras)]
+            found[name] = stack if image.is_stack else stack[:, 0]
+        return found
