@@ -187,9 +187,10 @@ class Gpu(Place):
         self._torch, self.xp, self.device = torch, xp, torch.device("cuda", index)
         self._graphs: dict[Any, tuple[Any, Any]] = {}
 
-    def at_once(self, kind: str) -> int:
+    def at_once(self, kind: str, size: int) -> int:
         properties = self._torch.cuda.get_device_properties(self.device)
-        return BLOCKS[kind][1] * properties.multi_processor_count
+        threads, blocks = BLOCKS[kind]
+        return properties.multi_processor_count * (blocks * threads // _threads(kind, size))
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
         return self._torch.zeros(shape, dtype=getattr(self._torch, dtype), device=self.device)
@@ -207,12 +208,12 @@ class Gpu(Place):
     def address(self, array: Any) -> int:
         return array.data_ptr()
 
-    def step(self, kind: str, batch: Any, num_worlds: int, size: int) -> None:
-        threads = min(max(-(-size // _WARP), 2) * _WARP, BLOCKS[kind][0])
+    def step(self, kind: str, batch: Any, num_slots: int, size: int) -> None:
+        threads = _threads(kind, size)
         quick = QUICK[kind] * (size + _WARP)
         quick = quick if quick <= MOST_QUICK else 0
         address = batch.data_ptr()
-        launch(kind, "Step", self.device, num_worlds, threads, address, quick, quick=quick)
+        launch(kind, "Step", self.device, num_slots, threads, address, quick, quick=quick)
 
     def repeat(self, key: Hashable, function: Callable[[], Any]) -> Any:
         """See `Place`: as one of CUDA's graphs, from the second call on."""
@@ -229,6 +230,11 @@ class Gpu(Place):
             self._graphs[key] = graph, found
         graph.replay()
         return _cloned(found)
+
+
+def _threads(kind: str, size: int) -> int:
+    """Of a block that has so much to do at a time."""
+    return min(max(-(-size // _WARP), 2) * _WARP, BLOCKS[kind][0])
 
 
 def _cloned(values: Any) -> Any:

@@ -10,10 +10,6 @@ from softgym_mj.native.library import open_library
 
 ALIGNMENT = 64  # [bytes] Of what programs get: of the widest vectors.
 
-# Results of the library's functions that are not ints; all arguments are pointers or ints, but for
-# doubles.
-_RESULTS = {"memory": ctypes.c_longlong}
-
 
 class Copy(Protocol):
     """A copy of an array as it was, on its way to NumPy.
@@ -39,8 +35,8 @@ class Place(Protocol):
     xp: Any
     device: Any
 
-    def at_once(self, kind: str) -> int:
-        """How many worlds of a kind it works on at a time."""
+    def at_once(self, kind: str, size: int) -> int:
+        """How many worlds of a kind it works on at a time, at most; `size` as of `step`."""
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
         """Zeros (...), of a type by its name; their memory begins at a multiple of `ALIGNMENT`."""
@@ -66,13 +62,13 @@ class Place(Protocol):
             function: reads and writes arrays, and asks for none of their numbers.
         """
 
-    def step(self, kind: str, batch: Any, num_worlds: int, size: int) -> None:
+    def step(self, kind: str, batch: Any, num_slots: int, size: int) -> None:
         """Makes, or begins, a step of worlds of a kind.
 
         Args:
             kind: of `native.worlds.Worlds`.
             batch: its `Batch`, as bytes.
-            num_worlds: how many there are.
+            num_slots: how many are worked on at a time.
             size: how much there is to do at a time in each: points.
         """
 
@@ -102,7 +98,7 @@ class Processor(Place):
         """
         self._threads, self._turns = num_threads, turns
 
-    def at_once(self, kind: str) -> int:
+    def at_once(self, kind: str, size: int) -> int:
         return self._threads
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> np.ndarray:
@@ -128,12 +124,11 @@ class Processor(Place):
     def repeat(self, key: Hashable, function: Callable[[], Any]) -> Any:
         return function()
 
-    def step(self, kind: str, batch: np.ndarray, num_worlds: int, size: int) -> None:
-        function(kind, "step")(ctypes.c_void_p(batch.ctypes.data), self._threads, self._turns)
+    def step(self, kind: str, batch: np.ndarray, num_slots: int, size: int) -> None:
+        function(kind, "step")(ctypes.c_void_p(batch.ctypes.data), num_slots, self._turns)
 
 
 def function(kind: str, name: str) -> Any:
     """A function of the library for worlds of a kind."""
     found = getattr(open_library(), f"softgym_mj_{kind}_batch_{name}")
-    found.restype = _RESULTS.get(name, ctypes.c_int)
     return found

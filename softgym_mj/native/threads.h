@@ -10,16 +10,16 @@
 
 namespace softgym_mj {
 
-// Calls f(i) for 0 <= i < count, in any order, by some threads at a time.
+// Calls f(i, t) for 0 <= i < count, in any order, by some threads t at a time.
 template <class F>
 void InThreads(int count, int threads, const F& f) {
   std::atomic<int> next{0};
-  const auto work = [&] {
-    for (int i = next++; i < count; i = next++) f(i);
+  const auto work = [&](int t) {
+    for (int i = next++; i < count; i = next++) f(i, t);
   };
   std::vector<std::thread> others;
-  for (int t = 1; t < std::min(threads, count); ++t) others.emplace_back(work);
-  work();
+  for (int t = 1; t < std::min(threads, count); ++t) others.emplace_back(work, t);
+  work(0);
   for (std::thread& other : others) other.join();
 }
 

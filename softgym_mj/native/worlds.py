@@ -98,7 +98,10 @@ class Worlds:
         self.cost = place.zeros((num_worlds,), "int64")
         self.flags = place.zeros((num_worlds,), "int32")
         self.grown = 0
-        self._memory: Array = place.zeros((num_worlds, 0), "uint8")
+        self._slots = min(num_worlds, place.at_once(self.kind, self._most))
+        self._begun = place.zeros((1,), "int32")
+        self._kept: Array = place.zeros((num_worlds, 0), "uint8")
+        self._memory: Array = place.zeros((self._slots, 0), "uint8")
         self._loaded: dict[bytes, tuple[int, Array]] = {}
         self._counts: dict[int, dict[str, int]] = {}  # Sizes of models.
         self._batch: Array = None  # `Batch` of the kind's batch/host.h, as bytes.
@@ -128,11 +131,15 @@ class Worlds:
         fits = all(counts[name] <= most for name, most in self._sizes.items())
         if not fits or counts[last] != self._sizes[last]:
             raise InvalidArgumentError("model", counts, f"within {self._sizes}")
-        needed = -(-function(self.kind, "memory")(_pointer(model)) // ALIGNMENT) * ALIGNMENT
-        if needed > self._memory.shape[1]:  # What it held can be found again.
-            self._memory = None
+        needed = np.zeros(2, np.int64)
+        function(self.kind, "memory")(_pointer(model), _pointer(needed))
+        kept, memory = (-(-needed // ALIGNMENT) * ALIGNMENT).tolist()
+        if kept > self._kept.shape[1] or memory > self._memory.shape[1]:
+            kept, memory = max(kept, self._kept.shape[1]), max(memory, self._memory.shape[1])
+            self._kept = self._memory = self._batch = None  # What they held can be found again.
             self.grown += 1
-            self._memory, self._batch = self.place.zeros((self._number, needed), "uint8"), None
+            self._kept = self.place.zeros((self._number, kept), "uint8")
+            self._memory = self.place.zeros((self._slots, memory), "uint8")
         there = self.place.put(model)
         address = self.place.address(there)
         self._loaded[key], self._counts[address] = (address, there), counts
@@ -177,13 +184,19 @@ class Worlds:
             self._told[name][...] = array
         if self._batch is None:
             self._batch = self._written()
-        size = next(iter(self._sizes.values()))
-        self.place.step(self.kind, self._batch, self._number, size)
+        self._begun[...] = 0
+        self.place.step(self.kind, self._batch, self._slots, self._most)
+
+    @property
+    def _most(self) -> int:
+        """Points of the largest model."""
+        return next(iter(self._sizes.values()))
 
     def _written(self) -> Array:
-        """`Batch`: ints, an even number of them, then pointers."""
-        sizes = np.array([self._number, *self._sizes.values(), self._memory.shape[1]], np.int64)
-        arrays = [self.models, self._memory, *(getattr(self, name) for name in self.fields)]
-        arrays += [*self._told.values(), self.order, self.cost, self.flags]
+        """`Batch`: ints, then pointers."""
+        memory = self._kept.shape[1], self._slots, self._memory.shape[1]
+        sizes = np.array([self._number, *self._sizes.values(), *memory], np.int64)
+        arrays = [self.models, self._kept, self._memory, *(getattr(self, name) for name in self.fields)]
+        arrays += [*self._told.values(), self._begun, self.order, self.cost, self.flags]
         pointers = [self.place.address(array) for array in arrays]
         return self.place.put(np.concatenate([sizes, np.array(pointers, np.int64)]))

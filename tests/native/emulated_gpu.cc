@@ -128,8 +128,8 @@ void Emulate(const Batch& batch, int threads, F step) {
 
 // In place of the library's functions of these names; `turns` is the number of threads.
 extern "C" void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batch, int, int turns) {
-  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::cloth::StepWorldOf(b, i); });
+  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::cloth::StepWorldOf(b, i, 0); });
 }
 extern "C" void softgym_mj_fluid_batch_step(const softgym_mj::fluid::Batch* batch, int, int turns) {
-  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::fluid::StepWorldOf(b, i); });
+  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::fluid::StepWorldOf(b, i, 0); });
 }

@@ -19,13 +19,15 @@ auto ChooseStepOne() {
 }  // namespace
 }  // namespace softgym_mj::cloth
 
-// Bytes of memory that a world of a model needs.
-SGM_EXPORT long long softgym_mj_cloth_batch_memory(const char* model) {
+// Bytes that a world of a model keeps, and those of the memory of a slot.
+SGM_EXPORT void softgym_mj_cloth_batch_memory(const char* model, long long* sizes) {
   using namespace softgym_mj::cloth;
-  softgym_mj::Memory memory(nullptr);
+  const auto& description = *reinterpret_cast<const Model*>(model);
+  softgym_mj::Memory kept(nullptr), memory(nullptr);
   World unused;
-  TakeMemory(*reinterpret_cast<const Model*>(model), &memory, &unused);
-  return memory.size();
+  TakeKept(description, &kept, &unused);
+  TakeMemory(description, &memory, &unused);
+  sizes[0] = kept.size(), sizes[1] = memory.size();
 }
 
 // How many of these a model has: vertices, edges, grippers.
@@ -34,9 +36,9 @@ SGM_EXPORT void softgym_mj_cloth_batch_counts(const char* bytes, int* counts) {
   counts[0] = model.vertices, counts[1] = model.edges, counts[2] = model.grippers;
 }
 
-// A step of all worlds by some threads; `turns`: see group.h.
+// A step of all worlds by some threads, no more than slots; `turns`: see group.h.
 SGM_EXPORT void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batch, int threads, int turns) {
   using namespace softgym_mj::cloth;
   const auto step = ChooseStepOne();
-  softgym_mj::InThreads(batch->num_worlds, threads, [&](int i) { step(*batch, i, turns); });
+  softgym_mj::InThreads(batch->num_worlds, threads, [&](int i, int slot) { step(*batch, i, slot, turns); });
 }

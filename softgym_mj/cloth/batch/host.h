@@ -9,21 +9,23 @@ constexpr int kQuickBytes = 48;  // Of each vertex, of what is read and written 
 
 // Arrays of all worlds, with room in each row for the largest model. See World.
 struct Batch {
-  long long num_worlds, most_vertices, most_edges, num_grippers, memory_size;
+  long long num_worlds, most_vertices, most_edges, num_grippers, kept_size, num_slots, memory_size;
   const char* const* models;  // (num_worlds,) a Model each, or null: of a world that stands still.
-  char* memory;               // (num_worlds, memory_size) zeros at first.
+  char* kept;                 // (num_worlds, kept_size) zeros at first.
+  char* memory;               // (num_slots, memory_size) of whoever makes a step.
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
   const double *targets, *goals;
   const int* held;
-  const int* order;  // (num_worlds,) in which they are begun on a GPU,
+  int* begun;        // How many have been begun on a GPU,
+  const int* order;  // (num_worlds,) in which order,
   long long* cost;   // and what each took there, in cycles.
   int* flags;        // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
 };
 
-// A step of world `i`; `turns`: see group.h.
-void StepOnePortable(const Batch& batch, int i, int turns);
+// A step of world `i` in a slot; `turns`: see group.h.
+void StepOnePortable(const Batch& batch, int i, int slot, int turns);
 #ifdef SOFTGYM_MJ_X86
-void StepOneAvx2(const Batch& batch, int i, int turns);
+void StepOneAvx2(const Batch& batch, int i, int slot, int turns);
 #endif
 
 }  // namespace softgym_mj::cloth

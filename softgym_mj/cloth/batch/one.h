@@ -10,7 +10,7 @@ namespace softgym_mj::cloth {
 namespace {
 
 // `quick`: memory that is quicker than others, of `size` bytes; null if there is none.
-inline void StepWorldOf(const Batch& batch, int i, float* quick = nullptr, int size = 0) {
+inline void StepWorldOf(const Batch& batch, int i, int slot, float* quick = nullptr, int size = 0) {
   if (!batch.models[i]) return;
   SGM_SHARED World w;
   Once([&] {
@@ -28,7 +28,8 @@ inline void StepWorldOf(const Batch& batch, int i, float* quick = nullptr, int s
     w.after_layers = batch.after_layers + 4 * kKeptPairs * vertices;
     w.gripper_qpos = batch.gripper_qpos + 3 * grippers;
     w.gripper_qvel = batch.gripper_qvel + 3 * grippers;
-    Memory memory(batch.memory + batch.memory_size * i);
+    Memory kept(batch.kept + batch.kept_size * i), memory(batch.memory + batch.memory_size * slot);
+    TakeKept(*w.model, &kept, &w);
     TakeMemory(*w.model, &memory, &w);
     const int of_points = 4 * w.model->padded;
     if (size >= kQuickBytes * w.model->padded) {

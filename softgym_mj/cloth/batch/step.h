@@ -35,6 +35,8 @@ inline void Gather(const World& w) {
     w.inverse_mass[v] = w.yielding[v] = inverse_mass[v];
     w.plane_gap[v] = 1e3f;
     w.plane_friction[v] = 0;
+    // Those of elements with two corners read a third one, which does not exist.
+    for (int k = 0; k < 4; ++k) w.solid_position[4 * v + k] = 0;
   });
   Each(m.grippers, [&](int g) {
     const int v = w.held[g];

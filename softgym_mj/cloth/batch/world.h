@@ -11,7 +11,7 @@
 namespace softgym_mj::cloth {
 
 // Of rows without a common vertex: of all kinds, and of those of a mesh, where each has few neighbours.
-constexpr int kMostLevels = 256, kMeshLevels = 64;
+constexpr int kMostLevels = 384, kMeshLevels = 128;
 constexpr int kKeptPairs = 2;  // Of each vertex, see Kept.
 
 // What went wrong in a step, as bits. All but the first: some contacts were left out.
@@ -62,10 +62,14 @@ struct World {
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers;
   double *gripper_qpos, *gripper_qvel;
 
-  // What follows is only memory, but for boxes and candidates, which are kept while they suffice.
+  // What is kept: vertices' boxes and candidates, while they suffice.
   Step* step;
+  float *low, *high;
+  int *triangle_candidates, *edge_candidates;
+
+  // What follows is only memory.
   Points points;
-  float *with_layers, *position, *move, *end, *low, *high, *solid_position;
+  float *with_layers, *position, *move, *end, *solid_position;
   double *start, *velocity, *acceleration, *drag, *later, *motion, *speed, *mass, *forces, *sum;
   float *inverse_mass, *yielding;
   int *driven, *head, *next, *zone, *near, *touches, *plane_near;
@@ -77,7 +81,6 @@ struct World {
   double *chain_lower, *chain_diagonal, *chain_right, *chain_normal;
   Boxes *vertex_boxes, *triangle_boxes, *edge_boxes;     // In leaves of eight,
   Boxes *vertex_leaves, *triangle_leaves, *edge_leaves;  // and around these.
-  int *triangle_candidates, *edge_candidates;
   float* normals;
   Pair *found, *pairs;
   LayerBlock* layers;
@@ -97,10 +100,18 @@ inline void TakeRows(Memory* memory, int most, int corners, int levels, Rows* ro
   memory->Take(&rows->order, kBlock * Blocks(most, levels));
 }
 
-// Rows lie in the memory themselves, if there is any.
+// What is kept from a step to the next.
+inline void TakeKept(const Model& model, Memory* memory, World* w) {
+  memory->Take(&w->step, 1);
+  memory->Take(&w->low, 4 * model.padded);
+  memory->Take(&w->high, 4 * model.padded);
+  memory->Take(&w->triangle_candidates, 2 * model.candidates);
+  memory->Take(&w->edge_candidates, 2 * model.candidates);
+}
+
+// The rest. Rows lie in the memory themselves, if there is any.
 inline void TakeMemory(const Model& model, Memory* memory, World* w) {
   const int n = model.vertices, p = 4 * model.padded, e = model.chain_edges;
-  memory->Take(&w->step, 1);
   memory->Take(&w->touch, model.grippers);
   float* air = nullptr;
   float** const of_points[] = {&w->points.now,
@@ -114,8 +125,6 @@ inline void TakeMemory(const Model& model, Memory* memory, World* w) {
                                &w->position,
                                &w->move,
                                &w->end,
-                               &w->low,
-                               &w->high,
                                &w->solid_position};
   for (float** a : of_points) memory->Take(a, p);
   w->points.air = air;
@@ -154,8 +163,6 @@ inline void TakeMemory(const Model& model, Memory* memory, World* w) {
   memory->Take(&w->vertex_leaves, model.vertex_leaves / kBlock + 1);
   memory->Take(&w->triangle_leaves, model.triangle_leaves / kBlock + 1);
   memory->Take(&w->edge_leaves, model.edge_leaves / kBlock + 1);
-  memory->Take(&w->triangle_candidates, 2 * model.candidates);
-  memory->Take(&w->edge_candidates, 2 * model.candidates);
   memory->Take(&w->normals, 3 * model.triangles);
   memory->Take(&w->found, model.found);
   memory->Take(&w->near, model.found);

@@ -7,20 +7,22 @@ namespace softgym_mj::fluid {
 
 // Arrays of all worlds, with room in each row for the largest model. See World.
 struct Batch {
-  long long num_worlds, most_particles, most_walls, most_bodies, memory_size;
+  long long num_worlds, most_particles, most_walls, most_bodies, kept_size, num_slots, memory_size;
   const char* const* models;  // (num_worlds,) a Model each, or null: of a world that stands still.
-  char* memory;               // (num_worlds, memory_size)
+  char* kept;                 // (num_worlds, kept_size) nothing.
+  char* memory;               // (num_slots, memory_size) of whoever makes a step.
   double *known, *positions, *velocities, *walls;
   const double* poses;
-  const int* order;  // (num_worlds,) in which they are begun on a GPU,
+  int* begun;        // How many have been begun on a GPU,
+  const int* order;  // (num_worlds,) in which order,
   long long* cost;   // and what each took there, in cycles.
   int* flags;        // (num_worlds,) what went wrong: bits of `Flag`, added to what is there.
 };
 
-// A step of world `i`; `turns`: see group.h.
-void StepOnePortable(const Batch& batch, int i, int turns);
+// A step of world `i` in a slot; `turns`: see group.h.
+void StepOnePortable(const Batch& batch, int i, int slot, int turns);
 #ifdef SOFTGYM_MJ_X86
-void StepOneAvx2(const Batch& batch, int i, int turns);
+void StepOneAvx2(const Batch& batch, int i, int slot, int turns);
 #endif
 
 }  // namespace softgym_mj::fluid

@@ -9,7 +9,7 @@
 namespace softgym_mj::fluid {
 namespace {
 
-inline void StepWorldOf(const Batch& batch, int i) {
+inline void StepWorldOf(const Batch& batch, int i, int slot) {
   if (!batch.models[i]) return;
   SGM_SHARED World w;
   Once([&] {
@@ -20,7 +20,7 @@ inline void StepWorldOf(const Batch& batch, int i) {
     w.velocities = batch.velocities + 3 * particles;
     w.walls = batch.walls + 7 * batch.most_walls * i;
     w.poses = batch.poses + 7 * batch.most_bodies * i;
-    Memory memory(batch.memory + batch.memory_size * i);
+    Memory memory(batch.memory + batch.memory_size * slot);
     TakeMemory(*w.model, &memory, &w);
   });
   StepWorld(&w);

@@ -1,11 +1,9 @@
-// A step of all worlds of a batch on a GPU: a block of `SGM_THREADS` for each.
+// A step of all worlds of a batch on a GPU: by a block of `SGM_THREADS` each.
 
 #include "fluid/batch/one.h"
+#include "native/queue.h"
 
 extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS)
     Step(const softgym_mj::fluid::Batch* batch, long long) {
-  const int world = batch->order[blockIdx.x];
-  const long long start = clock64();
-  softgym_mj::fluid::StepWorldOf(*batch, world);
-  if (threadIdx.x == 0) batch->cost[world] = clock64() - start;
+  softgym_mj::EachWorld(*batch, [&](int world, int slot) { softgym_mj::fluid::StepWorldOf(*batch, world, slot); });
 }

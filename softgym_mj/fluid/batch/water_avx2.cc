@@ -2,9 +2,9 @@
 
 namespace softgym_mj::fluid {
 
-void StepOneAvx2(const Batch& batch, int i, int turns) {
+void StepOneAvx2(const Batch& batch, int i, int slot, int turns) {
   Turns() = turns;
-  StepWorldOf(batch, i);
+  StepWorldOf(batch, i, slot);
 }
 
 }  // namespace softgym_mj::fluid

@@ -98,13 +98,14 @@ SGM_EXPORT int softgym_mj_fluid_batch_model(const mjModel* m, const mjData* d, c
   return sizeof(Model);
 }
 
-// Bytes of memory that a world of a model needs.
-SGM_EXPORT long long softgym_mj_fluid_batch_memory(const char* model) {
+// Bytes that a world of a model keeps, and those of the memory of a slot.
+SGM_EXPORT void softgym_mj_fluid_batch_memory(const char* model, long long* sizes) {
   using namespace softgym_mj::fluid;
-  softgym_mj::Memory memory(nullptr);
+  const auto& description = *reinterpret_cast<const Model*>(model);
+  softgym_mj::Memory kept(nullptr), memory(nullptr);
   World unused;
-  TakeMemory(*reinterpret_cast<const Model*>(model), &memory, &unused);
-  return memory.size();
+  TakeMemory(description, &memory, &unused);
+  sizes[0] = kept.size(), sizes[1] = memory.size();
 }
 
 // How many of these a model has: particles, walls, bodies.
@@ -113,8 +114,8 @@ SGM_EXPORT void softgym_mj_fluid_batch_counts(const char* bytes, int* counts) {
   counts[0] = model.count, counts[1] = model.num_walls, counts[2] = model.num_bodies;
 }
 
-// A step of all worlds by some threads; `turns`: see group.h.
+// A step of all worlds by some threads, no more than slots; `turns`: see group.h.
 SGM_EXPORT void softgym_mj_fluid_batch_step(const softgym_mj::fluid::Batch* batch, int threads, int turns) {
   const auto step = softgym_mj::fluid::ChooseStepOne();
-  softgym_mj::InThreads(batch->num_worlds, threads, [&](int i) { step(*batch, i, turns); });
+  softgym_mj::InThreads(batch->num_worlds, threads, [&](int i, int slot) { step(*batch, i, slot, turns); });
 }

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.native.places import Place, function
+from softgym_mj.native.places import ALIGNMENT, Place, function
 from softgym_mj.rendering.batch.scenes import Described, textures_of
 
 KIND = "pictures"  # Of programs.
 SAMPLES = 2  # Of colours, along a side of a pixel.
 _COLORS, _SURFACES = 0, 1  # As in scene.h.
-_ALIGNMENT = 64  # [bytes] Of the memory of a slot.
 _BUSY = 1 << 20  # Enough to do for all threads of a block.
 
 Array = Any
@@ -44,7 +43,7 @@ class Pictures:
             place: where they are drawn.
         """
         self._place, self._size, self._number = place, size, num_worlds
-        self._slots = min(num_worlds, place.at_once(KIND))
+        self._slots = min(num_worlds, place.at_once(KIND, _BUSY))
         self._shape = (num_worlds, num_cameras, *size)
         self._scenes = place.zeros((num_worlds,), "int64")
         self._points = place.zeros((num_worlds, most_points, 3), "float64")
@@ -63,9 +62,10 @@ class Pictures:
         if len(textures):
             textures["texels"] += np.uint64(self._put(described.texels))
         address, whole = self._put(scene), ctypes.c_void_p(scene.ctypes.data)
-        sizes = (*self._size, SAMPLES)
-        needed = function(KIND, "memory")(whole, *map(ctypes.c_longlong, sizes))
-        needed = -(-needed // _ALIGNMENT) * _ALIGNMENT
+        size = ctypes.c_longlong()
+        sizes = map(ctypes.c_longlong, (*self._size, SAMPLES))
+        function(KIND, "memory")(whole, *sizes, ctypes.byref(size))
+        needed = -(-size.value // ALIGNMENT) * ALIGNMENT
         if needed > self._memory.shape[1]:
             self._memory = None
             self.grown += 1
