@@ -4,7 +4,8 @@
 
 For one CUDA device. Each task starts from evaluation variations, one after the other, takes random
 actions, and resets by itself, each environment in another step. Rates count env steps of all
-environments: measures, rewards, infos and reduced observations are made in each. The oracle of bits
+environments: measures, rewards, infos and reduced observations are made in each; those of images
+also an image of 128 x 128 pixels. The oracle of bits
 is the processor's program, whose own oracle is the plugin (tests/cloth, tests/fluid, tests/vector).
 """
 
@@ -26,8 +27,9 @@ from softgym_mj.native import gpu
 EVALUATION = range(800, 1000)
 NUMBERS, MAIN = (1, 16, 128, 256, 1056, 4096), 1056
 FEW = 32  # Variations of other numbers than the main one: each start takes time to read.
-WARM_UP, STEPS, SECONDS = 3, 5, 1.5  # Env steps before the clock runs; at least; about.
-BITS, BITS_STEPS = 16, 5  # Environments whose bits are compared, and env steps.
+WARM_UP, STEPS, SECONDS = 3, 5, 1.0  # Env steps before the clock runs; at least; about.
+# Environments whose bits are compared, env steps, and the side of their images [pixels].
+BITS, BITS_STEPS, SIDE = 16, 3, 64
 
 
 def machine() -> dict[str, Any]:
@@ -73,12 +75,12 @@ def actions_of(envs: Any, steps: int, seed: int = 0) -> torch.Tensor:
     return torch.from_numpy(numbers).cuda()
 
 
-def rate(task: str, number: int, most: int) -> dict[str, float]:
+def rate(task: str, number: int, most: int, **settings: Any) -> dict[str, float]:
     """Env steps a second of a number of environments, and what they need."""
     torch.cuda.empty_cache()
     torch.cuda.reset_peak_memory_stats()
     split = EVALUATION[: min(number, most)]
-    envs = softgym_mj.make_vec(task, number, device="cuda", split=split)
+    envs = softgym_mj.make_vec(task, number, device="cuda", split=split, **settings)
     options = {"variation": variations(number, most), "stagger": True}
     start = time.perf_counter()
     envs.reset(seed=0, options=options)
@@ -119,8 +121,12 @@ def rate(task: str, number: int, most: int) -> dict[str, float]:
 
 
 def played(task: str, number: int, device: str, steps: int, rows: int) -> list[np.ndarray]:
-    """Full states of the first rows after each env step."""
-    settings: dict[str, Any] = {"observation": ["full", "reduced"], "split": EVALUATION[:BITS]}
+    """What the first rows are observed to be after each env step, and rewards."""
+    settings: dict[str, Any] = {
+        "observation": ["full", "reduced", "rgb", "depth", "segmentation"],
+        "image_size": (SIDE, SIDE),
+        "split": EVALUATION[:BITS],
+    }
     envs = softgym_mj.make_vec(task, number, device=device, **settings)
     envs.reset(options={"variation": variations(number, BITS)})
     random = np.random.default_rng(1)
@@ -130,7 +136,7 @@ def played(task: str, number: int, device: str, steps: int, rows: int) -> list[n
     found = []
     for each in actions:
         seen, rewards, *_ = envs.step(each if device != "cuda" else torch.from_numpy(each).cuda())
-        arrays = [seen["full"], seen["reduced"], rewards]
+        arrays = [*seen.values(), rewards]
         host = [np.asarray(a.cpu() if device == "cuda" else a, float)[:rows] for a in arrays]
         found.append(np.concatenate([a.reshape(rows, -1) for a in host], axis=1))
     envs.close()
@@ -180,7 +186,7 @@ def main() -> None:
     begun = time.perf_counter()
     found: dict[str, Any] = {"machine": machine(), "compile_s": compile_times()}
     print(json.dumps(found), flush=True)
-    found |= {"rates": {}, "bits": {}, "alone": {}}
+    found |= {"rates": {}, "images": {}, "bits": {}, "alone": {}}
     for task in arguments.tasks:
         found["rates"][task] = {}
         for number in arguments.numbers:
@@ -188,6 +194,12 @@ def main() -> None:
             own = rate(task, number, most)
             found["rates"][task][str(number)] = own
             print(task, number, own, f"{time.perf_counter() - begun:.0f} s", flush=True)
+        images = {
+            name: rate(task, MAIN, FEW, observation=observation)
+            for name, observation in (("without", "reduced"), ("with", ["reduced", "rgb"]))
+        }
+        found["images"][task] = images
+        print(task, "images", images, f"{time.perf_counter() - begun:.0f} s", flush=True)
         if not arguments.no_bits:
             found["bits"][task], found["alone"][task] = bits(task), alone(task)
             print(task, found["bits"][task], found["alone"][task], flush=True)

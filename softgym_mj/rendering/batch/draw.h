@@ -155,7 +155,7 @@ inline Point ColorAt(const Canvas& c, const Eye& eye, int x, int y) {
   return color;
 }
 
-// The label and the distance of the first thing that one sample shows; the object is seen through glass.
+// The label and the distance of the first thing that one sample shows; the label of an object also behind glass.
 inline void SurfaceAt(const Canvas& c, const Eye& eye, int x, int y, unsigned char* label, float* distance) {
   const Scene& s = *c.scene;
   const Ray ray = RayOf(c, eye, x, y);
@@ -172,7 +172,8 @@ inline void SurfaceAt(const Canvas& c, const Eye& eye, int x, int y, unsigned ch
   if (!s.num_glasses) return;
   const Key pane = c.nearest[c.width * c.height + at];
   if (pane == kNone || DistanceOf(pane) >= *distance) return;
-  if (!is_object) *label = kCup, *distance = DistanceOf(pane);
+  *distance = DistanceOf(pane);
+  if (!is_object) *label = kCup;
 }
 
 // Draws world `i`, with the memory of a slot.

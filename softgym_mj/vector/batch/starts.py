@@ -13,6 +13,7 @@ from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.executors import ProcessExecutor
 from softgym_mj.native.places import Place, Processor
+from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.cameras import Cameras
 from softgym_mj.vector.batch.rows import Rows
@@ -50,16 +51,19 @@ def read_starts(pickled: bytes, variations: Sequence[int]) -> list[dict[str, Any
     """
     env, side, cameras = _opened(pickled)
     found = []
-    for variation in variations:
-        env.reset(variation)
-        found.append(read(env, side, cameras))
+    with blank_images():
+        for variation in variations:
+            env.reset(variation)
+            found.append(read(env, side, cameras))
     return found
 
 
 @functools.cache
 def _opened(pickled: bytes) -> tuple[Environment, Side, Cameras]:
     make, kind, names = pickle.loads(pickled)
-    env, place = make().dm_env, Processor()
+    with blank_images():
+        env = make().dm_env
+    place = Processor()
     side = kind(env, 1, place)
     return env, side, Cameras(env, names, 1, side, place)
 
@@ -120,9 +124,14 @@ class Starts:
     def row(self, variation: int) -> int:
         """The row of the start of a variation."""
         if variation not in self._known:
-            self._env.reset(variation)
+            self._reset(variation)
             self._put(variation, read(self._env, self._side, self._cameras))
         return self._known[variation]
+
+    def _reset(self, variation: int) -> None:
+        """Without images, which need OpenGL."""
+        with blank_images():
+            self._env.reset(variation)
 
     def _put(self, key: Any, values: Mapping[str, Any]) -> None:
         row = self._known.setdefault(key, len(self._known))
@@ -142,7 +151,8 @@ class Starts:
         Raises:
             SnapshotError: for one of another task or with other settings.
         """
-        self._env.set_state(snapshot)
+        with blank_images():
+            self._env.set_state(snapshot)
         self._put(("snapshot", i), read(self._env, self._side, self._cameras))
         return self._known["snapshot", i], self._env.task.variation
 
@@ -166,7 +176,7 @@ class Starts:
             count: env steps since its start.
             ended: whether it has ended.
         """
-        self._env.reset(variation)
+        self._reset(variation)
         for name, array in self._side.arrays().items():
             array[...] = state[name]
         self._env.physics.data.time = count * self._env.control_timestep()

@@ -1,0 +1,175 @@
+"""Images of rows of arrays: their oracle is what OpenGL draws of a `SoftGymEnv`."""
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+
+import softgym_mj
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.native.places import Processor
+from softgym_mj.rendering.batch import Pictures, describe
+from softgym_mj.rendering.observables import LABELS
+from softgym_mj.vector.batch.cameras import IMAGES
+from tests.native.torch_processor import TorchProcessor
+
+OBJECT = LABELS.index("object")
+SIZE = (96, 96)
+# No faults of a sensor: a batch has none.
+SEEN_OTHERWISE = {
+    "visual": "in_distribution",
+    **{f"sensor_{fault}": "nominal" for fault in ("blur", "exposure", "noise", "quality")},
+}
+
+
+def overlap(first, second):
+    """Intersection over union of two masks."""
+    return (first & second).sum() / (first | second).sum()
+
+
+def _check(seen, alone, is_water):
+    """That images look like those of an environment."""
+    masks = [labels == OBJECT for labels in (seen["segmentation"], alone["segmentation"])]
+    assert overlap(*masks) >= (0.9 if is_water else 0.97)
+    others = [np.where(mask, 0, s["segmentation"]) for mask, s in zip(masks, (seen, alone), strict=True)]
+    assert (others[0] != others[1]).mean() < 0.02
+    for name in ("depth", "external_depth"):
+        away = np.abs(seen[name] - alone[name])
+        assert np.median(away) < 1e-4
+        assert (away > 5e-3).mean() < (0.06 if is_water else 0.01), name  # Rims.
+    for name in ("rgb", "external_rgb"):
+        away = np.abs(seen[name].astype(int) - alone[name]).mean()
+        assert away < (8.0 if is_water else 3.0), name
+
+
+@pytest.mark.parametrize("domain", ["nominal", SEEN_OTHERWISE], ids=["nominal", "visual"])
+@pytest.mark.parametrize("task", softgym_mj.TASKS)
+def test_images_look_like_those_of_an_environment(task, domain):
+    settings = {
+        "observation": list(IMAGES), "image_size": SIZE, "split": "all", "fidelity": "fast",
+        "domain": domain,
+    }  # fmt: skip
+    envs = softgym_mj.make_vec(task, 2, device="host", **settings)
+    env = SoftGymEnv(task, **settings)
+    assert envs.single_observation_space == env.observation_space
+    options = {"variation": [803, 811]}
+    (seen, _), (alone, _) = envs.reset(options=options), env.reset(options={"variation": 811})
+    is_water = "water" in softgym_mj.TASKS[task].tags
+    _check({name: array[1] for name, array in seen.items()}, alone, is_water)
+    action = np.full(env.action_space.shape, 0.5, np.float32)
+    for _ in range(2):
+        seen, *_ = envs.step(np.stack([action, action]))
+        alone, *_ = env.step(action)
+    assert all(seen[name].dtype == alone[name].dtype for name in alone)
+    _check({name: array[1] for name, array in seen.items()}, alone, is_water)
+    envs.close()
+    env.close()
+
+
+MODEL = """
+<mujoco>
+  <custom><text name="softgym_mj_look" data="fast"/></custom>
+  <visual>
+    <headlight ambient="0.25 0.25 0.25" diffuse="0.5 0.5 0.5" specular="0 0 0"/>
+    <map znear="0.01"/>
+  </visual>
+  <worldbody>
+    <light type="directional" dir="0 0 -1" diffuse="0.125 0.125 0.125" specular="0 0 0"/>
+    <camera name="above" pos="0 0 2" fovy="60"/>
+    <geom name="table" type="box" size="5 5 0.5" pos="0 0 -0.5" rgba="0.9 0.4 0.2 1"/>
+    <body name="ball" pos="0.3 0 0.25"><geom type="sphere" size="0.25" rgba="0 0 1 1"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def _ball(place, number=1, size=(65, 65)):
+    """Pictures of worlds with a ball on a table, and where it is drawn in them."""
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    body = model.body("ball").id
+    pictures = Pictures(number, 1, 1, 1, size, place)
+    scene = pictures.load(describe(model, ["above"], {body: 0}, {"actor": ()}))
+    scenes = place.put(np.full(number, scene))
+    return pictures, scenes, place.put(np.zeros((number, 1, 3)))
+
+
+def test_distances_and_colours_of_a_ball_on_a_table():
+    place = Processor()
+    pictures, scenes, points = _ball(place)
+    poses = np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]])
+    _, distances = pictures.surfaces(scenes, points, poses)
+    found = distances[0, 0]
+    rows, columns = np.mgrid[:65, :65]
+    slope = np.tan(np.radians(30.0))
+    x, y = slope * (2 * (columns + 0.5) / 65 - 1), slope * (1 - 2 * (rows + 0.5) / 65)
+    # |o + t d - c| = r for o - c = (0, 0, 1.75), d = (x, y, -1).
+    a, b, c = x**2 + y**2 + 1, -1.75, 1.75**2 - 0.25**2
+    root = b**2 - a * c
+    ball = (-b - np.sqrt(np.maximum(root, 0.0))) / a
+    np.testing.assert_allclose(found, np.where(root >= 0.0, ball, 2.0), atol=2e-5)
+    colors = pictures.colors(scenes, points, poses)[0, 0]
+    # Seen and lit from straight above: 0.25 + 0.5 + 0.125 of its colour.
+    np.testing.assert_array_equal(colors[0, 0], np.round(255 * 0.875 * np.array([0.9, 0.4, 0.2])))
+    assert colors[32, 32].tolist() == [0, 0, round(255 * 0.875)]
+
+
+def test_no_bit_depends_on_where_and_in_which_order_things_are_done():
+    poses = np.array([[[0.1 * i, 0.05, 0.3, 1.0, 0.0, 0.0, 0.0]] for i in range(3)])
+    expected = None
+    for place in (Processor(), Processor(2, 1), Processor(1, 5), TorchProcessor()):
+        pictures, scenes, points = _ball(place, 3)
+        told = scenes, points, place.put(poses)
+        found = [place.get(array) for array in (pictures.colors(*told), *pictures.surfaces(*told))]
+        expected = expected or found
+        for a, b in zip(expected, found, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("task", ["pour_water", "spread_cloth", "straighten_rope"])
+def test_turns_change_no_bit_of_what_deforms(task):
+    env = softgym_mj.load(task, split="all", fidelity="fast")
+    env.reset(803)
+    model, scene = env.physics.model.ptr, env.task.scene
+    points = next(iter(scene.points().values()))[None]
+    described = describe(model, ["task"], {}, scene.segmentation_models)
+    found = []
+    for place in (Processor(), Processor(1, 1), Processor(1, 3)):
+        pictures = Pictures(1, points.shape[1], 0, 1, (48, 48), place)
+        told = np.array([pictures.load(described)]), points, np.zeros((1, 0, 7))
+        found.append([pictures.colors(*told), *pictures.surfaces(*told)])
+    assert (found[0][1] == OBJECT).any()
+    for others in found[1:]:
+        for a, b in zip(found[0], others, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_world_without_a_scene_is_not_drawn():
+    pictures, scenes, points = _ball(Processor(), 2)
+    scenes[0] = 0
+    poses = np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]] * 2)
+    colors = pictures.colors(scenes, points, poses)
+    assert not colors[0].any() and colors[1].all(axis=-1).any()
+
+
+def test_what_cannot_be_drawn_is_refused_by_name():
+    for settings, name in (
+        ({"observation": "point_cloud"}, "observation='point_cloud'"),
+        ({"observation": "rgb", "look": "paper"}, "look='paper'"),
+        ({"observation": "rgb", "domain": "in_distribution"}, "domain=.'sensor_blur'"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=name):
+            softgym_mj.make_vec("straighten_rope", 1, device="host", **settings).reset()
+    capsule = MODEL.replace('type="sphere" size="0.25"', 'type="capsule" size="0.2 0.1"')
+    with pytest.raises(InvalidArgumentError, match="mjGEOM_CAPSULE"):
+        describe(mujoco.MjModel.from_xml_string(capsule), ["above"], {}, {})
+
+
+def test_images_are_tensors_where_states_are():
+    place = TorchProcessor()
+    pictures, scenes, points = _ball(place, 2)
+    poses = place.put(np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]] * 2))
+    colors = pictures.colors(scenes, points, poses)
+    assert isinstance(colors, torch.Tensor) and colors.dtype == torch.uint8
+    later = pictures.colors(scenes, points, poses + 0.1)
+    assert not torch.equal(colors, later)  # The first one is left alone.
