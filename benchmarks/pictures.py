@@ -51,7 +51,9 @@ def compared(pairs: list[tuple[dict[str, Any], dict[str, Any]]]) -> dict[str, An
         for number, label in enumerate(LABELS):
             one, other = (seen["segmentation"] == number for seen in (together, alone))
             if other.any():
-                overlaps.setdefault(label, []).append(float((one & other).sum() / (one | other).sum()))
+                overlaps.setdefault(label, []).append(
+                    float((one & other).sum() / (one | other).sum())
+                )
     away = [np.abs(a["depth"] - b["depth"]) for a, b in pairs]
     colors = [np.abs(a["rgb"].astype(float) - b["rgb"]).mean() for a, b in pairs]
     return {
@@ -82,7 +84,9 @@ def main() -> None:
         arguments.out.write_text(json.dumps(found, indent=1) + "\n")
     if arguments.sheet:
         half = -(-len(rows) // 2)
-        columns = [np.vstack([np.hstack(row) for row in part]) for part in (rows[:half], rows[half:])]
+        columns = [
+            np.vstack([np.hstack(row) for row in part]) for part in (rows[:half], rows[half:])
+        ]
         imageio.imwrite(arguments.sheet, np.hstack(columns), quality=92)
 
 

@@ -1,7 +1,7 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
 That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, docs/gpu.json,
-docs/sac.json and docs/results.
+docs/pictures.json, docs/sac.json and docs/results.
 """
 
 import json
@@ -204,6 +204,23 @@ def on_gpu() -> str:
     )
 
 
+def images_on_gpu() -> str:
+    """Env steps a second with images, and how alike images are."""
+    found, alike = measured("gpu").get("images", {}), measured("pictures")
+    rows = []
+    for task in TASKS:
+        cells = ["not yet"] * 3
+        if task in found:
+            without, own = (found[task][name]["env_steps_per_s"] for name in ("without", "with"))
+            cells = [f"{without:,.0f}", f"{own:,.0f}", f"{100 * own / without:.0f} %"]
+        overlap = alike[task]["overlap"]["object"]
+        cells += [f"{overlap['mean']:.3f} ({overlap['least']:.3f})"]
+        cells += [f"{alike[task]['rgb_mean_difference']:.1f}"]
+        rows.append(f"| `{task}` | {' | '.join(cells)} |")
+    head = "| task | without | with rgb | share | overlap, mean (least) | difference in colour |"
+    return table(head, rows)
+
+
 def bits_on_gpu() -> str:
     """Whether a GPU's numbers are the processor's."""
     found = measured("gpu")["bits"]
@@ -271,6 +288,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
     texts[RECIPES] = with_table(texts[RECIPES], learning())
     texts[GPU] = between(texts[GPU], "rates", on_gpu())
+    texts[GPU] = between(texts[GPU], "images", images_on_gpu())
     texts[GPU] = between(texts[GPU], "bits", bits_on_gpu())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))

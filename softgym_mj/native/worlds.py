@@ -196,7 +196,12 @@ class Worlds:
         """`Batch`: ints, then pointers."""
         memory = self._kept.shape[1], self._slots, self._memory.shape[1]
         sizes = np.array([self._number, *self._sizes.values(), *memory], np.int64)
-        arrays = [self.models, self._kept, self._memory, *(getattr(self, name) for name in self.fields)]
+        arrays = [
+            self.models,
+            self._kept,
+            self._memory,
+            *(getattr(self, name) for name in self.fields),
+        ]
         arrays += [*self._told.values(), self._begun, self.order, self.cost, self.flags]
         pointers = [self.place.address(array) for array in arrays]
         return self.place.put(np.concatenate([sizes, np.array(pointers, np.int64)]))

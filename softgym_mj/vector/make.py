@@ -36,7 +36,7 @@ def make_vec(
         num_envs: number of environments, 1 or more.
         device: what simulates: "cpu", worker processes; "cuda", a GPU on which all lies in
             PyTorch's tensors, actions too if you like; "host", the same in NumPy's arrays in this
-            process. The last two know pickers and cups, and states, but no images or arms.
+            process. The last two know pickers and cups, states and images, but no arms.
         num_workers: number of processes, or of threads of "host", 1..num_envs; by default one a
             core. Two a core balance variations that differ a lot in cost, as those of water do;
             each costs some time. None of "cuda".

@@ -32,7 +32,9 @@ def _check(seen, alone, is_water):
     """That images look like those of an environment."""
     masks = [labels == OBJECT for labels in (seen["segmentation"], alone["segmentation"])]
     assert overlap(*masks) >= (0.9 if is_water else 0.97)
-    others = [np.where(mask, 0, s["segmentation"]) for mask, s in zip(masks, (seen, alone), strict=True)]
+    others = [
+        np.where(mask, 0, s["segmentation"]) for mask, s in zip(masks, (seen, alone), strict=True)
+    ]
     assert (others[0] != others[1]).mean() < 0.02
     for name in ("depth", "external_depth"):
         away = np.abs(seen[name] - alone[name])

@@ -371,7 +371,13 @@ def _lights(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
             raise InvalidArgumentError("light", model.light(i).name, "directional ones")
         towards, shadow = -data.light_xdir[i], int(model.light_castshadow[i])
         rows.append(
-            (towards, model.light_diffuse[i], model.light_ambient[i], model.light_specular[i], shadow)
+            (
+                towards,
+                model.light_diffuse[i],
+                model.light_ambient[i],
+                model.light_specular[i],
+                shadow,
+            )
         )
     return np.array(rows, _LIGHT)
 

@@ -40,7 +40,7 @@ class Side(Protocol):
         """Where they are in all worlds: (num_worlds, movers, 7), positions [m] and quaternions."""
 
     def points(self, number: int) -> Array:
-        """Points of what deforms (num_worlds, at most `number`, 3) [m], zeros where there is none."""
+        """Of what deforms (num_worlds, at most `number`, 3) [m], zeros where there is none."""
 
     def command(self, actions: Array) -> None:
         """Starts an env step with actions (num_worlds, n)."""
