@@ -82,8 +82,9 @@ inline float Reaches(const Canvas& c, const Light& light, int shadow, const Poin
   const Scene& s = *c.scene;
   const Across across(light);
   const Point off = place + kOffset * normal;
+  const Point scales = Inverse(across.to);
   for (int i = 0; i < s.num_solids; ++i) {
-    if (HitSolid(c, i, off, across.to).distance < kFar) return 0;
+    if (ComesNear(c.frames[i], off, across.to) && HitSolid(c, i, off, across.to, scales).distance < kFar) return 0;
   }
   if (s.kind == kWater) return EnterWater(c, off, across.to, 0, kAside) < kAside ? 0.0f : 1.0f;
   if (!s.num_triangles || shadow >= kMostShadows) return 1;
@@ -103,7 +104,7 @@ inline float Reaches(const Canvas& c, const Light& light, int shadow, const Poin
   return share;
 }
 
-// The colour of a texture; `texels`: how many of the first level are in a sample.
+// The colour of a texture; `texels`: how many of the first level are in a pixel, along a side.
 inline Point Sampled(const Texture& texture, float u, float v, float texels) {
   const unsigned char* data = reinterpret_cast<const unsigned char*>(texture.texels);
   int width = texture.width, height = texture.height;

@@ -80,11 +80,16 @@ inline void PlaceSolids(const Canvas& c) {
   const Solid* solids = c.scene->At<Solid>(c.scene->solids);
   Each(c.scene->num_solids, [&](int i) {
     const Pose pose = PoseOf(c, solids[i].mover);
+    const float* size = solids[i].size;
+    const float around = sqrtf(size[0] * size[0] + size[1] * size[1] + size[2] * size[2]);
+    c.frames[i].reach = solids[i].shape == kSphere ? size[0] : around;
+    c.frames[i].is_turned = false;
     c.frames[i].position = pose.position + Turned(pose.rotation, At(solids[i].position));
     for (int k = 0; k < 9; ++k) {
       float sum = 0;
       for (int n = 0; n < 3; ++n) sum += pose.rotation[k / 3 * 3 + n] * solids[i].rotation[3 * n + k % 3];
       c.frames[i].rotation[k] = sum;
+      if (sum != (k % 4 == 0 ? 1.0f : 0.0f)) c.frames[i].is_turned = true;
     }
   });
 }

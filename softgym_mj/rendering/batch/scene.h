@@ -20,8 +20,9 @@ enum Shape { kBox, kSphere, kCylinder };            // Of solids.
 enum Label { kBackground, kObject, kActor, kCup };  // As LABELS in rendering/observables.py.
 enum What { kColors, kSurfaces };                   // What is drawn: colours, or labels and distances.
 
-constexpr int kSkyRows = 32;   // Colours of the sky, from straight down to straight up.
-constexpr int kMostPanes = 6;  // Of glass behind each other that are seen.
+constexpr int kSkyRows = 32;     // Colours of the sky, from straight down to straight up.
+constexpr int kMostSamples = 4;  // Of a pixel.
+constexpr int kMostPanes = 6;    // Of glass behind each other that are seen.
 constexpr int kShadowSide = 256, kShadowTexels = kShadowSide * kShadowSide;
 constexpr int kMostLights = 8, kMostShadows = 3;
 // Where water is drawn: blocks of voxels around the origin, as many as lie in the memory.
@@ -87,15 +88,19 @@ struct Batch {
   char* memory;               // (num_slots, memory_size)
   const double* points;       // (num_worlds, most_points, 3)
   const double* poses;        // (num_worlds, num_movers, 7) positions and quaternions
+  int* begun;                 // How many have been begun on a GPU,
+  const int* order;           // (num_worlds,) in which order,
+  long long* cost;            // and what each took there, in cycles.
   unsigned char* colors;      // (num_worlds, num_eyes, height, width, 3)
   float* distances;           // (num_worlds, num_eyes, height, width)
   unsigned char* labels;      // likewise
 };
 
-// Where a mover or a solid is.
+// Where a mover or a solid is, and how far the latter reaches.
 struct Pose {
   Point position;
-  float rotation[9];
+  float rotation[9], reach;
+  bool is_turned;
 };
 
 // What one world is drawn with.
@@ -114,12 +119,16 @@ struct Canvas {
   float* bounds;   // (kMostShadows, 4) of what throws shadows, across the light.
   Ring* rings;
   Vector *surface, *out;
-  // Water.
-  unsigned long long* cells;
+  // Water: particles by buckets, places in voxels, cells and kernels in this order.
   int *bucket_starts, *bucket_ends, *in_buckets;
+  Vector* centres;
+  unsigned long long* cells;
   KernelShape* kernels;
-  int *blocks, *wet;  // (kBlocks,) how many have water up to each; (kMostBlocks,) which those are;
-  int* weights;       // (kMostBlocks, kVoxels) of the water, in units of kUnit.
+  // The number of each block, or -1; which those are that have one, and last how many; weights of the water in these,
+  // in units of kUnit; the cells at whose corners there is some, as bits, and how many of these.
+  int *blocks, *wet, *weights, *crossed, *num_crossed;
+  int* low_block;  // (3,) of those that have water,
+  int* high_block;
   int* partial;
   float voxel;
 };
@@ -145,14 +154,16 @@ inline Point TurnedBack(const float* m, const Point& a) {
 }
 
 inline Pose PoseOf(const Canvas& c, int mover) {
-  if (mover < 0) return {{0, 0, 0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+  if (mover < 0) return {{0, 0, 0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, 0, false};
   const double* p = c.poses + 7 * mover;
   const float w = static_cast<float>(p[3]), x = static_cast<float>(p[4]), y = static_cast<float>(p[5]),
               z = static_cast<float>(p[6]);
   return {
       At(p),
       {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
-       2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)}};
+       2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)},
+      0,
+      true};
 }
 
 inline int CapRings(const Scene& s) { return s.sides / 4 > 2 ? s.sides / 4 : 2; }
@@ -179,14 +190,19 @@ inline void TakeCanvas(const Scene& s, long long height, long long width, long l
     memory->Take(&c->out, s.num_vertices);
   }
   if (s.kind == kWater) {
-    memory->Take(&c->cells, s.num_points);
     memory->Take(&c->bucket_starts, kBuckets + 1);
     memory->Take(&c->bucket_ends, kBuckets);
     memory->Take(&c->in_buckets, s.num_points);
+    memory->Take(&c->centres, s.num_points);
+    memory->Take(&c->cells, s.num_points);
     memory->Take(&c->kernels, s.num_points);
     memory->Take(&c->blocks, kBlocks);
-    memory->Take(&c->wet, kMostBlocks);
+    memory->Take(&c->wet, kMostBlocks + 1);
     memory->Take(&c->weights, static_cast<long long>(kMostBlocks) * kVoxels);
+    memory->Take(&c->crossed, kMostBlocks * kVoxels / 32);
+    memory->Take(&c->num_crossed, kMostBlocks);
+    memory->Take(&c->low_block, 3);
+    memory->Take(&c->high_block, 3);
   }
 }
 

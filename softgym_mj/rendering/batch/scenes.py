@@ -16,7 +16,7 @@ from softgym_mj.rendering.surfaces import PARTICLES, ROPE_FLEX, ROPE_SKIN, WATER
 from softgym_mj.rendering.textures import texture_of
 
 # As in scene.h.
-_SKY_ROWS = 32
+_SKY_ROWS, _MOST_SOLIDS = 32, 32
 _NOTHING, _SHEET, _ROPE, _WATER = range(4)
 _BOX, _SPHERE, _CYLINDER, _MESH = (
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")) for name in ("BOX", "SPHERE", "CYLINDER", "MESH")
@@ -235,6 +235,8 @@ def _solids(
             raise InvalidArgumentError(
                 "geom", f"{model.geom(geom).name}, {name}", "boxes, spheres, cylinders and glass"
             )
+    if len(solids) > _MOST_SOLIDS:
+        raise InvalidArgumentError("geoms", len(solids), f"at most {_MOST_SOLIDS} to draw")
     return np.array([_flat(solid) for solid in solids], _SOLID), glasses
 
 

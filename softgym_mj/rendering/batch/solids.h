@@ -16,22 +16,33 @@ struct Hit {
   Point at;        // where it is, in that frame.
 };
 
-inline Hit HitBox(const float* size, const Point& from, const Point& along) {
+// Whether a ray comes near a solid; `margin`: per distance along the ray.
+inline bool ComesNear(const Pose& frame, const Point& from, const Point& along, float margin = 0) {
+  const Point to = frame.position - from;
+  const float square = Dot(along, along), way = Dot(to, along) / square;
+  const float reach = frame.reach + margin * fabsf(way);
+  return way * sqrtf(square) > -reach && Dot(to, to) - way * way * square <= reach * reach;
+}
+
+// `scales`: 1 / along, of each part of it.
+inline Hit HitBox(const float* size, const Point& from, const Point& along, const Point& scales) {
   const float at[3] = {from.x, from.y, from.z}, by[3] = {along.x, along.y, along.z};
+  const float scale[3] = {scales.x, scales.y, scales.z};
   float near = -kFar, far = kFar;
   int side = 0;
   for (int k = 0; k < 3; ++k) {
-    if (by[k] == 0) {
-      if (fabsf(at[k]) > size[k]) return {kFar, {}, {}};
-      continue;
-    }
-    const float a = (-size[k] - at[k]) / by[k], b = (size[k] - at[k]) / by[k], first = std::min(a, b);
+    const float a = (-size[k] - at[k]) * scale[k], b = (size[k] - at[k]) * scale[k], first = std::min(a, b);
     if (first > near) near = first, side = k;
     far = std::min(far, std::max(a, b));
   }
   if (near > far || near <= 0) return {kFar, {}, {}};
   const float sign = by[side] > 0 ? -1.0f : 1.0f;
   return {near, {side == 0 ? sign : 0, side == 1 ? sign : 0, side == 2 ? sign : 0}, from + near * along};
+}
+
+inline Point Inverse(const Point& a) {
+  const auto inverse = [](float b) { return b != 0 ? 1 / b : kFar; };
+  return {inverse(a.x), inverse(a.y), inverse(a.z)};
 }
 
 inline Hit HitSphere(const float* size, const Point& from, const Point& along) {
@@ -63,15 +74,16 @@ inline Hit HitCylinder(const float* size, const Point& from, const Point& along)
   return hit;
 }
 
-// With solid `i`.
-inline Hit HitSolid(const Canvas& c, int i, const Point& start, const Point& along) {
+// With solid `i`; `scales`: `Inverse(along)`.
+inline Hit HitSolid(const Canvas& c, int i, const Point& start, const Point& along, const Point& scales) {
   const Solid& solid = c.scene->At<Solid>(c.scene->solids)[i];
   const Pose& frame = c.frames[i];
-  const Point from = TurnedBack(frame.rotation, start - frame.position), by = TurnedBack(frame.rotation, along);
-  Hit hit = solid.shape == kBox      ? HitBox(solid.size, from, by)
+  Point from = start - frame.position, by = along;
+  if (frame.is_turned) from = TurnedBack(frame.rotation, from), by = TurnedBack(frame.rotation, by);
+  Hit hit = solid.shape == kBox      ? HitBox(solid.size, from, by, frame.is_turned ? Inverse(by) : scales)
             : solid.shape == kSphere ? HitSphere(solid.size, from, by)
                                      : HitCylinder(solid.size, from, by);
-  if (hit.distance < kFar) hit.normal = Turned(frame.rotation, hit.normal);
+  if (frame.is_turned && hit.distance < kFar) hit.normal = Turned(frame.rotation, hit.normal);
   return hit;
 }
 

@@ -13,8 +13,9 @@ constexpr float kUnit = 1.0f / (1 << 20);  // Of weights: sums of whole numbers 
 constexpr double kMostCells = 1e6;         // As there.
 constexpr float kCoarser = 1.4f;           // Growth of voxels until they lie in the memory.
 constexpr int kMostTries = 12;
-constexpr float kStep = 0.5f;  // [voxels] Along a ray.
-constexpr int kHalvings = 8;   // Of the step in which it enters the water.
+constexpr float kStep = 0.5f;      // [voxels] Along a ray.
+constexpr float kEndless = 1e30f;  // In place of 1 / 0.
+constexpr int kSecants = 3;        // To where it enters the water.
 
 inline long long CellOf(double x, double side) { return static_cast<long long>(floor(x / side)); }
 inline int BucketOf(long long x, long long y, long long z) {
@@ -34,26 +35,24 @@ inline int BlockAt(int x, int y, int z) {
   return within ? (z * kBlocksX + y) * kBlocksX + x : -1;
 }
 
-// Sorts particles, in voxels, into buckets of cells in which neighbors are, and finds their kernels.
+// Sorts particles into buckets of cells in which neighbors are, and finds their kernels.
 inline void FindKernels(const Canvas& c) {
   const Scene& s = *c.scene;
   const double voxel = c.voxel, spacing = s.spacing / voxel, side = kNear * spacing;
+  const auto bucket_of = [&](const double* x) {
+    if (!IsNear(x, std::min(voxel, static_cast<double>(s.spacing)))) return -1;
+    return BucketOf(CellOf(x[0] / voxel, side), CellOf(x[1] / voxel, side), CellOf(x[2] / voxel, side));
+  };
   Each(kBuckets + 1, [&](int i) { c.bucket_starts[i] = 0; });
   Each(s.num_points, [&](int i) {
-    const double* x = c.points + 3 * i;
-    c.cells[i] = kNone;
-    if (!IsNear(x, std::min(voxel, static_cast<double>(s.spacing)))) return;
-    const long long at[3] = {CellOf(x[0] / voxel, side), CellOf(x[1] / voxel, side), CellOf(x[2] / voxel, side)};
-    c.cells[i] = CellKey(at[0], at[1], at[2]);
-    Add(&c.bucket_starts[BucketOf(at[0], at[1], at[2]) + 1], 1);
+    const int bucket = bucket_of(c.points + 3 * i);
+    if (bucket >= 0) Add(&c.bucket_starts[bucket + 1], 1);
   });
   SumUp(c.bucket_starts, kBuckets + 1, c.partial);
   Each(kBuckets, [&](int i) { c.bucket_ends[i] = c.bucket_starts[i]; });
   Each(s.num_points, [&](int i) {
-    if (c.cells[i] == kNone) return;
-    const double* x = c.points + 3 * i;
-    const int bucket = BucketOf(CellOf(x[0] / voxel, side), CellOf(x[1] / voxel, side), CellOf(x[2] / voxel, side));
-    c.in_buckets[Add(&c.bucket_ends[bucket], 1)] = i;
+    const int bucket = bucket_of(c.points + 3 * i);
+    if (bucket >= 0) c.in_buckets[Add(&c.bucket_ends[bucket], 1)] = i;
   });
   Each(kBuckets, [&](int i) {
     int *first = c.in_buckets + c.bucket_starts[i], *end = c.in_buckets + c.bucket_ends[i];
@@ -64,22 +63,25 @@ inline void FindKernels(const Canvas& c) {
       *to = own;
     }
   });
-  Each(s.num_points, [&](int i) {
-    if (c.cells[i] == kNone) return;
-    const double* x = c.points + 3 * i;
+  const int count = c.bucket_starts[kBuckets];
+  Each(count, [&](int i) {
+    const double* x = c.points + 3 * c.in_buckets[i];
     const Vector centre = {x[0] / voxel, x[1] / voxel, x[2] / voxel};
+    c.centres[i] = centre;
+    c.cells[i] = CellKey(CellOf(centre.x, side), CellOf(centre.y, side), CellOf(centre.z, side));
+  });
+  Each(count, [&](int i) {
+    const Vector centre = c.centres[i];
     const long long at[3] = {CellOf(centre.x, side), CellOf(centre.y, side), CellOf(centre.z, side)};
     c.kernels[i] = FitKernel(centre, spacing, [&](const auto& f) {
       for (int k = 0; k < 27; ++k) {
         const long long cell[3] = {at[0] + k % 3 - 1, at[1] + k / 3 % 3 - 1, at[2] + k / 9 - 1};
         const unsigned long long key = CellKey(cell[0], cell[1], cell[2]);
         const int bucket = BucketOf(cell[0], cell[1], cell[2]);
-        for (int n = c.bucket_starts[bucket], found = 0; n < c.bucket_ends[bucket] && found < kMostInCell; ++n) {
-          const int other = c.in_buckets[n];
-          if (c.cells[other] != key) continue;
+        for (int n = c.bucket_starts[bucket], found = 0; n < c.bucket_starts[bucket + 1] && found < kMostInCell; ++n) {
+          if (c.cells[n] != key) continue;
           ++found;
-          const double* y = c.points + 3 * other;
-          const Vector d = Vector{y[0] / voxel, y[1] / voxel, y[2] / voxel} - centre;
+          const Vector d = c.centres[n] - centre;
           const double squared = Dot(d, d);
           if (squared > 0 && squared < side * side) f(d);
         }
@@ -88,25 +90,23 @@ inline void FindKernels(const Canvas& c) {
   });
 }
 
-// Calls f(x, y, z) for the points of the grid that a kernel may reach, and those around them.
+// Points of the grid that a kernel reaches, and `around` of them.
 struct Reach {
   int low[3], high[3];
 
-  explicit Reach(const KernelShape& kernel) {
+  Reach(const KernelShape& kernel, int around) {
     for (int k = 0; k < 3; ++k) {
-      low[k] = static_cast<int>(floor(kernel.centre[k] - kernel.reach[k])) - 1;
-      high[k] = static_cast<int>(ceil(kernel.centre[k] + kernel.reach[k])) + 1;
+      low[k] = static_cast<int>(floor(kernel.centre[k] - kernel.reach[k])) - around;
+      high[k] = static_cast<int>(ceil(kernel.centre[k] + kernel.reach[k])) + around;
     }
   }
 };
 
 // Numbers the blocks in which there is water; whether they lie in the memory.
 inline bool FindBlocks(const Canvas& c) {
-  const Scene& s = *c.scene;
   Each(kBlocks, [&](int i) { c.blocks[i] = 0; });
-  Each(s.num_points, [&](int i) {
-    if (c.cells[i] == kNone) return;
-    const Reach reach(c.kernels[i]);
+  Each(c.bucket_starts[kBuckets], [&](int i) {
+    const Reach reach(c.kernels[i], 1);
     for (int z = reach.low[2] >> 3; z <= reach.high[2] >> 3; ++z) {
       for (int y = reach.low[1] >> 3; y <= reach.high[1] >> 3; ++y) {
         for (int x = reach.low[0] >> 3; x <= reach.high[0] >> 3; ++x) {
@@ -117,33 +117,50 @@ inline bool FindBlocks(const Canvas& c) {
     }
   });
   SumUp(c.blocks, kBlocks, c.partial);
-  const bool fits = c.blocks[kBlocks - 1] <= kMostBlocks;
+  const int count = c.blocks[kBlocks - 1];
   Wait();
-  Each(fits ? kBlocks : 0, [&](int i) {
+  if (count > kMostBlocks) return false;
+  Each(kBlocks, [&](int i) {
     const int before = i > 0 ? c.blocks[i - 1] : 0;
     if (c.blocks[i] > before) c.wet[before] = i;
   });
-  return fits;
+  Each(kBlocks, [&](int i) { c.blocks[i] = -1; });
+  Each(3, [&](int k) { c.low_block[k] = kBlocksX, c.high_block[k] = -1; });
+  Each(count, [&](int i) { c.blocks[c.wet[i]] = i; });
+  Once([&] {
+    c.wet[kMostBlocks] = count;
+    for (int i = 0; i < count; ++i) {
+      const int at[3] = {c.wet[i] % kBlocksX, c.wet[i] / kBlocksX % kBlocksX, c.wet[i] / kBlocksX / kBlocksX};
+      for (int k = 0; k < 3; ++k) {
+        c.low_block[k] = std::min(c.low_block[k], at[k]), c.high_block[k] = std::max(c.high_block[k], at[k]);
+      }
+    }
+  });
+  return true;
 }
 
+inline int VoxelOf(int x, int y, int z) { return (x & 7) | (y & 7) << 3 | (z & 7) << 6; }
+
 inline void Weigh(const Canvas& c) {
-  const Scene& s = *c.scene;
-  Each(c.blocks[kBlocks - 1] * kVoxels, [&](int i) { c.weights[i] = 0; });
-  Each(s.num_points, [&](int i) {
-    if (c.cells[i] == kNone) return;
+  Each(c.wet[kMostBlocks] * kVoxels, [&](int i) { c.weights[i] = 0; });
+  Each(c.bucket_starts[kBuckets], [&](int i) {
     const KernelShape& kernel = c.kernels[i];
-    const Reach reach(kernel);
+    const Reach reach(kernel, 0);
+    float metric[6], centre[3];
+    for (int k = 0; k < 6; ++k) metric[k] = static_cast<float>(k < 3 ? kernel.metric[k] : 2 * kernel.metric[k]);
+    for (int k = 0; k < 3; ++k) centre[k] = static_cast<float>(kernel.centre[k]);
+    const float amplitude = static_cast<float>(kernel.amplitude) / kUnit;
     for (int z = reach.low[2]; z <= reach.high[2]; ++z) {
       for (int y = reach.low[1]; y <= reach.high[1]; ++y) {
+        const float dy = static_cast<float>(y) - centre[1], dz = static_cast<float>(z) - centre[2];
+        const float rest = 1 - metric[2] * dz * dz - dy * (metric[1] * dy + metric[3] * dz);
+        const float slope = metric[4] * dz + metric[5] * dy;
         for (int x = reach.low[0]; x <= reach.high[0]; ++x) {
-          const Vector d = {x - kernel.centre[0], y - kernel.centre[1], z - kernel.centre[2]};
-          const float left = static_cast<float>(1 - Distance(kernel.metric, d));
+          const float dx = static_cast<float>(x) - centre[0], left = rest - dx * (slope + metric[0] * dx);
           if (left <= 0) continue;
-          const int block = BlockAt(x >> 3, y >> 3, z >> 3);
+          const int at = BlockAt(x >> 3, y >> 3, z >> 3), block = at < 0 ? -1 : c.blocks[at];
           if (block < 0) continue;
-          const float weight = static_cast<float>(kernel.amplitude) * left * left * left;
-          const int at = (c.blocks[block] - 1) * kVoxels + ((x & 7) | (y & 7) << 3 | (z & 7) << 6);
-          Add(&c.weights[at], static_cast<int>(weight / kUnit + 0.5f));
+          Add(&c.weights[block * kVoxels + VoxelOf(x, y, z)], static_cast<int>(amplitude * left * left * left + 0.5f));
         }
       }
     }
@@ -153,30 +170,36 @@ inline void Weigh(const Canvas& c) {
 // The number of a block that has water, from 0 on, or -1.
 inline int WetBlock(const Canvas& c, int x, int y, int z) {
   const int block = BlockAt(x, y, z);
-  if (block < 0) return -1;
-  const int before = block > 0 ? c.blocks[block - 1] : 0;
-  return c.blocks[block] > before ? before : -1;
+  return block < 0 ? -1 : c.blocks[block];
 }
 
 inline float WeightAt(const Canvas& c, int x, int y, int z) {
   const int block = WetBlock(c, x >> 3, y >> 3, z >> 3);
-  return block < 0 ? 0
-                   : kUnit * static_cast<float>(c.weights[block * kVoxels + ((x & 7) | (y & 7) << 3 | (z & 7) << 6)]);
+  return block < 0 ? 0 : kUnit * static_cast<float>(c.weights[block * kVoxels + VoxelOf(x, y, z)]);
 }
 
-// Whether the surface, made of triangles, would have no more than it may: as of a closed one, two for each side of a
-// voxel that goes into the water.
-inline bool IsFewEnough(const Canvas& c) {
+// Finds the cells in which there may be water. Whether the surface, made of triangles, would have no more than it may:
+// as of a closed one, two for each side of a voxel that goes into the water.
+inline bool FindCells(const Canvas& c) {
+  const int count = c.wet[kMostBlocks];
   Once([&] { c.partial[0] = 0; });
-  Each(c.blocks[kBlocks - 1] * kVoxels, [&](int i) {
+  Each(count * (kVoxels / 32), [&](int i) { c.crossed[i] = 0; });
+  Each(count, [&](int i) { c.num_crossed[i] = 0; });
+  Each(count * kVoxels, [&](int i) {
     const int block = c.wet[i / kVoxels], k = i % kVoxels;
     const int x = 8 * (block % kBlocksX - kBlocksX / 2) + (k & 7),
               y = 8 * (block / kBlocksX % kBlocksX - kBlocksX / 2) + (k >> 3 & 7),
               z = 8 * (block / kBlocksX / kBlocksX - kBlocksZ / 4) + (k >> 6);
-    const bool inside = kUnit * static_cast<float>(c.weights[i]) > kLevel;
-    const int count = ((WeightAt(c, x + 1, y, z) > kLevel) != inside) +
-                      ((WeightAt(c, x, y + 1, z) > kLevel) != inside) + ((WeightAt(c, x, y, z + 1) > kLevel) != inside);
-    if (count) Add(&c.partial[0], count);
+    bool any = false, inside[8];
+    for (int n = 0; n < 8; ++n) {
+      inside[n] = WeightAt(c, x + (n & 1), y + (n >> 1 & 1), z + (n >> 2)) > kLevel;
+      any = any || inside[n];
+    }
+    if (!any) return;
+    SetBits(&c.crossed[i / 32], static_cast<int>(1u << i % 32));
+    Add(&c.num_crossed[i / kVoxels], 1);
+    const int sides = (inside[1] != inside[0]) + (inside[2] != inside[0]) + (inside[4] != inside[0]);
+    if (sides) Add(&c.partial[0], sides);
   });
   const bool found = 2 * c.partial[0] <= c.scene->most_triangles;
   Wait();
@@ -188,11 +211,12 @@ inline void PlaceWater(Canvas* c) {
     FindKernels(*c);
     if (FindBlocks(*c)) {
       Weigh(*c);
-      if (IsFewEnough(*c)) return;
+      if (FindCells(*c)) return;
     }
     Once([&] { c->voxel *= kCoarser; });
   }
-  Each(kBlocks, [&](int i) { c->blocks[i] = 0; });
+  Each(kBlocks, [&](int i) { c->blocks[i] = -1; });
+  Each(3, [&](int k) { c->low_block[k] = 0, c->high_block[k] = -1; });
 }
 
 // Between the points of the grid, in voxels.
@@ -200,53 +224,80 @@ inline float WeightAt(const Canvas& c, const Point& p) {
   const float fx = floorf(p.x), fy = floorf(p.y), fz = floorf(p.z);
   const int x = static_cast<int>(fx), y = static_cast<int>(fy), z = static_cast<int>(fz);
   const float u = p.x - fx, v = p.y - fy, w = p.z - fz;
-  float sum = 0;
-  for (int k = 0; k < 8; ++k) {
-    const float a = k & 1 ? u : 1 - u, b = k & 2 ? v : 1 - v, d = k & 4 ? w : 1 - w;
-    sum += a * b * d * WeightAt(c, x + (k & 1), y + (k >> 1 & 1), z + (k >> 2));
+  float corner[8];
+  if ((x & 7) < 7 && (y & 7) < 7 && (z & 7) < 7) {  // All in one block.
+    const int block = WetBlock(c, x >> 3, y >> 3, z >> 3);
+    if (block < 0) return 0;
+    const int* own = c.weights + block * kVoxels + VoxelOf(x, y, z);
+    for (int k = 0; k < 8; ++k) {
+      corner[k] = kUnit * static_cast<float>(own[(k & 1) | (k >> 1 & 1) << 3 | (k >> 2) << 6]);
+    }
+  } else {
+    for (int k = 0; k < 8; ++k) corner[k] = WeightAt(c, x + (k & 1), y + (k >> 1 & 1), z + (k >> 2));
   }
-  return sum;
+  const auto between = [](float a, float b, float share) { return a + share * (b - a); };
+  const float low = between(between(corner[0], corner[1], u), between(corner[2], corner[3], u), v);
+  const float high = between(between(corner[4], corner[5], u), between(corner[6], corner[7], u), v);
+  return between(low, high, w);
 }
 
-// Where a ray from `start` enters the water, in (near, far) [lengths of `along`]; `far` if nowhere.
-inline float EnterWater(const Canvas& c, const Point& start, const Point& along, float near, float far) {
+// Where a ray from `start` enters the water, in (near, far) [lengths of `along`]; `far` if nowhere. `comes_near`: set
+// if there is water in a cell on its way.
+inline float EnterWater(const Canvas& c, const Point& start, const Point& along, float near, float far,
+                        bool* comes_near = nullptr) {
   const float nowhere = far;
   const float scale = 1 / c.voxel;
   const Point from = scale * start, step = scale * along;
-  // Within the box that may have water.
-  const float low[3] = {-8.0f * kBlocksX / 2, -8.0f * kBlocksX / 2, -8.0f * kBlocksZ / 4};
-  const float high[3] = {8.0f * kBlocksX / 2, 8.0f * kBlocksX / 2, 8.0f * kBlocksZ * 3 / 4};
-  const float at[3] = {from.x, from.y, from.z}, by[3] = {step.x, step.y, step.z};
+  // Within the box around what has water.
+  const int origin[3] = {kBlocksX / 2, kBlocksX / 2, kBlocksZ / 4};
+  float low[3], high[3];
   for (int k = 0; k < 3; ++k) {
-    if (by[k] == 0) {
-      if (at[k] < low[k] || at[k] > high[k]) return nowhere;
-      continue;
-    }
-    const float a = (low[k] - at[k]) / by[k], b = (high[k] - at[k]) / by[k];
+    low[k] = 8.0f * static_cast<float>(c.low_block[k] - origin[k]);
+    high[k] = 8.0f * static_cast<float>(c.high_block[k] + 1 - origin[k]);
+  }
+  const float at[3] = {from.x, from.y, from.z}, by[3] = {step.x, step.y, step.z};
+  float scales[3];
+  for (int k = 0; k < 3; ++k) {
+    scales[k] = by[k] != 0 ? 1 / by[k] : kEndless;
+    const float a = (low[k] - at[k]) * scales[k], b = (high[k] - at[k]) * scales[k];
     near = std::max(near, std::min(a, b)), far = std::min(far, std::max(a, b));
   }
-  const float stride = kStep / sqrtf(Dot(step, step));
+  // Where a ray leaves a cube of the grid.
+  const auto leave = [&](const int* cube, float side) {
+    float t = far;
+    for (int k = 0; k < 3; ++k) {
+      t = std::min(t, (side * static_cast<float>(cube[k] + (by[k] > 0)) - at[k]) * scales[k]);
+    }
+    return t;
+  };
+  const float stride = kStep / sqrtf(Dot(step, step)), little = 0.02f * stride;
   float outside = near;
   for (float t = near; t < far;) {
     const Point p = from + t * step;
-    const int x = static_cast<int>(floorf(p.x)) >> 3, y = static_cast<int>(floorf(p.y)) >> 3,
-              z = static_cast<int>(floorf(p.z)) >> 3;
-    if (WetBlock(c, x, y, z) < 0) {  // On to the next block.
-      const float corner[3] = {8.0f * static_cast<float>(x + (by[0] > 0)), 8.0f * static_cast<float>(y + (by[1] > 0)),
-                               8.0f * static_cast<float>(z + (by[2] > 0))};
-      float leave = far;
-      for (int k = 0; k < 3; ++k) {
-        if (by[k] != 0) leave = std::min(leave, (corner[k] - at[k]) / by[k]);
-      }
-      outside = t;
-      t = std::max(leave, t) + 0.02f * stride;
+    const int cell[3] = {static_cast<int>(floorf(p.x)), static_cast<int>(floorf(p.y)), static_cast<int>(floorf(p.z))};
+    const int cube[3] = {cell[0] >> 3, cell[1] >> 3, cell[2] >> 3};
+    const int block = WetBlock(c, cube[0], cube[1], cube[2]);
+    if (block < 0 || c.num_crossed[block] == 0) {
+      outside = t, t = std::max(leave(cube, 8), t) + little;
       continue;
     }
-    if (WeightAt(c, p) > kLevel) {
-      float inside = t;
-      for (int k = 0; k < kHalvings; ++k) {
-        const float middle = 0.5f * (outside + inside);
-        (WeightAt(c, from + middle * step) > kLevel ? inside : outside) = middle;
+    const int i = block * kVoxels + VoxelOf(cell[0], cell[1], cell[2]);
+    if (!(static_cast<unsigned>(c.crossed[i / 32]) >> i % 32 & 1)) {
+      outside = t, t = std::max(leave(cell, 1), t) + little;
+      continue;
+    }
+    if (comes_near) *comes_near = true;
+    float inside = t, within = WeightAt(c, p);
+    if (within > kLevel) {
+      float without = WeightAt(c, from + outside * step);
+      for (int k = 0; k < kSecants && without <= kLevel; ++k) {
+        const float middle = outside + (kLevel - without) / (within - without) * (inside - outside);
+        const float weight = WeightAt(c, from + middle * step);
+        if (weight > kLevel) {
+          inside = middle, within = weight;
+        } else {
+          outside = middle, without = weight;
+        }
       }
       return inside;
     }
