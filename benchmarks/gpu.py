@@ -120,35 +120,36 @@ def rate(task: str, number: int, most: int, **settings: Any) -> dict[str, float]
     return found
 
 
-def played(task: str, number: int, device: str, steps: int, rows: int) -> list[np.ndarray]:
-    """What the first rows are observed to be after each env step, and rewards."""
+def played(task: str, number: int, device: str, times: int = 1) -> list[list[np.ndarray]]:
+    """What the first rows are observed to be after each env step, and rewards: as many times."""
     settings: dict[str, Any] = {
         "observation": ["full", "reduced", "rgb", "depth", "segmentation"],
         "image_size": (SIDE, SIDE),
         "split": EVALUATION[:BITS],
     }
     envs = softgym_mj.make_vec(task, number, device=device, **settings)
-    envs.reset(options={"variation": variations(number, BITS)})
     random = np.random.default_rng(1)
-    actions = np.zeros((steps, *envs.action_space.shape), np.float32)
-    actions[:, :rows] = random.uniform(-1.0, 1.0, actions[:, :rows].shape)
-    actions[:, rows:] = random.uniform(-1.0, 1.0, actions[:, rows:].shape)
-    found = []
-    for each in actions:
-        seen, rewards, *_ = envs.step(each if device != "cuda" else torch.from_numpy(each).cuda())
-        arrays = [*seen.values(), rewards]
-        host = [np.asarray(a.cpu() if device == "cuda" else a, float)[:rows] for a in arrays]
-        found.append(np.concatenate([a.reshape(rows, -1) for a in host], axis=1))
+    actions = np.zeros((BITS_STEPS, *envs.action_space.shape), np.float32)
+    actions[:, :BITS] = random.uniform(-1.0, 1.0, actions[:, :BITS].shape)
+    actions[:, BITS:] = random.uniform(-1.0, 1.0, actions[:, BITS:].shape)
+    found: list[list[np.ndarray]] = []
+    for _ in range(times):
+        envs.reset(options={"variation": variations(number, BITS)})
+        found.append([])
+        for each in actions:
+            told = torch.from_numpy(each).cuda() if device == "cuda" else each
+            seen, rewards, *_ = envs.step(told)
+            arrays = [*seen.values(), rewards]
+            host = [np.asarray(a.cpu() if device == "cuda" else a, float)[:BITS] for a in arrays]
+            found[-1].append(np.concatenate([a.reshape(BITS, -1) for a in host], axis=1))
     envs.close()
     return found
 
 
 def bits(task: str) -> dict[str, Any]:
     """Whether a GPU's numbers are the processor's, its own of another run, and in other places."""
-    first = played(task, BITS, "cuda", BITS_STEPS, BITS)
-    again = played(task, BITS, "cuda", BITS_STEPS, BITS)
-    among = played(task, 5 * BITS, "cuda", BITS_STEPS, BITS)
-    host = played(task, BITS, "host", BITS_STEPS, BITS)
+    first, again = played(task, BITS, "cuda", times=2)
+    (among,), (host,) = played(task, 5 * BITS, "cuda"), played(task, BITS, "host")
     differences = [np.abs(a - b) for a, b in zip(first, host, strict=True)]
     return {
         "env_steps": BITS * BITS_STEPS,
