@@ -182,14 +182,15 @@ inline Point ColorOf(const Canvas& c, const Ray& ray, int x, int y, const Seen& 
     color = SolidColor(c, s.At<Solid>(s.solids)[seen.solid],
                        HitSolid(c, seen.solid, ray.from, ray.along, Inverse(ray.along)), ray);
   }
-  const auto over = [&](const Material& material, const Point& place, const Point& normal) {
+  const auto over = [&](const Material& material, float opacity, const Point& place, const Point& normal) {
     const Point own = Lit(c, material, {1, 1, 1}, place, normal, ray.back);
-    color = material.opacity * own + (1 - material.opacity) * color;
+    color = opacity * own + (1 - opacity) * color;
   };
   float water = seen.water;
   const auto over_water = [&] {
-    const Point place = ray.from + water * ray.along;
-    over(s.material, place, WaterNormal(c, place));
+    const Point place = ray.from + water * ray.along, normal = WaterNormal(c, place);
+    const float through = 1 - s.material.opacity;
+    over(s.material, 1 - through * through, place, normal);  // It has a rear side as well.
     water = kFar;
   };
   for (int pane = seen.panes; pane > 0; --pane) {  // From behind.
@@ -197,7 +198,8 @@ inline Point ColorOf(const Canvas& c, const Ray& ray, int x, int y, const Seen& 
     if (water < kFar && DistanceOf(key) < water) over_water();
     const int* corner = s.At<int>(s.triangles) + 3 * TriangleOf(key);
     const OnTriangle on = Meet(c, corner, ray);
-    over(GlassOf(s, TriangleOf(key)).material, on.place, NormalOn(c, corner, on));
+    const Material& glass = GlassOf(s, TriangleOf(key)).material;
+    over(glass, glass.opacity, on.place, NormalOn(c, corner, on));
   }
   if (water < kFar) over_water();
   return color;

@@ -12,6 +12,7 @@ namespace {
 
 constexpr float kAside = 100;       // [m] From the origin: beyond, nothing throws a shadow.
 constexpr float kOffset = 2e-3f;    // [m] Off a surface, of what looks towards a light.
+constexpr float kVoxelsOff = 0.5f;  // The same, in voxels of the water,
 constexpr float kTexelsOff = 1.5f;  // The same, in texels of a shadow.
 constexpr float kShininess = 128;   // Of OpenGL, of a material whose shininess is 1.
 
@@ -86,7 +87,10 @@ inline float Reaches(const Canvas& c, const Light& light, int shadow, const Poin
   for (int i = 0; i < s.num_solids; ++i) {
     if (ComesNear(c.frames[i], off, across.to) && HitSolid(c, i, off, across.to, scales).distance < kFar) return 0;
   }
-  if (s.kind == kWater) return EnterWater(c, off, across.to, 0, kAside) < kAside ? 0.0f : 1.0f;
+  if (s.kind == kWater) {
+    const Point above = place + kVoxelsOff * c.voxel * normal;
+    return EnterWater(c, above, across.to, 0, kAside) < kAside ? 0.0f : 1.0f;
+  }
   if (!s.num_triangles || shadow >= kMostShadows) return 1;
   const ShadowGrid grid(c.bounds + 4 * shadow);
   const float* heights = c.shadows + kShadowTexels * shadow;
