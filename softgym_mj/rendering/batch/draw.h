@@ -136,6 +136,7 @@ struct Seen {
 };
 
 constexpr int kSky = -1, kMesh = -2;
+constexpr int kGlassShares = 8;  // Of a triangle of glass, of which there are large ones.
 
 // What the first sample of a pixel has found out about water for the others, which are less than a voxel away.
 struct Ahead {
@@ -182,15 +183,16 @@ inline Point ColorOf(const Canvas& c, const Ray& ray, int x, int y, const Seen& 
     color = SolidColor(c, s.At<Solid>(s.solids)[seen.solid],
                        HitSolid(c, seen.solid, ray.from, ray.along, Inverse(ray.along)), ray);
   }
-  const auto over = [&](const Material& material, float opacity, const Point& place, const Point& normal) {
-    const Point own = Lit(c, material, {1, 1, 1}, place, normal, ray.back);
+  const auto over = [&](const Material& material, float opacity, bool is_glass, const Point& place,
+                        const Point& normal) {
+    const Point own = Lit(c, material, {1, 1, 1}, place, normal, ray.back, is_glass);
     color = opacity * own + (1 - opacity) * color;
   };
   float water = seen.water;
   const auto over_water = [&] {
     const Point place = ray.from + water * ray.along, normal = WaterNormal(c, place);
     const float through = 1 - s.material.opacity;
-    over(s.material, 1 - through * through, place, normal);  // It has a rear side as well.
+    over(s.material, 1 - through * through, false, place, normal);  // It has a rear side as well.
     water = kFar;
   };
   for (int pane = seen.panes; pane > 0; --pane) {  // From behind.
@@ -199,7 +201,7 @@ inline Point ColorOf(const Canvas& c, const Ray& ray, int x, int y, const Seen& 
     const int* corner = s.At<int>(s.triangles) + 3 * TriangleOf(key);
     const OnTriangle on = Meet(c, corner, ray);
     const Material& glass = GlassOf(s, TriangleOf(key)).material;
-    over(glass, glass.opacity, on.place, NormalOn(c, corner, on));
+    over(glass, glass.opacity, true, on.place, NormalOn(c, corner, on));
   }
   if (water < kFar) over_water();
   return color;
@@ -280,12 +282,12 @@ inline void DrawWorld(const Batch& b, long long i, long long slot) {
     const Eye& eye = s.At<Eye>(s.eyes)[e];
     Project(c, eye);
     const int samples = c.width * c.height;
-    if (s.num_triangles) DrawTriangles(c, 0, s.num_triangles, nullptr, c.nearest);
+    if (s.num_triangles) DrawTriangles(c, 0, s.num_triangles, 1, nullptr, c.nearest);
     const int panes = !s.num_glasses ? 0 : b.what == kColors ? kMostPanes : 1;
     for (int pane = 1; pane <= panes; ++pane) {
       Key* nearest = c.nearest + static_cast<long long>(samples) * pane;
       const Key* before = pane > 1 ? nearest - samples : nullptr;
-      DrawTriangles(c, s.num_triangles, s.num_triangles + s.glass_triangles, before, nearest);
+      DrawTriangles(c, s.num_triangles, s.num_triangles + s.glass_triangles, kGlassShares, before, nearest);
     }
     const long long first = (i * b.num_eyes + e) * pixels;
     Each(static_cast<int>(pixels), [&](int i) {

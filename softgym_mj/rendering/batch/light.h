@@ -71,7 +71,7 @@ inline void DrawShadows(const Canvas& c) {
         corners[k][1] = -static_cast<int>(256 * grid.scale * (y - grid.low)) + 256 * kShadowSide;
         values[k] = kAside + height;
       }
-      EachSample(corners, values, kShadowSide, kShadowSide, [&](int x, int y, float height) {
+      EachSample(corners, values, kShadowSide, kShadowSide, 0, 1, [&](int x, int y, float height) {
         TakeLargest(&heights[(kShadowSide - 1 - y) * kShadowSide + x], height);
       });
     });
@@ -130,9 +130,9 @@ inline Point Sampled(const Texture& texture, float u, float v, float texels) {
   return sum;
 }
 
-// What a surface sends to an eye. `texel`: factor to it, white without a texture.
+// What a surface sends to an eye. `texel`: factor to it, white without a texture. No shadow falls on glass.
 inline Point Lit(const Canvas& c, const Material& material, const Point& texel, const Point& place, const Point& normal,
-                 const Point& to_eye) {
+                 const Point& to_eye, bool is_glass = false) {
   const Scene& s = *c.scene;
   const Light* lights = s.At<Light>(s.lights);
   const float facing = Dot(normal, to_eye);
@@ -145,7 +145,7 @@ inline Point Lit(const Canvas& c, const Material& material, const Point& texel, 
     sum = sum + At(light.ambient);
     const float cosine = Dot(normal, to);
     if (cosine <= 0) continue;
-    const float share = light.has_shadow ? Reaches(c, light, own, place, normal) : 1.0f;
+    const float share = light.has_shadow && !is_glass ? Reaches(c, light, own, place, normal) : 1.0f;
     if (share <= 0) continue;
     sum = sum + share * cosine * At(light.diffuse);
     const float half = Dot(normal, Direction(to + to_eye)), n = kShininess * material.shininess;

@@ -119,9 +119,11 @@ inline void Project(const Canvas& c, const Eye& eye) {
 
 // Calls f(x, y, value) for each sample of a (width, height) grid in a triangle whose front is seen; a side belongs to
 // one of the two triangles that share it (exactly: all are whole numbers). `corners`: x, y of each [1/256 of a
-// sample], x to the right, y downwards. `values`: at corners, linear between.
+// sample], x to the right, y downwards. `values`: at corners, linear between. Of its rows, `share` and each `shares`
+// after it.
 template <class F>
-inline void EachSample(const int corners[3][2], const float values[3], int width, int height, const F& f) {
+inline void EachSample(const int corners[3][2], const float values[3], int width, int height, int share, int shares,
+                       const F& f) {
   // Anticlockwise in the world is clockwise where y is downwards.
   const int order[3] = {0, 2, 1};
   long long x[3], y[3];
@@ -134,7 +136,7 @@ inline void EachSample(const int corners[3][2], const float values[3], int width
   const long long low_x = std::min(x[0], std::min(x[1], x[2])), high_x = std::max(x[0], std::max(x[1], x[2]));
   const long long low_y = std::min(y[0], std::min(y[1], y[2])), high_y = std::max(y[0], std::max(y[1], y[2]));
   const int x0 = std::max(first(low_x), 0), x1 = std::min(last(high_x), width - 1);
-  const int y0 = std::max(first(low_y), 0), y1 = std::min(last(high_y), height - 1);
+  const int y0 = std::max(first(low_y), 0) + share, y1 = std::min(last(high_y), height - 1);
   long long slope_x[3], slope_y[3], start[3];
   for (int k = 0; k < 3; ++k) {  // Of the side opposite to corner k.
     const int a = (k + 1) % 3, b = (k + 2) % 3;
@@ -145,7 +147,7 @@ inline void EachSample(const int corners[3][2], const float values[3], int width
     if (!owns) start[k] -= 1;
   }
   const float whole = static_cast<float>(area);
-  for (int j = y0; j <= y1; ++j) {
+  for (int j = y0; j <= y1; j += shares) {
     long long e[3] = {start[0], start[1], start[2]};
     for (int i = x0; i <= x1; ++i) {
       if ((e[0] | e[1] | e[2]) >= 0) {
@@ -155,17 +157,18 @@ inline void EachSample(const int corners[3][2], const float values[3], int width
       }
       for (int k = 0; k < 3; ++k) e[k] += slope_x[k];
     }
-    for (int k = 0; k < 3; ++k) start[k] += slope_y[k];
+    for (int k = 0; k < 3; ++k) start[k] += shares * slope_y[k];
   }
 }
 
-// Finds the nearest of some triangles in each sample: of what is behind `before`, where that is not null.
-inline void DrawTriangles(const Canvas& c, int first, int end, const Key* before, Key* nearest) {
+// Finds the nearest of some triangles in each sample: of what is behind `before`, where that is not null. Large ones
+// are drawn in `shares`.
+inline void DrawTriangles(const Canvas& c, int first, int end, int shares, const Key* before, Key* nearest) {
   const Scene& s = *c.scene;
   const int* triangles = s.At<int>(s.triangles);
   Each(c.width * c.height, [&](int i) { nearest[i] = kNone; });
-  Each(end - first, [&](int k) {
-    const int t = first + k, *corner = triangles + 3 * t;
+  Each((end - first) * shares, [&](int k) {
+    const int t = first + k / shares, *corner = triangles + 3 * t;
     int corners[3][2];
     float values[3];
     for (int n = 0; n < 3; ++n) {
@@ -173,7 +176,7 @@ inline void DrawTriangles(const Canvas& c, int first, int end, const Key* before
       values[n] = c.nearness[corner[n]];
       if (values[n] <= 0) return;
     }
-    EachSample(corners, values, c.width, c.height, [&](int x, int y, float nearness) {
+    EachSample(corners, values, c.width, c.height, k % shares, shares, [&](int x, int y, float nearness) {
       const Key key = static_cast<Key>(BitsOf(1 / nearness)) << 32 | static_cast<unsigned>(t);
       const int at = y * c.width + x;
       if (before && key <= before[at]) return;
