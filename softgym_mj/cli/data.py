@@ -20,10 +20,11 @@ from softgym_mj.cli.console import (
     parsed_settings,
     progress_bar,
 )
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.registry import find
 from softgym_mj.variations.indices import NUM_VARIATIONS
+from softgym_mj.vector.make import DEVICES, make_place
 
 
 def generate(
@@ -32,12 +33,17 @@ def generate(
     num: Annotated[int, typer.Option(help="Number of variations.", min=1)] = NUM_VARIATIONS,
     jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
     ray: Ray = None,
+    device: Annotated[
+        str, typer.Option(help="Where: cpu (by --jobs), host or cuda, many together.")
+    ] = "cpu",
     fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
     pack: Annotated[
         pathlib.Path | None, typer.Option(help="Also write all 1000 into this file.")
     ] = None,
 ) -> None:
     """Generates settled initial states into the cache; may be killed and run again."""
+    check_name("device", device, DEVICES)
+    place = None if device == "cpu" else make_place(device, num)
     record = find(task)
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
     store = record.build(**settings).store
@@ -49,7 +55,7 @@ def generate(
     with make_executor(jobs, ray) as executor, progress_bar() as progress:
         bar = progress.add_task(f"{record.name} variations", total=num)
         made = store.generate_missing(
-            range(start, start + num), executor, lambda index: progress.advance(bar)
+            range(start, start + num), executor, lambda index: progress.advance(bar), place
         )
     console.print(f"{made} generated, {num - made} were there, in {store.folder}")
     if pack is not None:

@@ -1,6 +1,6 @@
 """Episodes of policies that look at observations alone, side by side on a device."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode
 
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, SimulationError
-from softgym_mj.jobs.executors import Executor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.saved import SUFFIX
 from softgym_mj.registry import find
@@ -20,22 +19,6 @@ from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.make import make_place
 
 MOST = 1056  # Episodes at once: more cost memory, and what is done is kept less often.
-
-
-class Together(Executor):
-    """Makes many calls by one: a function of a list of calls returns their results."""
-
-    number = 1
-
-    def results(
-        self, function: Callable, calls: Sequence[tuple[Any, ...]]
-    ) -> Iterator[tuple[int, Any]]:
-        for first in range(0, len(calls), MOST):
-            part = calls[first : first + MOST]
-            yield from enumerate(function(part), first)
-
-    def close(self) -> None:
-        pass
 
 
 def check_policy(policy: str, device: str) -> None:

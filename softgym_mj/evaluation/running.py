@@ -14,10 +14,10 @@ from softgym_mj import registry
 from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import open_folder
-from softgym_mj.evaluation.rows import Together, check_policy, play_rows
+from softgym_mj.evaluation.rows import MOST, check_policy, play_rows
 from softgym_mj.evaluation.statistics import methods, quality, summary
 from softgym_mj.exceptions import check_name
-from softgym_mj.jobs.executors import Executor, SerialExecutor
+from softgym_mj.jobs.executors import Executor, SerialExecutor, Together
 from softgym_mj.jobs.files import write_json
 from softgym_mj.jobs.store import Store
 from softgym_mj.policies.factory import make_policy
@@ -101,7 +101,7 @@ def evaluate(
         task, settings = configuration.task, configuration.settings
         policy = configuration.policy
         play = functools.partial(play_rows, task, settings, policy, trust, device)
-        executor = Together()
+        executor = Together(MOST)
     else:
         sent = sent_to(executor, configuration.task)
         written_settings = json.dumps(dict(configuration.settings), sort_keys=True)

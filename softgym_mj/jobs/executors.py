@@ -75,6 +75,23 @@ class SerialExecutor(Executor):
         pass
 
 
+class Together(Executor):
+    """Makes many calls by one: a function of a list of calls returns their results."""
+
+    number = 1
+
+    def __init__(self, most: int):
+        """Makes at most so many calls at once: what is done is kept after each."""
+        self._most = most
+
+    def results(self, function, calls):
+        for first in range(0, len(calls), self._most):
+            yield from enumerate(function(calls[first : first + self._most]), first)
+
+    def close(self):
+        pass
+
+
 class ProcessExecutor(Executor):
     """Processes on this machine. They end with their parent, even if it is killed."""
 

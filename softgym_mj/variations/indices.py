@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.native.places import Place
 
 NUM_VARIATIONS = 1000
 SPLITS = {
@@ -44,6 +45,10 @@ class Start(Protocol):
 
     def generate(self, index: int) -> np.ndarray:
         """Settled vertex positions (n, 3) [m] of a variation; a pure function of `index`."""
+        ...
+
+    def generate_all(self, indices: Sequence[int], place: Place) -> list[np.ndarray]:
+        """What `generate` makes of each (n, 3) [m], all together on a device."""
         ...
 
 

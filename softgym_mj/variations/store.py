@@ -3,17 +3,19 @@
 First comes the set shipped in the package, then the user's cache, one file a variation.
 """
 
+import functools
 import logging
 import pathlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import mujoco
 import numpy as np
 
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.executors import Executor
+from softgym_mj.jobs.executors import Executor, Together
 from softgym_mj.jobs.store import ARRAYS, Key, Store
 from softgym_mj.native.caches import CACHE_VARIABLE, cache_folder
+from softgym_mj.native.places import Place
 from softgym_mj.variations import packs
 from softgym_mj.variations.indices import NUM_VARIATIONS, Start, check_variation
 
@@ -25,6 +27,13 @@ _NOTICE = (
     "others will be when first used: most take tenths of a second, crumpled cloths seconds. They "
     "are kept in %s; `softgym-mj generate TASK --jobs N` makes all 1000 at once."
 )
+
+
+_MOST = 250  # That are generated together.
+
+
+def _together(start: Start, place: Place, calls: Sequence[tuple[int]]) -> list[np.ndarray]:
+    return start.generate_all([index for (index,) in calls], place)
 
 
 class VariationStore(Store):
@@ -79,6 +88,7 @@ class VariationStore(Store):
         indices: Iterable[int],
         executor: Executor | None = None,
         progress: Callable[[int], None] = lambda index: None,
+        place: Place | None = None,
     ) -> int:
         """Generates what is missing or corrupt; may be killed and run again.
 
@@ -87,13 +97,17 @@ class VariationStore(Store):
             executor: where they are generated, which the files do not depend on; None for this
                 process.
             progress: called with each index when its file is there.
+            place: where many are simulated together instead; the files are the same.
 
         Returns:
             How many variations were generated.
         """
+        function: Callable = self._start.generate
+        if place is not None:
+            function, executor = functools.partial(_together, self._start, place), Together(_MOST)
         return self.run(
             [check_variation(index) for index in indices],
-            self._start.generate,
+            function,
             executor,
             lambda index, points: progress(index),
             replace=True,

@@ -11,6 +11,8 @@ from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.tasks.shared.starts.settling import (
     MIN_SETTLE_STEPS,
     SETTLED_SPEED,
+    Procedure,
+    SettledFlex,
     Settling,
     centred,
 )
@@ -34,7 +36,7 @@ _MIN_HANG_STEPS, _HANG_STEPS = 300, 1000  # Sim steps; SoftGym stops after 500 w
 
 
 @dataclasses.dataclass(frozen=True)
-class _SizedCloth:
+class _SizedCloth(SettledFlex):
     """What the cloths of random size share."""
 
     fidelity: str = "default"
@@ -69,6 +71,10 @@ class _SizedCloth:
         """Of the cloth."""
         return (self.dims(index),)
 
+    def flex(self, index: int) -> Cloth:
+        """The cloth of a variation."""
+        return Cloth(dims=self.dims(index), fidelity=self.fidelity)
+
 
 @dataclasses.dataclass(frozen=True)
 class CrumpledCloth(_SizedCloth):
@@ -77,29 +83,27 @@ class CrumpledCloth(_SizedCloth):
     name: str = "crumpled_cloth"
     _version: ClassVar[int] = 7
 
-    def generate(self, index: int) -> np.ndarray:
-        """Settled vertex positions (rows * columns, 3) [m]."""
+    def begin(self, index, flex):
+        return flex.flat()
+
+    def procedure(self, index: int, flex: Cloth, scene: Settling) -> Procedure:
+        """Lifts and drops the cloth, and waits."""
         random = generator(self.name, index)
         random.integers(*self.size_range, size=2)  # Drawn in `dims`.
-        cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
-        scene = Settling(cloth)
-        cloth.set_points(cloth.flat())
-        scene.step()
+        yield from scene.step()
         # Drawn as a place on the sheet: the same for every fidelity.
-        place = random.uniform(size=2) * (np.array(cloth.shape) - 1)
-        vertex = cloth.index(*np.round(place).astype(int).tolist())
+        place = random.uniform(size=2) * (np.array(flex.shape) - 1)
+        vertex = flex.index(*np.round(place).astype(int).tolist())
         height = random.uniform(*_LIFT_HEIGHT)
         lift_steps = int(np.ceil(height / (_LIFT_SPEED * SIM_STEP)))
-        cloth.hold(vertex)
-        scene.drag(vertex, np.array([0.0, 0.0, height / lift_steps]), lift_steps)
+        yield from scene.drag(vertex, np.array([0.0, 0.0, height / lift_steps]), lift_steps)
         for count in range(_HOLD_STEPS):
-            scene.drag(vertex, np.zeros(3), 1)
+            yield from scene.drag(vertex, np.zeros(3), 1)
             if count >= MIN_SETTLE_STEPS and scene.max_speed() < SETTLED_SPEED:
                 break
-        cloth.release(vertex)
-        scene.settle(_FALL_STEPS)
+        yield from scene.settle(_FALL_STEPS)
         for _ in range(_SLUMP_STEPS):
-            scene.step()
+            yield from scene.step()
         steps = _FALL_STEPS + _SLUMP_STEPS
         while np.sqrt(np.mean(scene.speeds() ** 2)) >= _SETTLED_RMS:
             if steps >= _MAX_STEPS:
@@ -107,9 +111,9 @@ class CrumpledCloth(_SizedCloth):
                     f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
                     f"after {steps} sim steps"
                 )
-            scene.step()
+            yield from scene.step()
             steps += 1
-        return centred(cloth.points())
+        return centred(scene.points)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,13 +126,13 @@ class FlatCloth(_SizedCloth):
         """By how much the cloth is turned about +Z [rad], within +-45 degrees."""
         return float(generator(f"{self.name}/angle", index).uniform(-np.pi / 4, np.pi / 4))
 
-    def generate(self, index: int) -> np.ndarray:
-        """Vertex positions (rows * columns, 3) [m], at rest on the floor."""
-        cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
-        scene = Settling(cloth)
-        cloth.set_points(cloth.flat(angle=self.angle(index)))
-        scene.settle(_FALL_STEPS)
-        return centred(cloth.points())
+    def begin(self, index, flex):
+        return flex.flat(angle=self.angle(index))
+
+    def procedure(self, index: int, flex: Cloth, scene: Settling) -> Procedure:
+        """Waits until it lies."""
+        yield from scene.settle(_FALL_STEPS)
+        return centred(scene.points)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -150,20 +154,14 @@ class HangingCloth(_SizedCloth):
         vertices[0] += random.uniform(0.0, _HANG_JITTER)
         return vertices
 
-    def generate(self, index: int) -> np.ndarray:
-        """Settled vertex positions (rows * columns, 3) [m]."""
-        cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
-        scene = Settling(cloth)
-        cloth.set_points(self.sheet(index))
-        held = cloth.corners[:2].tolist()
-        goals = {vertex: cloth.vertex(vertex) for vertex in held}
-        for vertex in held:
-            cloth.hold(vertex)
+    def begin(self, index, flex):
+        return self.sheet(index)
+
+    def procedure(self, index: int, flex: Cloth, scene: Settling) -> Procedure:
+        """Holds its corners, and waits."""
+        goals = {vertex: scene.points[vertex] for vertex in flex.corners[:2].tolist()}
         for count in range(_HANG_STEPS):
-            for vertex, goal in goals.items():
-                cloth.drive(vertex, goal, SIM_STEP)
-            scene.step()
+            yield from scene.step(goals)
             if count >= _MIN_HANG_STEPS and scene.max_speed() < SETTLED_SPEED:
                 break
-        cloth.release_all()
-        return cloth.points()
+        return scene.points

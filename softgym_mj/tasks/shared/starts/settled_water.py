@@ -1,6 +1,7 @@
 """`SettledWater`: the initial states of the water tasks, water at rest in its cup."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -11,6 +12,8 @@ from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.fluid.water import TIMESTEP
+from softgym_mj.fluid.worlds import WaterWorlds, describe
+from softgym_mj.native.places import Place
 from softgym_mj.tasks.shared.starts.cup_variations import (
     LARGEST_COUNT,
     CupVariation,
@@ -80,6 +83,47 @@ class SettledWater:
 
     def generate(self, index: int) -> np.ndarray:
         """Positions (num_particles, 3) [m] relative to the middle of the cup's floor."""
+        physics, cup, water = self._scene(index)
+        rest = _Rest(f"variation {index} of {self.name}")
+        while not rest.has_come(water.velocities()):
+            mujoco.mj_step(physics.model.ptr, physics.data.ptr)
+        return self._checked(index, cup, water.points())
+
+    def generate_all(self, indices: Sequence[int], place: Place) -> list[np.ndarray]:
+        """What `generate` makes of each (n, 3) [m], all together on a device.
+
+        The same bits, as the simulation has them; what it has no room for is made alone.
+        """
+        scenes = [self._scene(index) for index in indices]
+        most = max(water.num_points for _, _, water in scenes)
+        worlds = WaterWorlds(len(indices), most, 1, place)
+        poses = np.zeros((len(indices), 1, 7))
+        for i, (physics, cup, water) in enumerate(scenes):
+            model = physics.model.ptr
+            worlds.start(i, describe(model, [model.body(cup.body.full_identifier).id]))
+            worlds.set_state(i, {"positions": place.put(water.points())})
+            poses[i, 0] = *cup.position, *cup.quaternion
+        told = place.put(poses)
+        found: dict[int, np.ndarray] = {}
+        left = {i: _Rest(f"variation {index} of {self.name}") for i, index in enumerate(indices)}
+        while left:
+            speeds, flags = place.get(worlds.velocities), place.get(worlds.flags)
+            for i in list(left):
+                _, cup, water = scenes[i]
+                if flags[i]:
+                    found[i] = self.generate(indices[i])
+                elif left[i].has_come(speeds[i, : water.num_points]):
+                    points = place.get(worlds.positions[i, : water.num_points])
+                    found[i] = self._checked(indices[i], cup, points)
+                else:
+                    continue
+                del left[i]
+                worlds.models[i] = 0
+            worlds.step(told)
+        return [found[i] for i in range(len(indices))]
+
+    def _scene(self, index: int) -> tuple[Any, Cup, Water]:
+        """A cup with its water, which does not rest yet."""
         variation = self.variation(index)
         resolution = variation.resolution(self.fidelity)
         cup, water = Cup(variation.cup), Water(self.liquid, resolution)
@@ -90,19 +134,10 @@ class SettledWater:
         physics = arena.compile(TIMESTEP, cup, water)
         random = generator(f"{self.name}/lattice", index)
         water.set_points(lattice(variation.cup, resolution, random))
-        rest = 0
-        for _ in range(_MAX_STEPS):
-            mujoco.mj_step(physics.model.ptr, physics.data.ptr)
-            speed = np.sqrt(np.mean(np.sum(water.velocities() ** 2, axis=1)))
-            rest = rest + 1 if speed < SETTLED_RMS else 0
-            if rest == _REST_STEPS:
-                break
-        else:
-            raise SimulationError(
-                f"variation {index} of {self.name} still moves at {speed:.3f} m/s after "
-                f"{_MAX_STEPS} sim steps"
-            )
-        positions = water.points()
+        return physics, cup, water
+
+    def _checked(self, index: int, cup: Cup, positions: np.ndarray) -> np.ndarray:
+        """Those positions (n, 3) [m], all inside the cup."""
         outside = np.count_nonzero(~cup.inside(positions))
         if outside:
             raise SimulationError(
@@ -110,3 +145,21 @@ class SettledWater:
                 "outside the cup"
             )
         return positions
+
+
+class _Rest:
+    """Sees when water has come to rest."""
+
+    def __init__(self, name: str):
+        self._name, self._steps, self._rest = name, 0, 0
+
+    def has_come(self, velocities: np.ndarray) -> bool:
+        """Whether it has, by velocities (n, 3) [m/s] before the first and after each sim step."""
+        speed = np.sqrt(np.mean(np.sum(velocities**2, axis=1)))
+        if self._steps > _MAX_STEPS:
+            raise SimulationError(
+                f"{self._name} still moves at {speed:.3f} m/s after {_MAX_STEPS} sim steps"
+            )
+        is_slow = self._steps > 0 and speed < SETTLED_RMS
+        self._steps, self._rest = self._steps + 1, self._rest + 1 if is_slow else 0
+        return self._rest == _REST_STEPS

@@ -1,48 +1,63 @@
 """`Settling`: a flex alone on the floor, simulated until it is at rest.
 
 The procedures are SoftGym's (facts 3.4 and 3.6) with its settle test made on the speed of every
-vertex, where the original compares signed components and so may stop while things fall.
+vertex, where the original compares signed components and so may stop while things fall. They are
+generators: who runs them simulates one flex with MuJoCo, or many together on a device.
 """
+
+import abc
+from collections.abc import Generator, Mapping, Sequence
 
 import mujoco
 import numpy as np
 
+from softgym_mj.cloth.worlds import NOT_FINITE, ClothWorlds, describe
 from softgym_mj.entities.arena import Arena
-from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
+from softgym_mj.exceptions import SimulationError
+from softgym_mj.native.places import Place
 from softgym_mj.robots.base import SIM_STEP
 
 SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.
 MIN_SETTLE_STEPS = 10  # Sim steps: at release the speed passes through zero without being at rest.
+_MOST_HELD = 2  # Vertices at a time.
+_AWAY = (0.0, 0.0, 100.0)  # [m] Where what holds vertices touches nothing.
+
+# Where held vertices are at the end of a sim step [m], by their numbers.
+Held = Mapping[int, np.ndarray]
+# Yields what is held in each sim step, is sent the points (n, 3) [m] after it, returns those at
+# rest.
+Procedure = Generator[Held, np.ndarray, np.ndarray]
 
 
 class Settling:
-    """A flex alone on the floor, stepped by sim steps."""
+    """What a procedure knows of its flex.
 
-    def __init__(self, flex: Flex):
-        arena = Arena()
-        arena.attach(flex)
-        self._physics = arena.compile(flex.timestep, flex)
-        self._flex = flex
-        self._before = flex.points()
+    Attributes:
+        points: (n, 3) [m] now.
+    """
 
-    def step(self) -> None:
-        """One sim step; divergence is an error."""
-        self._before = self._flex.points()
-        with self._physics.check_invalid_state():
-            mujoco.mj_step(self._physics.model.ptr, self._physics.data.ptr)
+    def __init__(self, points: np.ndarray):
+        self.points = self._before = points
 
-    def drag(self, vertex: int, displacement: np.ndarray, steps: int) -> None:
+    def step(self, held: Held | None = None) -> Generator[Held, np.ndarray, None]:
+        """One sim step."""
+        points = yield held or {}
+        self._before, self.points = self.points, points
+
+    def drag(
+        self, vertex: int, displacement: np.ndarray, steps: int
+    ) -> Generator[Held, np.ndarray, None]:
         """Moves a held vertex by `displacement` (3,) [m] in each of `steps` sim steps."""
-        goal = self._flex.vertex(vertex)
+        goal = self.points[vertex]
         for _ in range(steps):
             goal = goal + displacement
-            self._flex.drive(vertex, goal, SIM_STEP)
-            self.step()
+            yield from self.step({vertex: goal})
 
-    def settle(self, max_steps: int) -> None:
+    def settle(self, max_steps: int) -> Generator[Held, np.ndarray, None]:
         """Sim steps until every vertex is slower than `SETTLED_SPEED`, at most `max_steps`."""
         for count in range(1, max_steps + 1):
-            self.step()
+            yield from self.step()
             if count >= MIN_SETTLE_STEPS and self.max_speed() < SETTLED_SPEED:
                 return
 
@@ -51,11 +66,121 @@ class Settling:
 
         The velocity at its end is that of the last substep, which in a heap at rest is some mm/s.
         """
-        return np.linalg.norm(self._flex.points() - self._before, axis=1) / SIM_STEP
+        return np.linalg.norm(self.points - self._before, axis=1) / SIM_STEP
 
     def max_speed(self) -> float:
         """Speed of the fastest vertex [m/s]."""
         return float(self.speeds().max())
+
+
+class SettledFlex(abc.ABC):
+    """Start states of a flex that a procedure settles: see `variations.indices.Start`."""
+
+    name: str
+
+    @abc.abstractmethod
+    def flex(self, index: int) -> Flex:
+        """The flex of a variation."""
+
+    @abc.abstractmethod
+    def begin(self, index: int, flex: Flex) -> np.ndarray:
+        """Where its vertices are at first (n, 3) [m]."""
+
+    @abc.abstractmethod
+    def procedure(self, index: int, flex: Flex, scene: Settling) -> Procedure:
+        """Settles it from there."""
+
+    def generate(self, index: int) -> np.ndarray:
+        """Settled vertex positions (n, 3) [m].
+
+        Raises:
+            SimulationError: if it does not come to rest.
+        """
+        flex = self.flex(index)
+        arena = Arena()
+        arena.attach(flex)
+        physics = arena.compile(flex.timestep, flex)
+        flex.set_points(self.begin(index, flex))
+        procedure = self.procedure(index, flex, Settling(flex.points()))
+        now: set[int] = set()
+        answer: Held | np.ndarray = next(procedure)
+        while isinstance(answer, Mapping):
+            for vertex in now - answer.keys():
+                flex.release(vertex)
+            for vertex in answer.keys() - now:
+                flex.hold(vertex)
+            for vertex, goal in answer.items():
+                flex.drive(vertex, goal, SIM_STEP)
+            now = set(answer)
+            with physics.check_invalid_state():
+                mujoco.mj_step(physics.model.ptr, physics.data.ptr)
+            answer = _answer(procedure, flex.points())
+        return answer
+
+    def generate_all(self, indices: Sequence[int], place: Place) -> list[np.ndarray]:
+        """What `generate` makes of each (n, 3) [m], all together on a device.
+
+        The same bits, as the simulation has them; what it has no room for is made alone.
+
+        Raises:
+            SimulationError: if one does not come to rest, or diverges.
+        """
+        flexes = [self.flex(index) for index in indices]
+        most = max(flex.num_points for flex in flexes)
+        worlds = ClothWorlds(len(indices), most, _MOST_HELD, place)
+        procedures: dict[int, Procedure] = {}
+        held: dict[int, Held] = {}
+        found: dict[int, np.ndarray] = {}
+        for i, (index, flex) in enumerate(zip(indices, flexes, strict=True)):
+            worlds.start(i, _described(flex))
+            flex.set_points(self.begin(index, flex))
+            worlds.set_state(i, {"qpos": place.put(flex.slides)})
+            procedures[i] = self.procedure(index, flex, Settling(flex.points()))
+            held[i] = next(procedures[i])
+        away = np.tile(_AWAY, (len(indices), _MOST_HELD, 1))
+        worlds.gripper_qpos[...] = place.put(away)
+        while held:
+            which = np.full((len(indices), _MOST_HELD), -1, np.int32)
+            goals = np.zeros((len(indices), _MOST_HELD, 3))
+            for i, own in held.items():
+                for k, (vertex, goal) in enumerate(own.items()):
+                    which[i, k], goals[i, k] = vertex, goal
+            worlds.step(*map(place.put, (away, which, goals)))
+            moved, flags = place.get(worlds.qpos), place.get(worlds.flags)
+            for i in list(held):
+                if flags[i] & NOT_FINITE:
+                    raise SimulationError(f"variation {indices[i]} of {self.name} has diverged")
+                points = flexes[i].origin + moved[i, : flexes[i].num_points]
+                answer = self.generate(indices[i]) if flags[i] else _answer(procedures[i], points)
+                if isinstance(answer, Mapping):
+                    held[i] = answer
+                else:
+                    found[i] = answer
+                    del held[i]
+                    worlds.models[i] = 0
+        return [found[i] for i in range(len(indices))]
+
+
+def _answer(procedure: Procedure, points: np.ndarray) -> Held | np.ndarray:
+    """What a procedure holds next, or where vertices are in the end."""
+    try:
+        return procedure.send(points)
+    except StopIteration as stop:
+        return stop.value
+
+
+def _described(flex: Flex) -> np.ndarray:
+    """What `ClothWorlds` have to know of a flex on the floor: bytes (size,)."""
+    arena = Arena()
+    arena.attach(flex)
+    for k in range(_MOST_HELD):
+        arena.mjcf_model.worldbody.add(
+            "geom", name=f"holds_{k}", type="sphere", size=[0.01], pos=_AWAY,
+            contype=GRIPPER_CONTACT, conaffinity=0,
+        )  # fmt: skip
+    physics = arena.compile(flex.timestep, flex)
+    model = physics.model.ptr
+    return describe(model, [model.geom(f"holds_{k}").id for k in range(_MOST_HELD)])
 
 
 def centred(vertices: np.ndarray) -> np.ndarray:

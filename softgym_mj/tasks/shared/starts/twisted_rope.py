@@ -2,11 +2,15 @@
 
 import dataclasses
 
-import numpy as np
-
 from softgym_mj.entities.rope import FIDELITIES, Rope
 from softgym_mj.exceptions import SimulationError
-from softgym_mj.tasks.shared.starts.settling import SETTLED_SPEED, Settling, centred
+from softgym_mj.tasks.shared.starts.settling import (
+    SETTLED_SPEED,
+    Procedure,
+    SettledFlex,
+    Settling,
+    centred,
+)
 from softgym_mj.variations.indices import generator
 
 _PLACES = 41  # Where the rope may be taken, evenly spaced.
@@ -17,7 +21,7 @@ _MAX_STEPS = 3000  # SoftGym saves whatever moves after its 500; we go on until 
 
 
 @dataclasses.dataclass(frozen=True)
-class TwistedRope:
+class TwistedRope(SettledFlex):
     """A rope dragged by a random vertex four times and left to settle (facts 3.4)."""
 
     fidelity: str = "default"
@@ -38,27 +42,29 @@ class TwistedRope:
         """Ropes are as long in every variation."""
         return ()
 
-    def generate(self, index: int) -> np.ndarray:
-        """Settled vertex positions (n, 3) [m]."""
+    def flex(self, index: int) -> Rope:
+        """The rope, the same in every variation."""
+        return Rope(self.fidelity)
+
+    def begin(self, index, flex):
+        return flex.straight()
+
+    def procedure(self, index: int, flex: Rope, scene: Settling) -> Procedure:
+        """Drags it about, and waits."""
         random = generator(self.name, index)
-        rope = Rope(self.fidelity)
-        scene = Settling(rope)
-        rope.set_points(rope.straight())
         for repeat in range(_DRAG_REPEATS):
             # Drawn among the default rope's: the same place for every fidelity.
             place = int(random.integers(_PLACES)) / (_PLACES - 1)
-            vertex = round(place * (rope.num_points - 1))
+            vertex = round(place * (flex.num_points - 1))
             direction = random.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0])
-            rope.hold(vertex)
-            scene.drag(vertex, _DRAG_DISPLACEMENT * direction, _DRAG_STEPS)
-            rope.release(vertex)
+            yield from scene.drag(vertex, _DRAG_DISPLACEMENT * direction, _DRAG_STEPS)
             last = repeat == _DRAG_REPEATS - 1
-            scene.settle(_SETTLE_STEPS + (_FINAL_STEPS if last else 0))
+            yield from scene.settle(_SETTLE_STEPS + (_FINAL_STEPS if last else 0))
         if scene.max_speed() >= SETTLED_SPEED:
-            scene.settle(_MAX_STEPS)
+            yield from scene.settle(_MAX_STEPS)
         if scene.max_speed() >= SETTLED_SPEED:
             raise SimulationError(
                 f"variation {index} of {self.name} still moves at {scene.max_speed():.3f} m/s "
                 f"after {_MAX_STEPS} sim steps"
             )
-        return centred(rope.points())
+        return centred(scene.points)

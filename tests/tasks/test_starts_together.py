@@ -1,0 +1,62 @@
+"""Start states that are settled together: their oracle is each settled alone by MuJoCo."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import softgym_mj.tasks.shared.starts.settling
+from softgym_mj.cli import commands
+from softgym_mj.native.places import Processor
+from softgym_mj.registry import find
+from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth, FlatCloth, HangingCloth
+from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
+from tests.native.torch_processor import TorchProcessor
+
+INDICES = [803, 7]
+
+
+def _water():
+    return find("transport_water").build(fidelity="fast").store._start
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        TwistedRope(fidelity="fast"), FlatCloth(fidelity="fast"), HangingCloth(fidelity="fast"),
+        CrumpledCloth(fidelity="fast"), "water",
+    ],
+    ids=["rope", "flat", "hanging", "crumpled", "water"],
+)  # fmt: skip
+def test_together_as_alone(start):
+    start = _water() if start == "water" else start
+    alone = [start.generate(index) for index in INDICES]
+    for place in (Processor(2, 3), TorchProcessor()):
+        for one, other in zip(alone, start.generate_all(INDICES, place), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_what_there_is_no_room_for_is_settled_alone(monkeypatch):
+    start = CrumpledCloth(fidelity="fast")
+    alone = start.generate(7)
+    describe = softgym_mj.tasks.shared.starts.settling.describe
+    monkeypatch.setattr(
+        softgym_mj.tasks.shared.starts.settling,
+        "describe",
+        lambda model, grippers: describe(model, grippers, 0.02),
+    )
+    (together,) = start.generate_all([7], Processor())
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_files_do_not_depend_on_the_device(tmp_path, monkeypatch):
+    files = []
+    for device in ("cpu", "host"):
+        monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path / device))
+        command = ["generate", "drop_cloth", "--start", "5", "--num", "2", "--fidelity", "fast"]
+        done = CliRunner().invoke(commands.app, [*command, "--device", device])
+        assert done.exit_code == 0, done.output
+        assert "2 generated" in done.output
+        found = sorted((tmp_path / device).rglob("*.value"))
+        files.append([(file.name, file.read_bytes()) for file in found])
+    assert len(files[0]) == 2
+    assert files[0] == files[1]
