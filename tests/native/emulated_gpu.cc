@@ -103,6 +103,7 @@ float4 make_float4(float x, float y, float z, float w) { return {x, y, z, w}; }
 
 #include "cloth/batch/one.h"
 #include "fluid/batch/one.h"
+#include "rendering/batch/draw.h"
 
 namespace {
 
@@ -132,4 +133,7 @@ extern "C" void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batc
 }
 extern "C" void softgym_mj_fluid_batch_step(const softgym_mj::fluid::Batch* batch, int, int turns) {
   Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::fluid::StepWorldOf(b, i, 0); });
+}
+extern "C" void softgym_mj_pictures_batch_step(const softgym_mj::pictures::Batch* batch, int, int turns) {
+  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::pictures::DrawWorld(b, i, 0); });
 }

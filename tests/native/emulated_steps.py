@@ -1,4 +1,4 @@
-"""Makes steps of a task's worlds by a library in place of the package's.
+"""Makes steps of a task's worlds, and draws them, by a library in place of the package's.
 
 python -m tests.native.emulated_steps LIBRARY TASK VARIATION STEPS
 """
@@ -7,11 +7,16 @@ import ctypes
 import itertools
 import sys
 
+import numpy as np
+
+import softgym_mj
 from softgym_mj.native.places import Processor
+from softgym_mj.rendering.batch import Pictures, describe
 from tests.cloth import test_worlds as cloth
 from tests.fluid import test_worlds as water
 
 THREADS = 16  # Of a block: two groups of eight lanes.
+SIDES = 16, 12  # Of a picture [pixels].
 
 
 class _Emulated(Processor):
@@ -44,6 +49,22 @@ def step_and_check(file, task, variation, steps):
     assert worlds.flags[0] == 0
 
 
+def draw_and_check(file, task, variation):
+    """Draws a variation's start; the picture is that of the package's program."""
+    env = softgym_mj.load(task, split="all", fidelity="fast")
+    env.reset(variation)
+    points = next(iter(env.task.scene.points().values()))[None]
+    described = describe(env.physics.model.ptr, ["task"], {}, env.task.scene.segmentation_models)
+    found = []
+    for place in (Processor(), _Emulated(file)):
+        pictures = Pictures(1, points.shape[1], 0, 1, SIDES, place)
+        told = np.array([pictures.load(described)]), points, np.zeros((1, 0, 7))
+        found.append([pictures.colors(*told), *pictures.surfaces(*told)])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 if __name__ == "__main__":
     library, name, index, number = sys.argv[1:]
     step_and_check(library, name, int(index), int(number))
+    draw_and_check(library, name, int(index))

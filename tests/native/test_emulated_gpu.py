@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.native.emulated_steps import step_and_check
+from tests.native.emulated_steps import draw_and_check, step_and_check
 
 SOURCE = pathlib.Path(__file__).with_name("emulated_gpu.cc")
 ROOT = SOURCE.parents[2]
@@ -41,6 +41,11 @@ def _emulated(tmp_path_factory):
 @pytest.mark.parametrize(("task", "variation"), CASES)
 def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
     step_and_check(emulated, task, variation, STEPS)
+
+
+@pytest.mark.parametrize("task", ["straighten_rope", "drop_cloth", "pour_water"])
+def test_a_block_draws_the_same(emulated, task):
+    draw_and_check(emulated, task, 806)
 
 
 @pytest.mark.slow

@@ -19,3 +19,11 @@ SGM_EXPORT void softgym_mj_pictures_batch_step(const softgym_mj::pictures::Batch
     softgym_mj::pictures::DrawWorld(*batch, i, slot);
   });
 }
+
+// Sizes of the structs that Python writes: see layout.py.
+SGM_EXPORT void softgym_mj_pictures_batch_layout(long long* sizes) {
+  using namespace softgym_mj::pictures;
+  const size_t found[] = {sizeof(Material), sizeof(Solid),   sizeof(Glass), sizeof(Light),
+                          sizeof(Eye),      sizeof(Texture), sizeof(Scene)};
+  for (size_t i = 0; i < sizeof(found) / sizeof(found[0]); ++i) sizes[i] = static_cast<long long>(found[i]);
+}

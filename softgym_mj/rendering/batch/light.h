@@ -5,7 +5,7 @@
 
 #include "rendering/batch/meshes.h"
 #include "rendering/batch/solids.h"
-#include "rendering/batch/water.h"
+#include "rendering/batch/surface.h"
 
 namespace softgym_mj::pictures {
 namespace {

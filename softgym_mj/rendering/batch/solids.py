@@ -1,0 +1,96 @@
+"""Solids and glass of a scene."""
+
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.rendering.batch.layout import GLASS, SOLID
+from softgym_mj.rendering.batch.materials import material_of
+from softgym_mj.rendering.batch.ragged import part_of
+from softgym_mj.rendering.observables import geom_labels
+
+_BOX, _SPHERE, _CYLINDER, _MESH = (
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")) for name in ("BOX", "SPHERE", "CYLINDER", "MESH")
+)
+_SHAPES = (_BOX, _SPHERE, _CYLINDER)  # As in scene.h.
+_MOST_SOLIDS = 32  # As many as bits that say which may be seen.
+_SHOWN = 3  # Groups of geoms that are drawn are below.
+
+
+def solids_of(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    movers: Mapping[int, int],
+    parts: Mapping[str, Sequence[str]],
+    textures: list[np.ndarray],
+) -> tuple[np.ndarray, list]:
+    """Solids, and of each glass: number of the mover, places, normals, triangles, material.
+
+    Raises:
+        InvalidArgumentError: for other shapes, or too many.
+    """
+    labels, solids, glasses = geom_labels(model, parts), [], []
+    for geom in np.flatnonzero(model.geom_group < _SHOWN):
+        body = int(model.geom_bodyid[geom])
+        while body and body not in movers:
+            body = int(model.body_parentid[body])
+        mover = movers.get(body, -1)
+        position, rotation = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)
+        if mover >= 0:
+            turn = data.xmat[body].reshape(3, 3)
+            position, rotation = turn.T @ (position - data.xpos[body]), turn.T @ rotation
+        material = material_of(model, model.geom_matid[geom], model.geom_rgba[geom], textures)
+        kind = int(model.geom_type[geom])
+        if kind == _MESH and material["opacity"] < 1.0:
+            places, normals, faces = _mesh(model, model.geom_dataid[geom])
+            glasses.append(
+                (mover, places @ rotation.T + position, normals @ rotation.T, faces, material)
+            )
+        elif kind in _SHAPES:
+            shape = _SHAPES.index(kind)
+            solids.append(
+                (shape, mover, labels[geom], model.geom_size[geom], position, rotation, material)
+            )
+        else:
+            name = mujoco.mjtGeom(kind).name
+            raise InvalidArgumentError(
+                "geom", f"{model.geom(geom).name}, {name}", "boxes, spheres, cylinders and glass"
+            )
+    if len(solids) > _MOST_SOLIDS:
+        raise InvalidArgumentError("geoms", len(solids), f"at most {_MOST_SOLIDS} to draw")
+    return np.array([_flat(solid) for solid in solids], SOLID), glasses
+
+
+def _flat(values: tuple) -> tuple:
+    return tuple(v.item() if isinstance(v, np.ndarray) and not v.ndim else v for v in values)
+
+
+def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices and normals (n, 3), and triangles (m, 3), of a mesh."""
+    faces = part_of(model.mesh_face, model.mesh_faceadr, model.mesh_facenum, mesh)
+    of_normals = part_of(model.mesh_facenormal, model.mesh_faceadr, model.mesh_facenum, mesh)
+    places = part_of(model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum, mesh)
+    normals = part_of(model.mesh_normal, model.mesh_normaladr, model.mesh_normalnum, mesh)
+    pairs, which = np.unique(
+        np.stack([faces.ravel(), of_normals.ravel()], axis=1), axis=0, return_inverse=True
+    )
+    return places[pairs[:, 0]], normals[pairs[:, 1]], which.reshape(-1, 3)
+
+
+def add_glasses(scene: np.ndarray, arrays: dict[str, np.ndarray], glasses: list) -> None:
+    """Adds to a scene what `solids_of` says of glass; arguments as of `add_deformable`."""
+    rows, vertices, triangles = [], 0, 0
+    for mover, places, _, faces, material in glasses:
+        row = (mover, vertices, len(places), triangles, len(faces), material)
+        rows.append(_flat(row))
+        vertices, triangles = vertices + len(places), triangles + len(faces)
+    arrays["glasses"] = np.array(rows, GLASS)
+    empty = np.zeros((0, 3), "f4")
+    arrays["glass_places"] = np.concatenate([empty, *(g[1] for g in glasses)]).astype("f4")
+    arrays["glass_normals"] = np.concatenate([empty, *(g[2] for g in glasses)]).astype("f4")
+    faces = [g[3] + row[1] for g, row in zip(glasses, rows, strict=True)]
+    arrays["glass_faces"] = np.concatenate([np.zeros((0, 3), "i4"), *faces])
+    scene["num_glasses"], scene["glass_vertices"] = len(glasses), vertices
+    scene["glass_triangles"] = triangles
