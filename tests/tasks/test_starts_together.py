@@ -20,19 +20,21 @@ def _water():
 
 
 @pytest.mark.parametrize(
-    "start",
+    ("start", "place"),
     [
-        TwistedRope(fidelity="fast"), FlatCloth(fidelity="fast"), HangingCloth(fidelity="fast"),
-        CrumpledCloth(fidelity="fast"), "water",
+        (TwistedRope(fidelity="fast"), TorchProcessor()),
+        (FlatCloth(fidelity="fast"), Processor(2, 3)),
+        (HangingCloth(fidelity="fast"), Processor(1, 3)),
+        (CrumpledCloth(fidelity="fast"), Processor(1, 1)),
+        ("water", TorchProcessor()),
     ],
     ids=["rope", "flat", "hanging", "crumpled", "water"],
-)  # fmt: skip
-def test_together_as_alone(start):
+)
+def test_together_as_alone(start, place):
     start = _water() if start == "water" else start
-    alone = [start.generate(index) for index in INDICES]
-    for place in (Processor(2, 3), TorchProcessor()):
-        for one, other in zip(alone, start.generate_all(INDICES, place), strict=True):
-            np.testing.assert_array_equal(one, other)
+    together = start.generate_all(INDICES, place)
+    for index, found in zip(INDICES, together, strict=True):
+        np.testing.assert_array_equal(found, start.generate(index))
 
 
 def test_what_there_is_no_room_for_is_settled_alone(monkeypatch):

@@ -12,7 +12,7 @@ _SKY_ROWS = 32  # As in scene.h.
 def material_of(
     model: mujoco.MjModel, number: int, rgba: np.ndarray, textures: list[np.ndarray]
 ) -> np.ndarray:
-    """The material (), a `MATERIAL`, of something that has a number of one, or -1 and a colour.
+    """The `MATERIAL` (0-dimensional) of something that has a number of one, or -1 and a colour.
 
     Its texture, if it has one, is added to `textures`.
     """
