@@ -1,0 +1,133 @@
+"""Symmetries of tasks: ways to show the same step of an episode in another place, order or mirror.
+
+A task that is turned, mirrored, seen from the rope's other end or with its pickers exchanged is the
+same task: what has been seen once has been seen as many times. Tasks whose goal has a place in the
+world keep only those that leave it where it is; pouring has none.
+"""
+
+import itertools
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import InvalidArgumentError
+
+_POINTS = re.compile(r"\(x, y, z( each)?\)")  # In labels of numbers that are points.
+_NAMES = {"rope": "key points", "cloth": "corner"}  # In labels of an object's.
+
+
+class Symmetry(NamedTuple):
+    """One that leaves rewards and dynamics as they are.
+
+    Attributes:
+        observation: (n, n) by which `reduced` is multiplied, as a column.
+        action: (m, m) by which actions are.
+        turn: (3, 3) of the world.
+        order: of the object's vertices, one of "same", "reversed", "rows", "columns", "both".
+        pickers: their order.
+    """
+
+    observation: np.ndarray
+    action: np.ndarray
+    turn: np.ndarray
+    order: str
+    pickers: tuple[int, ...]
+
+
+_SAME, _MIRROR = np.eye(3), np.diag([1.0, -1.0, 1.0])  # The latter across the XZ plane.
+
+
+def _plane() -> list[np.ndarray]:
+    """Turns by right angles about Z, and their mirror images: (3, 3) each."""
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
+    return [*turns, *(turn @ _MIRROR for turn in turns)]
+
+
+def _anywhere(*orders: str) -> list[tuple[np.ndarray, str]]:
+    return list(itertools.product(_plane(), orders))
+
+
+# Of tasks: turns of the world, and orders of vertices with each.
+_OF_TASKS = {
+    "straighten_rope": _anywhere("same", "reversed"),
+    "rope_configuration": _anywhere("same", "reversed"),  # The goal is turned with the rope.
+    "spread_cloth": _anywhere("same", "rows", "columns", "both"),
+    "fold_cloth": _anywhere("same", "rows"),  # Into which half it is folded matters.
+    "fold_crumpled_cloth": [(_SAME, "same"), (_MIRROR, "rows")],
+    "drop_cloth": [(_SAME, "same"), (_MIRROR, "rows")],
+    "drop_fold_cloth": [(_SAME, "same"), (_MIRROR, "rows")],
+}
+# Of the corners of a cloth: (0, 0), (last, 0), (0, last), (last, last) by row and column.
+_CORNERS = {
+    "same": (0, 1, 2, 3), "rows": (1, 0, 3, 2), "columns": (2, 3, 0, 1), "both": (3, 2, 1, 0),
+}  # fmt: skip
+
+
+def symmetries(env: Environment) -> list[Symmetry]:
+    """Those of a task with pickers, of its reduced observations; the first one changes nothing.
+
+    Args:
+        env: plays the task; after a reset.
+
+    Raises:
+        InvalidArgumentError: for a task or an actor that has none.
+    """
+    task, name = env.task, env.name
+    if name not in _OF_TASKS:
+        raise InvalidArgumentError("task", name, f"one with symmetries: {[*_OF_TASKS]}")
+    if task.actor.name != "picker":
+        raise InvalidArgumentError("actor", task.actor.name, "'picker'")
+    number = task.actor.num_grippers
+    orders = [tuple(range(number)), tuple(reversed(range(number)))][: min(number, 2)]
+    entries = task.reduced(task.scene.state(), task.episode)
+    labels = [(label, np.asarray(values).size) for label, values in entries.items()]
+    return [
+        Symmetry(
+            _of_observation(labels, turn, order, pickers),
+            _blocks([np.vstack([_wide(turn), [0, 0, 0, 1]])] * number, pickers),
+            turn, order, pickers,
+        )
+        for (turn, order), pickers in itertools.product(_OF_TASKS[name], orders)
+    ]  # fmt: skip
+
+
+def _wide(turn: np.ndarray) -> np.ndarray:
+    return np.hstack([turn, np.zeros((3, 1))])
+
+
+def _of_observation(
+    labels: Sequence[tuple[str, int]], turn: np.ndarray, order: str, pickers: Sequence[int]
+) -> np.ndarray:
+    """A matrix (n, n): of the numbers of these labels, then of the pickers' places."""
+    places: list[int] = []  # Which point comes where.
+    own = [i for i, (label, _) in enumerate(labels) if _is_object(label)]
+    starts = np.cumsum([0, *(size // 3 for _, size in labels)]).tolist()
+    for i, (label, size) in enumerate(labels):
+        if not _POINTS.search(label):
+            raise InvalidArgumentError("reduced", label, "points (x, y, z) alone")
+        if i not in own or order == "same":
+            places += range(starts[i], starts[i + 1])
+        elif order == "reversed":
+            places += range(starts[i + 1] - 1, starts[i] - 1, -1)
+        else:  # A corner each.
+            assert size == 3, "a label of each corner"
+            places.append(starts[own[_CORNERS[order][own.index(i)]]])
+    places += [starts[-1] + k for k in pickers]
+    return _blocks([turn] * len(places), places)
+
+
+def _is_object(label: str) -> bool:
+    return "goal" not in label and any(name in label for name in _NAMES.values())
+
+
+def _blocks(parts: Sequence[np.ndarray], order: Sequence[int]) -> np.ndarray:
+    """Blocks (k, k) of a matrix (n k, n k): part i is that of row i and column order[i]."""
+    size = len(parts[0])
+    found = np.zeros((len(parts) * size,) * 2)
+    for i, (part, k) in enumerate(zip(parts, order, strict=True)):
+        found[i * size : (i + 1) * size, k * size : (k + 1) * size] = part
+    return found
