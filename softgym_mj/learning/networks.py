@@ -1,0 +1,157 @@
+"""Networks of several seeds that are trained together: arrays have a leading dimension of seeds.
+
+A seed's numbers do not depend on the others: its weights are drawn from a generator of its own, and
+nothing mixes them.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import Tensor, nn
+
+_EPSILON = 1e-5  # Of LayerNorm.
+
+
+def generators(seeds: Sequence[int], device: torch.device | str) -> list[torch.Generator]:
+    """A source of random numbers for each seed."""
+    return [torch.Generator(device).manual_seed(seed) for seed in seeds]
+
+
+def drawn(sources: Sequence[torch.Generator], *shape: int, normal: bool = True) -> Tensor:
+    """Random numbers (seeds, *shape): normal ones, or in 0..1."""
+    draw: Callable[..., Tensor] = torch.randn if normal else torch.rand
+    return torch.stack([draw(shape, generator=s, device=s.device) for s in sources])
+
+
+class Linear(nn.Module):
+    """Layers of all seeds, with orthogonal weights and no bias at first."""
+
+    def __init__(
+        self, sources: Sequence[torch.Generator], inputs: int, outputs: int, gain: float = 1.0
+    ):
+        super().__init__()
+        weights = []
+        for source in sources:
+            flat = torch.randn(
+                max(inputs, outputs), min(inputs, outputs), generator=source, device=source.device
+            )
+            q, r = torch.linalg.qr(flat)
+            q = q * torch.sign(torch.diagonal(r))
+            weights.append(gain * (q if inputs >= outputs else q.T))
+        self.weight = nn.Parameter(torch.stack(weights))
+        zeros = torch.zeros(len(sources), 1, outputs, device=sources[0].device)
+        self.bias = nn.Parameter(zeros)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Of (seeds, n, inputs): (seeds, n, outputs)."""
+        return torch.baddbmm(self.bias, x, self.weight)
+
+
+class LayerNorm(nn.Module):
+    """Of the last dimension, with a scale and a shift for each seed."""
+
+    def __init__(self, seeds: int, size: int, device: torch.device | str):
+        super().__init__()
+        self.weight = nn.Parameter(torch.ones(seeds, 1, size, device=device))
+        self.bias = nn.Parameter(torch.zeros(seeds, 1, size, device=device))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Of (seeds, n, size), the same shape."""
+        return nn.functional.layer_norm(x, x.shape[-1:], eps=_EPSILON) * self.weight + self.bias
+
+
+class MLP(nn.Sequential):
+    """Layers with ReLU between them."""
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        sizes: Sequence[int],
+        *,
+        norm: bool = False,
+    ):
+        """Draws the weights.
+
+        Args:
+            sources: of random numbers, one a seed.
+            sizes: of the input, of hidden layers and of the output.
+            norm: whether hidden layers are normalised before their ReLU.
+        """
+        layers: list[nn.Module] = []
+        for k, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
+            is_last = k == len(sizes) - 2
+            layers.append(Linear(sources, inputs, outputs, 1.0 if is_last else math.sqrt(2.0)))
+            if not is_last:
+                if norm:
+                    layers.append(LayerNorm(len(sources), outputs, sources[0].device))
+                layers.append(nn.ReLU())
+        super().__init__(*layers)
+
+
+class Actor(nn.Module):
+    """A Gaussian through tanh, whose mean and log deviation are functions of an observation.
+
+    Attributes:
+        body: the network.
+        low, high: of the log deviation, which tanh squashes into them.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        observation: int,
+        action: int,
+        hidden: Sequence[int],
+        log_std: tuple[float, float],
+    ):
+        super().__init__()
+        self.body = MLP(sources, [observation, *hidden, 2 * action])
+        self.low, self.high = log_std
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log deviation (seeds, n, action) before tanh."""
+        mean, squashed = self.body(observation).chunk(2, dim=-1)
+        share = 0.5 * (torch.tanh(squashed) + 1.0)
+        return mean, self.low + share * (self.high - self.low)
+
+    def sample(self, observation: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions (seeds, n, action) and their log densities (seeds, n).
+
+        Args:
+            observation: (seeds, n, observation).
+            noise: normal numbers (seeds, n, action).
+        """
+        mean, log_std = self(observation)
+        before = mean + noise * log_std.exp()
+        density = -0.5 * noise**2 - log_std - 0.5 * math.log(2.0 * math.pi)
+        # log(1 - tanh(x)^2), without loss of digits.
+        slope = 2.0 * (math.log(2.0) - before - nn.functional.softplus(-2.0 * before))
+        return torch.tanh(before), (density - slope).sum(-1)
+
+    def mean(self, observation: Tensor) -> Tensor:
+        """The action (seeds, n, action) without noise."""
+        return torch.tanh(self(observation)[0])
+
+
+class Critics(nn.Module):
+    """Two estimates of the return of an action."""
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        observation: int,
+        action: int,
+        hidden: Sequence[int],
+        *,
+        norm: bool,
+    ):
+        super().__init__()
+        sizes = [observation + action, *hidden, 1]
+        self.pair = nn.ModuleList(MLP(sources, sizes, norm=norm) for _ in range(2))
+
+    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Of (seeds, n, ...): (2, seeds, n)."""
+        both = torch.cat([observation, action], dim=-1)
+        return torch.stack([critic(both)[..., 0] for critic in self.pair])

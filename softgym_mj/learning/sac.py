@@ -1,0 +1,226 @@
+"""Soft actor-critic (Haarnoja et al., 2018), of several seeds at once.
+
+With the paper's details (softagent's `curl_sac.py`): squared errors of both critics added up,
+targets that always go on at the horizon, the entropy weight learned as it is.
+"""
+
+import copy
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import typed
+from softgym_mj.learning.networks import Actor, Critics, drawn, generators
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class SACSettings:
+    """How it learns; the defaults are the paper's, of most tasks.
+
+    Attributes:
+        hidden: sizes of hidden layers, of all networks.
+        norm: whether critics normalise them.
+        discount: of rewards, in each env step.
+        tau: share of the critics in their targets, at each update of these.
+        actor_rate, critic_rate, alpha_rate: of Adam.
+        alpha: entropy weight at first.
+        alpha_beta: Adam's first one, of the entropy weight.
+        actor_every, target_every: critic updates for each of the actor and of the targets.
+        log_std: least and largest of a deviation.
+    """
+
+    hidden: tuple[int, ...] = (1024, 1024)
+    norm: bool = False
+    discount: float = 0.99
+    tau: float = 0.01
+    actor_rate: float = 1e-3
+    critic_rate: float = 1e-3
+    alpha_rate: float = 1e-3
+    alpha: float = 0.1
+    alpha_beta: float = 0.5
+    actor_every: int = 2
+    target_every: int = 2
+    log_std: tuple[float, float] = (-10.0, 2.0)
+
+    def __post_init__(self):
+        for name in ("discount", "tau", "alpha", "actor_rate", "critic_rate", "alpha_rate"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
+        for name in ("actor_every", "target_every"):
+            if getattr(self, name) < 1:
+                raise InvalidArgumentError(name, getattr(self, name), "1 or more")
+
+
+@dataclasses.dataclass(frozen=True)
+class Batch:
+    """Steps to learn from, (seeds, n, ...) each.
+
+    Attributes:
+        observation, action, next_observation: (seeds, n, k).
+        reward: sums (seeds, n) up to the next observation, discounted.
+        discount: factor (seeds, n) to the value of the next observation: 0 where there is none.
+    """
+
+    observation: Tensor
+    action: Tensor
+    reward: Tensor
+    next_observation: Tensor
+    discount: Tensor
+
+
+class SAC:
+    """Actors and critics that are trained side by side.
+
+    Attributes:
+        settings: how.
+        actor, critics, targets: the networks.
+        updates: how many there were.
+    """
+
+    def __init__(
+        self,
+        settings: SACSettings,
+        seeds: Sequence[int],
+        observation: int,
+        action: int,
+        device: torch.device | str = "cpu",
+    ):
+        """Draws the networks.
+
+        Args:
+            settings: how it learns.
+            seeds: of the random numbers, each of a training of its own.
+            observation, action: sizes.
+            device: where.
+        """
+        self.settings, self._sources = settings, generators(seeds, device)
+        hidden = settings.hidden
+        self.actor = Actor(self._sources, observation, action, hidden, settings.log_std)
+        self.critics = Critics(self._sources, observation, action, hidden, norm=settings.norm)
+        self.targets = copy.deepcopy(self.critics).requires_grad_(False)
+        start = torch.full((len(seeds),), settings.alpha, device=device).log()
+        self.log_alpha = start.requires_grad_(True)
+        self._entropy = -float(action)
+        # Capturable: what Adam counts lies beside the weights, where graphs of a GPU find it.
+        on_gpu = torch.device(device).type == "cuda"
+        self._actor_adam = torch.optim.Adam(
+            self.actor.parameters(), settings.actor_rate, capturable=on_gpu
+        )
+        self._critic_adam = torch.optim.Adam(
+            self.critics.parameters(), settings.critic_rate, capturable=on_gpu
+        )
+        self._alpha_adam = torch.optim.Adam(
+            [self.log_alpha], settings.alpha_rate, (settings.alpha_beta, 0.999), capturable=on_gpu
+        )
+        self.updates = 0
+
+    @property
+    def alpha(self) -> Tensor:
+        """Weights (seeds,) of the entropy."""
+        return self.log_alpha.detach().exp()
+
+    def act(self, observation: Tensor, *, explore: bool) -> Tensor:
+        """Actions (seeds, n, action) for observations (seeds, n, observation)."""
+        with torch.no_grad():
+            if not explore:
+                return self.actor.mean(observation)
+            size = self.actor.body[-1].bias.shape[-1] // 2
+            return self.actor.sample(observation, self._noise(observation.shape[1], size))[0]
+
+    def _noise(self, *shape: int) -> Tensor:
+        return drawn(self._sources, *shape)
+
+    # ------------------------------------------------------------------ losses
+
+    def critic_loss(self, batch: Batch, noise: Tensor) -> Tensor:
+        """Of each seed (seeds,): squared errors of both critics, added up.
+
+        Args:
+            batch: what is learned from.
+            noise: of next actions (seeds, n, action).
+        """
+        with torch.no_grad():
+            action, density = self.actor.sample(batch.next_observation, noise)
+            value = self.targets(batch.next_observation, action).amin(0)
+            value = value - self.alpha[:, None] * density
+            wanted = batch.reward + batch.discount * value
+        found = self.critics(batch.observation, batch.action)
+        return ((found - wanted) ** 2).mean(-1).sum(0)
+
+    def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """Of each seed (seeds,): of the actor, and of the entropy weight.
+
+        Args:
+            batch: what is learned from.
+            noise: of actions (seeds, n, action).
+        """
+        action, density = self.actor.sample(batch.observation, noise)
+        value = self.critics(batch.observation, action).amin(0)
+        actor = (self.alpha[:, None] * density - value).mean(-1)
+        surplus = (-density - self._entropy).detach().mean(-1)
+        return actor, self.log_alpha.exp() * surplus
+
+    def update(self, batch: Batch) -> dict[str, Tensor]:
+        """Learns from a batch; returns losses and entropy weights (seeds,) by name."""
+        size = batch.action.shape[1:]
+        loss = self.critic_loss(batch, self._noise(*size))
+        _step(self._critic_adam, loss)
+        found = {"critic_loss": loss.detach(), "alpha": self.alpha}
+        self.updates += 1
+        if self.updates % self.settings.actor_every == 0:
+            self.critics.requires_grad_(False)
+            actor, alpha = self.actor_losses(batch, self._noise(*size))
+            _step(self._actor_adam, actor)
+            self.critics.requires_grad_(True)
+            _step(self._alpha_adam, alpha)
+            found["actor_loss"] = actor.detach()
+        if self.updates % self.settings.target_every == 0:
+            with torch.no_grad():
+                for mean, own in zip(
+                    self.targets.parameters(), self.critics.parameters(), strict=True
+                ):
+                    mean.lerp_(own, self.settings.tau)
+        return found
+
+    # ------------------------------------------------------------------ state
+
+    def get_state(self) -> dict[str, Any]:
+        """All that `set_state` needs to go on with the same numbers."""
+        state = {
+            "actor": self.actor.state_dict(),
+            "critics": self.critics.state_dict(),
+            "targets": self.targets.state_dict(),
+            "log_alpha": self.log_alpha.detach(),
+            "adam": [adam.state_dict() for adam in self._adams],
+            "random": [source.get_state() for source in self._sources],
+            "updates": self.updates,
+        }
+        return copy.deepcopy(state)  # What is in them goes on changing.
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Goes on from what `get_state` returned."""
+        for name in ("actor", "critics", "targets"):
+            getattr(self, name).load_state_dict(state[name])
+        with torch.no_grad():
+            self.log_alpha.copy_(state["log_alpha"])
+        for adam, kept in zip(self._adams, state["adam"], strict=True):
+            adam.load_state_dict(copy.deepcopy(kept))
+        for source, kept in zip(self._sources, state["random"], strict=True):
+            source.set_state(kept)
+        self.updates = state["updates"]
+
+    @property
+    def _adams(self) -> tuple[torch.optim.Adam, ...]:
+        return self._actor_adam, self._critic_adam, self._alpha_adam
+
+
+def _step(adam: torch.optim.Adam, losses: Tensor) -> None:
+    """Each seed's weights follow its own loss: nothing mixes them."""
+    adam.zero_grad(set_to_none=True)
+    losses.sum().backward()
+    adam.step()

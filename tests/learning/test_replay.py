@@ -1,0 +1,115 @@
+"""Replays: their oracle is a loop over episodes that are written down."""
+
+import numpy as np
+import torch
+
+import softgym_mj
+from softgym_mj.learning.replay import Replay
+from softgym_mj.learning.symmetries import symmetries
+
+SEEDS, WORLDS, DISCOUNT = [3, 8], 2, 0.5
+
+
+def _step(t, ended=False, terminated=False):
+    """Numbers that say when and where they are from."""
+    at = torch.arange(len(SEEDS) * WORLDS, dtype=torch.float32)
+    return {
+        "observation": torch.stack([torch.full_like(at, t), at], -1),
+        "action": (100.0 * at + t)[:, None],
+        "reward": torch.full_like(at, 2.0**t),
+        "next_observation": torch.stack([torch.full_like(at, t + 0.5), at], -1),
+        "terminated": torch.full_like(at, terminated, dtype=torch.bool),
+        "ended": torch.full_like(at, ended, dtype=torch.bool),
+    }
+
+
+def _replay(capacity=10, **settings):
+    return Replay(capacity, SEEDS, WORLDS, 2, 1, discount=DISCOUNT, **settings)
+
+
+def test_rewards_are_added_up_to_the_end_of_an_episode():
+    replay = _replay(steps=3)
+    ends = {2: (True, False), 5: (True, True)}
+    for t in range(9):
+        replay.add(**_step(t, *ends.get(t, (False, False))))
+    batch = replay.sample(400)
+    seen = set()
+    for k in range(2):
+        for i in range(400):
+            t, world = batch.observation[k, i].tolist()
+            seen.add((k, t, world))
+            assert world // WORLDS == k
+            assert batch.action[k, i].item() == 100.0 * world + t
+            reward, factor, last, lives = 0.0, 1.0, t, 1.0
+            for n in range(3):
+                last = t + n
+                reward += factor * 2.0**last
+                factor *= DISCOUNT
+                ended, terminated = ends.get(last, (False, False))
+                lives = 0.0 if terminated else 1.0
+                if ended:
+                    break
+            assert batch.reward[k, i].item() == reward
+            assert batch.next_observation[k, i].tolist() == [last + 0.5, world]
+            assert batch.discount[k, i].item() == factor * lives
+    assert len(seen) == 2 * 7 * 2  # 7 vector steps that three begin with, 2 worlds each.
+
+
+def test_the_oldest_make_way():
+    replay = _replay(capacity=4, steps=2)
+    for t in range(11):
+        replay.add(**_step(t))
+    found = replay.sample(200).observation[..., 0]
+    assert set(found.ravel().tolist()) == {7.0, 8.0, 9.0}
+    assert replay.size == 4
+
+
+def test_a_seed_draws_the_same_whoever_is_beside_it():
+    together, alone = _replay(), Replay(10, SEEDS[1:], WORLDS, 2, 1, discount=DISCOUNT)
+    for t in range(6):
+        arrays = _step(t)
+        together.add(**arrays)
+        alone.add(**{name: array[WORLDS:] for name, array in arrays.items()})
+    for _ in range(3):
+        assert torch.equal(together.sample(5).action[1], alone.sample(5).action[0])
+
+
+def test_a_state_goes_on_with_the_same_batches():
+    first, second = _replay(steps=2), _replay(steps=2)
+    for t in range(7):
+        first.add(**_step(t))
+    first.sample(3)
+    second.set_state(first.get_state())
+    for replay in (first, second):
+        replay.add(**_step(7))
+    assert torch.equal(first.sample(6).action, second.sample(6).action)
+
+
+def test_steps_are_shown_by_symmetries():
+    env = softgym_mj.load("straighten_rope", split="all", fidelity="fast")
+    env.reset(3)
+    found = symmetries(env)
+    sizes = len(found[0].observation), len(found[0].action)
+    replay = Replay(4, [0], 1, *sizes, discount=0.9, symmetries=found)
+    source = np.random.default_rng(0)
+    observation, following, action = (source.normal(size=n) for n in (sizes[0], *sizes))
+    numbers = {"observation": observation, "next_observation": following, "action": action}
+    arrays = {name: torch.tensor(value[None]).float() for name, value in numbers.items()}
+    no = torch.zeros(1, dtype=torch.bool)
+    replay.add(**arrays, reward=torch.ones(1), terminated=no, ended=no)
+    batch = replay.sample(300)
+    seen = set()
+    for i in range(300):
+        away = [
+            np.abs(s.observation @ observation - batch.observation[0, i].numpy()).max()
+            for s in found
+        ]
+        k = int(np.argmin(away))
+        seen.add(k)
+        for value, own, matrix in (
+            (observation, batch.observation, found[k].observation),
+            (following, batch.next_observation, found[k].observation),
+            (action, batch.action, found[k].action),
+        ):
+            np.testing.assert_allclose(own[0, i].numpy(), matrix @ value, atol=1e-5)
+    assert len(seen) == len(found)

@@ -1,0 +1,164 @@
+"""Soft actor-critic: its oracles are PyTorch's distributions and layers, and one seed alone."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.networks import Actor, Linear, drawn, generators
+from softgym_mj.learning.sac import SAC, Batch, SACSettings
+
+OBSERVATION, ACTION, NUMBER = 5, 2, 7
+SMALL = SACSettings(hidden=(16, 16), norm=True)
+
+
+def _batch(seeds, number=NUMBER, seed=0):
+    source = torch.Generator().manual_seed(seed)
+    shape = len(seeds), number
+
+    def normal(*sizes):
+        return torch.randn(*shape, *sizes, generator=source)
+
+    return Batch(
+        normal(OBSERVATION), normal(ACTION).tanh(), normal(), normal(OBSERVATION),
+        torch.full(shape, 0.9),
+    )  # fmt: skip
+
+
+def _of(batch, k):
+    """The part of a batch for seed number k."""
+    return Batch(*(value[k : k + 1] for value in vars(batch).values()))
+
+
+def test_densities_are_those_of_a_transformed_gaussian():
+    sources = generators([3, 4], "cpu")
+    actor = Actor(sources, OBSERVATION, ACTION, (8,), (-10.0, 2.0))
+    observation, noise = torch.randn(2, 6, OBSERVATION), torch.randn(2, 6, ACTION)
+    action, density = actor.sample(observation, noise)
+    mean, log_std = actor(observation)
+    base = torch.distributions.Normal(mean, log_std.exp())
+    squashed = torch.distributions.TransformedDistribution(
+        base, [torch.distributions.transforms.TanhTransform(cache_size=1)]
+    )
+    expected = squashed.log_prob(torch.tanh(mean + noise * log_std.exp())).sum(-1)
+    torch.testing.assert_close(density, expected, atol=1e-3, rtol=1e-3)
+    torch.testing.assert_close(action, torch.tanh(mean + noise * log_std.exp()))
+    assert ((log_std >= -10.0) & (log_std <= 2.0)).all()
+
+
+def test_weights_are_orthogonal_and_of_their_seed_alone():
+    both, alone = (Linear(generators(seeds, "cpu"), 6, 4, 2.0) for seeds in ([1, 2], [2]))
+    torch.testing.assert_close(both.weight[1], alone.weight[0], rtol=0, atol=0)
+    product = both.weight[0].T @ both.weight[0]
+    torch.testing.assert_close(product, 4.0 * torch.eye(4), atol=1e-5, rtol=1e-5)
+
+
+def _single(critic, k):
+    """A critic of seed number k, of PyTorch's own layers."""
+    layers = []
+    for layer in critic:
+        if isinstance(layer, Linear):
+            own = nn.Linear(*layer.weight.shape[1:])
+            own.weight.data, own.bias.data = layer.weight[k].T.clone(), layer.bias[k, 0].clone()
+        elif isinstance(layer, nn.ReLU):
+            own = nn.ReLU()
+        else:
+            own = nn.LayerNorm(layer.weight.shape[-1])
+            own.weight.data, own.bias.data = layer.weight[k, 0].clone(), layer.bias[k, 0].clone()
+        layers.append(own)
+    return nn.Sequential(*layers)
+
+
+def test_losses_are_those_of_the_paper():
+    seeds = [0, 1]
+    sac = SAC(SMALL, seeds, OBSERVATION, ACTION)
+    sac.update(_batch(seeds))  # So that targets are no copies.
+    sac.update(_batch(seeds, seed=1))
+    batch, noise = _batch(seeds, seed=2), torch.randn(2, NUMBER, ACTION)
+    critic, (actor, alpha) = sac.critic_loss(batch, noise), sac.actor_losses(batch, noise)
+    for k in range(2):
+        pair = [_single(c, k) for c in sac.critics.pair]
+        targets = [_single(c, k) for c in sac.targets.pair]
+        weight = sac.alpha[k].item()
+        expected, of_actor, of_alpha = 0.0, 0.0, 0.0
+        following, later = sac.actor.sample(batch.next_observation, noise)
+        chosen, density = sac.actor.sample(batch.observation, noise)
+        for i in range(NUMBER):
+            next_input = torch.cat([batch.next_observation[k, i], following[k, i]])
+            value = min(t(next_input).item() for t in targets) - weight * later[k, i].item()
+            wanted = batch.reward[k, i].item() + 0.9 * value
+            own_input = torch.cat([batch.observation[k, i], batch.action[k, i]])
+            expected += sum((c(own_input).item() - wanted) ** 2 for c in pair) / NUMBER
+            chosen_input = torch.cat([batch.observation[k, i], chosen[k, i]])
+            best = min(c(chosen_input).item() for c in pair)
+            of_actor += (weight * density[k, i].item() - best) / NUMBER
+            of_alpha += weight * (-density[k, i].item() + ACTION) / NUMBER
+        assert critic[k].item() == pytest.approx(expected, rel=1e-4)
+        assert actor[k].item() == pytest.approx(of_actor, rel=1e-4)
+        assert alpha[k].item() == pytest.approx(of_alpha, rel=1e-4)
+
+
+def test_seeds_together_learn_what_each_learns_alone():
+    seeds = [5, 6, 7]
+    together = SAC(SMALL, seeds, OBSERVATION, ACTION)
+    alone = [SAC(SMALL, [seed], OBSERVATION, ACTION) for seed in seeds]
+    for step in range(5):
+        batch = _batch(seeds, seed=step)
+        losses = together.update(batch)["critic_loss"]
+        for k, own in enumerate(alone):
+            found = own.update(_of(batch, k))["critic_loss"]
+            torch.testing.assert_close(found[0], losses[k], rtol=1e-4, atol=1e-5)
+    observation = torch.randn(3, 4, OBSERVATION)
+    actions = together.act(observation, explore=False)
+    for k, own in enumerate(alone):
+        found = own.act(observation[k : k + 1], explore=False)
+        torch.testing.assert_close(found[0], actions[k], rtol=1e-4, atol=1e-4)
+
+
+def test_a_state_goes_on_with_the_same_bits():
+    seeds = [1, 2]
+    first, second = (SAC(SMALL, seeds, OBSERVATION, ACTION) for _ in range(2))
+    for step in range(3):
+        first.update(_batch(seeds, seed=step))
+    second.set_state(first.get_state())
+    for sac in (first, second):
+        sac.update(_batch(seeds, seed=9))
+    observation = torch.randn(2, 3, OBSERVATION)
+    found = [sac.act(observation, explore=True) for sac in (first, second)]
+    assert torch.equal(*found)
+    assert first.updates == second.updates == 4
+
+
+def test_it_learns_to_reach_a_point():
+    """A point in 0..1 on a line is moved by the action; what counts is where it ends, at 0.5."""
+    settings = SACSettings(
+        hidden=(32, 32), discount=0.9, actor_rate=3e-3, critic_rate=3e-3, tau=0.05, actor_every=1,
+        target_every=1,
+    )  # fmt: skip
+    seeds = [0, 1]
+    sac, source = SAC(settings, seeds, 1, 1), generators(seeds, "cpu")
+    for _ in range(400):
+        place = drawn(source, 64, 1, normal=False)
+        action = 2.0 * drawn(source, 64, 1, normal=False) - 1.0
+        following = (place + 0.5 * action).clamp(0.0, 1.0)
+        reward = -(following - 0.5).abs()[..., 0]
+        sac.update(Batch(place, action, reward, following, torch.full((2, 64), 0.9)))
+    place = torch.linspace(0.0, 1.0, 9)[None, :, None].expand(2, -1, -1)
+    ends = (place + 0.5 * sac.act(place, explore=False)).clamp(0.0, 1.0)
+    assert (ends - 0.5).abs().mean() < 0.06
+    assert sac.alpha.max() < 0.1  # There is one best action.
+
+
+def test_bad_settings_are_refused():
+    for name, value in (("tau", 0.0), ("discount", 1.5), ("actor_every", 0)):
+        with pytest.raises(InvalidArgumentError, match=name):
+            SACSettings(**{name: value})
+
+
+def test_noise_is_normal():
+    numbers = drawn(generators([0, 1], "cpu"), 20_000).numpy()
+    assert np.abs(numbers.mean(1)).max() < 0.03 and np.abs(numbers.std(1) - 1.0).max() < 0.03
+    assert math.isclose(np.corrcoef(numbers)[0, 1], 0.0, abs_tol=0.03)
