@@ -18,7 +18,7 @@ FLOORS = [
     {"__init__"},
     {"policies", "compat"},
     {"evaluation", "viewing"},
-    {"recording"},
+    {"recording", "learning"},
     {"cli"},
 ]
 FILE = pathlib.Path(__file__).parent.parent / "docs" / "architecture.svg"

@@ -1,0 +1,45 @@
+"""The command `softgym-mj train`."""
+
+import pathlib
+from typing import Annotated, Any
+
+import typer
+
+from softgym_mj.cli.console import Settings, Task, console, parsed_settings, progress_bar
+from softgym_mj.exceptions import check_count, check_name
+from softgym_mj.registry import find
+from softgym_mj.vector.make import DEVICES
+
+
+def train(
+    method: Annotated[str, typer.Argument(help="sac")],
+    task: Task,
+    preset: Annotated[str, typer.Option(help="paper or fast.")] = "fast",
+    seeds: Annotated[int, typer.Option(help="How many, side by side: 0..", min=1)] = 1,
+    device: Annotated[
+        str, typer.Option(help="cpu (worker processes), host or cuda; the learner's, too.")
+    ] = "cuda",
+    settings: Settings = "{}",
+    out: Annotated[pathlib.Path, typer.Option(help="Folder of this training.")] = pathlib.Path(
+        "training"
+    ),
+) -> None:
+    """Trains a policy; may be killed and run again. --settings are those of the training."""
+    from softgym_mj.learning.presets import find_preset
+    from softgym_mj.learning.training import Training
+
+    check_name("device", device, DEVICES)
+    check_count("seeds", seeds, 1, 100)
+    chosen: dict[str, Any] = parsed_settings(settings)
+    training, learner = find_preset(method, preset, find(task).name, **chosen)
+    run = Training(training, learner, list(range(seeds)), out, device, preset)
+    with progress_bar() as progress:
+        bar = progress.add_task(f"{method} {training.task}", total=training.parts)
+        run.run(lambda now: progress.update(bar, completed=now.done))
+    for row in run.rows:
+        if row["final"]:
+            console.print(
+                f"seed {row['seed']}, {row['split']}, {row['episodes']} episodes: "
+                f"{row['normalized_performance']:.3f}, success {row['success']:.2f}"
+            )
+    console.print(f"wrote {out / 'curve.csv'}")

@@ -1,0 +1,98 @@
+"""Trainings: what was killed at any point ends with the same numbers."""
+
+import csv
+
+import numpy as np
+import pytest
+import torch
+
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.learning.sac import SACSettings
+from softgym_mj.learning.training import COLUMNS, Training, TrainingSettings
+
+SEEDS = [4, 9]
+LEARNER = SACSettings(hidden=(16, 16))
+SETTINGS = TrainingSettings(
+    "straighten_rope", env_steps=32, worlds=2, random_steps=8, updates=1, batch=8, replay=24,
+    added=2, symmetric=True, part=8, evaluate_every=2, episodes=1, final_episodes=2,
+    fidelity="fast",
+)  # fmt: skip
+
+
+def _training(folder, seeds=SEEDS, settings=SETTINGS):
+    return Training(settings, LEARNER, seeds, folder, "host")
+
+
+class _Killed(Exception):
+    pass
+
+
+def _weights(training):
+    return [p.detach().clone() for p in training.sac.actor.parameters()]
+
+
+def _without_seconds(rows):
+    return [{name: row[name] for name in row if name != "seconds"} for row in rows]
+
+
+@pytest.fixture(name="whole", scope="module")
+def _whole(tmp_path_factory):
+    training = _training(tmp_path_factory.mktemp("whole"))
+    training.run()
+    return training
+
+
+def test_a_curve_has_a_row_of_each_evaluation_seed_and_split(whole):
+    with (whole.folder / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS
+    assert [(r["env_steps"], r["split"], r["seed"], r["final"]) for r in rows] == [
+        (str(steps), split, str(seed), final)
+        for steps, final in ((16, "0"), (32, "1"))
+        for split in ("train", "evaluate")
+        for seed in SEEDS
+    ]
+    assert [row["episodes"] for row in rows[-2:]] == ["2", "2"]
+    assert {row["replay"] for row in rows} == {"symmetric"}
+    assert all(-3.0 < float(row["normalized_performance"]) <= 1.0 for row in rows)
+    assert rows[-1]["updates"] == str((32 - 8) // 2)
+
+
+@pytest.mark.parametrize("after", [1, 2, 3])
+def test_what_was_killed_ends_alike(whole, tmp_path, after):
+    def kill(training):
+        if training.done == after:
+            raise _Killed
+
+    with pytest.raises(_Killed):
+        _training(tmp_path).run(kill)
+    again = _training(tmp_path)
+    if after == 2:  # In the midst of a part: nothing of it is kept.
+        step = again.sac.update
+        again.sac.update = lambda batch: (_ for _ in ()).throw(_Killed)
+        with pytest.raises(_Killed):
+            again.run()
+        assert step
+        again = _training(tmp_path)
+    again.run()
+    assert all(map(torch.equal, _weights(again), _weights(whole)))
+    assert _without_seconds(again.rows) == _without_seconds(whole.rows)
+
+
+def test_seeds_learn_what_they_learn_alone(tmp_path):
+    both, alone = (_training(tmp_path / str(len(s)), s) for s in (SEEDS, SEEDS[1:]))
+    for training in (both, alone):
+        for _ in range(2):
+            training._learn()
+            training.done += 1
+    for together, own in zip(_weights(both), _weights(alone), strict=True):
+        np.testing.assert_allclose(together[1], own[0], atol=2e-4)
+
+
+def test_other_settings_are_refused(whole):
+    other = TrainingSettings(**{**vars(SETTINGS), "batch": 9})
+    with pytest.raises(StoreError, match="other settings"):
+        _training(whole.folder, settings=other).run()
+    for name, value in (("part", 7), ("worlds", 0), ("episodes", 500)):
+        with pytest.raises(InvalidArgumentError, match=name):
+            TrainingSettings(**{**vars(SETTINGS), name: value})
