@@ -1,12 +1,17 @@
 """Trainings: what was killed at any point ends with the same numbers."""
 
 import csv
+import json
 
 import numpy as np
 import pytest
 import torch
+from typer.testing import CliRunner
 
+import softgym_mj
+from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.learning.presets import find_preset
 from softgym_mj.learning.sac import SACSettings
 from softgym_mj.learning.training import COLUMNS, Training, TrainingSettings
 
@@ -87,6 +92,30 @@ def test_seeds_learn_what_they_learn_alone(tmp_path):
             training.done += 1
     for together, own in zip(_weights(both), _weights(alone), strict=True):
         np.testing.assert_allclose(together[1], own[0], atol=2e-4)
+
+
+@pytest.mark.parametrize("preset", ["paper", "fast"])
+def test_presets_suit_every_task(preset):
+    for task in softgym_mj.TASKS:
+        training, learner = find_preset("sac", preset, task, episodes=7)
+        assert (training.task, training.episodes) == (task, 7)
+        assert training.symmetric == (preset == "fast" and "water" not in task)
+        assert learner.discount == (0.99 if preset == "paper" else 0.95)
+    assert find_preset("sac", "paper", "fold_cloth")[1].alpha_rate == 2e-5
+    with pytest.raises(InvalidArgumentError, match="preset='slow'"):
+        find_preset("sac", "slow", "fold_cloth")
+    with pytest.raises(InvalidArgumentError, match="method='ppo'"):
+        find_preset("ppo", preset, "fold_cloth")
+
+
+def test_the_command(tmp_path):
+    settings = {name: value for name, value in vars(SETTINGS).items() if name != "task"}
+    command = ["train", "sac", "straighten_rope", "--preset", "paper", "--device", "host"]
+    command += ["--settings", json.dumps({**settings, "env_steps": 8}), "--out", str(tmp_path)]
+    done = CliRunner().invoke(commands.app, command)
+    assert done.exit_code == 0, done.output
+    assert "seed 0, evaluate, 2 episodes" in done.output
+    assert (tmp_path / "curve.csv").exists()
 
 
 def test_other_settings_are_refused(whole):
