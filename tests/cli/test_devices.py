@@ -19,8 +19,12 @@ def test_bench_counts_env_steps(device):
     assert 10 < rate < 1e6
 
 
-def test_programs_are_compiled_once(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "programs", [("fluid", "measures"), pytest.param(tuple(gpu.PROGRAMS), marks=pytest.mark.slow)]
+)
+def test_programs_are_compiled_once(tmp_path, monkeypatch, programs):
     pytest.importorskip("cuda.core")
+    monkeypatch.setattr(gpu, "PROGRAMS", {name: gpu.PROGRAMS[name] for name in programs})
     monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path))
     first = CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
     assert first.exit_code == 0, first.output

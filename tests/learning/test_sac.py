@@ -36,16 +36,16 @@ def _of(batch, k):
 def test_densities_are_those_of_a_transformed_gaussian():
     sources = generators([3, 4], "cpu")
     actor = Actor(sources, OBSERVATION, ACTION, (8,), (-10.0, 2.0))
-    observation, noise = torch.randn(2, 6, OBSERVATION), torch.randn(2, 6, ACTION)
+    observation, noise = drawn(sources, 6, OBSERVATION), drawn(sources, 6, ACTION)
     action, density = actor.sample(observation, noise)
     mean, log_std = actor(observation)
-    base = torch.distributions.Normal(mean, log_std.exp())
-    squashed = torch.distributions.TransformedDistribution(
-        base, [torch.distributions.transforms.TanhTransform(cache_size=1)]
-    )
-    expected = squashed.log_prob(torch.tanh(mean + noise * log_std.exp())).sum(-1)
-    torch.testing.assert_close(density, expected, atol=1e-3, rtol=1e-3)
-    torch.testing.assert_close(action, torch.tanh(mean + noise * log_std.exp()))
+    deviation = log_std.double().exp()
+    before = mean.double() + noise.double() * deviation
+    base = torch.distributions.Normal(mean.double(), deviation)
+    # Of the density after tanh: divided by its slope, 1 - tanh^2 = 1 / cosh^2.
+    expected = (base.log_prob(before) + 2.0 * torch.log(torch.cosh(before))).sum(-1)
+    torch.testing.assert_close(density.double(), expected, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(action.double(), torch.tanh(before), atol=1e-6, rtol=1e-5)
     assert ((log_std >= -10.0) & (log_std <= 2.0)).all()
 
 

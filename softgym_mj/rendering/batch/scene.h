@@ -24,7 +24,7 @@ constexpr int kSkyRows = 32;     // Colours of the sky, from straight down to st
 constexpr int kMostSamples = 4;  // Of a pixel.
 constexpr int kMostPanes = 6;    // Of glass behind each other that are seen.
 constexpr int kShadowSide = 256, kShadowTexels = kShadowSide * kShadowSide;
-constexpr int kMostLights = 8, kMostShadows = 3;
+constexpr int kMostShadows = 3;  // Of lights; what is beyond throws none.
 // Where water is drawn: blocks of voxels around the origin, as many as lie in the memory.
 constexpr int kBlockSide = 8, kVoxels = kBlockSide * kBlockSide * kBlockSide;
 constexpr int kBlocksX = 32, kBlocksZ = 16, kBlocks = kBlocksX * kBlocksX * kBlocksZ, kMostBlocks = 256;

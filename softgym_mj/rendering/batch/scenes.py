@@ -97,15 +97,8 @@ def _lights(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
         if model.light_type[i] != _DIRECTIONAL:
             raise InvalidArgumentError("light", model.light(i).name, "directional ones")
         towards, shadow = -data.light_xdir[i], int(model.light_castshadow[i])
-        rows.append(
-            (
-                towards,
-                model.light_diffuse[i],
-                model.light_ambient[i],
-                model.light_specular[i],
-                shadow,
-            )
-        )
+        colors = model.light_diffuse[i], model.light_ambient[i], model.light_specular[i]
+        rows.append((towards, *colors, shadow))
     return np.array(rows, LIGHT)
 
 
