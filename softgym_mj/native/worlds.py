@@ -9,6 +9,7 @@ import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.native.places import ALIGNMENT, Place, Processor, function
+from softgym_mj.native.queue import Queue
 
 NOT_FINITE = 1  # The first of what may go wrong in a step, as bits.
 
@@ -64,8 +65,7 @@ class Worlds:
         told: those of what worlds are told in a step, likewise.
         place: where the arrays are.
         models: (num_worlds,) int64 what worlds play, from `load`; those of 0 stand still.
-        order, cost: in which worlds are begun on a GPU (num_worlds,) int32, and what the last step
-            of each took there (num_worlds,) int64 [cycles].
+        queue: in which order they are begun on a GPU.
         flags: what went wrong so far, as bits (num_worlds,) int32.
         grown: how many times the memory of steps has been replaced by a larger one.
     """
@@ -94,12 +94,10 @@ class Worlds:
             for name, (size, more, dtype) in self.told.items()
         }
         self.models = place.zeros((num_worlds,), "int64")
-        self.order = place.put(np.arange(num_worlds, dtype=np.int32))
-        self.cost = place.zeros((num_worlds,), "int64")
+        self.queue = Queue(num_worlds, place)
         self.flags = place.zeros((num_worlds,), "int32")
         self.grown = 0
         self._slots = min(num_worlds, place.at_once(self.kind, self._most))
-        self._begun = place.zeros((1,), "int32")
         self._kept: Array = place.zeros((num_worlds, 0), "uint8")
         self._memory: Array = place.zeros((self._slots, 0), "uint8")
         self._loaded: dict[bytes, tuple[int, Array]] = {}
@@ -173,18 +171,13 @@ class Worlds:
 
     # ------------------------------------------------------------------ all
 
-    def plan(self) -> None:
-        """Has those that took longest be begun first: in the end few wait for one."""
-        xp = self.place.xp
-        self.order[...] = xp.astype(xp.argsort(-self.cost), self.order.dtype)
-
     def _step(self, **told: Array) -> None:
         """Makes a step of all worlds that are told this, by name."""
         for name, array in told.items():
             self._told[name][...] = array
         if self._batch is None:
             self._batch = self._written()
-        self._begun[...] = 0
+        self.queue.begin()
         self.place.step(self.kind, self._batch, self._slots, self._most)
 
     @property
@@ -202,6 +195,6 @@ class Worlds:
             self._memory,
             *(getattr(self, name) for name in self.fields),
         ]
-        arrays += [*self._told.values(), self._begun, self.order, self.cost, self.flags]
+        arrays += [*self._told.values(), *self.queue.arrays, self.flags]
         pointers = [self.place.address(array) for array in arrays]
         return self.place.put(np.concatenate([sizes, np.array(pointers, np.int64)]))

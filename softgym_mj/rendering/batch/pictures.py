@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.native.places import ALIGNMENT, Place, function
+from softgym_mj.native.queue import Queue
 from softgym_mj.rendering.batch.scenes import Described, textures_of
 
 KIND = "pictures"  # Of programs.
@@ -48,9 +49,7 @@ class Pictures:
         self._scenes = place.zeros((num_worlds,), "int64")
         self._points = place.zeros((num_worlds, most_points, 3), "float64")
         self._poses = place.zeros((num_worlds, num_movers, 7), "float64")
-        self._begun = place.zeros((1,), "int32")
-        self._order = place.put(np.arange(num_worlds, dtype=np.int32))
-        self._cost = place.zeros((num_worlds,), "int64")
+        self._queue = Queue(num_worlds, place)
         self._colors = place.zeros((*self._shape, 3), "uint8")
         self._distances = place.zeros(self._shape, "float32")
         self._labels = place.zeros(self._shape, "uint8")
@@ -111,9 +110,8 @@ class Pictures:
         self._points[:, : points.shape[1]] = points
         if poses.shape[1]:
             self._poses[...] = poses
-        xp = self._place.xp
-        self._order[...] = xp.astype(xp.argsort(-self._cost), self._order.dtype)  # Longest first.
-        self._begun[...] = 0
+        self._queue.plan()
+        self._queue.begin()
         if what not in self._batches:
             self._batches[what] = self._written(what, samples)
         self._place.step(KIND, self._batches[what], self._slots, _BUSY)
@@ -126,7 +124,7 @@ class Pictures:
         )  # fmt: skip
         arrays = (
             self._scenes, self._memory, self._points, self._poses,
-            self._begun, self._order, self._cost, self._colors, self._distances, self._labels,
+            *self._queue.arrays, self._colors, self._distances, self._labels,
         )  # fmt: skip
         pointers = [self._place.address(array) for array in arrays]
         return self._place.put(np.array([*sizes, *pointers], np.int64))

@@ -121,7 +121,7 @@ class Flexes(Side):
     # ------------------------------------------------------------------ worlds
 
     def command(self, actions: Array) -> None:
-        self._worlds.plan()
+        self._worlds.queue.plan()
         self._pickers.command(actions)
 
     def sim_step(self) -> None:

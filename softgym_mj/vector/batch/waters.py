@@ -99,7 +99,7 @@ class Waters(Side):
     # ------------------------------------------------------------------ worlds
 
     def command(self, actions: Array) -> None:
-        self._worlds.plan()
+        self._worlds.queue.plan()
         columns = [0.0 * actions[:, 0]] * 3
         for k, i in enumerate(np.flatnonzero(self._mover.max_step).tolist()):
             columns[i] = float(self._mover.max_step[i]) * actions[:, k]
