@@ -1,5 +1,6 @@
 """`Replay`: what environments of several seeds have gone through, and batches of it."""
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,8 +12,6 @@ from softgym_mj.exceptions import check_count
 from softgym_mj.learning.networks import generators
 from softgym_mj.learning.sac import Batch
 from softgym_mj.learning.symmetries import Symmetry
-
-_FIELDS = ("observation", "action", "reward", "next_observation", "terminated", "ended")
 
 
 class Replay:
@@ -80,8 +79,7 @@ class Replay:
                 worlds, ...), those of a seed one after the other. The next observation is of the
                 same episode.
         """
-        for name in _FIELDS:
-            kept = self._kept[name]
+        for name, kept in self._kept.items():
             kept[self._next] = arrays[name].reshape(kept.shape[1:]).to(kept.dtype)
         self._next = (self._next + 1) % self._capacity
         self.size = min(self.size + 1, self._capacity)
@@ -94,18 +92,13 @@ class Replay:
         oldest = self._next if self.size == self._capacity else 0
         begins, worlds, shown = [], [], []
         for source in self._sources:  # Each draws the same numbers whoever is beside it.
-            low = torch.randint(
-                self.size - self._steps + 1, (number,), generator=source, device=source.device
+            draw = functools.partial(
+                torch.randint, size=(number,), generator=source, device=source.device
             )
-            begins.append(low)
-            worlds.append(
-                torch.randint(self._worlds, (number,), generator=source, device=source.device)
-            )
+            begins.append(draw(self.size - self._steps + 1))
+            worlds.append(draw(self._worlds))
             if self._symmetries:
-                count = len(self._symmetries[0])
-                shown.append(
-                    torch.randint(count, (number,), generator=source, device=source.device)
-                )
+                shown.append(draw(len(self._symmetries[0])))
         first, world = torch.stack(begins), torch.stack(worlds)
         batch = self._added_up((oldest + first) % self._capacity, world)
         return self._shown(batch, torch.stack(shown)) if shown else batch
@@ -116,7 +109,7 @@ class Replay:
         kept = self._kept
         observation = kept["observation"][first, seed, world]
         action = kept["action"][first, seed, world]
-        reward, factor = torch.zeros_like(kept["reward"][first, seed, world]), 1.0
+        reward, factor = torch.zeros(first.shape, device=first.device), 1.0
         going = torch.ones_like(reward)  # Whether the episode still goes on.
         last, discount = first, torch.zeros_like(reward)
         for k in range(self._steps):

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.networks import Actor, Critics, drawn, generators
 
@@ -52,8 +52,7 @@ class SACSettings:
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
         for name in ("actor_every", "target_every"):
-            if getattr(self, name) < 1:
-                raise InvalidArgumentError(name, getattr(self, name), "1 or more")
+            check_count(name, getattr(self, name), 1)
 
 
 @dataclasses.dataclass(frozen=True)

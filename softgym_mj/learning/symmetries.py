@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 
 _POINTS = re.compile(r"\(x, y, z( each)?\)")  # In labels of numbers that are points.
-_NAMES = {"rope": "key points", "cloth": "corner"}  # In labels of an object's.
+_OWN = ("key points", "corner")  # In labels of an object's.
 
 
 class Symmetry(NamedTuple):
@@ -88,15 +89,11 @@ def symmetries(env: Environment) -> list[Symmetry]:
     return [
         Symmetry(
             _of_observation(labels, turn, order, pickers),
-            _blocks([np.vstack([_wide(turn), [0, 0, 0, 1]])] * number, pickers),
+            _blocks([block_diag(turn, 1.0)] * number, pickers),
             turn, order, pickers,
         )
         for (turn, order), pickers in itertools.product(_OF_TASKS[name], orders)
     ]  # fmt: skip
-
-
-def _wide(turn: np.ndarray) -> np.ndarray:
-    return np.hstack([turn, np.zeros((3, 1))])
 
 
 def _of_observation(
@@ -121,7 +118,7 @@ def _of_observation(
 
 
 def _is_object(label: str) -> bool:
-    return "goal" not in label and any(name in label for name in _NAMES.values())
+    return "goal" not in label and any(name in label for name in _OWN)
 
 
 def _blocks(parts: Sequence[np.ndarray], order: Sequence[int]) -> np.ndarray:

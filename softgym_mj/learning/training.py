@@ -21,13 +21,13 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
 from softgym_mj.jobs.files import read_whole, write_whole
 from softgym_mj.kinds import typed
+from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.sac import SAC, SACSettings
 from softgym_mj.learning.symmetries import Symmetry, symmetries
 from softgym_mj.registry import find
 from softgym_mj.variations.indices import SPLITS
 
-_SPACING = 20  # Every so many variations of a split are played during training: 10 of 200, ...
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
 COLUMNS = (
     "task", "method", "observation", "preset", "replay", "seed", "env_steps", "updates", "seconds",
@@ -116,8 +116,8 @@ class Training:
     folder: pathlib.Path
     device: str = "cpu"
     preset: str = "custom"
-    rows: list[dict[str, Any]] = dataclasses.field(default_factory=list)
-    done: int = 0
+    rows: list[dict[str, Any]] = dataclasses.field(default_factory=list, init=False)
+    done: int = dataclasses.field(default=0, init=False)
 
     def __post_init__(self):
         settings, self._seconds = self.settings, 0.0
@@ -138,7 +138,7 @@ class Training:
             discount=self.learner.discount, steps=settings.added, symmetries=shown,
             device=self._torch,
         )  # fmt: skip
-        self._noise = [torch.Generator().manual_seed(seed) for seed in self.seeds]
+        self._noise = generators(self.seeds, "cpu")
 
     def _task_settings(self) -> dict[str, Any]:
         record = find(self.settings.task)
@@ -221,8 +221,8 @@ class Training:
 
     def _random_actions(self) -> Tensor:
         shape = self.settings.worlds, self._envs.action_space.shape[-1]
-        draws = [2.0 * torch.rand(shape, generator=source) - 1.0 for source in self._noise]
-        return torch.cat(draws).to(self._torch)
+        numbers = drawn(self._noise, *shape, normal=False)
+        return (2.0 * numbers - 1.0).flatten(0, 1).to(self._torch)
 
     def _actions(self, observation: Tensor, *, explore: bool = True) -> Tensor:
         own = observation.reshape(len(self.seeds), -1, observation.shape[-1])
