@@ -81,7 +81,8 @@ def _check_number(argument: str, value: float, low: float, high: float = math.in
         raise InvalidArgumentError(argument, value, f"a number in {low:g}..{high:g}")
 
 
-def _cap_rings(sides: int) -> int:
+def cap_rings(sides: int) -> int:
+    """Rings of a rounded end of a `tube` with so many sides."""
     return max(2, sides // 4)
 
 
@@ -123,7 +124,7 @@ def tube(
     shape = (_rings(len(points), sides, rings_per_edge) * (sides + 1), 3)
     vertices, normals = np.empty(shape, np.float32), np.empty(shape, np.float32)
     failed = _library().softgym_mj_tube(
-        points.ctypes.data, len(points), radius, sides, rings_per_edge, _cap_rings(sides), lobes,
+        points.ctypes.data, len(points), radius, sides, rings_per_edge, cap_rings(sides), lobes,
         strands.depth, strands.twist, vertices.ctypes.data, normals.ctypes.data,
     )  # fmt: skip
     if failed:
@@ -134,7 +135,7 @@ def tube(
 def _rings(n: int, sides: int, rings_per_edge: int) -> int:
     check_count("sides", sides, 3, _MOST_SIDES)
     check_count("rings_per_edge", rings_per_edge, 1, _MOST_RINGS)
-    return (n - 1) * rings_per_edge + 1 + 2 * _cap_rings(sides)
+    return (n - 1) * rings_per_edge + 1 + 2 * cap_rings(sides)
 
 
 def tube_faces(n: int, *, sides: int, rings_per_edge: int) -> tuple[np.ndarray, np.ndarray]:
@@ -148,7 +149,7 @@ def tube_faces(n: int, *, sides: int, rings_per_edge: int) -> tuple[np.ndarray, 
         InvalidArgumentError: for numbers out of range.
     """
     check_count("n", n, 2, _MOST_POINTS)
-    rings, caps = _rings(n, sides, rings_per_edge), _cap_rings(sides)
+    rings, caps = _rings(n, sides, rings_per_edge), cap_rings(sides)
     first = np.arange(rings * (sides + 1), dtype=np.int32).reshape(rings, sides + 1)
     a, b, c, d = first[:-1, :-1], first[:-1, 1:], first[1:, 1:], first[1:, :-1]
     # The outermost rings are points: of their quads, one triangle has an area.

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.native.meshes import tube_faces
+from softgym_mj.native.meshes import cap_rings, tube_faces
 from softgym_mj.rendering.batch.layout import ROPE, SHEET, WATER
 from softgym_mj.rendering.batch.materials import material_of
 from softgym_mj.rendering.batch.ragged import part_of, starts_of
@@ -65,7 +65,7 @@ def _add_rope(
     scene["sides"], scene["rings_per_edge"] = sides, rings
     faces, _ = tube_faces(number, sides=sides, rings_per_edge=rings)
     assert len(faces) == scene["num_triangles"], "as the skin was made"
-    caps = max(sides // 4, 2)
+    caps = cap_rings(sides)
     for name, angles in {
         "circle": 2.0 * np.pi * np.arange(sides) / sides,
         "quarter": 0.5 * np.pi * np.arange(caps + 1) / caps,

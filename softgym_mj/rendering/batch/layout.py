@@ -30,7 +30,7 @@ SCENE = np.dtype(
     [
         *((name, "i4") for name in (
             "kind", "num_points", "num_vertices", "num_triangles", "num_glasses", "glass_vertices",
-            "glass_triangles", "num_solids", "num_lights", "num_eyes", "num_movers", "sides",
+            "glass_triangles", "num_solids", "num_lights", "num_eyes", "sides",
             "rings_per_edge", "most_triangles",
         )),
         *((name, "f4") for name in ("inflate", "radius", "spacing", "voxel")),

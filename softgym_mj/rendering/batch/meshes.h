@@ -54,10 +54,8 @@ inline void PlaceRope(const Canvas& c) {
   });
   Each(s.num_vertices, [&](int at) {
     const int i = at / row;
-    const Vector& p = c.surface[at];
-    const Vector n = TubeNormal(c.rings[i], c.surface, c.out[at], i, at % row, count, s.sides);
-    c.places[at] = {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
-    c.normals[at] = {static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)};
+    c.places[at] = At(c.surface[at]);
+    c.normals[at] = At(TubeNormal(c.rings[i], c.surface, c.out[at], i, at % row, count, s.sides));
   });
 }
 
@@ -177,7 +175,7 @@ inline void DrawTriangles(const Canvas& c, int first, int end, int shares, const
       if (values[n] <= 0) return;
     }
     EachSample(corners, values, c.width, c.height, k % shares, shares, [&](int x, int y, float nearness) {
-      const Key key = static_cast<Key>(BitsOf(1 / nearness)) << 32 | static_cast<unsigned>(t);
+      const Key key = static_cast<Key>(Reread<unsigned>(1 / nearness)) << 32 | static_cast<unsigned>(t);
       const int at = y * c.width + x;
       if (before && key <= before[at]) return;
       TakeLeast(&nearest[at], key);

@@ -64,7 +64,7 @@ struct Texture {
 struct Scene {
   int kind, num_points, num_vertices, num_triangles;  // Of what deforms.
   int num_glasses, glass_vertices, glass_triangles;
-  int num_solids, num_lights, num_eyes, num_movers;
+  int num_solids, num_lights, num_eyes;
   int sides, rings_per_edge;  // Of a rope.
   int most_triangles;         // Of the surface of water, if it were made of them: else its voxels grow.
   float inflate, radius, spacing, voxel;
@@ -137,6 +137,7 @@ inline Point At(const float* a) { return {a[0], a[1], a[2]}; }
 inline Point At(const double* a) {
   return {static_cast<float>(a[0]), static_cast<float>(a[1]), static_cast<float>(a[2])};
 }
+inline Point At(const Vector& a) { return At(&a.x); }
 using softgym_mj::Dot;
 inline float Dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline Point Direction(const Point& a) {
@@ -206,23 +207,18 @@ inline void TakeCanvas(const Scene& s, long long height, long long width, long l
   }
 }
 
-inline unsigned BitsOf(float a) {
+// The same bits as another type.
+template <class To, class From>
+inline To Reread(From from) {
   union {
-    float number;
-    unsigned bits;
-  } both = {a};
-  return both.bits;
-}
-inline float NumberOf(unsigned bits) {
-  union {
-    unsigned bits;
-    float number;
-  } both = {bits};
-  return both.number;
+    From from;
+    To to;
+  } both = {from};
+  return both.to;
 }
 
 constexpr Key kNone = ~0ull;
-inline float DistanceOf(Key key) { return NumberOf(static_cast<unsigned>(key >> 32)); }
+inline float DistanceOf(Key key) { return Reread<float>(static_cast<unsigned>(key >> 32)); }
 inline int TriangleOf(Key key) { return static_cast<int>(key & 0xffffffffu); }
 
 }  // namespace softgym_mj::pictures

@@ -55,10 +55,10 @@ def describe(
     scene, arrays = np.zeros((), SCENE), {}
     textures: list[np.ndarray] = []
     arrays["solids"], glasses = solids_of(model, data, movers, parts, textures)
-    add_glasses(scene, arrays, glasses)
+    glass_faces = add_glasses(scene, arrays, glasses)
     add_deformable(scene, arrays, model, textures)
     arrays["triangles"] = np.concatenate(
-        [arrays["triangles"], arrays.pop("glass_faces") + int(scene["num_vertices"])]
+        [arrays["triangles"], glass_faces + int(scene["num_vertices"])]
     ).astype("i4")
     arrays["lights"] = _lights(model, data)
     arrays["eyes"] = _eyes(model, data, cameras)
@@ -72,7 +72,6 @@ def describe(
     )  # fmt: skip
     for name in ("solids", "lights", "eyes"):
         scene[f"num_{name}"] = len(arrays[name])
-    scene["num_movers"] = len(set(movers.values()))
     packed, size = [], SCENE.itemsize
     for name in ARRAYS:
         padding = -size % _ALIGNMENT

@@ -79,8 +79,8 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.
     return places[pairs[:, 0]], normals[pairs[:, 1]], which.reshape(-1, 3)
 
 
-def add_glasses(scene: np.ndarray, arrays: dict[str, np.ndarray], glasses: list) -> None:
-    """Adds to a scene what `solids_of` says of glass; arguments as of `add_deformable`."""
+def add_glasses(scene: np.ndarray, arrays: dict[str, np.ndarray], glasses: list) -> np.ndarray:
+    """Adds what `solids_of` says of glass, as `add_deformable`; returns its triangles (n, 3)."""
     rows, vertices, triangles = [], 0, 0
     for mover, places, _, faces, material in glasses:
         row = (mover, vertices, len(places), triangles, len(faces), material)
@@ -90,7 +90,7 @@ def add_glasses(scene: np.ndarray, arrays: dict[str, np.ndarray], glasses: list)
     empty = np.zeros((0, 3), "f4")
     arrays["glass_places"] = np.concatenate([empty, *(g[1] for g in glasses)]).astype("f4")
     arrays["glass_normals"] = np.concatenate([empty, *(g[2] for g in glasses)]).astype("f4")
-    faces = [g[3] + row[1] for g, row in zip(glasses, rows, strict=True)]
-    arrays["glass_faces"] = np.concatenate([np.zeros((0, 3), "i4"), *faces])
     scene["num_glasses"], scene["glass_vertices"] = len(glasses), vertices
     scene["glass_triangles"] = triangles
+    faces = [g[3] + row[1] for g, row in zip(glasses, rows, strict=True)]
+    return np.concatenate([np.zeros((0, 3), "i4"), *faces])

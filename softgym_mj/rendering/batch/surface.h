@@ -42,11 +42,10 @@ inline float EnterWater(const Canvas& c, const Point& start, const Point& along,
   const float scale = 1 / c.voxel;
   const Point from = scale * start, step = scale * along;
   // Within the box around what has water.
-  const int origin[3] = {kBlocksX / 2, kBlocksX / 2, kBlocksZ / 4};
   float low[3], high[3];
   for (int k = 0; k < 3; ++k) {
-    low[k] = 8.0f * static_cast<float>(c.low_block[k] - origin[k]);
-    high[k] = 8.0f * static_cast<float>(c.high_block[k] + 1 - origin[k]);
+    low[k] = 8.0f * static_cast<float>(c.low_block[k]);
+    high[k] = 8.0f * static_cast<float>(c.high_block[k] + 1);
   }
   const float at[3] = {from.x, from.y, from.z}, by[3] = {step.x, step.y, step.z};
   float scales[3];

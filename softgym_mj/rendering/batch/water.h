@@ -31,6 +31,12 @@ inline int BlockAt(int x, int y, int z) {
   return within ? (z * kBlocksX + y) * kBlocksX + x : -1;
 }
 
+// Where that block is: the inverse.
+inline void PlaceOfBlock(int block, int at[3]) {
+  at[0] = block % kBlocksX - kBlocksX / 2, at[1] = block / kBlocksX % kBlocksX - kBlocksX / 2,
+  at[2] = block / kBlocksX / kBlocksX - kBlocksZ / 4;
+}
+
 // Sorts particles into buckets of cells in which neighbors are, and finds their kernels.
 inline void FindKernels(const Canvas& c) {
   const Scene& s = *c.scene;
@@ -121,12 +127,13 @@ inline bool FindBlocks(const Canvas& c) {
     if (c.blocks[i] > before) c.wet[before] = i;
   });
   Each(kBlocks, [&](int i) { c.blocks[i] = -1; });
-  Each(3, [&](int k) { c.low_block[k] = kBlocksX, c.high_block[k] = -1; });
+  Each(3, [&](int k) { c.low_block[k] = kBlocksX, c.high_block[k] = -kBlocksX; });
   Each(count, [&](int i) { c.blocks[c.wet[i]] = i; });
   Once([&] {
     c.wet[kMostBlocks] = count;
     for (int i = 0; i < count; ++i) {
-      const int at[3] = {c.wet[i] % kBlocksX, c.wet[i] / kBlocksX % kBlocksX, c.wet[i] / kBlocksX / kBlocksX};
+      int at[3];
+      PlaceOfBlock(c.wet[i], at);
       for (int k = 0; k < 3; ++k) {
         c.low_block[k] = std::min(c.low_block[k], at[k]), c.high_block[k] = std::max(c.high_block[k], at[k]);
       }
@@ -182,10 +189,10 @@ inline bool FindCells(const Canvas& c) {
   Each(count * (kVoxels / 32), [&](int i) { c.crossed[i] = 0; });
   Each(count, [&](int i) { c.num_crossed[i] = 0; });
   Each(count * kVoxels, [&](int i) {
-    const int block = c.wet[i / kVoxels], k = i % kVoxels;
-    const int x = 8 * (block % kBlocksX - kBlocksX / 2) + (k & 7),
-              y = 8 * (block / kBlocksX % kBlocksX - kBlocksX / 2) + (k >> 3 & 7),
-              z = 8 * (block / kBlocksX / kBlocksX - kBlocksZ / 4) + (k >> 6);
+    const int k = i % kVoxels;
+    int at[3];
+    PlaceOfBlock(c.wet[i / kVoxels], at);
+    const int x = 8 * at[0] + (k & 7), y = 8 * at[1] + (k >> 3 & 7), z = 8 * at[2] + (k >> 6);
     bool any = false, inside[8];
     for (int n = 0; n < 8; ++n) {
       inside[n] = WeightAt(c, x + (n & 1), y + (n >> 1 & 1), z + (n >> 2)) > kLevel;
