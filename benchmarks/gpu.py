@@ -5,8 +5,8 @@
 For one CUDA device. Each task starts from evaluation variations, one after the other, takes random
 actions, and resets by itself, each environment in another step. Rates count env steps of all
 environments: measures, rewards, infos and reduced observations are made in each; those of images
-also an image of 128 x 128 pixels. The oracle of bits is the processor's program, whose own oracle is
-the plugin (tests/cloth, tests/fluid, tests/vector).
+also an image of 128 x 128 pixels. The oracle of bits is the processor's program, whose own oracle
+is the plugin (tests/cloth, tests/fluid, tests/vector).
 """
 
 import argparse
