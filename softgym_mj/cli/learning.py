@@ -3,6 +3,7 @@
 import pathlib
 from typing import Annotated, Any
 
+import rich.progress
 import typer
 
 from softgym_mj.cli.console import Settings, Task, console, parsed_settings, progress_bar
@@ -24,18 +25,22 @@ def train(
         "training"
     ),
 ) -> None:
-    """Trains a policy; may be killed and run again. --settings are those of the training."""
-    from softgym_mj.learning.presets import find_preset
+    """Trains a policy; may be killed and run again. --settings are those of preset files."""
+    from softgym_mj.learning.methods import find_preset
     from softgym_mj.learning.training import Training
 
     check_name("device", device, DEVICES)
     check_count("seeds", seeds, 1, 100)
     chosen: dict[str, Any] = parsed_settings(settings)
-    training, learner = find_preset(method, preset, find(task).name, **chosen)
-    run = Training(training, learner, list(range(seeds)), out, device, preset)
-    with progress_bar() as progress:
-        bar = progress.add_task(f"{method} {training.task}", total=training.parts)
-        run.run(lambda now: progress.update(bar, completed=now.done))
+    training, chosen_method = find_preset(method, preset, find(task).name, **chosen)
+    run = Training(training, chosen_method, list(range(seeds)), out, device)
+    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as progress:
+        bar = progress.add_task(f"{method} {training.task}", total=training.env_steps, note="")
+
+        def show(now: Training, news: dict[str, list[float]]) -> None:
+            progress.update(bar, completed=now.done * training.part, note=now.said())
+
+        run.run(show)
     for row in run.rows:
         if row["final"]:
             console.print(

@@ -1,6 +1,6 @@
 """`Replay`: what environments of several seeds have gone through, and batches of it."""
 
-import functools
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,15 +9,33 @@ import torch
 from torch import Tensor
 
 from softgym_mj.exceptions import check_count
-from softgym_mj.learning.networks import generators
-from softgym_mj.learning.sac import Batch
+from softgym_mj.learning.learner import Step
+from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.symmetries import Symmetry
+
+
+@dataclasses.dataclass(frozen=True)
+class Batch:
+    """Steps to learn from, (seeds, n, ...) each.
+
+    Attributes:
+        observation, action, next_observation: (seeds, n, ...).
+        reward: sums (seeds, n) up to the next observation, discounted.
+        discount: factor (seeds, n) to the value of the next observation: 0 where there is none.
+    """
+
+    observation: Tensor
+    action: Tensor
+    reward: Tensor
+    next_observation: Tensor
+    discount: Tensor
 
 
 class Replay:
     """The newest env steps of environments that step together: (steps, seeds, worlds, ...).
 
-    Each seed learns from worlds of its own.
+    Each seed learns from worlds of its own. Nothing in `sample` asks for a number of the device, so
+    that it can be part of one of CUDA's graphs.
 
     Attributes:
         size: how many vector steps there are.
@@ -28,7 +46,7 @@ class Replay:
         capacity: int,
         seeds: Sequence[int],
         worlds: int,
-        observation: int,
+        observation: tuple[int, ...],
         action: int,
         *,
         discount: float,
@@ -42,7 +60,8 @@ class Replay:
             capacity: vector steps that are kept; older ones make way.
             seeds: of random numbers.
             worlds: of each seed.
-            observation, action: sizes.
+            observation: shape; those of images are kept as uint8, others as float32.
+            action: size.
             discount: of rewards, in each env step.
             steps: env steps whose rewards are added up, until the episode ends.
             symmetries: each step that is learned from is shown by one of them; none as it was.
@@ -53,60 +72,69 @@ class Replay:
         self._seeds, self._worlds = len(seeds), worlds
         self._sources = generators(seeds, device)
         lead = capacity, len(seeds), worlds
-        self._kept = {
-            "observation": torch.zeros(*lead, observation, device=device),
+        kind = torch.uint8 if len(observation) == 3 else torch.float32
+        self.kept = {
+            "observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
             "action": torch.zeros(*lead, action, device=device),
             "reward": torch.zeros(lead, device=device),
-            "next_observation": torch.zeros(*lead, observation, device=device),
+            "next_observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
             "terminated": torch.zeros(lead, dtype=torch.bool, device=device),
             "ended": torch.zeros(lead, dtype=torch.bool, device=device),
         }
-        self._symmetries: tuple[Tensor, ...] = ()
-        if symmetries:
-            self._symmetries = tuple(
-                torch.tensor(
-                    np.stack([getattr(s, name) for s in symmetries]), device=device
-                ).float()
-                for name in ("observation", "action")
-            )
+        # How many vector steps there are, and which is the oldest: what `sample` reads.
+        self._extent = torch.zeros(2, dtype=torch.int64, device=device)
+        self._symmetries = _signed_orders(symmetries, device) if symmetries else None
 
-    def add(self, **arrays: Tensor) -> None:
-        """Keeps a vector step.
+    @property
+    def sources(self) -> list[torch.Generator]:
+        """Where the random numbers come from."""
+        return self._sources
 
-        Args:
-            **arrays: observation, action, reward, next_observation, and whether the simulation has
-                diverged (terminated) or the episode is over for any reason (ended): each (seeds *
-                worlds, ...), those of a seed one after the other. The next observation is of the
-                same episode.
-        """
-        for name, kept in self._kept.items():
-            kept[self._next] = arrays[name].reshape(kept.shape[1:]).to(kept.dtype)
+    def add(self, step: Step) -> None:
+        """Keeps a vector step."""
+        for name, kept in self.kept.items():
+            kept[self._next] = getattr(step, name).reshape(kept.shape[1:]).to(kept.dtype)
         self._next = (self._next + 1) % self._capacity
         self.size = min(self.size + 1, self._capacity)
+        self._note()
+
+    def _note(self) -> None:
+        """Tells the device how many vector steps there are."""
+        self._extent[0].fill_(self.size)
+        self._extent[1].fill_(self._next if self.size == self._capacity else 0)
 
     def sample(self, number: int) -> Batch:
         """A batch of so many steps for each seed, drawn with equal chances.
 
         There must have been as many vector steps as are added up.
         """
-        oldest = self._next if self.size == self._capacity else 0
-        begins, worlds, shown = [], [], []
-        for source in self._sources:  # Each draws the same numbers whoever is beside it.
-            draw = functools.partial(
-                torch.randint, size=(number,), generator=source, device=source.device
-            )
-            begins.append(draw(self.size - self._steps + 1))
-            worlds.append(draw(self._worlds))
-            if self._symmetries:
-                shown.append(draw(len(self._symmetries[0])))
-        first, world = torch.stack(begins), torch.stack(worlds)
-        batch = self._added_up((oldest + first) % self._capacity, world)
-        return self._shown(batch, torch.stack(shown)) if shown else batch
+        size, oldest = self._extent
+        # Each seed draws the same numbers whoever is beside it.
+        shares = drawn(self._sources, 3, number, normal=False)
+        first = _of(shares[:, 0], size - (self._steps - 1))
+        batch = self._added_up((oldest + first) % self._capacity, _of(shares[:, 1], self._worlds))
+        if self._symmetries is None:
+            return batch
+        return _shown(batch, _of(shares[:, 2], len(self._symmetries[0])), *self._symmetries)
+
+    def slices(self, number: int, length: int) -> Step:
+        """So many stretches of vector steps for each seed, (seeds, number, length, ...).
+
+        A stretch may go beyond the end of an episode, which `ended` tells. There must have been as
+        many vector steps as a stretch is long.
+        """
+        size, oldest = self._extent
+        shares = drawn(self._sources, 2, number, normal=False)
+        first = (oldest + _of(shares[:, 0], size - (length - 1)))[..., None]
+        seed = torch.arange(self._seeds, device=first.device)[:, None, None]
+        at = (first + torch.arange(length, device=first.device)) % self._capacity
+        world = _of(shares[:, 1], self._worlds)[..., None]
+        return Step(*(self.kept[name][at, seed, world] for name in Step._fields))
 
     def _added_up(self, first: Tensor, world: Tensor) -> Batch:
         """The batch that begins in these vector steps and worlds (seeds, number)."""
         seed = torch.arange(self._seeds, device=first.device)[:, None]
-        kept = self._kept
+        kept = self.kept
         observation = kept["observation"][first, seed, world]
         action = kept["action"][first, seed, world]
         reward, factor = torch.zeros(first.shape, device=first.device), 1.0
@@ -124,27 +152,12 @@ class Replay:
         following = kept["next_observation"][last, seed, world]
         return Batch(observation, action, reward, following, discount)
 
-    def _shown(self, batch: Batch, which: Tensor) -> Batch:
-        """Each step by the symmetry of a number (seeds, number)."""
-        of_observations, of_actions = self._symmetries
-
-        def turned(matrices: Tensor, values: Tensor) -> Tensor:
-            return torch.einsum("snij,snj->sni", matrices[which], values)
-
-        return Batch(
-            turned(of_observations, batch.observation),
-            turned(of_actions, batch.action),
-            batch.reward,
-            turned(of_observations, batch.next_observation),
-            batch.discount,
-        )
-
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
         """All that `set_state` needs to go on with the same numbers."""
         return {
-            "kept": {name: array[: self.size].clone() for name, array in self._kept.items()},
+            "kept": {name: array[: self.size].clone() for name, array in self.kept.items()},
             "size": self.size,
             "next": self._next,
             "random": [source.get_state() for source in self._sources],
@@ -154,6 +167,44 @@ class Replay:
         """Goes on from what `get_state` returned."""
         self.size, self._next = state["size"], state["next"]
         for name, array in state["kept"].items():
-            self._kept[name][: self.size] = array
+            self.kept[name][: self.size] = array
         for source, kept in zip(self._sources, state["random"], strict=True):
             source.set_state(kept)
+        self._note()
+
+
+def _of(shares: Tensor, number: Tensor | int) -> Tensor:
+    """Whole numbers from 0 to below `number`, of shares in 0..1."""
+    return (shares * number).long().clamp(max=number - 1)
+
+
+def _signed_orders(
+    symmetries: Sequence[Symmetry], device: torch.device | str
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Order and sign (symmetries, n) by which numbers are taken: of observations, of actions."""
+    found: list[Tensor] = []
+    for name in ("observation", "action"):
+        matrices = np.stack([getattr(symmetry, name) for symmetry in symmetries])
+        # Turns by right angles and mirrors: one entry of 1 or -1 in a row.
+        assert (np.count_nonzero(matrices, axis=-1) == 1).all() and (abs(matrices) <= 1.0).all()
+        orders = np.abs(matrices).argmax(-1)
+        signs = np.take_along_axis(matrices, orders[..., None], -1)[..., 0]
+        found += [torch.tensor(orders, device=device), torch.tensor(signs, device=device).float()]
+    return found[0], found[1], found[2], found[3]
+
+
+def _shown(
+    batch: Batch, which: Tensor, orders: Tensor, signs: Tensor, of_actions: Tensor, turns: Tensor
+) -> Batch:
+    """Each step by the symmetry of a number (seeds, n), of these orders and signs."""
+
+    def turned(values: Tensor) -> Tensor:
+        return values.gather(-1, orders[which]) * signs[which]
+
+    return Batch(
+        turned(batch.observation),
+        batch.action.gather(-1, of_actions[which]) * turns[which],
+        batch.reward,
+        turned(batch.next_observation),
+        batch.discount,
+    )

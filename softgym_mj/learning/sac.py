@@ -6,37 +6,42 @@ targets that always go on at the horizon, the entropy weight learned as it is.
 
 import copy
 import dataclasses
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
+from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.networks import Actor, Critics, drawn, generators
+from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
+from softgym_mj.learning.replay import Batch
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
-class SACSettings:
+class SACSettings(OffPolicySettings):
     """How it learns; the defaults are the paper's, of most tasks.
 
     Attributes:
         hidden: sizes of hidden layers, of all networks.
         norm: whether critics normalise them.
-        discount: of rewards, in each env step.
         tau: share of the critics in their targets, at each update of these.
         actor_rate, critic_rate, alpha_rate: of Adam.
         alpha: entropy weight at first.
         alpha_beta: Adam's first one, of the entropy weight.
         actor_every, target_every: critic updates for each of the actor and of the targets.
         log_std: least and largest of a deviation.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
     """
 
     hidden: tuple[int, ...] = (1024, 1024)
     norm: bool = False
-    discount: float = 0.99
     tau: float = 0.01
     actor_rate: float = 1e-3
     critic_rate: float = 1e-3
@@ -48,28 +53,12 @@ class SACSettings:
     log_std: tuple[float, float] = (-10.0, 2.0)
 
     def __post_init__(self):
+        super().__post_init__()
         for name in ("discount", "tau", "alpha", "actor_rate", "critic_rate", "alpha_rate"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
-
-
-@dataclasses.dataclass(frozen=True)
-class Batch:
-    """Steps to learn from, (seeds, n, ...) each.
-
-    Attributes:
-        observation, action, next_observation: (seeds, n, k).
-        reward: sums (seeds, n) up to the next observation, discounted.
-        discount: factor (seeds, n) to the value of the next observation: 0 where there is none.
-    """
-
-    observation: Tensor
-    action: Tensor
-    reward: Tensor
-    next_observation: Tensor
-    discount: Tensor
 
 
 class SAC:
@@ -78,7 +67,7 @@ class SAC:
     Attributes:
         settings: how.
         actor, critics, targets: the networks.
-        updates: how many there were.
+        updates, sources, period: as of `Algorithm`.
     """
 
     def __init__(
@@ -97,26 +86,18 @@ class SAC:
             observation, action: sizes.
             device: where.
         """
-        self.settings, self._sources = settings, generators(seeds, device)
+        self.settings, self.sources = settings, generators(seeds, device)
         hidden = settings.hidden
-        self.actor = Actor(self._sources, observation, action, hidden, settings.log_std)
-        self.critics = Critics(self._sources, observation, action, hidden, norm=settings.norm)
+        self.actor = Actor(self.sources, observation, action, hidden, settings.log_std)
+        self.critics = Critics(self.sources, observation, action, hidden, norm=settings.norm)
         self.targets = copy.deepcopy(self.critics).requires_grad_(False)
         start = torch.full((len(seeds),), settings.alpha, device=device).log()
         self.log_alpha = start.requires_grad_(True)
         self._entropy = -float(action)
-        # Capturable: what Adam counts lies beside the weights, where graphs of a GPU find it.
-        on_gpu = torch.device(device).type == "cuda"
-        self._actor_adam = torch.optim.Adam(
-            self.actor.parameters(), settings.actor_rate, capturable=on_gpu
-        )
-        self._critic_adam = torch.optim.Adam(
-            self.critics.parameters(), settings.critic_rate, capturable=on_gpu
-        )
-        self._alpha_adam = torch.optim.Adam(
-            [self.log_alpha], settings.alpha_rate, (settings.alpha_beta, 0.999), capturable=on_gpu
-        )
-        self.updates = 0
+        self._actor_adam = adam(self.actor.parameters(), settings.actor_rate)
+        self._critic_adam = adam(self.critics.parameters(), settings.critic_rate)
+        self._alpha_adam = adam([self.log_alpha], settings.alpha_rate, settings.alpha_beta)
+        self.updates, self.period = 0, math.lcm(settings.actor_every, settings.target_every)
 
     @property
     def alpha(self) -> Tensor:
@@ -132,7 +113,7 @@ class SAC:
             return self.actor.sample(observation, self._noise(observation.shape[1], size))[0]
 
     def _noise(self, *shape: int) -> Tensor:
-        return drawn(self._sources, *shape)
+        return drawn(self.sources, *shape)
 
     # ------------------------------------------------------------------ losses
 
@@ -168,15 +149,15 @@ class SAC:
         """Learns from a batch; returns losses and entropy weights (seeds,) by name."""
         size = batch.action.shape[1:]
         loss = self.critic_loss(batch, self._noise(*size))
-        _step(self._critic_adam, loss)
+        step(self._critic_adam, loss)
         found = {"critic_loss": loss.detach(), "alpha": self.alpha}
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
             self.critics.requires_grad_(False)
             actor, alpha = self.actor_losses(batch, self._noise(*size))
-            _step(self._actor_adam, actor)
+            step(self._actor_adam, actor)
             self.critics.requires_grad_(True)
-            _step(self._alpha_adam, alpha)
+            step(self._alpha_adam, alpha)
             found["actor_loss"] = actor.detach()
         if self.updates % self.settings.target_every == 0:
             with torch.no_grad():
@@ -185,6 +166,10 @@ class SAC:
                 ):
                     mean.lerp_(own, self.settings.tau)
         return found
+
+    def policy(self, seed: int) -> nn.Module:
+        """See `Learner`."""
+        return _Mean(self.actor, seed)
 
     # ------------------------------------------------------------------ state
 
@@ -195,8 +180,8 @@ class SAC:
             "critics": self.critics.state_dict(),
             "targets": self.targets.state_dict(),
             "log_alpha": self.log_alpha.detach(),
-            "adam": [adam.state_dict() for adam in self._adams],
-            "random": [source.get_state() for source in self._sources],
+            "adam": [optimizer.state_dict() for optimizer in self._adams],
+            "random": [source.get_state() for source in self.sources],
             "updates": self.updates,
         }
         return copy.deepcopy(state)  # What is in them goes on changing.
@@ -207,9 +192,9 @@ class SAC:
             getattr(self, name).load_state_dict(state[name])
         with torch.no_grad():
             self.log_alpha.copy_(state["log_alpha"])
-        for adam, kept in zip(self._adams, state["adam"], strict=True):
-            adam.load_state_dict(copy.deepcopy(kept))
-        for source, kept in zip(self._sources, state["random"], strict=True):
+        for optimizer, kept in zip(self._adams, state["adam"], strict=True):
+            optimizer.load_state_dict(copy.deepcopy(kept))
+        for source, kept in zip(self.sources, state["random"], strict=True):
             source.set_state(kept)
         self.updates = state["updates"]
 
@@ -218,8 +203,48 @@ class SAC:
         return self._actor_adam, self._critic_adam, self._alpha_adam
 
 
-def _step(adam: torch.optim.Adam, losses: Tensor) -> None:
-    """Each seed's weights follow its own loss: nothing mixes them."""
-    adam.zero_grad(set_to_none=True)
+def adam(
+    parameters: Iterable[Tensor], rate: float, beta: float = 0.9, **settings: Any
+) -> torch.optim.Adam:
+    """An optimiser whose steps can be part of one of CUDA's graphs.
+
+    Args:
+        parameters: of networks of several seeds, all on one device.
+        rate: of learning.
+        beta: Adam's first one.
+        **settings: of `torch.optim.Adam`.
+    """
+    weights = [*parameters]
+    on_gpu = weights[0].device.type == "cuda"
+    # Capturable: what Adam counts lies beside the weights.
+    return torch.optim.Adam(
+        weights, rate, (beta, 0.999), capturable=on_gpu, fused=on_gpu, **settings
+    )
+
+
+def step(optimizer: torch.optim.Adam, losses: Tensor) -> None:
+    """Each seed's weights follow its own loss (seeds,): nothing mixes them."""
+    optimizer.zero_grad(set_to_none=True)
     losses.sum().backward()
-    adam.step()
+    optimizer.step()
+
+
+class _Mean(nn.Module):
+    """The best action of one seed, of observations (n, k)."""
+
+    def __init__(self, actor: Actor, seed: int):
+        super().__init__()
+        self.actor = copy.deepcopy(actor).cpu()
+        for parameter in self.actor.parameters():
+            parameter.data = parameter.data[seed : seed + 1].clone()
+        self.requires_grad_(False)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        return self.actor.mean(observation[None])[0]
+
+
+def make(settings: SACSettings, problem: Problem) -> OffPolicy:
+    """The `Learner` of a problem."""
+    (size,) = problem.observation
+    sac = SAC(settings, problem.seeds, size, problem.action, problem.device)
+    return OffPolicy(settings, problem, sac)

@@ -1,14 +1,14 @@
-"""`Training`: soft actor-critics of several seeds learn a task side by side.
+"""`Training`: policies of several seeds learn a task side by side, by any method.
 
 It may be killed at any time: it goes in parts, after each of which all of it is kept. Environments
 begin anew at the start of a part, from seeds of the part's own: so what was killed goes on with the
 same numbers.
 """
 
-import csv
 import dataclasses
 import io
 import pathlib
+import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -18,21 +18,17 @@ import torch
 from torch import Tensor
 
 import softgym_mj
-from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
-from softgym_mj.jobs.files import read_whole, write_whole
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
+from softgym_mj.jobs.files import read_whole, write_json, write_whole
 from softgym_mj.kinds import typed
-from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.replay import Replay
-from softgym_mj.learning.sac import SAC, SACSettings
-from softgym_mj.learning.symmetries import Symmetry, symmetries
+from softgym_mj.learning.curves import write_curve
+from softgym_mj.learning.learner import Learner, Method, Problem, Step, worlds_of
 from softgym_mj.registry import find
 from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
-COLUMNS = (
-    "task", "method", "observation", "preset", "replay", "seed", "env_steps", "updates", "seconds",
-    "split", "episodes", "normalized_performance", "success", "final",
-)  # fmt: skip
+OBSERVATIONS = ("reduced", "full", "rgb")
+CHECKPOINT, CARD = "checkpoint.pt", "card.json"
 
 
 @typed
@@ -42,48 +38,43 @@ class TrainingSettings:
 
     Attributes:
         task: its name.
+        observation: one of `OBSERVATIONS`.
+        image_size: height and width of images [pixels].
         env_steps: of each seed, in all.
         worlds: environments of each seed.
-        random_steps: env steps of each seed that are random, before it learns.
-        updates: for each step of all environments.
-        batch: env steps of an update, of each seed.
-        replay: env steps of each seed that are kept.
-        added: env steps whose rewards are added up.
         reward_scale: factor to rewards.
-        symmetric: whether replays show the symmetries of the task.
         part: env steps of each seed between two checkpoints.
         evaluate_every: parts from an evaluation to the next; the last one is evaluated, too.
         episodes: of each split in an evaluation.
         final_episodes: held out, in the last one.
         fidelity: of the task.
+        actor: of the task.
 
     Raises:
         InvalidArgumentError: for numbers out of range.
     """
 
     task: str
+    observation: str = "reduced"
+    image_size: tuple[int, int] = (128, 128)
     env_steps: int = 1_000_000
     worlds: int = 64
-    random_steps: int = 1_000
-    updates: int = 64
-    batch: int = 128
-    replay: int = 100_000
-    added: int = 1
     reward_scale: float = 50.0
-    symmetric: bool = False
     part: int = 50_000
     evaluate_every: int = 1
     episodes: int = 20
     final_episodes: int = 200
     fidelity: str = "default"
+    actor: str | None = None
 
     def __post_init__(self):
         find(self.task)
-        for name in ("env_steps", "worlds", "updates", "batch", "added", "evaluate_every"):
+        check_name("observation", self.observation, OBSERVATIONS)
+        for name in ("env_steps", "worlds", "evaluate_every"):
             check_count(name, getattr(self, name), 1)
         for name in ("episodes", "final_episodes"):
             check_count(name, getattr(self, name), 1, len(SPLITS["evaluate"]))
-        for name in ("env_steps", "part", "replay"):
+        for name in ("env_steps", "part"):
             if getattr(self, name) % self.worlds:
                 raise InvalidArgumentError(
                     name, getattr(self, name), f"{self.worlds} times a number"
@@ -96,67 +87,63 @@ class TrainingSettings:
         """How many there are."""
         return self.env_steps // self.part
 
+    @property
+    def task_settings(self) -> dict[str, Any]:
+        """Keyword arguments of the task."""
+        found = {"fidelity": self.fidelity} if "fidelity" in find(self.task).arguments else {}
+        return {**found, **({"actor": self.actor} if self.actor else {})}
+
 
 @dataclasses.dataclass
 class Training:
     """A training in a folder.
 
     Attributes:
-        settings, learner: what, and how.
+        settings, method: what, and how.
         seeds: of trainings that go side by side.
         folder: where it is kept.
         device: of the environments ("cpu", "host" or "cuda"); the last one is the learner's, too.
-        rows: the curve so far: by `COLUMNS`, one of each evaluation, seed and split.
+        rows: the curve so far: by `curves.COLUMNS`, one of each evaluation, seed and split.
         done: parts so far.
+        learner: what learns.
     """
 
     settings: TrainingSettings
-    learner: SACSettings
+    method: Method
     seeds: Sequence[int]
     folder: pathlib.Path
     device: str = "cpu"
-    preset: str = "custom"
     rows: list[dict[str, Any]] = dataclasses.field(default_factory=list, init=False)
     done: int = dataclasses.field(default=0, init=False)
+    learner: Learner = dataclasses.field(init=False)
 
     def __post_init__(self):
         settings, self._seconds = self.settings, 0.0
-        self._torch = "cuda" if self.device == "cuda" else "cpu"
         number = settings.worlds * len(self.seeds)
         self._envs = self._make(number, autoreset_mode="SameStep")
-        observation, action = (
-            space.shape[-1] for space in (self._envs.observation_space, self._envs.action_space)
-        )
-        self.sac = SAC(self.learner, self.seeds, observation, action, self._torch)
-        shown: list[Symmetry] = []
-        if settings.symmetric:
-            env = softgym_mj.load(settings.task, split="all", **self._task_settings())
-            env.reset(0)
-            shown = symmetries(env)
-        self._replay = Replay(
-            settings.replay // settings.worlds, self.seeds, settings.worlds, observation, action,
-            discount=self.learner.discount, steps=settings.added, symmetries=shown,
-            device=self._torch,
+        self._players: dict[int, Any] = {}  # Environments of evaluations, by their number.
+        self._problem = Problem(
+            settings.task, settings.task_settings, self.seeds, settings.worlds,
+            self._envs.single_observation_space.shape, self._envs.single_action_space.shape[-1],
+            settings.reward_scale, "cuda" if self.device == "cuda" else "cpu",
         )  # fmt: skip
-        self._noise = generators(self.seeds, "cpu")
-
-    def _task_settings(self) -> dict[str, Any]:
-        record = find(self.settings.task)
-        return {"fidelity": self.settings.fidelity} if "fidelity" in record.arguments else {}
+        self.learner = self.method.make(self.method.settings, self._problem)
 
     def _make(self, number: int, **settings: Any) -> Any:
+        own, images = self.settings, self.settings.observation == "rgb"
+        sized: dict[str, Any] = {"image_size": own.image_size} if images else {}
         return softgym_mj.make_vec(
-            self.settings.task, number, device=self.device, observation="reduced",
-            **self._task_settings(), **settings,
+            own.task, number, device=self.device, observation=own.observation, **sized,
+            **own.task_settings, **settings,
         )  # fmt: skip
 
     # ------------------------------------------------------------------ learning
 
-    def run(self, progress: Callable[["Training"], None] = lambda training: None) -> None:
+    def run(self, progress: Callable[["Training", dict], None] = lambda training, news: None):
         """Trains to the end, from the last checkpoint if there is one.
 
         Args:
-            progress: called after each part.
+            progress: called after each part, with losses (seeds,) and the like by name.
 
         Raises:
             StoreError: if the folder has a training of other settings.
@@ -164,7 +151,7 @@ class Training:
         self._restore()
         while self.done < self.settings.parts:
             start = time.perf_counter()
-            self._learn()
+            news = self._learn()
             self.done += 1
             self._seconds += time.perf_counter() - start
             self._keep()  # Before an evaluation, which may fail.
@@ -172,81 +159,75 @@ class Training:
             if is_last or self.done % self.settings.evaluate_every == 0:
                 self._evaluate(final=is_last)
                 self._keep()
-            progress(self)
-        self._envs.close()
+            progress(self, {name: value.tolist() for name, value in news.items()})
+        for envs in (self._envs, *self._players.values()):
+            envs.close()
 
-    def _learn(self) -> None:
+    def _learn(self) -> dict[str, Tensor]:
         """One part."""
-        settings, seeds = self.settings, self.seeds
+        settings, news = self.settings, dict[str, Tensor]()
         number = settings.worlds
-        firsts = [(seed * _PARTS + self.done) * number for seed in seeds]
+        firsts = [(seed * _PARTS + self.done) * number for seed in self.seeds]
         each = [first + i for first in firsts for i in range(number)]
         seen, _ = self._envs.reset(seed=each, options={"stagger": True})
-        observation = self._tensor(seen)
+        observation, memory = worlds_of(self._problem, seen), None
+        first = torch.ones(observation.shape[:2], dtype=torch.bool, device=observation.device)
         steps = settings.part // number
         for k in range(steps):
-            before = (self.done * settings.part + k * number) < settings.random_steps
-            action = self._random_actions() if before else self._actions(observation)
-            told = action if self.device == "cuda" else action.numpy()
-            seen, rewards, terminated, truncated, infos = self._envs.step(told)
-            following = self._tensor(seen)
-            terminated, truncated = (torch.as_tensor(e) for e in (terminated, truncated))
-            ended = terminated | truncated
-            is_last = k == steps - 1
-            self._replay.add(
-                observation=observation, action=action,
-                reward=settings.reward_scale * torch.as_tensor(rewards).float(),
-                next_observation=self._last(following, infos), terminated=terminated,
-                ended=ended | is_last,  # The next part begins elsewhere.
+            action, memory = self.learner.act(observation, first, memory, explore=True)
+            seen, rewards, terminated, truncated, infos = self._envs.step(self._told(action))
+            following = worlds_of(self._problem, seen)
+            terminated, truncated = (
+                worlds_of(self._problem, each) for each in (terminated, truncated)
+            )
+            first = terminated | truncated
+            step = Step(
+                observation, action,
+                settings.reward_scale * worlds_of(self._problem, rewards).float(),
+                self._last(following, infos), terminated,
+                first | (k == steps - 1),  # The next part begins elsewhere.
             )  # fmt: skip
             observation = following
-            if not before and self._replay.size >= settings.added:
-                for _ in range(settings.updates):
-                    self.sac.update(self._replay.sample(settings.batch))
+            news = self.learner.learn(step) or news
+        return news
 
-    def _tensor(self, seen: Any) -> Tensor:
-        return torch.as_tensor(seen).float()
+    def _told(self, action: Tensor) -> Any:
+        """Actions (seeds, worlds, n) as environments take them."""
+        flat = action.flatten(0, 1)
+        return flat if self.device == "cuda" else flat.numpy()
 
     def _last(self, following: Tensor, infos: Mapping[str, Any]) -> Tensor:
         """What was seen at the end of each episode, where one has ended: else what follows."""
         if "final_obs" not in infos:
             return following
-        final, ended = infos["final_obs"], torch.as_tensor(infos["_final_obs"])
+        final, ended = infos["final_obs"], infos["_final_obs"]
         if isinstance(final, Tensor):
-            return torch.where(ended[:, None], final.float(), following)
-        found = following.clone()
-        for i in np.flatnonzero(ended.numpy()).tolist():
-            found[i] = torch.as_tensor(final[i]).float()
-        return found
-
-    def _random_actions(self) -> Tensor:
-        shape = self.settings.worlds, self._envs.action_space.shape[-1]
-        numbers = drawn(self._noise, *shape, normal=False)
-        return (2.0 * numbers - 1.0).flatten(0, 1).to(self._torch)
-
-    def _actions(self, observation: Tensor, *, explore: bool = True) -> Tensor:
-        own = observation.reshape(len(self.seeds), -1, observation.shape[-1])
-        return self.sac.act(own, explore=explore).flatten(0, 1)
+            mask = worlds_of(self._problem, ended)
+            mask = mask.reshape(*mask.shape, *[1] * (following.ndim - 2))
+            return torch.where(mask, worlds_of(self._problem, final), following)
+        found = following.clone().flatten(0, 1)
+        for i in np.flatnonzero(ended).tolist():
+            found[i] = torch.as_tensor(final[i])
+        return found.reshape(following.shape)
 
     # ------------------------------------------------------------------ evaluation
 
     def _evaluate(self, *, final: bool) -> None:
-        """Plays variations of both splits with the mean actions, all held out ones in the end."""
-        for split, indices in SPLITS.items():
-            if split == "all":
-                continue
-            held_out = final and split == "evaluate"
-            number = self.settings.final_episodes if held_out else self.settings.episodes
-            chosen = indices[:: len(indices) // number][:number]
-            scores = self.play(chosen)
+        """Plays variations of both splits with the best actions, all held out ones in the end."""
+        settings = self.settings
+        is_symmetric = getattr(self.method.settings, "symmetric", False)
+        for split in ("train", "evaluate"):
+            indices, held_out = SPLITS[split], final and split == "evaluate"
+            number = settings.final_episodes if held_out else settings.episodes
+            scores = self.play(indices[:: len(indices) // number][:number])
             for k, seed in enumerate(self.seeds):
                 self.rows.append(
                     {
-                        "task": self.settings.task, "method": "sac", "observation": "reduced",
-                        "preset": self.preset,
-                        "replay": "symmetric" if self.settings.symmetric else "plain",
-                        "seed": seed, "env_steps": self.done * self.settings.part,
-                        "updates": self.sac.updates, "seconds": round(self._seconds, 1),
+                        "task": settings.task, "method": self.method.name,
+                        "observation": settings.observation, "preset": self.method.preset,
+                        "replay": "symmetric" if is_symmetric else "plain",
+                        "seed": seed, "env_steps": self.done * settings.part,
+                        "updates": self.learner.updates, "seconds": round(self._seconds, 1),
                         "split": split, "episodes": number,
                         "normalized_performance": float(scores["normalized_performance"][k].mean()),
                         "success": float(scores["success"][k].mean()), "final": int(final),
@@ -254,73 +235,95 @@ class Training:
                 )  # fmt: skip
 
     def play(self, variations: Sequence[int]) -> dict[str, np.ndarray]:
-        """Plays an episode of each variation with the mean actions of each seed.
+        """Plays an episode of each variation with the best actions of each seed.
 
         Returns:
-            Normalised performance and success (seeds, variations) at the end, by name.
+            Numbers (seeds, variations) of the infos at the end, by name.
         """
         number = len(variations) * len(self.seeds)
-        envs = self._make(number, autoreset_mode="Disabled", split=variations)
-        seen, _ = envs.reset(options={"variation": [*variations] * len(self.seeds)})
-        ended = np.zeros(number, bool)
-        while not ended.any():
-            action = self._actions(self._tensor(seen), explore=False)
-            told = action if self.device == "cuda" else action.numpy()
-            seen, _, terminated, truncated, infos = envs.step(told)
-            ended = np.asarray(torch.as_tensor(terminated | truncated).cpu())
-        envs.close()
-        shape = len(self.seeds), len(variations)
-        return {
-            name: torch.as_tensor(infos[name]).double().cpu().numpy().reshape(shape)
-            for name in ("normalized_performance", "success")
-        }
+        if number not in self._players:
+            self._players[number] = self._make(number, autoreset_mode="Disabled", split="all")
+        envs, each = self._players[number], [*variations] * len(self.seeds)
+        seen, _ = envs.reset(options={"variation": each})
+        first, done, memory = np.ones(number, bool), np.zeros(number, bool), None
+        found: dict[str, np.ndarray] = {}
+        while not done.all():
+            action, memory = self.learner.act(
+                worlds_of(self._problem, seen), worlds_of(self._problem, first), memory,
+                explore=False,
+            )  # fmt: skip
+            seen, _, terminated, truncated, infos = envs.step(self._told(action))
+            first = np.asarray(torch.as_tensor(terminated | truncated).cpu())
+            fresh, done = first & ~done, done | first
+            if fresh.any():
+                for name, values in infos.items():
+                    if not name.startswith("_"):
+                        array = np.asarray(torch.as_tensor(values).cpu(), float)
+                        kept = found.setdefault(name, np.zeros(number))
+                        kept[fresh] = array[fresh]
+            if first.any() and not done.all():  # What has diverged ends before the others.
+                options = {"reset_mask": first, "variation": each}
+                seen, _ = envs.reset(options=options)
+        return {name: values.reshape(len(self.seeds), -1) for name, values in found.items()}
+
+    def said(self) -> str:
+        """How it goes, in a few words: rates, and the last scores of held out variations."""
+        steps = self.done * self.settings.part * len(self.seeds)
+        found = f"{steps / self._seconds:.0f} env steps/s, {self.learner.updates} updates"
+        scores = [row for row in self.rows if row["split"] == "evaluate"][-len(self.seeds) :]
+        mean = np.mean([row["normalized_performance"] for row in scores]) if scores else np.nan
+        return f"{found}, held out {mean:.3f}"
 
     # ------------------------------------------------------------------ checkpoints
 
-    @property
-    def _file(self) -> pathlib.Path:
-        return self.folder / "checkpoint.pt"
-
     def _owner(self) -> dict[str, Any]:
         return {
-            "settings": dataclasses.asdict(self.settings),
-            "learner": dataclasses.asdict(self.learner),
+            "method": self.method.name,
+            "training": dataclasses.asdict(self.settings),
+            "settings": dataclasses.asdict(self.method.settings),
             "seeds": list(self.seeds),
         }
 
+    def card(self) -> dict[str, Any]:
+        """What one who finds the checkpoint has to know of it; JSON."""
+        return {
+            **self._owner(),
+            "preset": self.method.preset,
+            "env_steps": self.done * self.settings.part,
+            "updates": self.learner.updates,
+            "seconds": round(self._seconds, 1),
+            "split": "train",
+            "device": torch.cuda.get_device_name() if self.device == "cuda" else platform.machine(),
+            "backend": self.device,
+            "versions": {"softgym_mj": softgym_mj.__version__, "torch": torch.__version__},
+            "last": [row for row in self.rows if row["env_steps"] == self.rows[-1]["env_steps"]],
+        }
+
     def _keep(self) -> None:
-        """Writes a checkpoint and the curve: each whole or not at all."""
+        """Writes checkpoint, card and curve: each whole or not at all."""
         state = {
             "owner": self._owner(),
-            "sac": self.sac.get_state(),
-            "replay": self._replay.get_state(),
-            "noise": [source.get_state() for source in self._noise],
+            "learner": self.learner.get_state(),
             "rows": self.rows,
             "done": self.done,
             "seconds": self._seconds,
         }
         file = io.BytesIO()
         torch.save(state, file)
-        write_whole(self._file, file.getvalue())
-        text = io.StringIO(newline="")
-        writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        write_whole(self.folder / "curve.csv", text.getvalue().encode())
+        write_whole(self.folder / CHECKPOINT, file.getvalue())
+        write_curve(self.folder, self.rows)
+        write_json(self.folder / CARD, self.card())
 
     def _restore(self) -> None:
-        if not self._file.exists():
+        file = self.folder / CHECKPOINT
+        if not file.exists():
             return
-        state = torch.load(
-            io.BytesIO(read_whole(self._file)), map_location=self._torch, weights_only=True
-        )
+        # Random numbers' states stay on the processor, and all else is copied to where it belongs.
+        state = torch.load(io.BytesIO(read_whole(file)), map_location="cpu", weights_only=True)
         if state["owner"] != self._owner():
             raise StoreError(
                 f"{self.folder} has a training of other settings: choose another folder"
             )
-        self.sac.set_state(state["sac"])
-        self._replay.set_state(state["replay"])
-        for source, kept in zip(self._noise, state["noise"], strict=True):
-            source.set_state(kept.cpu())
+        self.learner.set_state(state["learner"])
         self.rows, self.done = state["rows"], state["done"]
         self._seconds = state["seconds"]

@@ -4,6 +4,7 @@ import numpy as np
 import torch
 
 import softgym_mj
+from softgym_mj.learning.learner import Step
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.symmetries import symmetries
 
@@ -13,25 +14,22 @@ SEEDS, WORLDS, DISCOUNT = [3, 8], 2, 0.5
 def _step(t, ended=False, terminated=False):
     """Numbers that say when and where they are from."""
     at = torch.arange(len(SEEDS) * WORLDS, dtype=torch.float32)
-    return {
-        "observation": torch.stack([torch.full_like(at, t), at], -1),
-        "action": (100.0 * at + t)[:, None],
-        "reward": torch.full_like(at, 2.0**t),
-        "next_observation": torch.stack([torch.full_like(at, t + 0.5), at], -1),
-        "terminated": torch.full_like(at, terminated, dtype=torch.bool),
-        "ended": torch.full_like(at, ended, dtype=torch.bool),
-    }
+    seen = torch.stack([torch.full_like(at, t), at], -1)
+    following = torch.stack([torch.full_like(at, t + 0.5), at], -1)
+    told = (torch.full_like(at, said, dtype=torch.bool) for said in (terminated, ended))
+    arrays = seen, (100.0 * at + t)[:, None], torch.full_like(at, 2.0**t), following, *told
+    return Step(*(array.reshape(len(SEEDS), WORLDS, *array.shape[1:]) for array in arrays))
 
 
 def _replay(capacity=10, **settings):
-    return Replay(capacity, SEEDS, WORLDS, 2, 1, discount=DISCOUNT, **settings)
+    return Replay(capacity, SEEDS, WORLDS, (2,), 1, discount=DISCOUNT, **settings)
 
 
 def test_rewards_are_added_up_to_the_end_of_an_episode():
     replay = _replay(steps=3)
     ends = {2: (True, False), 5: (True, True)}
     for t in range(9):
-        replay.add(**_step(t, *ends.get(t, (False, False))))
+        replay.add(_step(t, *ends.get(t, (False, False))))
     batch = replay.sample(400)
     seen = set()
     for k in range(2):
@@ -55,21 +53,35 @@ def test_rewards_are_added_up_to_the_end_of_an_episode():
     assert len(seen) == 2 * 7 * 2  # 7 vector steps that three begin with, 2 worlds each.
 
 
+def test_stretches_are_of_one_world_and_in_order():
+    replay = _replay(capacity=6)
+    for t in range(9):
+        replay.add(_step(t, ended=t == 5))
+    found = replay.slices(200, 3)
+    times, places = found.observation[..., 0], found.observation[..., 1]
+    assert set(times[..., 0].ravel().tolist()) == {3.0, 4.0, 5.0, 6.0}
+    assert torch.equal(times, times[..., :1] + torch.arange(3.0))
+    assert torch.equal(places, places[..., :1].expand(2, 200, 3))
+    assert torch.equal(places[..., 0] // WORLDS, torch.arange(2.0)[:, None].expand(2, 200))
+    assert torch.equal(found.ended, times == 5.0)
+    assert torch.equal(found.action[..., 0], 100.0 * places + times)
+
+
 def test_the_oldest_make_way():
     replay = _replay(capacity=4, steps=2)
     for t in range(11):
-        replay.add(**_step(t))
+        replay.add(_step(t))
     found = replay.sample(200).observation[..., 0]
     assert set(found.ravel().tolist()) == {7.0, 8.0, 9.0}
     assert replay.size == 4
 
 
 def test_a_seed_draws_the_same_whoever_is_beside_it():
-    together, alone = _replay(), Replay(10, SEEDS[1:], WORLDS, 2, 1, discount=DISCOUNT)
+    together, alone = _replay(), Replay(10, SEEDS[1:], WORLDS, (2,), 1, discount=DISCOUNT)
     for t in range(6):
-        arrays = _step(t)
-        together.add(**arrays)
-        alone.add(**{name: array[WORLDS:] for name, array in arrays.items()})
+        step = _step(t)
+        together.add(step)
+        alone.add(Step(*(array[1:] for array in step)))
     for _ in range(3):
         assert torch.equal(together.sample(5).action[1], alone.sample(5).action[0])
 
@@ -77,11 +89,11 @@ def test_a_seed_draws_the_same_whoever_is_beside_it():
 def test_a_state_goes_on_with_the_same_batches():
     first, second = _replay(steps=2), _replay(steps=2)
     for t in range(7):
-        first.add(**_step(t))
+        first.add(_step(t))
     first.sample(3)
     second.set_state(first.get_state())
     for replay in (first, second):
-        replay.add(**_step(7))
+        replay.add(_step(7))
     assert torch.equal(first.sample(6).action, second.sample(6).action)
 
 
@@ -90,26 +102,27 @@ def test_steps_are_shown_by_symmetries():
     env.reset(3)
     found = symmetries(env)
     sizes = len(found[0].observation), len(found[0].action)
-    replay = Replay(4, [0], 1, *sizes, discount=0.9, symmetries=found)
+    replay = Replay(4, [0], 1, sizes[:1], sizes[1], discount=0.9, symmetries=found)
     source = np.random.default_rng(0)
     observation, following, action = (source.normal(size=n) for n in (sizes[0], *sizes))
-    numbers = {"observation": observation, "next_observation": following, "action": action}
-    arrays = {name: torch.tensor(value[None]).float() for name, value in numbers.items()}
-    no = torch.zeros(1, dtype=torch.bool)
-    replay.add(**arrays, reward=torch.ones(1), terminated=no, ended=no)
+    seen, done, later = (
+        torch.tensor(value[None, None]).float() for value in (observation, action, following)
+    )
+    no = torch.zeros(1, 1, dtype=torch.bool)
+    replay.add(Step(seen, done, torch.ones(1, 1), later, no, no))
     batch = replay.sample(300)
-    seen = set()
+    shown = set()
     for i in range(300):
         away = [
             np.abs(s.observation @ observation - batch.observation[0, i].numpy()).max()
             for s in found
         ]
         k = int(np.argmin(away))
-        seen.add(k)
+        shown.add(k)
         for value, own, matrix in (
             (observation, batch.observation, found[k].observation),
             (following, batch.next_observation, found[k].observation),
             (action, batch.action, found[k].action),
         ):
             np.testing.assert_allclose(own[0, i].numpy(), matrix @ value, atol=1e-5)
-    assert len(seen) == len(found)
+    assert len(shown) == len(found)

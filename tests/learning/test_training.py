@@ -11,21 +11,22 @@ from typer.testing import CliRunner
 import softgym_mj
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.learning.presets import find_preset
-from softgym_mj.learning.sac import SACSettings
-from softgym_mj.learning.training import COLUMNS, Training, TrainingSettings
+from softgym_mj.learning.curves import COLUMNS
+from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.training import Training, TrainingSettings
 
 SEEDS = [4, 9]
-LEARNER = SACSettings(hidden=(16, 16))
+METHOD = find_method(
+    "sac", hidden=(16, 16), random_steps=8, updates=2, batch=8, replay=24, added=2, symmetric=True
+)
 SETTINGS = TrainingSettings(
-    "straighten_rope", env_steps=32, worlds=2, random_steps=8, updates=1, batch=8, replay=24,
-    added=2, symmetric=True, part=8, evaluate_every=2, episodes=1, final_episodes=2,
-    fidelity="fast",
+    "straighten_rope", env_steps=32, worlds=2, part=8, evaluate_every=2, episodes=1,
+    final_episodes=2, fidelity="fast",
 )  # fmt: skip
 
 
 def _training(folder, seeds=SEEDS, settings=SETTINGS):
-    return Training(settings, LEARNER, seeds, folder, "host")
+    return Training(settings, METHOD, seeds, folder, "host")
 
 
 class _Killed(Exception):
@@ -33,7 +34,7 @@ class _Killed(Exception):
 
 
 def _weights(training):
-    return [p.detach().clone() for p in training.sac.actor.parameters()]
+    return [p.detach().clone() for p in training.learner.algorithm.actor.parameters()]
 
 
 def _without_seconds(rows):
@@ -60,12 +61,12 @@ def test_a_curve_has_a_row_of_each_evaluation_seed_and_split(whole):
     assert [row["episodes"] for row in rows[-2:]] == ["2", "2"]
     assert {row["replay"] for row in rows} == {"symmetric"}
     assert all(-3.0 < float(row["normalized_performance"]) <= 1.0 for row in rows)
-    assert rows[-1]["updates"] == str((32 - 8) // 2)
+    assert rows[-1]["updates"] == str(2 * (32 - 8) // 2)
 
 
 @pytest.mark.parametrize("after", [1, 2, 3])
 def test_what_was_killed_ends_alike(whole, tmp_path, after):
-    def kill(training):
+    def kill(training, news):
         if training.done == after:
             raise _Killed
 
@@ -73,11 +74,9 @@ def test_what_was_killed_ends_alike(whole, tmp_path, after):
         _training(tmp_path).run(kill)
     again = _training(tmp_path)
     if after == 2:  # In the midst of a part: nothing of it is kept.
-        step = again.sac.update
-        again.sac.update = lambda batch: (_ for _ in ()).throw(_Killed)
+        again.learner.algorithm.update = lambda batch: (_ for _ in ()).throw(_Killed)
         with pytest.raises(_Killed):
             again.run()
-        assert step
         again = _training(tmp_path)
     again.run()
     assert all(map(torch.equal, _weights(again), _weights(whole)))
@@ -97,19 +96,24 @@ def test_seeds_learn_what_they_learn_alone(tmp_path):
 @pytest.mark.parametrize("preset", ["paper", "fast"])
 def test_presets_suit_every_task(preset):
     for task in softgym_mj.TASKS:
-        training, learner = find_preset("sac", preset, task, episodes=7)
-        assert (training.task, training.episodes) == (task, 7)
-        assert training.symmetric == (preset == "fast" and "water" not in task)
-        assert learner.discount == (0.99 if preset == "paper" else 0.95)
-    assert find_preset("sac", "paper", "fold_cloth")[1].alpha_rate == 2e-5
+        training, method = find_preset("sac", preset, task)
+        assert (training.task, method.name, method.preset) == (task, "sac", preset)
+        assert method.settings.symmetric == (preset == "fast" and "water" not in task)
+        assert method.settings.discount == (0.99 if preset == "paper" else 0.95)
+    assert find_preset("sac", "paper", "fold_cloth")[1].settings.alpha_rate == 2e-5
+    training, method = find_preset("sac", preset, "fold_cloth", episodes=7, hidden=[8])
+    assert (training.episodes, method.settings.hidden, method.preset) == (7, (8,), "custom")
     with pytest.raises(InvalidArgumentError, match="preset='slow'"):
         find_preset("sac", "slow", "fold_cloth")
-    with pytest.raises(InvalidArgumentError, match="method='ppo'"):
-        find_preset("ppo", preset, "fold_cloth")
+    with pytest.raises(InvalidArgumentError, match="method='none'"):
+        find_preset("none", preset, "fold_cloth")
+    with pytest.raises(InvalidArgumentError, match="settings='hiden'"):
+        find_preset("sac", preset, "fold_cloth", hiden=[8])
 
 
 def test_the_command(tmp_path):
-    settings = {name: value for name, value in vars(SETTINGS).items() if name != "task"}
+    both = {**vars(SETTINGS), **vars(METHOD.settings)}
+    settings = {name: value for name, value in both.items() if name != "task"}
     command = ["train", "sac", "straighten_rope", "--preset", "paper", "--device", "host"]
     command += ["--settings", json.dumps({**settings, "env_steps": 8}), "--out", str(tmp_path)]
     done = CliRunner().invoke(commands.app, command)
@@ -119,7 +123,7 @@ def test_the_command(tmp_path):
 
 
 def test_other_settings_are_refused(whole):
-    other = TrainingSettings(**{**vars(SETTINGS), "batch": 9})
+    other = TrainingSettings(**{**vars(SETTINGS), "episodes": 2})
     with pytest.raises(StoreError, match="other settings"):
         _training(whole.folder, settings=other).run()
     for name, value in (("part", 7), ("worlds", 0), ("episodes", 500)):

@@ -1,0 +1,80 @@
+"""Methods by name: settings, and what makes a learner of them.
+
+Each is a module of this folder with a dataclass of settings and a function `make(settings,
+problem)`, and a file of presets beside it.
+"""
+
+import dataclasses
+import importlib
+import pathlib
+import tomllib
+from typing import Any
+
+from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.learning.learner import Method
+from softgym_mj.learning.training import TrainingSettings
+
+# Module and class of the settings.
+METHODS = {
+    "sac": ("sac", "SACSettings"),
+}
+
+
+def find_method(name: str, **settings: Any) -> Method:
+    """A method with settings of one's own.
+
+    Args:
+        name: one of `METHODS`.
+        **settings: of its dataclass.
+
+    Raises:
+        InvalidArgumentError: for a name that there is not, or a bad value.
+    """
+    check_name("method", name, METHODS)
+    module, kind = METHODS[name]
+    found = importlib.import_module(f"softgym_mj.learning.{module}")
+    return Method(name, "custom", getattr(found, kind)(**settings), found.make)
+
+
+def find_preset(
+    name: str, preset: str, task: str, **replaced: Any
+) -> tuple[TrainingSettings, Method]:
+    """What a method learns, and how, by a preset of its file.
+
+    Args:
+        name: one of `METHODS`.
+        preset: of the method's file, such as "paper" or "fast".
+        task: its name.
+        **replaced: settings of the training or the method in place of the preset's.
+
+    Raises:
+        InvalidArgumentError: for a name that there is not, or a bad value.
+    """
+    check_name("method", name, METHODS)
+    file = pathlib.Path(__file__).with_name("presets") / f"{name}.toml"
+    presets = tomllib.loads(file.read_text())
+    check_name("preset", preset, presets)
+    own = presets[preset].get("tasks", {}).get(task, {})
+    found = {
+        part: {**presets[preset].get(part, {}), **own.get(part, {})}
+        for part in ("training", "method")
+    }
+    module, kind = METHODS[name]
+    fields = getattr(importlib.import_module(f"softgym_mj.learning.{module}"), kind)
+    names = {
+        "training": {field.name for field in dataclasses.fields(TrainingSettings)} - {"task"},
+        "method": {field.name for field in dataclasses.fields(fields)},
+    }
+    for key, value in replaced.items():
+        parts = [part for part in names if key in names[part]]
+        if not parts:
+            raise InvalidArgumentError("settings", key, sorted(names["training"] | names["method"]))
+        found[parts[0]][key] = value
+    method = find_method(name, **{key: _tuples(value) for key, value in found["method"].items()})
+    named = preset if not replaced else "custom"
+    return TrainingSettings(task, **found["training"]), dataclasses.replace(method, preset=named)
+
+
+def _tuples(value: Any) -> Any:
+    """Lists of TOML and JSON as settings have them."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -1,0 +1,157 @@
+"""`OffPolicy`: learns from a replay of all that was done, by updates of an algorithm."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import torch
+from torch import Tensor, nn
+
+from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.kinds import typed
+from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.repetition import Repeated
+from softgym_mj.learning.replay import Batch, Replay
+from softgym_mj.learning.symmetries import symmetries
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class OffPolicySettings:
+    """How much is learned from what.
+
+    Attributes:
+        random_steps: env steps of each seed that are random, before it learns.
+        updates: for each step of all environments.
+        batch: env steps of an update, of each seed.
+        replay: env steps of each seed that are kept.
+        added: env steps whose rewards are added up.
+        symmetric: whether replays show the symmetries of the task.
+        discount: of rewards, in each env step.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    random_steps: int = 1_000
+    updates: int = 64
+    batch: int = 128
+    replay: int = 100_000
+    added: int = 1
+    symmetric: bool = False
+    discount: float = 0.99
+
+    def __post_init__(self):
+        for name in ("updates", "batch", "replay", "added"):
+            check_count(name, getattr(self, name), 1)
+        check_count("random_steps", self.random_steps, 0)
+
+
+class Algorithm(Protocol):
+    """Networks of several seeds and how they are updated.
+
+    Attributes:
+        updates: how many there were.
+        sources: of the random numbers of updates.
+        period: after how many updates all that is done in some of them has been done.
+    """
+
+    updates: int
+    sources: list[torch.Generator]
+    period: int
+
+    def act(self, observation: Tensor, *, explore: bool) -> Tensor:
+        """Actions (seeds, n, action) for observations (seeds, n, ...)."""
+
+    def update(self, batch: Batch) -> dict[str, Tensor]:
+        """Learns from a batch; returns losses (seeds,) by name."""
+
+    def policy(self, seed: int) -> nn.Module:
+        """As of `Learner`."""
+
+    def get_state(self) -> dict[str, Any]:
+        """As of `Learner`."""
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """As of `Learner`."""
+
+
+class OffPolicy:
+    """A `Learner`.
+
+    Attributes:
+        algorithm: what is updated.
+        replay: what it learns from.
+    """
+
+    def __init__(self, settings: OffPolicySettings, problem: Problem, algorithm: Algorithm):
+        """Makes room for the replay."""
+        self._settings, self._problem, self.algorithm = settings, problem, algorithm
+        self.replay = Replay(
+            settings.replay // problem.worlds, problem.seeds, problem.worlds, problem.observation,
+            problem.action, discount=settings.discount, steps=settings.added,
+            symmetries=symmetries(problem.example()) if settings.symmetric else (),
+            device=problem.device,
+        )  # fmt: skip
+        self._noise = generators(problem.seeds, problem.device)
+        if settings.updates % algorithm.period:
+            valid = f"{algorithm.period} times a number: some updates differ from others"
+            raise InvalidArgumentError("updates", settings.updates, valid)
+        self._few = Repeated(self._update, [*self.replay.sources, *algorithm.sources])
+        self._seen = 0  # Env steps of each seed.
+
+    @property
+    def updates(self) -> int:
+        """How many there were."""
+        return self.algorithm.updates
+
+    def act(
+        self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
+    ) -> tuple[Tensor, Any]:
+        """See `Learner`."""
+        if explore and self._seen < self._settings.random_steps:
+            shape = observation.shape[1], self._problem.action
+            return 2.0 * drawn(self._noise, *shape, normal=False) - 1.0, None
+        return self.algorithm.act(observation, explore=explore), None
+
+    def learn(self, step: Step) -> dict[str, Tensor]:
+        """See `Learner`."""
+        self.replay.add(step)
+        learns = self._seen >= self._settings.random_steps
+        self._seen += self._problem.worlds
+        found: dict[str, Tensor] = {}
+        if learns and self.replay.size >= self._settings.added:
+            wanted = self.updates + self._settings.updates
+            for _ in range(self._settings.updates // self.algorithm.period):
+                found = self._few()
+            self.algorithm.updates = wanted  # A graph does not count.
+        return found
+
+    def _update(self) -> dict[str, Tensor]:
+        """A period of updates."""
+        found: dict[str, Tensor] = {}
+        for _ in range(self.algorithm.period):
+            found |= self.algorithm.update(self.replay.sample(self._settings.batch))
+        return found
+
+    def policy(self, seed: int) -> nn.Module:
+        """See `Learner`."""
+        return self.algorithm.policy(seed)
+
+    def get_state(self) -> dict[str, Any]:
+        """See `Learner`."""
+        return {
+            "algorithm": self.algorithm.get_state(),
+            "replay": self.replay.get_state(),
+            "noise": [source.get_state() for source in self._noise],
+            "seen": self._seen,
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """See `Learner`."""
+        self.algorithm.set_state(state["algorithm"])
+        self.replay.set_state(state["replay"])
+        for source, kept in zip(self._noise, state["noise"], strict=True):
+            source.set_state(kept)
+        self._seen = state["seen"]
