@@ -8,9 +8,10 @@ import functools
 import json
 import os
 import pathlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from softgym_mj import registry
+from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import open_folder
@@ -24,13 +25,17 @@ from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import PLANNERS, Plan
 from softgym_mj.policies.rollouts import (
+    Asking,
     DeviceRollouts,
     ExecutorRollouts,
     Rollouts,
+    answered,
     kept_environment,
     sent_to,
 )
 from softgym_mj.vector.make import DEVICES
+
+MOST_WORLDS = 4096  # Of the samples of episodes that are played together: more cost memory.
 
 
 @dataclasses.dataclass
@@ -57,7 +62,8 @@ def evaluate(
 ) -> dict:
     """Plays all episodes that `folder` does not hold yet, and writes `folder`/result.json.
 
-    Planners share out their samples to the workers, other policies their episodes.
+    Planners share out their samples to the workers, other policies their episodes. On a device
+    planners play many episodes together, the samples of all at once; which are left changes none.
 
     Args:
         configuration: what is evaluated.
@@ -93,10 +99,7 @@ def evaluate(
 
     play: Callable
     if configuration.policy in PLANNERS:  # They use the executor, for samples.
-        play, executor = (
-            _planned(configuration, store, executor, progress, device),
-            SerialExecutor(),
-        )
+        play, executor = _planned(configuration, store, executor, progress, device)
     elif device != "cpu":
         task, settings = configuration.task, configuration.settings
         policy = configuration.policy
@@ -126,32 +129,47 @@ def _planned(
     executor: Executor,
     progress: Progress,
     device: str,
-) -> Callable[[int, int], dict]:
-    """What plays an episode of a policy that plans, by variation and seed."""
+) -> tuple[Callable[[Sequence[tuple[int, int]]], list[dict]], Executor]:
+    """What plays episodes of a policy that plans, by variation and seed, and how many together."""
     planning = configuration.planning
     assert planning is not None
-    # Not `kept_environment`: in this process the samples are played in that one.
-    settings = {"observation": "reduced", **configuration.settings}
-    env = load(configuration.task, split="all", **settings)
+    planner = planning.planner(configuration.policy, configuration.task)
     rollouts: Rollouts
     if device == "cpu":
         rollouts = ExecutorRollouts(configuration.task, configuration.settings, executor)
+        most = 1
     else:
-        rollouts = DeviceRollouts(configuration.task, configuration.settings, device)
+        rollouts = DeviceRollouts(
+            configuration.task, configuration.settings, device, configuration.variations
+        )
+        most = max(1, MOST_WORLDS // planner.population)
+    # Not `kept_environment`: in this process the samples are played in that one.
+    settings = {"observation": "reduced", **configuration.settings}
+    envs: list[Environment] = []
 
-    def play(variation: int, seed: int) -> dict:
+    def episode(env: Environment, variation: int, seed: int) -> Asking[dict]:
         policy = ModelPredictivePolicy(
             env,
-            planning.planner(configuration.policy, configuration.task),
+            planner,
             rollouts,
             seed=seed,
             replan_every=planning.replan_every,
             journal=store.journal((variation, seed)),
             on_decision=progress.on_decision,
         )
-        return _play(env, policy, variation, seed)
+        timestep, total = env.reset(variation), 0.0
+        while not timestep.last():
+            timestep = env.step((yield from policy.act(timestep)))
+            total += timestep.reward
+        return _scores(env, variation, seed, total)
 
-    return play
+    def play(calls: Sequence[tuple[int, int]]) -> list[dict]:
+        while len(envs) < len(calls):
+            envs.append(load(configuration.task, split="all", **settings))
+        pairs = zip(envs, calls, strict=False)  # The last group may be smaller.
+        return answered([episode(env, *call) for env, call in pairs], rollouts)
+
+    return play, Together(most)
 
 
 def play_episode(
@@ -179,6 +197,11 @@ def _play(env, policy, variation: int, seed: int) -> dict:
     while not timestep.last():
         timestep = env.step(policy(timestep))
         total += timestep.reward
+    return _scores(env, variation, seed, total)
+
+
+def _scores(env: Environment, variation: int, seed: int, total: float) -> dict:
+    """What is kept of an episode that has ended, with its return."""
     info = env.info()
     return {
         "variation": variation,

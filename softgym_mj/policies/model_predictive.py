@@ -9,7 +9,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_count
 from softgym_mj.jobs.journal import Journal
 from softgym_mj.policies.planners import CEM, Plan
-from softgym_mj.policies.rollouts import Rollouts
+from softgym_mj.policies.rollouts import Asking, Rollouts, answered
 
 _SEED_KEY = 0x504C414E  # Keeps the planner's random numbers apart from those of variations.
 
@@ -54,19 +54,24 @@ class ModelPredictivePolicy:
 
     def __call__(self, timestep: dm_env.TimeStep) -> np.ndarray:
         """The action for a time step of the environment."""
+        (action,) = answered([self.act(timestep)], self._rollouts)
+        return action
+
+    def act(self, timestep: dm_env.TimeStep) -> Asking[np.ndarray]:
+        """What a call returns, for whoever plays the samples of several policies together."""
         if timestep.first():
             written = [] if self._journal is None else self._journal.read()
             self._decided = [np.array(actions) for actions in written]
         decision, step = divmod(self._env.step_count, self._replan_every)
         if decision == len(self._decided):
-            plan = self._plan()
+            plan = yield from self._plan()
             self._decided.append(plan.actions)
             if self._journal is not None:
                 self._journal.append(plan.actions.tolist())
             self._on_decision(plan)
         return self._decided[decision][step]
 
-    def _plan(self) -> Plan:
+    def _plan(self) -> Asking[Plan]:
         env, size = self._env, self._env.task.actor.action_size
         if self._decided:
             guess = self._planner.shifted(self._decided[-1], self._replan_every)
@@ -74,6 +79,11 @@ class ModelPredictivePolicy:
             guess = self._planner.first_guess(size)
         random = np.random.default_rng([_SEED_KEY, self._seed, env.task.variation, env.step_count])
         snapshot = env.get_state()
-        return self._planner.plan(
-            lambda sequences: self._rollouts.returns(snapshot, sequences), guess, random
-        )
+        search = self._planner.search(guess, random)
+        samples = next(search)
+        while True:
+            returns = yield snapshot, samples
+            try:
+                samples = search.send(returns)
+            except StopIteration as end:
+                return end.value

@@ -1,11 +1,11 @@
 """Planners that sample action sequences: the paper's cross-entropy method, and iCEM.
 
-Both look for the sequence of actions with the highest return under the true dynamics, which is
-given as a function; they know no environment.
+Both look for the sequence of actions with the highest return under the true dynamics, of which they
+ask for returns; they know no environment.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 
 import numpy as np
 
@@ -27,6 +27,8 @@ COLOUR, KEPT = 2.5, 0.3
 
 # Returns (n,) of action sequences (n, horizon, size).
 Score = Callable[[np.ndarray], np.ndarray]
+# Yields such sequences and is sent their returns.
+Search = Generator[np.ndarray, np.ndarray, "Plan"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,6 +103,20 @@ class CEM:
 
         Args:
             score: returns of sequences.
+            guess, random: as of `search`.
+        """
+        search = self.search(guess, random)
+        samples = next(search)
+        while True:
+            try:
+                samples = search.send(score(samples))
+            except StopIteration as end:
+                return end.value
+
+    def search(self, guess: np.ndarray, random: np.random.Generator) -> Search:
+        """Looks for the best sequence; yields each population for its returns.
+
+        Args:
             guess: mean (horizon, size) of the first population.
             random: where samples come from.
         """
@@ -112,7 +128,7 @@ class CEM:
             noise = self._noise((self.population - len(kept), *guess.shape), random)
             samples = np.clip(mean + np.sqrt(variance) * noise, -1.0, 1.0)
             samples = self._population(samples, kept, mean, iteration)
-            returns = score(samples)
+            returns = yield samples
             steps += samples.shape[0] * self.horizon
             # A stable sort of the negated returns: the first of equals is the better one.
             elites = samples[np.argsort(-returns, kind="stable")[:count]]

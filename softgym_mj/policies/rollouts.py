@@ -4,10 +4,11 @@ A snapshot restores an episode exactly, so that the returns do not depend on who
 """
 
 import functools
+import itertools
 import json
 import pickle
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Generator, Mapping, Sequence
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from dm_control.rl.control import PhysicsError
@@ -25,6 +26,10 @@ from softgym_mj.vector.make import make_place
 # Calls for each worker at a time: enough to even out sequences that take longer than others.
 CALLS_PER_WORKER = 3
 
+T = TypeVar("T")
+Trial = tuple[Snapshot, np.ndarray]  # A state, and action sequences (n, horizon, size) from there.
+Asking = Generator[Trial, np.ndarray, T]  # Yields trials and is sent their returns (n,).
+
 
 class Rollouts(Protocol):
     """Plays action sequences in copies of an environment."""
@@ -34,6 +39,10 @@ class Rollouts(Protocol):
 
         A sequence counts up to the end of the episode.
         """
+
+    def all(self, trials: Sequence[Trial]) -> list[np.ndarray]:
+        """The returns of each of some trials, whose horizon is the same."""
+        return [self.returns(*trial) for trial in trials]
 
 
 class ExecutorRollouts(Rollouts):
@@ -61,24 +70,61 @@ class ExecutorRollouts(Rollouts):
 class DeviceRollouts(Rollouts):
     """All at once, as rows of arrays on a device: see `vector.make_vec`."""
 
-    def __init__(self, task: str | TaskRecord, settings: Mapping[str, object], device: str):
+    def __init__(
+        self,
+        task: str | TaskRecord,
+        settings: Mapping[str, object],
+        device: str,
+        variations: Sequence[int] = (),
+    ):
         """Chooses what is played.
 
         Args:
             task, settings: as of `ExecutorRollouts`.
             device: "host" or "cuda".
+            variations: those that will be played. Arrays are padded for the largest so far, which
+                changes the last bits of sums: told of all from the start, returns never depend on
+                which are played together.
         """
         arguments: dict[str, Any] = {"observation": "reduced", **settings}
         self._make = functools.partial(SoftGymEnv, registry.find(task), split="all", **arguments)
-        self._device = device
-        self._backends: dict[int, BatchBackend] = {}  # By the number of sequences.
+        self._device, self._variations = device, variations
+        self._backends: dict[int, BatchBackend] = {}  # The last one, by its number of worlds.
 
     def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
-        number = len(sequences)
+        return self.all([(snapshot, sequences)])[0]
+
+    def all(self, trials: Sequence[Trial]) -> list[np.ndarray]:
+        ends = np.cumsum([len(sequences) for _, sequences in trials])
+        number = int(ends[-1])
         if number not in self._backends:
-            place = make_place(self._device, number)
-            self._backends = {number: BatchBackend(self._make(), number, place)}
-        return self._backends[number].replay(snapshot, sequences)
+            self._backends.clear()  # First: two need twice the memory.
+            self._backends[number] = self._backend(number)
+        return np.split(self._backends[number].replay(trials), ends[:-1])
+
+    def _backend(self, number: int) -> BatchBackend:
+        """So many worlds, with room for all variations."""
+        backend = BatchBackend(self._make(), number, make_place(self._device, number))
+        several = itertools.cycle(self._variations)
+        for _ in range(0, len(self._variations), number):
+            backend.reset(dict(zip(range(number), several, strict=False)))
+        return backend
+
+
+def answered(askers: Sequence[Asking[T]], rollouts: Rollouts) -> list[T]:
+    """What generators return whose trials are played, those of all together."""
+    found: dict[int, T] = {}
+    answers: dict[int, Any] = dict.fromkeys(range(len(askers)))  # None starts a generator.
+    while True:
+        trials: dict[int, Trial] = {}
+        for i, answer in answers.items():
+            try:
+                trials[i] = askers[i].send(answer)
+            except StopIteration as end:
+                found[i] = end.value
+        if not trials:
+            return [found[i] for i in range(len(askers))]
+        answers = dict(zip(trials, rollouts.all([*trials.values()]), strict=True))
 
 
 def sent_to(executor: Executor, task: str | TaskRecord) -> TaskRecord | bytes:

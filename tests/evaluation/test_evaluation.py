@@ -15,11 +15,12 @@ from typer.testing import CliRunner
 import softgym_mj
 from softgym_mj import evaluation
 from softgym_mj.cli import commands
-from softgym_mj.evaluation import Configuration, Planning, evaluate
+from softgym_mj.evaluation import Configuration, Planning, evaluate, running
 from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.factory import make_policy
+from softgym_mj.vector.batch.backend import BatchBackend
 
 SHORT = {"horizon": 6}
 PLANNING = Planning(horizon=3, budget=60, iterations=2, replan_every=2)
@@ -139,6 +140,67 @@ def test_planners_try_actions_on_a_device(tmp_path):
         [episode["normalized_performance"] for episode in result["episodes"]] for result in found
     ]
     assert scores[0] == pytest.approx(scores[1], abs=1e-9)
+
+
+# Cloths of different sizes, nine decisions.
+LOCKSTEP = Configuration(
+    "fold_cloth", "cem", (800, 801, 802), (0,), {"horizon": 3, "fidelity": "fast"},
+    Planning(horizon=2, budget=40, iterations=2),
+)  # fmt: skip
+
+
+def kept(folder):
+    """The result and all plans, as bytes by the names of their files."""
+    files = [folder / "result.json", *folder.rglob("*.jsonl")]
+    return {file.name: file.read_bytes() for file in files}
+
+
+@pytest.fixture(name="lockstep", scope="module")
+def _lockstep(tmp_path_factory):
+    """Where these episodes have been played together."""
+    folder = tmp_path_factory.mktemp("lockstep")
+    evaluate(LOCKSTEP, folder, device="host")
+    assert len(kept(folder)) == 4
+    return folder
+
+
+def test_episodes_are_planned_together_as_alone(tmp_path, lockstep, monkeypatch):
+    replayed, replay = [], BatchBackend.replay
+    monkeypatch.setattr(
+        BatchBackend, "replay", lambda *args: (replayed.append(len(args[1])), replay(*args))[1]
+    )
+    evaluate(LOCKSTEP, tmp_path / "together", device="host")
+    assert replayed == 6 * [3]  # In each of two iterations of three decisions.
+    assert kept(tmp_path / "together") == kept(lockstep)
+    for worlds, expected in ((20, 6 * [2] + 6 * [1]), (5, 18 * [1])):
+        replayed.clear()
+        monkeypatch.setattr(running, "MOST_WORLDS", worlds)
+        evaluate(LOCKSTEP, tmp_path / str(worlds), device="host")
+        assert replayed == expected
+        assert kept(tmp_path / str(worlds)) == kept(lockstep)
+
+
+@pytest.mark.parametrize("together", [3, 1])
+def test_episodes_together_go_on_from_their_plans(tmp_path, lockstep, together, monkeypatch):
+    random, told = np.random.default_rng(together), []
+
+    def interrupt(plan):
+        told.append(plan)
+        if len(told) == last:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "MOST_WORLDS", together * 10)
+    last = int(random.integers(4, 6))  # Alone: in the second episode.
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(
+            LOCKSTEP, tmp_path, None, evaluation.Progress(on_decision=interrupt), device="host"
+        )
+    monkeypatch.undo()
+    told.clear()
+    before, last = last, None
+    evaluate(LOCKSTEP, tmp_path, None, evaluation.Progress(on_decision=interrupt), device="host")
+    assert len(told) == 9 - before
+    assert kept(tmp_path) == kept(lockstep)
 
 
 @pytest.mark.parametrize("policy", ["random", "zero"])

@@ -10,7 +10,7 @@ from softgym_mj.jobs.journal import Journal
 from softgym_mj.policies import planners
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
-from softgym_mj.policies.rollouts import DeviceRollouts, ExecutorRollouts
+from softgym_mj.policies.rollouts import DeviceRollouts, ExecutorRollouts, Rollouts, answered
 from tests.contract.test_contract import actions
 
 both_planners = pytest.mark.parametrize("planner", [CEM, ICEM])
@@ -233,3 +233,57 @@ def test_a_device_plays_no_further_than_the_episode():
         )
     ]
     np.testing.assert_allclose(*both, rtol=1e-12)
+
+
+@pytest.mark.parametrize("task", ["straighten_rope", "drop_cloth", "pour_water"])
+def test_trials_together_are_those_alone(task):
+    settings, variations = {"fidelity": "fast", "horizon": 5}, (801, 805, 803, 805)
+    env = softgym_mj.load(task, split="all", observation="reduced", **settings)
+    size, random, trials = env.task.actor.action_size, np.random.default_rng(0), []
+    for steps, variation in enumerate(variations, 2):  # The last episode has ended.
+        env.reset(variation)
+        for _ in range(steps):
+            env.step(random.uniform(-1.0, 1.0, size))
+        trials.append((env.get_state(), random.uniform(-1.0, 1.0, (steps, 3, size))))
+    rollouts = DeviceRollouts(task, settings, "host", variations)
+    together = rollouts.all(trials)
+    alone = [DeviceRollouts(task, settings, "host", variations).returns(*each) for each in trials]
+    expected = ExecutorRollouts(task, settings, SerialExecutor()).all(trials[:3])
+    for found, same in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(found, same)
+    for found, same in zip(together, expected, strict=False):
+        np.testing.assert_allclose(found, same, rtol=1e-12)
+    assert not together[3].any()
+    # What is read of a snapshot is not taken for another one's.
+    for found, same in zip(rollouts.all(trials[::-1]), alone[::-1], strict=True):
+        np.testing.assert_array_equal(found, same)
+
+
+class Doubled(Rollouts):
+    """Returns are twice the first entries; notes how many trials were played together."""
+
+    def __init__(self):
+        self.numbers = []
+
+    def returns(self, snapshot, sequences):
+        return 2.0 * sequences[:, 0, 0]
+
+    def all(self, trials):
+        self.numbers.append(len(trials))
+        return super().all(trials)
+
+
+def asker(number):
+    """Asks for the returns of 1, 2, .. `number`; returns them."""
+    found = []
+    for k in range(number):
+        found += [*(yield None, np.full((1, 1, 1), k + 1.0))]
+    return found
+
+
+def test_trials_of_several_are_played_together():
+    rollouts = Doubled()
+    found = answered([asker(2), asker(0), asker(3)], rollouts)
+    assert found == [[2.0, 4.0], [], [2.0, 4.0, 6.0]]
+    assert rollouts.numbers == [2, 2, 1]
+    assert answered([], rollouts) == []

@@ -377,6 +377,7 @@ def test_arrays_stay_where_they_are(mode):
     assert places() == before
     envs.set_state(states)
     assert places() == before
-    envs.backend.replay(states[0][0], np.zeros((3, 2, actions.shape[1])))
+    sequences = np.zeros((3, 2, actions.shape[1]))
+    envs.backend.replay([(states[0][0], sequences[:1]), (states[1][0], sequences[1:])])
     assert places() == before
     envs.close()

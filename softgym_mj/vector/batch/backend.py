@@ -92,6 +92,7 @@ class BatchBackend(Backend):
         self._everyone = place.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
         self._offers = Offers(num_envs)
+        self._origins: dict[int, tuple[Snapshot, tuple[int, int, int]]] = {}  # Of `replay`.
         self._strains: Array = None  # Largest of an edge now.
         self._state: State | None = None
         self._measures: Measures | None = None
@@ -182,22 +183,40 @@ class BatchBackend(Backend):
             )
         return self._xp.clip(actions.double(), -1.0, 1.0)
 
-    def replay(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
-        """Undiscounted returns (num_envs,) of action sequences (num_envs, steps, n) from a state.
+    def replay(self, trials: Sequence[tuple[Snapshot, np.ndarray]]) -> np.ndarray:
+        """Undiscounted returns (num_envs,) of action sequences from states.
 
-        A sequence counts up to the end of the episode. Nothing is worse than one with which the
+        A sequence counts up to the end of its episode. Nothing is worse than one with which the
         simulation diverges: minus infinity.
+
+        Args:
+            trials: states, and sequences (m, steps, n) that are played from each; num_envs in all.
         """
-        row, variation = self._starts.restored(0, snapshot)
-        first = self._starts.row(variation)
-        numbers = range(self.num_envs)
-        self._start(dict.fromkeys(numbers, row), dict.fromkeys(numbers, first))
-        xp, steps = self._xp, self.horizon - snapshot.step_count
+        origins = [self._origin(i, snapshot) for i, (snapshot, _) in enumerate(trials)]
+        counts = [len(sequences) for _, sequences in trials]
+        rows, first, left = np.repeat(origins, counts, axis=0).T
+        self._start(dict(enumerate(rows.tolist())), dict(enumerate(first.tolist())))
+        actions = np.concatenate([sequences for _, sequences in trials])
+        xp, left = self._xp, self._place.put(left)
         returns = self._place.zeros((self.num_envs,), "float64")
-        for k in range(min(sequences.shape[1], 0 if snapshot.ended else steps)):
-            _, rewards, diverged, _, _ = self.advance(self._place.put(sequences[:, k]), None)
-            returns = xp.where(diverged, -math.inf, returns + rewards)
+        for k in range(min(actions.shape[1], max(origin[2] for origin in origins))):
+            _, rewards, diverged, _, _ = self.advance(self._place.put(actions[:, k]), None)
+            total = xp.where(diverged, -math.inf, returns + rewards)
+            returns = xp.where(k < left, total, returns)
         return self._place.get(returns)
+
+    def _origin(self, i: int, snapshot: Snapshot) -> tuple[int, int, int]:
+        """Rows of `Starts` of snapshot `i` and of its variation, and the env steps left from it.
+
+        It is read once as long as it is the same object: that costs more than a step of a world,
+        and planners try many samples from one.
+        """
+        if i not in self._origins or self._origins[i][0] is not snapshot:
+            # Numbers from `num_envs` on: `restore` has those below.
+            row, variation = self._starts.restored(self.num_envs + i, snapshot)
+            left = 0 if snapshot.ended else self.horizon - snapshot.step_count
+            self._origins[i] = snapshot, (row, self._starts.row(variation), left)
+        return self._origins[i][1]
 
     def advance(self, actions: Any, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
         """As of `Backend`; without a mode what has ended goes on."""
