@@ -26,6 +26,7 @@ from softgym_mj.native import gpu
 
 EVALUATION = range(800, 1000)
 NUMBERS, MAIN = (1, 16, 128, 256, 1056, 4096), 1056
+PARTS = "compile_s", "rates", "images", "bits", "alone"
 FEW = 32  # Variations of other numbers than the main one: each start takes time to read.
 WARM_UP, STEPS, SECONDS = 3, 5, 1.0  # Env steps before the clock runs; at least; about.
 # Environments whose bits are compared, env steps, and the side of their images [pixels].
@@ -181,30 +182,40 @@ def main() -> None:
     parser.add_argument("--tasks", nargs="+", default=list(softgym_mj.TASKS))
     parser.add_argument("--numbers", nargs="+", type=int, default=NUMBERS)
     parser.add_argument("--variations", type=int, default=len(EVALUATION), help="of the main rate")
-    parser.add_argument("--no-bits", action="store_true", help="rates alone")
-    parser.add_argument("--out", type=pathlib.Path)
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="measured anew")
+    parser.add_argument("--out", type=pathlib.Path, help="whose other parts stay")
     arguments = parser.parse_args()
-    begun = time.perf_counter()
-    found: dict[str, Any] = {"machine": machine(), "compile_s": compile_times()}
-    print(json.dumps(found), flush=True)
-    found |= {"rates": {}, "images": {}, "bits": {}, "alone": {}}
+    begun, parts = time.perf_counter(), arguments.parts
+    found: dict[str, Any] = {"machine": machine(), **{part: {} for part in PARTS}}
+    if arguments.out and arguments.out.exists():
+        before = json.loads(arguments.out.read_text())
+        if before["machine"]["gpu"] != found["machine"]["gpu"]:
+            parser.error(f"{arguments.out} is of a {before['machine']['gpu']}: name another file")
+        found = before
+    if "compile_s" in parts:
+        found["compile_s"] = compile_times()
+        print(json.dumps(found["compile_s"]), flush=True)
     for task in arguments.tasks:
-        found["rates"][task] = {}
-        for number in arguments.numbers:
-            most = arguments.variations if number == MAIN else FEW
-            own = rate(task, number, most)
-            found["rates"][task][str(number)] = own
-            print(task, number, own, f"{time.perf_counter() - begun:.0f} s", flush=True)
-        images = {
-            name: rate(task, MAIN, FEW, observation=observation)
-            for name, observation in (("without", "reduced"), ("with", ["reduced", "rgb"]))
-        }
-        found["images"][task] = images
-        print(task, "images", images, f"{time.perf_counter() - begun:.0f} s", flush=True)
-        if not arguments.no_bits:
-            found["bits"][task], found["alone"][task] = bits(task), alone(task)
-            print(task, found["bits"][task], found["alone"][task], flush=True)
-        found["seconds"] = round(time.perf_counter() - begun)
+        if "rates" in parts:
+            own = found["rates"].setdefault(task, {})
+            for number in arguments.numbers:
+                most = arguments.variations if number == MAIN else FEW
+                own[str(number)] = rate(task, number, most)
+                print(task, number, own[str(number)], flush=True)
+        if "images" in parts:
+            found["images"][task] = {
+                name: rate(task, MAIN, FEW, observation=observation)
+                for name, observation in (("without", "reduced"), ("with", ["reduced", "rgb"]))
+            }
+            print(task, "images", found["images"][task], flush=True)
+        if "bits" in parts:
+            found["bits"][task] = bits(task)
+            print(task, found["bits"][task], flush=True)
+        if "alone" in parts:
+            found["alone"][task] = alone(task)
+        if parts == PARTS:
+            found["seconds"] = round(time.perf_counter() - begun)
+        print(f"{time.perf_counter() - begun:.0f} s", flush=True)
         if arguments.out:
             arguments.out.parent.mkdir(parents=True, exist_ok=True)
             arguments.out.write_text(json.dumps(found, indent=1) + "\n")
