@@ -28,7 +28,7 @@ from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
 OBSERVATIONS = ("reduced", "full", "rgb")
-CHECKPOINT, CARD = "checkpoint.pt", "card.json"
+CHECKPOINT, CARD, POLICY = "checkpoint.pt", "card.json", "policy_{seed}.pt2"
 
 
 @typed
@@ -148,6 +148,7 @@ class Training:
         Raises:
             StoreError: if the folder has a training of other settings.
         """
+        torch.set_float32_matmul_precision("high")  # TF32 on a GPU; a processor's bits stay.
         self._restore()
         while self.done < self.settings.parts:
             start = time.perf_counter()
@@ -160,6 +161,7 @@ class Training:
                 self._evaluate(final=is_last)
                 self._keep()
             progress(self, {name: value.tolist() for name, value in news.items()})
+        self._export()
         for envs in (self._envs, *self._players.values()):
             envs.close()
 
@@ -313,6 +315,19 @@ class Training:
         write_whole(self.folder / CHECKPOINT, file.getvalue())
         write_curve(self.folder, self.rows)
         write_json(self.folder / CARD, self.card())
+
+    def _export(self) -> None:
+        """Writes the policy of each seed to a file, for `softgym-mj evaluate --policy`."""
+        shape = self._problem.observation
+        example = torch.zeros(1, *shape, dtype=torch.uint8 if len(shape) == 3 else torch.float32)
+        for k, seed in enumerate(self.seeds):
+            try:
+                module = self.learner.policy(k)
+            except InvalidArgumentError:  # Of those that remember no file can be made.
+                return
+            file = io.BytesIO()
+            torch.export.save(torch.export.export(module.eval(), (example,)), file)
+            write_whole(self.folder / POLICY.format(seed=seed), file.getvalue())
 
     def _restore(self) -> None:
         file = self.folder / CHECKPOINT

@@ -14,6 +14,7 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.learning.curves import COLUMNS
 from softgym_mj.learning.methods import find_method, find_preset
 from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.policies.factory import make_policy
 
 SEEDS = [4, 9]
 METHOD = find_method(
@@ -62,6 +63,25 @@ def test_a_curve_has_a_row_of_each_evaluation_seed_and_split(whole):
     assert {row["replay"] for row in rows} == {"symmetric"}
     assert all(-3.0 < float(row["normalized_performance"]) <= 1.0 for row in rows)
     assert rows[-1]["updates"] == str(2 * (32 - 8) // 2)
+
+
+def test_policies_are_written_and_play_as_the_learner(whole):
+    env = softgym_mj.load("straighten_rope", split="all", observation="reduced", fidelity="fast")
+    for k, seed in enumerate(SEEDS):
+        act = make_policy(str(whole.folder / f"policy_{seed}.pt2"), env, seed, trust=True)
+        timestep = env.reset(830)
+        seen = torch.tensor(next(iter(timestep.observation.values()))).float()
+        both = seen.expand(2, 1, -1)
+        no = torch.zeros(2, 1, dtype=torch.bool)
+        expected, _ = whole.learner.act(both, no, None, explore=False)
+        np.testing.assert_allclose(act(timestep), expected[k, 0].numpy(), atol=1e-6)
+
+
+def test_a_card_says_what_a_checkpoint_is(whole):
+    card = json.loads((whole.folder / "card.json").read_text())
+    assert (card["method"], card["env_steps"], card["seeds"]) == ("sac", 32, SEEDS)
+    assert card["settings"]["hidden"] == [16, 16] and card["training"]["worlds"] == 2
+    assert [row["split"] for row in card["last"]] == ["train", "train", "evaluate", "evaluate"]
 
 
 @pytest.mark.parametrize("after", [1, 2, 3])
