@@ -6,15 +6,16 @@ docs/pictures.json, docs/sac.json and docs/results.
 
 import json
 import pathlib
-import re
 from collections.abc import Callable
 
 from benchmarks import experts
 from softgym_mj.evaluation import comparison, plots
+from softgym_mj.learning.results import planned_env_steps
 from softgym_mj.registry import TASKS
 from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.randomization import Parameter
-from tools import framing, gallery
+from tools import framing, gallery, learned
+from tools.pages import between, replaced, table, with_table
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -38,38 +39,13 @@ def cells(actors: dict[str, dict[str, float]]) -> list[str]:
     return [f"{sum(values) / len(values):.2f} ({min(values):.2f})" for values in scores]
 
 
-def replaced(text: str, pattern: str, by: str) -> str:
-    """The text with its one match replaced."""
-    text, count = re.subn(pattern, lambda match: match.expand(by), text)
-    if count != 1:
-        raise ValueError(f"{pattern} is {count} times in the page; expected once")
-    return text
-
-
-def table(head: str, rows: list[str]) -> str:
-    """Markdown of a table with this first line."""
-    return "\n".join([head, "|---" * (head.count("|") - 1) + "|", *rows])
-
-
-def with_table(text: str, new: str) -> str:
-    """A page with its table of the same first line replaced."""
-    head = re.escape(new.splitlines()[0])
-    return replaced(text, rf"{head}\n\|---.*(\n\|.*)*", new.replace("\\", r"\\"))
-
-
-def env_steps(result: dict) -> int:
-    """That a planner makes in an episode."""
-    planning, steps = result["planning"], TASKS[result["task"]].horizon
-    return -(-steps // planning["replan_every"]) * planning["budget"]
-
-
 def budgets(results: list[dict]) -> str:
     """What the planners may spend."""
     rows = []
     for task in TASKS:
         (result,) = (r for r in results if (r["task"], r["policy"]) == (task, "cem"))
         keys = ("horizon", "budget", "iterations", "replan_every")
-        numbers = [result["planning"][key] for key in keys] + [env_steps(result)]
+        numbers = [result["planning"][key] for key in keys] + [planned_env_steps(result)]
         rows.append(f"| `{task}` | {' | '.join(map(str, numbers))} |")
     titles = "horizon | env steps for a decision | iterations | a plan is executed for"
     return table(f"| task | {titles} | env steps of an episode |", rows)
@@ -80,7 +56,8 @@ def horizons(results: list[dict]) -> str:
     rows = []
     for r in sorted(results, key=lambda r: (r["task"], r["planning"]["horizon"])):
         score = f"{r['summary']['mean']:.2f} ({r['summary']['min']:.2f})"
-        rows.append(f"| `{r['task']}` | {r['planning']['horizon']} | {score} | {env_steps(r)} |")
+        steps = planned_env_steps(r)
+        rows.append(f"| `{r['task']}` | {r['planning']['horizon']} | {score} | {steps} |")
     return table("| task | planning horizon | mean (smallest) | env steps of an episode |", rows)
 
 
@@ -264,13 +241,6 @@ def stills() -> str:
     return table("| task | pickers, cup | Franka | Sawyer |", rows)
 
 
-def between(text: str, name: str, new: str) -> str:
-    """A page with what is between its comments `name` and `/name` replaced."""
-    start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
-    inner = new.replace("\\", r"\\")
-    return replaced(text, rf"{start}\n[\s\S]*?{end}", f"{start}\n{inner}\n{end}")
-
-
 def pages() -> dict[pathlib.Path, str]:
     """The pages as they should be."""
     scores: experts.Scores = measured("experts")
@@ -282,6 +252,7 @@ def pages() -> dict[pathlib.Path, str]:
         pattern = rf"\| `{task}` \| [.\d]+ / [.\d]+ \| .* \|\n"
         texts[ROBOTS] = replaced(texts[ROBOTS], pattern, f"{row} |\n")
     texts[ROBOTS] = between(texts[ROBOTS], "speed", on(rates["machine"]))
+    texts[README] = between(texts[README], "learned", learned.overview())
     texts[README] = between(texts[README], "tasks", overview(scores))
     texts[README] = between(texts[README], "speed", materials())
     texts[README] = between(texts[README], "processes", processes())
@@ -293,6 +264,8 @@ def pages() -> dict[pathlib.Path, str]:
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
+    texts[RESULTS] = between(texts[RESULTS], "learned", learned.results())
+    texts[RESULTS] = between(texts[RESULTS], "others", learned.others())
     results = read(False)
     for new in (comparison.markdown(results).rstrip(), budgets(results), horizons(read(True))):
         texts[RESULTS] = with_table(texts[RESULTS], new)
@@ -304,6 +277,7 @@ def main() -> None:
         path.write_text(text)
     plots.bars(read(False), DOCS / "results.png")
     plots.curves(read(True), "horizon", DOCS / "horizon.png")
+    learned.draw(learned.rows(), learned.references(), learned.FIGURE)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ import typer
 import typer.core
 
 import softgym_mj
-from softgym_mj.cli import data, devices, evaluation, learning, photo, view
+from softgym_mj.cli import data, devices, evaluation, learning, photo, training, view
 from softgym_mj.cli.console import (
     Actor,
     Grasp,
@@ -64,7 +64,8 @@ app.command()(view.view)
 app.command()(photo.photo)
 app.command("compile")(devices.compile_programs)
 app.command()(devices.bench)
-app.command()(learning.train)
+app.command()(training.train)
+app.add_typer(learning.app, name="learning")
 
 _VIDEO_SIZE = 480  # Side of a video [pixels].
 

@@ -1,50 +1,143 @@
-"""The command `softgym-mj train`."""
+"""The commands `softgym-mj learning table`, `status` and `queue`."""
 
 import pathlib
-from typing import Annotated, Any
+from typing import Annotated
 
-import rich.progress
+import numpy as np
+import rich.box
+import rich.table
 import typer
 
-from softgym_mj.cli.console import Settings, Task, console, parsed_settings, progress_bar
-from softgym_mj.exceptions import check_count, check_name
-from softgym_mj.registry import find
-from softgym_mj.vector.make import DEVICES
+from softgym_mj.cli.console import console
+from softgym_mj.jobs.files import read_json
+
+app = typer.Typer(help="Learned results, trainings, what is still to be run.", no_args_is_help=True)
+Folders = Annotated[
+    list[pathlib.Path] | None,
+    typer.Argument(help="Of trainings, or of evaluations of planners.", metavar="FOLDER..."),
+]
+Results = Annotated[
+    pathlib.Path, typer.Option(help="Folder of learning.csv, references.csv and queue.toml.")
+]
+RESULTS = pathlib.Path("docs/results")
+_RANGES = ("percentile_25", "percentile_75"), ("iqm_low", "iqm_high")
+_NUMBERS = (*_RANGES[0], *_RANGES[1], "minutes", "gap", "published")  # None where unknown.
 
 
-def train(
-    method: Annotated[str, typer.Argument(help="sac")],
-    task: Task,
-    preset: Annotated[str, typer.Option(help="paper or fast.")] = "fast",
-    seeds: Annotated[int, typer.Option(help="How many, side by side: 0..", min=1)] = 1,
-    device: Annotated[
-        str, typer.Option(help="cpu (worker processes), host or cuda; the learner's, too.")
-    ] = "cuda",
-    settings: Settings = "{}",
-    out: Annotated[pathlib.Path, typer.Option(help="Folder of this training.")] = pathlib.Path(
-        "training"
-    ),
+@app.command("table")
+def print_table(
+    folders: Folders = None,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="Add the curves of the folders to learning.csv.")
+    ] = False,
+    csv: Annotated[
+        pathlib.Path | None, typer.Option(help="Also write the table, with all numbers.")
+    ] = None,
+    results: Results = RESULTS,
 ) -> None:
-    """Trains a policy; may be killed and run again. --settings are those of preset files."""
-    from softgym_mj.learning.methods import find_preset
-    from softgym_mj.learning.training import Training
+    """Prints what was learned, by last checkpoints on held out variations; with folders' curves.
 
-    check_name("device", device, DEVICES)
-    check_count("seeds", seeds, 1, 100)
-    chosen: dict[str, Any] = parsed_settings(settings)
-    training, chosen_method = find_preset(method, preset, find(task).name, **chosen)
-    run = Training(training, chosen_method, list(range(seeds)), out, device)
-    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as progress:
-        bar = progress.add_task(f"{method} {training.task}", total=training.env_steps, note="")
+    Minutes are of all seeds that learn side by side, the gap is train minus held out, others are
+    numbers of references.csv.
+    """
+    from softgym_mj.learning import results as learned
 
-        def show(now: Training, news: dict[str, list[float]]) -> None:
-            progress.update(bar, completed=now.done * training.part, note=now.said())
+    file = results / "learning.csv"
+    rows = learned.merged(learned.read_rows(file), *map(learned.read_folder, folders or ()))
+    lines = learned.table(rows, learned.read_references(results / "references.csv"))
+    shown = rich.table.Table(show_lines=True, box=rich.box.SIMPLE)
+    titles = (
+        "task\nhow",
+        "median\nquartiles",
+        "IQM\n95 %",
+        "seeds\nepis.",
+        "env steps\nupdates\nmin",
+    )
+    for title in (*titles, "gap\nothers"):
+        shown.add_column(title, no_wrap=True)
+    for line in lines:
+        form = {key: "" if line[key] is None else f"{line[key]:.2f}" for key in _NUMBERS}
+        quartiles, interval = (
+            f"{form[low]}..{form[high]}" if form[low] else "" for low, high in _RANGES
+        )
+        shown.add_row(
+            f"{line['task']}\n{line['method']} {line['observation']}\n"
+            f"{line['preset']} {line['replay']}",
+            f"{line['median']:.3f}\n{quartiles}",
+            f"{line['iqm']:.3f}\n{interval}",
+            f"{line['seeds']}\n{line['episodes']}",
+            f"{line['env_steps']:,}\n{line['updates']:,}\n{form['minutes']}",
+            f"{form['gap']}\n{form['published']}",
+        )
+    console.print(shown if lines else "There are no final rows yet.")
+    if csv is not None:
+        learned.write_csv(lines, list(lines[0]) if lines else (), csv)
+        console.print(f"wrote {csv}")
+    if merge:
+        learned.write_rows(rows, file)
+        console.print(f"wrote {file}: {len(rows)} rows")
 
-        run.run(show)
-    for row in run.rows:
-        if row["final"]:
-            console.print(
-                f"seed {row['seed']}, {row['split']}, {row['episodes']} episodes: "
-                f"{row['normalized_performance']:.3f}, success {row['success']:.2f}"
-            )
-    console.print(f"wrote {out / 'curve.csv'}")
+
+@app.command()
+def status(
+    folders: Annotated[
+        list[pathlib.Path], typer.Argument(help="Of trainings.", metavar="FOLDER...")
+    ],
+) -> None:
+    """Prints how far trainings are."""
+    from softgym_mj.learning.curves import FILE
+    from softgym_mj.learning.results import read_rows
+
+    shown = rich.table.Table(box=rich.box.SIMPLE)
+    for title in ("folder", "rows", "env steps", "of", "held out", "seconds", "ended"):
+        shown.add_column(title, overflow="fold")
+    for folder in folders:
+        rows = read_rows(folder / FILE)
+        held_out = [row for row in rows if row.split == "evaluate"]
+        steps = max((row.env_steps for row in rows), default=0)
+        last = [row.normalized_performance for row in held_out if row.env_steps == steps]
+        seconds = [row.seconds for row in rows if row.seconds is not None]
+        total = _env_steps(folder / "card.json")
+        shown.add_row(
+            str(folder),
+            str(len(rows)),
+            f"{steps:,}",
+            "?" if total is None else f"{total:,}",
+            f"{np.median(last):.3f}" if last else "",
+            f"{max(seconds):.0f}" if seconds else "",
+            "yes" if any(row.final for row in held_out) else "no",
+        )
+    console.print(shown)
+
+
+def _env_steps(card: pathlib.Path) -> int | None:
+    """Of a whole training, by its card; None without one."""
+    found = read_json(card).get("training") if card.exists() else None
+    return found.get("env_steps") if isinstance(found, dict) else None
+
+
+@app.command("queue")
+def print_queue(
+    is_next: Annotated[
+        bool, typer.Option("--next", help="Print only the command of the first that is not done.")
+    ] = False,
+    results: Results = RESULTS,
+) -> None:
+    """Lists the runs still to be made, in order; those whose rows are in learning.csv are done."""
+    from softgym_mj.learning.queue import read_queue
+    from softgym_mj.learning.results import read_rows
+
+    rows, runs = read_rows(results / "learning.csv"), read_queue(results / "queue.toml")
+    if is_next:
+        waiting = [run.command for run in runs if not run.is_done(rows)]
+        typer.echo(waiting[0] if waiting else "Everything is done.")
+        return
+    shown = rich.table.Table(show_lines=True, box=rich.box.SIMPLE)
+    for title in ("", "done", "task\nhow", "seeds", "estimated\ncost", "why"):
+        shown.add_column(title, overflow="fold")
+    for number, run in enumerate(runs, 1):
+        how = [run.task, f"{run.method} {run.observation}", f"{run.preset} {run.replay}"]
+        how += [f"{name}={value}" for name, value in run.settings.items()]
+        done = "yes" if run.is_done(rows) else "no"
+        shown.add_row(str(number), done, "\n".join(how), str(run.seeds), run.cost, run.why)
+    console.print(shown)

@@ -1,0 +1,54 @@
+"""Logs of trainings for TensorBoard or Weights & Biases; curves are written without them."""
+
+import pathlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from softgym_mj.exceptions import check_name, import_extra
+from softgym_mj.learning.training import Training
+
+LOGS = ("none", "tensorboard", "wandb")
+Log = Callable[[Training, Mapping[str, Sequence[float]]], None]
+
+
+def make_log(name: str, folder: pathlib.Path) -> Log:
+    """What is told of each part of a training: losses by name (seeds,), and its curve.
+
+    Args:
+        name: one of `LOGS`; "wandb" sends to the server that its own settings name.
+        folder: of the training.
+
+    Raises:
+        InvalidArgumentError: for another name.
+        UnavailableError: without the package.
+    """
+    check_name("log", name, LOGS)
+    if name == "none":
+        return lambda training, losses: None
+    if name == "tensorboard":
+        import_extra("tensorboard", "TensorBoard", "learning")
+        from torch.utils.tensorboard import SummaryWriter
+
+        writer = SummaryWriter(str(folder / "tensorboard"))
+        return lambda training, losses: _tell(training, losses, writer.add_scalar)
+    wandb = import_extra("wandb", "Weights & Biases", "wandb")
+    run = wandb.init(project="softgym_mj", dir=str(folder), resume="allow", id=folder.name)
+
+    def add(key: str, value: float, env_steps: int) -> None:
+        run.log({key: value, "env_steps": env_steps})
+
+    return lambda training, losses: _tell(training, losses, add)
+
+
+def _tell(
+    training: Training,
+    losses: Mapping[str, Sequence[float]],
+    add: Callable[[str, float, int], Any],
+) -> None:
+    env_steps = training.done * training.settings.part
+    for name, values in losses.items():
+        for seed, value in zip(training.seeds, values, strict=True):
+            add(f"{name}/{seed}", value, env_steps)
+    for row in training.rows:
+        if row["env_steps"] == env_steps:
+            add(f"{row['split']}/{row['seed']}", row["normalized_performance"], env_steps)

@@ -1,0 +1,120 @@
+"""Runs that are still to be made, in a file that is committed."""
+
+import dataclasses
+import json
+import pathlib
+import shlex
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
+from softgym_mj.jobs.files import naming, read_whole
+from softgym_mj.kinds import typed
+from softgym_mj.learning.results import Row
+from softgym_mj.policies.planners import PLANNERS
+from softgym_mj.registry import TASKS
+from softgym_mj.variations.indices import SPLITS
+from softgym_mj.vector.make import DEVICES
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class QueuedRun:
+    """An entry of queue.toml.
+
+    Attributes:
+        task, method, observation, preset, replay: as of `learning.results.Name`.
+        seeds: how many: 0..
+        why: what is to be shown.
+        settings: what --settings replaces; of a planner, options of `evaluate`.
+        env_steps: of a planner, that it makes for an episode.
+        episodes: held out, of the last evaluation.
+        device: where it runs.
+        gpu_minutes, core_hours: estimates of what all seeds cost; one of them.
+    """
+
+    task: str
+    method: str
+    preset: str
+    seeds: int
+    why: str
+    observation: str = "reduced"
+    replay: str = "plain"
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    env_steps: int | None = None
+    episodes: int = len(SPLITS["evaluate"])
+    device: str = "cuda"
+    gpu_minutes: float | None = None
+    core_hours: float | None = None
+
+    def __post_init__(self):
+        check_name("task", self.task, TASKS)
+        check_name("device", self.device, DEVICES)
+        check_count("seeds", self.seeds, 1, 100)
+        check_count("episodes", self.episodes, 1, len(SPLITS["evaluate"]))
+        if (self.gpu_minutes is None) == (self.core_hours is None):
+            raise InvalidArgumentError(
+                "gpu_minutes", self.gpu_minutes, "or core_hours, one of them"
+            )
+
+    @property
+    def plans(self) -> bool:
+        """Whether it is an evaluation of a planner."""
+        return self.method in PLANNERS
+
+    @property
+    def cost(self) -> str:
+        """The estimate, in words."""
+        minutes, hours = self.gpu_minutes, self.core_hours
+        return f"{hours:g} core h" if minutes is None else f"{minutes:g} GPU min"
+
+    @property
+    def command(self) -> str:
+        """What runs it."""
+        parts = [self.task, self.method, self.observation, self.preset, self.replay]
+        where = ["--device", self.device, "--out", f"training/{'-'.join(parts)}"]
+        if self.plans:
+            own = ["evaluate", self.task, "--policy", self.method, "--episodes", self.episodes]
+            for name, value in self.settings.items():
+                own += [f"--{name.replace('_', '-')}", value]
+                where[-1] += f"-{name}-{value}"
+        else:
+            own = ["train", self.method, self.task, "--preset", self.preset, "--seeds", self.seeds]
+            if self.settings:
+                own += ["--settings", json.dumps(dict(self.settings))]
+                where[-1] += f"-{'-'.join(self.settings)}"
+        return shlex.join(map(str, ["softgym-mj", *own, *where]))
+
+    def is_done(self, rows: Iterable[Row]) -> bool:
+        """Whether final rows of all its seeds are there, of as many held out episodes.
+
+        And of as many env steps, where it says how many: else the preset does.
+        """
+        preset = self.preset if not self.settings else "small" if self.plans else "custom"
+        wanted = self.task, self.method, self.observation, preset, self.replay
+        env_steps = self.settings.get("env_steps", self.env_steps)
+        found = {
+            row.seed
+            for row in rows
+            if row.final and row.split == "evaluate" and row.name == wanted
+            if env_steps in (None, row.env_steps) and row.episodes >= self.episodes
+        }
+        return found >= set(range(self.seeds))
+
+
+def read_queue(file: pathlib.Path) -> list[QueuedRun]:
+    """The runs of a queue.toml, in order.
+
+    Raises:
+        StoreError: for what is no such file; says which entry and which of its values.
+    """
+    with naming(file, "read"):
+        entries = tomllib.loads(read_whole(file).decode()).get("run", [])
+    runs = []
+    for number, entry in enumerate(entries, 1):
+        try:
+            runs.append(QueuedRun(**entry))
+        except (TypeError, InvalidArgumentError) as error:
+            raise StoreError(f"{file}, run {number}: {error}") from error
+    return runs

@@ -1,0 +1,296 @@
+"""Learned results: rows of curve files, all of them in one file, the table that people cite."""
+
+import csv
+import dataclasses
+import io
+import math
+import pathlib
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from softgym_mj.evaluation.comparison import read_results
+from softgym_mj.evaluation.configuration import Planning
+from softgym_mj.evaluation.statistics import summary
+from softgym_mj.exceptions import StoreError
+from softgym_mj.jobs.files import naming, read_whole, write_whole
+from softgym_mj.learning.curves import COLUMNS, FILE
+from softgym_mj.policies.planners import PLANNERS
+from softgym_mj.registry import TASKS
+from softgym_mj.variations.indices import SPLITS
+
+# Numbers of a table that one seed has not: it says nothing of others.
+_SPREAD = "percentile_25", "percentile_75", "mean_low", "mean_high", "iqm_low", "iqm_high"
+_T = TypeVar("_T")
+_Parser = tuple[Callable[[str], Any], str]  # What makes a value of its text, and what is valid.
+
+
+class Name(NamedTuple):
+    """What is learned and how: trainings of the same name differ in their seeds alone."""
+
+    task: str
+    method: str
+    observation: str
+    preset: str
+    replay: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """An evaluation of a seed on a split.
+
+    Attributes:
+        task, method, observation, preset, replay: see `Name`.
+        seed: of the training.
+        env_steps: from which it has learned; of a planner, that it makes for an episode.
+        updates: by then.
+        seconds: by then, of all seeds that learn side by side; None if they were not measured.
+        split: "train" or "evaluate", which is held out.
+        episodes: of the evaluation.
+        normalized_performance, success: their means at the end of episodes.
+        final: whether it is of the last checkpoint.
+    """
+
+    task: str
+    method: str
+    observation: str
+    preset: str
+    replay: str
+    seed: int
+    env_steps: int
+    updates: int
+    seconds: float | None
+    split: str
+    episodes: int
+    normalized_performance: float
+    success: float
+    final: bool
+
+    @property
+    def name(self) -> Name:
+        """What was learned, and how."""
+        return Name(self.task, self.method, self.observation, self.preset, self.replay)
+
+    @property
+    def key(self) -> tuple:
+        """One evaluation has one row: what tells it from others."""
+        return *self.name, self.seed, self.env_steps, self.split
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """A score that others published.
+
+    Attributes:
+        task, method, observation: in this package's words where it has any.
+        env_steps: from which it was learned; None if that is not said.
+        value: normalised performance.
+        bound: "is", or "below" where only an upper bound is known.
+        certainty: a "number" of the source, read off its "plot", or following from its "text".
+        source: who says so, where.
+    """
+
+    task: str
+    method: str
+    observation: str
+    env_steps: int | None
+    value: float
+    bound: str
+    certainty: str
+    source: str
+
+
+def _parser(
+    make: Callable[[str], Any], valid: str, good: Callable[[Any], Any] = lambda value: True
+) -> _Parser:
+    def parsed(text: str) -> Any:
+        if not good(value := make(text)):
+            raise ValueError
+        return value
+
+    return parsed, valid
+
+
+def _one_of(*names: str) -> _Parser:
+    return _parser(str, ", ".join(names), names.__contains__)
+
+
+_WORD = _parser(
+    str, "small letters, digits, _ + . -", re.compile("[a-z0-9][a-z0-9_+.-]*").fullmatch
+)
+_COUNT = _parser(int, "a whole number, 0 or more", lambda value: value >= 0)
+_SCORE = _parser(float, "a finite number", math.isfinite)
+_PARSERS: dict[str, _Parser] = {
+    "task": _one_of(*TASKS),
+    **dict.fromkeys(("method", "observation", "preset", "replay"), _WORD),
+    **dict.fromkeys(("seed", "env_steps", "updates", "episodes"), _COUNT),
+    "seconds": _parser(float, "0 or more, or nothing", lambda value: 0 <= value < math.inf),
+    "split": _one_of("train", "evaluate"),
+    **dict.fromkeys(("normalized_performance", "value"), _SCORE),
+    "success": _parser(float, "a number in 0..1", lambda value: 0 <= value <= 1),
+    "final": _parser({"0": False, "1": True}.__getitem__, "0 or 1"),
+    "bound": _one_of("is", "below"),
+    "certainty": _one_of("number", "plot", "text"),
+    "source": _parser(str, "words", bool),
+}
+
+
+def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
+    """A file of comma-separated values as objects of a dataclass, whose fields are its columns."""
+    fields: Sequence[dataclasses.Field] = dataclasses.fields(kind)  # type: ignore[arg-type]
+    columns, found = [field.name for field in fields], []
+    with naming(file, "read"):
+        lines = csv.reader(io.StringIO(read_whole(file).decode(), newline=""))
+    if (header := next(lines, [])) != columns:
+        raise StoreError(f"{file}, line 1: columns {header} are refused; valid: {columns}")
+    for cells in lines:
+        values, where = [], f"{file}, line {lines.line_num}"
+        if len(cells) != len(columns):
+            last = columns[min(len(cells), len(columns)) - 1]
+            raise StoreError(f"{where}: it ends at column {last!r}; valid: all of {columns}, once")
+        for field, cell in zip(fields, cells, strict=True):
+            parser, valid = _PARSERS[field.name]
+            try:
+                optional = not cell and type(None) in getattr(field.type, "__args__", ())
+                values.append(None if optional else parser(cell))
+            except (LookupError, ValueError):
+                message = f"{where}: {field.name}={cell!r} is refused; valid: {valid}"
+                raise StoreError(message) from None
+        found.append(kind(*values))
+    return found
+
+
+def read_rows(file: pathlib.Path) -> list[Row]:
+    """The rows of a curve of a training, or of many.
+
+    Raises:
+        StoreError: for a file, a column or a value that is none, with its line; for two rows of
+            the same evaluation that differ.
+    """
+    return merged(_read(file, Row))
+
+
+def read_references(file: pathlib.Path) -> list[Reference]:
+    """Scores of others; errors as of `read_rows`."""
+    return _read(file, Reference)
+
+
+def read_folder(path: pathlib.Path) -> list[Row]:
+    """The rows of a training or of an evaluation of a planner: of its folder, CSV or JSON file.
+
+    Raises:
+        StoreError: for what is neither; see `read_rows`.
+    """
+    file = path / FILE if (path / FILE).exists() else path
+    return read_rows(file) if file.suffix == ".csv" else rows_of_planner(read_results([file])[0])
+
+
+def rows_of_planner(result: Mapping[str, Any]) -> list[Row]:
+    """The rows of an evaluation of a planner, one of each seed.
+
+    The preset is "paper" with the paper's budget, iterations and horizon, a plan in every step and
+    the task's own settings; else "small".
+
+    Raises:
+        StoreError: for another policy, or variations of both splits.
+    """
+    task, policy = result["task"], result["policy"]
+    splits = [s for s, own in SPLITS.items() if set(result["variations"]) <= set(own)]
+    if policy not in PLANNERS or splits[0] == "all":
+        raise StoreError(f"{policy!r} on {task}: expected a planner, on variations of one split")
+    usual = dataclasses.asdict(Planning(TASKS[task].resolve().planning_horizon))
+    is_paper = result["planning"] == usual and not result["settings"]
+    name = Name(task, policy, "simulator", "paper" if is_paper else "small", "none")
+    rows = []
+    for seed in result["seeds"]:
+        own = [episode for episode in result["episodes"] if episode["seed"] == seed]
+        score, success = (
+            float(np.mean([e[key] for e in own])) for key in ("normalized_performance", "success")
+        )
+        steps, episodes = planned_env_steps(result), len(own)
+        rows.append(Row(*name, seed, steps, 0, None, splits[0], episodes, score, success, True))
+    return rows
+
+
+def planned_env_steps(result: Mapping[str, Any]) -> int:
+    """Env steps that a planner makes for an episode, from the result of its evaluation."""
+    planning, steps = result["planning"], TASKS[result["task"]].horizon
+    return -(-steps // planning["replan_every"]) * planning["budget"]
+
+
+def merged(*several: Iterable[Row]) -> list[Row]:
+    """All rows, by their keys; the same one twice counts once.
+
+    Raises:
+        StoreError: for two rows of the same evaluation that differ: what is published is not
+            replaced in passing.
+    """
+    found: dict[tuple, Row] = {}
+    for row in (row for rows in several for row in rows):
+        old = found.setdefault(row.key, row)
+        if old != row:
+            raise StoreError(f"two results of one evaluation, remove one: {old} and {row}")
+    return [found[key] for key in sorted(found)]
+
+
+def write_rows(rows: Iterable[Row], file: pathlib.Path) -> None:
+    """Writes what `read_rows` reads."""
+    write_csv([{**vars(row), "final": int(row.final)} for row in rows], COLUMNS, file)
+
+
+def write_csv(
+    table: Iterable[Mapping[str, Any]], columns: Sequence[str], file: pathlib.Path
+) -> None:
+    """Writes comma-separated values with a header; nothing for None."""
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    write_whole(file, text.getvalue().encode())
+
+
+def table(rows: Iterable[Row], references: Sequence[Reference] = ()) -> list[dict[str, Any]]:
+    """The numbers of each name and number of env steps, of the last checkpoints on held out ones.
+
+    Args:
+        rows: of all evaluations.
+        references: scores of others.
+
+    Returns:
+        The fields of `Name`; `seeds`: how many; `env_steps`; `updates`, `minutes`, `episodes` and
+        `gap` (train minus held out): medians over seeds; numbers of `statistics.summary`, of the
+        seeds' means: intervals are of resampled seeds; `published`: what others have of that task,
+        method and observation, at the number of env steps next to this one. None where unknown,
+        as quartiles and intervals of one seed are.
+    """
+    found: dict[tuple, dict[str, list[Row]]] = {}
+    for row in (row for row in rows if row.final):
+        splits = found.setdefault((row.name, row.env_steps), {"train": [], "evaluate": []})
+        splits[row.split].append(row)
+    lines = []
+    for (name, env_steps), splits in found.items():
+        if not (held_out := splits["evaluate"]):
+            continue
+        trained = {row.seed: row.normalized_performance for row in splits["train"]}
+        gaps = [trained[r.seed] - r.normalized_performance for r in held_out if r.seed in trained]
+        minutes = [row.seconds / 60 for row in held_out if row.seconds is not None]
+        known = {
+            abs((r.env_steps or env_steps) - env_steps): r.value
+            for r in references
+            if r.bound == "is" and (r.task, r.method, r.observation) == name[:3]
+        }
+        lines.append({
+            **name._asdict(),
+            "seeds": len(held_out),
+            "env_steps": env_steps,
+            "updates": int(np.median([row.updates for row in held_out])),
+            "minutes": float(np.median(minutes)) if minutes else None,
+            "episodes": int(np.median([row.episodes for row in held_out])),
+            **summary([{**vars(row), "variation": None} for row in held_out]),
+            **dict.fromkeys(_SPREAD if len(held_out) == 1 else ()),
+            "gap": float(np.median(gaps)) if gaps else None,
+            "published": known[min(known)] if known else None,
+        })  # fmt: skip
+    return lines

@@ -1,0 +1,63 @@
+"""A training whose process is killed at any moment ends with the same files."""
+
+import csv
+import json
+import random
+import subprocess
+import sys
+
+import pytest
+import torch
+
+SETTINGS = {
+    "env_steps": 640, "worlds": 4, "part": 64, "episodes": 1, "final_episodes": 2,
+    "fidelity": "fast", "random_steps": 64, "updates": 4, "batch": 64, "replay": 400,
+    "hidden": [32, 32],
+}  # fmt: skip
+KILLS = 5
+
+
+def _start(folder):
+    command = [sys.executable, "-m", "softgym_mj.cli.commands", "train", "sac", "straighten_rope"]
+    command += ["--seeds", "2", "--device", "host", "--settings", json.dumps(SETTINGS)]
+    return subprocess.Popen(
+        [*command, "--out", str(folder)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+
+
+def _ended(folder):
+    process = _start(folder)
+    output, _ = process.communicate(timeout=300)
+    assert process.returncode == 0, output.decode()
+    with (folder / "curve.csv").open() as file:
+        rows = [{**row, "seconds": ""} for row in csv.DictReader(file)]
+    state = torch.load(folder / "checkpoint.pt", weights_only=True)
+    return rows, state["learner"]["algorithm"]
+
+
+def _same(first, second):
+    if isinstance(first, torch.Tensor):
+        return torch.equal(first, second)
+    if isinstance(first, dict):
+        return first.keys() == second.keys() and all(_same(first[k], second[k]) for k in first)
+    if isinstance(first, list | tuple):
+        return len(first) == len(second) and all(map(_same, first, second))
+    return first == second
+
+
+@pytest.mark.slow
+def test_kills_at_random_moments_change_nothing(tmp_path):
+    rows, weights = _ended(tmp_path / "whole")
+    chance, caught = random.Random(1), 0
+    for _ in range(KILLS):
+        process = _start(tmp_path / "killed")
+        try:
+            process.wait(timeout=chance.uniform(4.0, 14.0))
+        except subprocess.TimeoutExpired:
+            caught += 1
+        process.kill()
+        process.communicate()
+    again, found = _ended(tmp_path / "killed")
+    assert caught >= 2  # Some were not through.
+    assert again == rows and len(rows) == 10 * 2 * 2
+    assert _same(found, weights)

@@ -1,0 +1,324 @@
+"""Learned results: rows, tables by hand, the queue, and what is committed."""
+
+import dataclasses
+import itertools
+import json
+import pathlib
+import tomllib
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from softgym_mj.cli import commands
+from softgym_mj.evaluation.comparison import read_results
+from softgym_mj.exceptions import StoreError
+from softgym_mj.learning import curves, results
+from softgym_mj.learning.queue import QueuedRun, read_queue
+from softgym_mj.learning.results import Reference, Row
+from softgym_mj.policies.planners import BUDGET
+from softgym_mj.registry import TASKS
+from tools import learned
+
+ROOT = pathlib.Path(__file__).parents[2]
+RESULTS = ROOT / "docs" / "results"
+SCORES = (0.4, 1.0, 0.0, 0.9, 0.5)  # Of seeds 0..4, held out, at the end.
+NAME = ("straighten_rope", "sac", "reduced", "fast", "symmetric")
+HEAD = ",".join(curves.COLUMNS)
+LINE = "straighten_rope,sac,reduced,fast,plain,0,100,50,6.5,evaluate,200,0.5,0.25,1"
+
+
+def _row(seed, env_steps, split, score, final, name=NAME):
+    seconds, episodes = 0.6 * env_steps, 200 if final and split == "evaluate" else 20
+    success = float(score > 0.8)
+    counts = seed, env_steps, env_steps // 2, seconds
+    return Row(*name, *counts, split, episodes, score, success, final)
+
+
+def _training(name=NAME):
+    """Five seeds, which were best in the middle, and 0.1 better where they have learned."""
+    return [
+        _row(seed, env_steps, split, score + (0.1 if split == "train" else 0.0), final, name)
+        for seed, last in enumerate(SCORES)
+        for env_steps, score, final in ((100, -0.2, False), (200, 1.0, False), (300, last, True))
+        for split in ("train", "evaluate")
+    ]
+
+
+@pytest.fixture(name="folder")
+def _folder(tmp_path):
+    """Published results, of nothing yet, and a queue."""
+    (tmp_path / "learning.csv").write_text(f"{HEAD}\n")
+    (tmp_path / "references.csv").write_text((RESULTS / "references.csv").read_text())
+    entries = [
+        'task = "straighten_rope"\nmethod = "sac"\npreset = "fast"\nreplay = "symmetric"\n'
+        f'seeds = {seeds}\nwhy = "w"\ngpu_minutes = 2\n'
+        for seeds in (5, 6)
+    ]
+    (tmp_path / "queue.toml").write_text("".join(f"[[run]]\n{entry}" for entry in entries))
+    training = tmp_path / "training"
+    results.write_rows(_training(), training / "curve.csv")
+    (training / "card.json").write_text(json.dumps({"training": {"env_steps": 300}}))
+    return tmp_path
+
+
+def _command(*words):
+    done = CliRunner().invoke(commands.app, ["learning", *map(str, words)])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+# ---------------------------------------------------------------------- numbers
+
+
+def test_the_table_by_hand():
+    known = [
+        Reference(*NAME[:3], 1000, 0.74, "is", "plot", "far"),
+        Reference(*NAME[:3], 250, 0.7, "is", "plot", "near"),
+        Reference(*NAME[:3], 300, 0.8, "below", "plot", "a bound"),
+        Reference("fold_cloth", *NAME[1:3], 300, 0.3, "is", "plot", "another task"),
+    ]
+    (line,) = results.table(_training(), known)
+    assert tuple(line[key] for key in results.Name._fields) == NAME
+    assert (line["seeds"], line["env_steps"], line["updates"], line["episodes"]) == (
+        5,
+        300,
+        150,
+        200,
+    )
+    # Sorted: 0, 0.4, 0.5, 0.9, 1. A quarter of five, rounded down, is left out at either end.
+    expected = {"median": 0.5, "percentile_25": 0.4, "percentile_75": 0.9, "iqm": 0.6, "min": 0.0}
+    expected |= {"minutes": 3.0, "gap": 0.1, "published": 0.7, "success_rate": 0.4}
+    assert {key: line[key] for key in expected} == pytest.approx(expected)
+    # All ways of drawing five seeds of five, with replacement.
+    means = [np.mean(sorted(drawn)[1:4]) for drawn in itertools.product(SCORES, repeat=5)]
+    interval = np.percentile(means, [2.5, 97.5])
+    assert (line["iqm_low"], line["iqm_high"]) == pytest.approx(interval, abs=0.035)
+
+
+def test_one_seed_has_no_spread_and_other_lengths_are_other_lines():
+    short = [_row(0, 200, "evaluate", 0.3, True, ("fold_cloth", *NAME[1:]))]
+    longer = [dataclasses.replace(short[0], env_steps=400)]
+    lines = results.table([*short, *longer, _row(1, 900, "evaluate", 0.9, False)])
+    assert [(line["env_steps"], line["median"], line["iqm"]) for line in lines] == [
+        (200, 0.3, 0.3),
+        (400, 0.3, 0.3),
+    ]
+    missing = ("percentile_25", "iqm_low", "iqm_high", "gap", "published")
+    assert [lines[0][key] for key in missing] == [None] * 5
+    assert results.table([]) == []
+
+
+def test_curves_by_hand():
+    rows = [*_training(), _row(0, 400, "evaluate", 0.3, False)]  # The others are not there yet.
+    (points,) = learned.curves(rows).values()
+    expected = [(100, -0.2, -0.2, -0.2), (200, 1.0, 1.0, 1.0), (300, 0.5, 0.4, 0.9)]
+    np.testing.assert_allclose(points, expected)
+    assert not learned.curves(rows[-1:])
+
+
+def test_the_figure_is_drawn_where_there_are_curves(tmp_path):
+    known = [Reference(*NAME[:3], 250, 0.7, "is", "plot", "near")]
+    learned.draw(_training()[:2], known, tmp_path / "none.png")
+    learned.draw(_training(), known, tmp_path / "some.png")
+    assert not (tmp_path / "none.png").exists()
+    assert (tmp_path / "some.png").stat().st_size > 10_000
+
+
+def test_the_overview_is_there_once_something_was_learned(monkeypatch):
+    planned = [_row(0, 300, "evaluate", 0.9, True, ("fold_cloth", "cem", "simulator", "x", "none"))]
+    monkeypatch.setattr(learned, "rows", lambda: planned)
+    assert learned.overview() == ""
+    monkeypatch.setattr(learned, "rows", lambda: [*planned, *_training()])
+    head, _, *rows = learned.overview().splitlines()[:4]
+    assert head == "| task | cem simulator x none | sac reduced fast symmetric |"
+    assert rows == ["| `fold_cloth` | 0.90 | |", "| `straighten_rope` | | 0.50 (0.40 to 0.90) |"]
+
+
+# ---------------------------------------------------------------------- files
+
+
+def test_columns_are_those_that_trainings_write():
+    assert tuple(field.name for field in dataclasses.fields(Row)) == curves.COLUMNS
+
+
+def test_rows_are_read_as_they_were_written(tmp_path):
+    rows = [*_training(), dataclasses.replace(_training()[0], seed=7, seconds=None)]
+    results.write_rows(rows, tmp_path / "a.csv")
+    read = results.read_rows(tmp_path / "a.csv")
+    assert sorted(read, key=lambda row: row.key) == sorted(rows, key=lambda row: row.key)
+    results.write_rows(read, tmp_path / "b.csv")
+    assert results.read_rows(tmp_path / "b.csv") == read
+    curves.write_curve(tmp_path, [{**vars(row), "final": int(row.final)} for row in rows])
+    assert results.read_folder(tmp_path) == read
+
+
+def test_merging_twice_changes_nothing_and_other_results_are_refused():
+    rows = _training()
+    once = results.merged(rows[:7], rows)
+    assert len(once) == len(rows) == 30
+    assert results.merged(once, rows) == results.merged(rows[::-1]) == once
+    other = dataclasses.replace(rows[3], normalized_performance=0.99)
+    with pytest.raises(StoreError, match=r"two results of one evaluation.*0\.99"):
+        results.merged(once, [other])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "line 1: columns"),
+        (HEAD.replace("seed", "sead"), "line 1: columns.*'sead'"),
+        (f"{HEAD}\n{LINE}\n{LINE[:-2]}", "line 3: it ends at column 'success'"),
+        (f"{HEAD}\n{LINE},1", "line 2: it ends at column 'final'"),
+        (f"{HEAD}\n{LINE.replace('straighten', 'bend')}", "line 2: task='bend_rope'.*fold_cloth"),
+        (f"{HEAD}\n{LINE.replace('sac', 'S AC')}", "line 2: method='S AC'"),
+        (f"{HEAD}\n{LINE.replace(',100,', ',-1,')}", "line 2: env_steps='-1'.*whole number"),
+        (f"{HEAD}\n{LINE.replace(',50,', ',5.5,')}", r"line 2: updates='5\.5'"),
+        (f"{HEAD}\n{LINE.replace('6.5', 'inf')}", "line 2: seconds='inf'"),
+        (f"{HEAD}\n{LINE.replace('evaluate', 'all')}", "line 2: split='all'.*train, evaluate"),
+        (f"{HEAD}\n{LINE.replace('0.5', 'nan')}", "normalized_performance='nan'.*finite"),
+        (f"{HEAD}\n{LINE.replace('0.5', '')}", "normalized_performance=''"),
+        (f"{HEAD}\n{LINE.replace('0.25', '25')}", r"success='25'.*0\.\.1"),
+        (f"{HEAD}\n{LINE[:-1]}yes", "line 2: final='yes'.*0 or 1"),
+        (f"{HEAD}\n{LINE}\n{LINE.replace('0.5', '0.6')}", "two results of one evaluation"),
+    ],
+)
+def test_bad_files_are_refused_by_line_and_column(tmp_path, text, said):
+    (tmp_path / "curve.csv").write_text(text)
+    with pytest.raises(StoreError, match=said):
+        results.read_folder(tmp_path)
+    (tmp_path / "curve.csv").write_bytes(b"\xff")
+    with pytest.raises(StoreError, match=r"curve\.csv cannot be read"):
+        results.read_folder(tmp_path)
+
+
+def test_evaluations_of_planners_are_rows():
+    (rope,) = read_results([RESULTS / "straighten_rope-cem.json"])
+    (row,) = results.rows_of_planner(rope)
+    # 75 env steps, 15 decisions of 450.
+    assert (row.env_steps, row.updates, row.seconds, row.episodes) == (6_750, 0, None, 5)
+    assert (row.method, row.preset, row.split, row.final) == ("cem", "small", "evaluate", True)
+    assert row.normalized_performance == pytest.approx(rope["summary"]["mean"])
+    paper = {"horizon": 15, "budget": 21_000, "iterations": 10, "replan_every": 1}
+    (row,) = results.rows_of_planner({**rope, "planning": paper})
+    assert (row.preset, row.env_steps) == ("paper", 1_575_000)
+    (row,) = results.rows_of_planner({**rope, "planning": paper, "settings": {"fidelity": "fast"}})
+    assert row.preset == "small"
+    for changes in ({"policy": "random"}, {"variations": [799, 800]}):
+        with pytest.raises(StoreError, match="expected a planner"):
+            results.rows_of_planner({**rope, **changes})
+
+
+# ---------------------------------------------------------------------- commands
+
+
+def test_the_table_takes_in_trainings_once(folder):
+    assert "no final rows" in _command("table", "--results", folder)
+    shown = _command("table", folder / "training", "--results", folder)
+    assert "0.500" in shown and "0.40..0.90" in shown
+    assert results.read_rows(folder / "learning.csv") == []
+    for _ in range(2):
+        _command("table", folder / "training", "--merge", "--results", folder)
+        assert len(results.read_rows(folder / "learning.csv")) == 30
+    _command("table", "--results", folder, "--csv", folder / "table.csv")
+    head, row = (folder / "table.csv").read_text().splitlines()
+    assert dict(zip(head.split(","), row.split(","), strict=True))["median"] == "0.5"
+
+
+def test_the_status_says_how_far_a_training_is(folder):
+    shown = _command("status", folder / "training")
+    for word in ("30", "300", "0.500", "180", "yes"):
+        assert word in shown
+    results.write_rows([row for row in _training() if not row.final], folder / "curve.csv")
+    shown = _command("status", folder)
+    for word in ("20", "200", "?", "1.000", "120", "no"):
+        assert word in shown
+
+
+def test_the_queue_goes_on_with_what_is_not_done(folder):
+    command = "softgym-mj train sac straighten_rope --preset fast --seeds {}"
+    assert _command("queue", "--next", "--results", folder).startswith(command.format(5))
+    _command("table", folder / "training", "--merge", "--results", folder)
+    assert _command("queue", "--next", "--results", folder).startswith(command.format(6))
+    shown = _command("queue", "--results", folder)
+    assert [word for word in shown.split() if word in ("yes", "no")] == ["yes", "no"]
+    more = [_row(5, 300, "evaluate", 0.1, True)]
+    results.write_rows([*_training(), *more], folder / "learning.csv")
+    assert _command("queue", "--next", "--results", folder) == "Everything is done.\n"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"final": False}, {"split": "train"}, {"episodes": 199}, {"env_steps": 200}, {"seed": 9}]
+    + [{key: "other"} for key in results.Name._fields],
+)
+def test_a_run_is_done_by_final_rows_of_all_its_seeds(changes):
+    how = {"replay": NAME[4], "env_steps": 300, "gpu_minutes": 1}
+    run = QueuedRun(*NAME[:2], NAME[3], 2, "why", **how)
+    rows = [_row(seed, 300, "evaluate", 0.5, True) for seed in range(2)]
+    assert run.is_done(rows)
+    assert not run.is_done([rows[0], dataclasses.replace(rows[1], **changes)])
+
+
+def test_commands_have_what_settings_replace(tmp_path):
+    run = QueuedRun("fold_cloth", "sac", "fast", 3, "", settings={"part": 5}, core_hours=2)
+    assert "--seeds 3 --settings '{\"part\": 5}' --device cuda --out training/" in run.command
+    custom = ("fold_cloth", "sac", "reduced", "custom", "plain")
+    assert run.is_done([_row(seed, 5, "evaluate", 0.1, True, custom) for seed in range(3)])
+    planner = {"observation": "simulator", "replay": "none", "episodes": 10, "gpu_minutes": 1}
+    run = QueuedRun("fold_cloth", "cem", "paper", 1, "", settings={"budget": 7}, **planner)
+    assert run.command.startswith("softgym-mj evaluate fold_cloth --policy cem --episodes 10")
+    assert "--budget 7 --device cuda" in run.command
+    assert run.cost == "1 GPU min"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("gpu_minutes = 2\ncolour = 3", "run 1: .*colour"),
+        ("core_hours = 2\ngpu_minutes = 2", "run 1: gpu_minutes"),
+        ("core_hours = 'two'", "run 1: core_hours='two'"),
+        ("core_hours = ", "cannot be read"),
+    ],
+)
+def test_bad_queues_are_refused(tmp_path, change, said):
+    entry = 'task = "fold_cloth"\nmethod = "sac"\npreset = "fast"\nseeds = 1\n'
+    (tmp_path / "queue.toml").write_text(f'[[run]]\n{entry}why = "w"\n{change}\n')
+    with pytest.raises(StoreError, match=said):
+        read_queue(tmp_path / "queue.toml")
+
+
+# ---------------------------------------------------------------------- what is committed
+
+
+def test_committed_rows_are_in_order_and_have_the_planners_evaluations(tmp_path):
+    rows = learned.rows()
+    results.write_rows(rows, tmp_path / "learning.csv")
+    assert (tmp_path / "learning.csv").read_text() == (RESULTS / "learning.csv").read_text()
+    for task in TASKS:
+        assert set(results.read_folder(RESULTS / f"{task}-cem.json")) <= set(rows)
+    assert {reference.task for reference in learned.references()} <= set(TASKS)
+
+
+def test_committed_tables_are_current():
+    page = (RESULTS.parent / "results.md").read_text()
+    assert learned.results() in page and learned.others() in page
+    assert f"<!-- learned -->\n{learned.overview()}\n<!--" in (ROOT / "README.md").read_text()
+    assert learned.FIGURE.exists() == bool(learned.curves(learned.rows()))
+
+
+def test_the_committed_queue_suits_presets_and_tasks():
+    runs = read_queue(RESULTS / "queue.toml")
+    commands_ = [run.command for run in runs]
+    assert len(set(commands_)) == len(commands_)
+    outs = [command.split("--out ")[1] for command in commands_]
+    assert len(set(outs)) == len(outs)
+    presets = ROOT / "softgym_mj" / "learning" / "presets"
+    for run in runs:
+        if run.plans:
+            budget = run.settings.get("budget", BUDGET)
+            assert run.env_steps == TASKS[run.task].horizon * budget
+            continue
+        file = presets / f"{run.method}.toml"
+        if file.exists():  # Of a method that is there already.
+            assert run.preset in tomllib.loads(file.read_text())

@@ -1,0 +1,170 @@
+"""What was learned, for pages: tables of docs/results/learning.csv, a figure of its curves."""
+
+import io
+import math
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from softgym_mj.evaluation.plots import new_figure
+from softgym_mj.jobs.files import write_whole
+from softgym_mj.learning.results import Name, Reference, Row, read_references, read_rows
+from softgym_mj.learning.results import table as numbers_of
+from softgym_mj.policies.planners import PLANNERS
+from softgym_mj.registry import TASKS
+from tools.pages import table
+
+RESULTS = pathlib.Path(__file__).parent.parent / "docs" / "results"
+FIGURE = RESULTS / "curves.png"
+_COLUMNS, _WIDTH, _HEIGHT, _DPI = 3, 3.6, 2.9, 150  # Of the figure; of a panel [inches].
+_LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
+
+
+def rows() -> list[Row]:
+    """All rows that are published."""
+    return read_rows(RESULTS / "learning.csv")
+
+
+def references() -> list[Reference]:
+    """Numbers of others."""
+    return read_references(RESULTS / "references.csv")
+
+
+def results() -> str:
+    """The table of all that was learned, and the curves if there are any."""
+    lines = []
+    for line in numbers_of(rows(), references()):
+        numbers = [
+            f"{line['median']:.2f}{_range(line, 'percentile_25', 'percentile_75')}",
+            f"{line['iqm']:.2f}{_range(line, 'iqm_low', 'iqm_high')}",
+            f"{line['min']:.2f}",
+            f"{line['success_rate']:.2f}",
+            _optional(line["gap"], ".2f"),
+            str(line["seeds"]),
+            str(line["episodes"]),
+            f"{line['env_steps']:,}",
+            f"{line['updates']:,}",
+            _optional(line["minutes"], ".0f"),
+            _optional(line["published"], ".2f"),
+        ]
+        how = [line[key] for key in ("method", "observation", "preset", "replay")]
+        lines.append(_row(f"`{line['task']}`", *how, *numbers))
+    titles = (
+        "| task | method | observation | preset | replay | median (quartiles) | IQM (95 %) | least "
+        "| success | train - held out | seeds | episodes | env steps | updates | minutes | others |"
+    )
+    found = table(titles, lines)
+    if curves(rows()):
+        caption = "Curves on held out variations: medians and quartiles over seeds"
+        found += f"\n\n![{caption}](results/{FIGURE.name})"
+    return found
+
+
+def others() -> str:
+    """The table of the numbers of others."""
+    lines = []
+    for r in references():
+        value = f"{'< ' if r.bound == 'below' else ''}{r.value:g}"
+        steps = _optional(r.env_steps, ",")
+        cells = r.method, r.observation, value, steps, r.certainty, r.source
+        lines.append(_row(f"`{r.task}`", *cells))
+    titles = "method | observation | normalised performance | env steps | certainty | source"
+    return table(f"| task | {titles} |", lines)
+
+
+def overview() -> str:
+    """For the README, a table of tasks and methods, once a learner has final rows: else nothing."""
+    lines = numbers_of(rows())
+    if all(line["method"] in PLANNERS for line in lines):
+        return ""
+    cells: dict[str, dict[str, list[str]]] = {}
+    for line in lines:
+        how = [line[key] for key in ("method", "observation", "preset", "replay")]
+        shown = f"{line['median']:.2f}{_range(line, 'percentile_25', 'percentile_75')}"
+        cells.setdefault(" ".join(how), {}).setdefault(line["task"], []).append(shown)
+    found = [
+        _row(f"`{task}`", *("; ".join(own.get(task, [])) for own in cells.values()))
+        for task in TASKS
+        if any(task in own for own in cells.values())
+    ]
+    return table(f"| task | {' | '.join(cells)} |", found) + (
+        "\n\nLearned: median and quartiles over seeds, of normalised performance on held out "
+        "variations with the last checkpoints ([all numbers, curves](docs/results.md#learned))."
+    )
+
+
+def _row(*cells: str) -> str:
+    return "".join(f"| {cell} " if cell else "| " for cell in cells) + "|"
+
+
+def _range(line: Mapping[str, Any], low: str, high: str) -> str:
+    return "" if line[low] is None else f" ({line[low]:.2f} to {line[high]:.2f})"
+
+
+def _optional(value: float | None, form: str) -> str:
+    return "" if value is None else f"{value:{form}}"
+
+
+def curves(found: Sequence[Row]) -> dict[Name, np.ndarray]:
+    """Curves on held out variations.
+
+    Returns:
+        Env steps, median, low and high quartile over seeds (n, 4), where there are as many seeds
+        as anywhere, of each name that has two such points or more.
+    """
+    scores: dict[Name, dict[int, list[float]]] = {}
+    for row in (row for row in found if row.split == "evaluate"):
+        at = scores.setdefault(row.name, {}).setdefault(row.env_steps, [])
+        at.append(row.normalized_performance)
+    drawn = {}
+    for name, by_steps in scores.items():
+        most = max(map(len, by_steps.values()))  # With fewer seeds the curve would jump.
+        steps = sorted(n for n, own in by_steps.items() if len(own) == most)
+        if len(steps) > 1:
+            drawn[name] = np.array([(n, *np.percentile(by_steps[n], [50, 25, 75])) for n in steps])
+    return drawn
+
+
+def draw(found: Sequence[Row], known: Sequence[Reference], file: pathlib.Path) -> None:
+    """Draws the curves of each task; what others have as dashed lines. Nothing without curves."""
+    own = curves(found)
+    tasks = [task for task in TASKS if any(name.task == task for name in own)]
+    if not tasks:
+        return
+    columns = min(len(tasks), _COLUMNS)
+    height = math.ceil(len(tasks) / columns)
+    figure = new_figure(_WIDTH * columns, _HEIGHT * height)
+    grid = figure.subplots(height, columns, squeeze=False)
+    for axes, task in zip(grid.flat, tasks, strict=False):
+        _panel(axes, task, own, known)
+    for axes in grid.flat[len(tasks) :]:
+        axes.axis("off")
+    figure.tight_layout()
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=_DPI)
+    write_whole(file, content.getvalue())
+
+
+def _panel(
+    axes: Any, task: str, own: Mapping[Name, np.ndarray], known: Sequence[Reference]
+) -> None:
+    """The curves of a task, and numbers of others for the same methods and observations."""
+    for name, points in own.items():
+        if name.task != task:
+            continue
+        steps, median, low, high = points.T
+        (line,) = axes.plot(steps, median, label=" ".join(name[1:]))
+        color = line.get_color()
+        axes.fill_between(steps, low, high, color=color, alpha=0.2, linewidth=0)
+        for r in known:
+            if (r.task, r.method, r.observation) == name[:3] and r.bound == "is":
+                axes.axhline(r.value, color=color, linewidth=0.8, linestyle="--")
+    axes.set_title(task, fontsize="small")
+    axes.set_ylim(max(axes.get_ylim()[0], _LOWEST), 1.05)
+    axes.set_xlabel("env steps", fontsize="small")
+    axes.set_ylabel("normalised performance", fontsize="small")
+    axes.tick_params(labelsize="x-small")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize="x-small", frameon=False)
