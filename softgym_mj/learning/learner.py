@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor, nn
@@ -24,6 +24,7 @@ class Problem:
         action: size of one, in -1..1.
         reward_scale: factor to the task's rewards, in those that are learned from.
         device: of PyTorch.
+        observed: what is observed, one of `training.OBSERVATIONS`.
     """
 
     task: str
@@ -34,6 +35,7 @@ class Problem:
     action: int
     reward_scale: float
     device: str
+    observed: str = "reduced"
 
     def example(self) -> Environment:
         """An environment of the task that has been reset, whose observations are reduced."""
@@ -102,6 +104,20 @@ class Learner(Protocol):
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Goes on from what `get_state` returned."""
+
+
+@runtime_checkable
+class Offline(Protocol):
+    """A `Learner` that has all it learns from: instead of `learn` it has this.
+
+    Attributes:
+        demonstrated: env steps of each seed that it learns from.
+    """
+
+    demonstrated: int
+
+    def study(self) -> dict[str, Tensor]:
+        """Learns once; returns losses and the like (seeds,) by name."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -45,7 +45,7 @@ def _tell(
     losses: Mapping[str, Sequence[float]],
     add: Callable[[str, float, int], Any],
 ) -> None:
-    env_steps = training.done * training.settings.part
+    env_steps = training.env_steps
     for name, values in losses.items():
         for seed, value in zip(training.seeds, values, strict=True):
             add(f"{name}/{seed}", value, env_steps)

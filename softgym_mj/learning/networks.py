@@ -77,7 +77,7 @@ class MLP(nn.Sequential):
         Args:
             sources: of random numbers, one a seed.
             sizes: of the input, of hidden layers and of the output.
-            norm: whether hidden layers are normalised before their ReLU.
+            norm: whether hidden layers are normalised before their ReLU, without weights.
         """
         layers: list[nn.Module] = []
         for k, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
@@ -85,8 +85,8 @@ class MLP(nn.Sequential):
             layers.append(Linear(sources, inputs, outputs, 1.0 if is_last else math.sqrt(2.0)))
             if not is_last:
                 if norm:
-                    layers.append(LayerNorm(len(sources), outputs, sources[0].device))
-                layers.append(nn.ReLU())
+                    layers.append(nn.LayerNorm(outputs, _EPSILON, elementwise_affine=False))
+                layers.append(nn.ReLU(inplace=True))
         super().__init__(*layers)
 
 
@@ -136,7 +136,12 @@ class Actor(nn.Module):
 
 
 class Critics(nn.Module):
-    """Two estimates of the return of an action."""
+    """Estimates of the return of an action, by critics that lie beside each other as seeds do.
+
+    Attributes:
+        number: of critics of each seed.
+        body: the network, of all critics of a seed, then of the next.
+    """
 
     def __init__(
         self,
@@ -146,12 +151,14 @@ class Critics(nn.Module):
         hidden: Sequence[int],
         *,
         norm: bool,
+        number: int = 2,
     ):
         super().__init__()
-        sizes = [observation + action, *hidden, 1]
-        self.pair = nn.ModuleList(MLP(sources, sizes, norm=norm) for _ in range(2))
+        self.number = number
+        each = [source for source in sources for _ in range(number)]
+        self.body = MLP(each, [observation + action, *hidden, 1], norm=norm)
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Of (seeds, n, ...): (2, seeds, n)."""
-        both = torch.cat([observation, action], dim=-1)
-        return torch.stack([critic(both)[..., 0] for critic in self.pair])
+        """Of (seeds, n, ...): (number, seeds, n)."""
+        both = torch.cat([observation, action], dim=-1).repeat_interleave(self.number, 0)
+        return self.body(both)[..., 0].unflatten(0, (-1, self.number)).transpose(0, 1)

@@ -1,7 +1,7 @@
 """`OffPolicy`: learns from a replay of all that was done, by updates of an algorithm."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import torch
@@ -85,10 +85,23 @@ class OffPolicy:
         replay: what it learns from.
     """
 
-    def __init__(self, settings: OffPolicySettings, problem: Problem, algorithm: Algorithm):
-        """Makes room for the replay."""
+    def __init__(
+        self,
+        settings: OffPolicySettings,
+        problem: Problem,
+        algorithm: Algorithm,
+        replay: Callable[..., Replay] = Replay,
+    ):
+        """Makes room for the replay.
+
+        Args:
+            settings: how much is learned from what.
+            problem: what is to be learned.
+            algorithm: what is updated.
+            replay: makes one of the arguments of `Replay`.
+        """
         self._settings, self._problem, self.algorithm = settings, problem, algorithm
-        self.replay = Replay(
+        self.replay = replay(
             settings.replay // problem.worlds, problem.seeds, problem.worlds, problem.observation,
             problem.action, discount=settings.discount, steps=settings.added,
             symmetries=symmetries(problem.example()) if settings.symmetric else (),

@@ -34,6 +34,7 @@ class SACSettings(OffPolicySettings):
         alpha: entropy weight at first.
         alpha_beta: Adam's first one, of the entropy weight.
         actor_every, target_every: critic updates for each of the actor and of the targets.
+        halved_every: updates after which the rates of actor and critics are halved; 0: never.
         log_std: least and largest of a deviation.
 
     Raises:
@@ -50,6 +51,7 @@ class SACSettings(OffPolicySettings):
     alpha_beta: float = 0.5
     actor_every: int = 2
     target_every: int = 2
+    halved_every: int = 0
     log_std: tuple[float, float] = (-10.0, 2.0)
 
     def __post_init__(self):
@@ -59,6 +61,7 @@ class SACSettings(OffPolicySettings):
                 raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
+        check_count("halved_every", self.halved_every, 0)
 
 
 class SAC:
@@ -87,17 +90,27 @@ class SAC:
             device: where.
         """
         self.settings, self.sources = settings, generators(seeds, device)
-        hidden = settings.hidden
-        self.actor = Actor(self.sources, observation, action, hidden, settings.log_std)
-        self.critics = Critics(self.sources, observation, action, hidden, norm=settings.norm)
+        self.actor, self.critics = self._networks(observation, action)
         self.targets = copy.deepcopy(self.critics).requires_grad_(False)
         start = torch.full((len(seeds),), settings.alpha, device=device).log()
         self.log_alpha = start.requires_grad_(True)
         self._entropy = -float(action)
-        self._actor_adam = adam(self.actor.parameters(), settings.actor_rate)
-        self._critic_adam = adam(self.critics.parameters(), settings.critic_rate)
+        rates: tuple[float | Tensor, ...] = settings.actor_rate, settings.critic_rate
+        if settings.halved_every:  # On the device, where they change.
+            rates = tuple(torch.tensor(rate, device=device) for rate in rates)
+        self._done = torch.zeros((), dtype=torch.int64, device=device)  # Updates, told there.
+        self._actor_adam = adam(self.actor.parameters(), rates[0])
+        self._critic_adam = adam(self.critics.parameters(), rates[1])
         self._alpha_adam = adam([self.log_alpha], settings.alpha_rate, settings.alpha_beta)
         self.updates, self.period = 0, math.lcm(settings.actor_every, settings.target_every)
+
+    def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
+        """Actor and critics, drawn."""
+        settings = self.settings
+        return (
+            Actor(self.sources, observation, action, settings.hidden, settings.log_std),
+            Critics(self.sources, observation, action, settings.hidden, norm=settings.norm),
+        )
 
     @property
     def alpha(self) -> Tensor:
@@ -117,6 +130,14 @@ class SAC:
 
     # ------------------------------------------------------------------ losses
 
+    def wanted(self, batch: Batch, noise: Tensor) -> Tensor:
+        """Returns (seeds, n) that critics are to find; arguments as of `critic_loss`."""
+        with torch.no_grad():
+            action, density = self.actor.sample(batch.next_observation, noise)
+            value = self.targets(batch.next_observation, action).amin(0)
+            value = value - self.alpha[:, None] * density
+            return batch.reward + batch.discount * value
+
     def critic_loss(self, batch: Batch, noise: Tensor) -> Tensor:
         """Of each seed (seeds,): squared errors of both critics, added up.
 
@@ -124,13 +145,8 @@ class SAC:
             batch: what is learned from.
             noise: of next actions (seeds, n, action).
         """
-        with torch.no_grad():
-            action, density = self.actor.sample(batch.next_observation, noise)
-            value = self.targets(batch.next_observation, action).amin(0)
-            value = value - self.alpha[:, None] * density
-            wanted = batch.reward + batch.discount * value
         found = self.critics(batch.observation, batch.action)
-        return ((found - wanted) ** 2).mean(-1).sum(0)
+        return ((found - self.wanted(batch, noise)) ** 2).mean(-1).sum(0)
 
     def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
         """Of each seed (seeds,): of the actor, and of the entropy weight.
@@ -148,6 +164,8 @@ class SAC:
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Learns from a batch; returns losses and entropy weights (seeds,) by name."""
         size = batch.action.shape[1:]
+        if self.settings.halved_every:
+            self._halve()
         loss = self.critic_loss(batch, self._noise(*size))
         step(self._critic_adam, loss)
         found = {"critic_loss": loss.detach(), "alpha": self.alpha}
@@ -160,16 +178,23 @@ class SAC:
             step(self._alpha_adam, alpha)
             found["actor_loss"] = actor.detach()
         if self.updates % self.settings.target_every == 0:
-            with torch.no_grad():
-                for mean, own in zip(
-                    self.targets.parameters(), self.critics.parameters(), strict=True
-                ):
-                    mean.lerp_(own, self.settings.tau)
+            self._follow()
         return found
+
+    def _halve(self) -> None:
+        """Sets the rates of this update."""
+        share = torch.exp2(-(self._done // self.settings.halved_every).float())
+        self._actor_adam.param_groups[0]["lr"].copy_(self.settings.actor_rate * share)
+        self._critic_adam.param_groups[0]["lr"].copy_(self.settings.critic_rate * share)
+        self._done += 1
+
+    def _follow(self) -> None:
+        """Targets go on towards the critics."""
+        follow(self.targets, self.critics, self.settings.tau)
 
     def policy(self, seed: int) -> nn.Module:
         """See `Learner`."""
-        return _Mean(self.actor, seed)
+        return Mean(self.actor, seed)
 
     # ------------------------------------------------------------------ state
 
@@ -193,10 +218,13 @@ class SAC:
         with torch.no_grad():
             self.log_alpha.copy_(state["log_alpha"])
         for optimizer, kept in zip(self._adams, state["adam"], strict=True):
+            rate = optimizer.param_groups[0]["lr"]  # Stays where it is.
             optimizer.load_state_dict(copy.deepcopy(kept))
+            optimizer.param_groups[0]["lr"] = rate
         for source, kept in zip(self.sources, state["random"], strict=True):
             source.set_state(kept)
         self.updates = state["updates"]
+        self._done.fill_(self.updates)
 
     @property
     def _adams(self) -> tuple[torch.optim.Adam, ...]:
@@ -204,13 +232,13 @@ class SAC:
 
 
 def adam(
-    parameters: Iterable[Tensor], rate: float, beta: float = 0.9, **settings: Any
+    parameters: Iterable[Tensor], rate: float | Tensor, beta: float = 0.9, **settings: Any
 ) -> torch.optim.Adam:
     """An optimiser whose steps can be part of one of CUDA's graphs.
 
     Args:
         parameters: of networks of several seeds, all on one device.
-        rate: of learning.
+        rate: of learning; a number of the device may change.
         beta: Adam's first one.
         **settings: of `torch.optim.Adam`.
     """
@@ -229,10 +257,16 @@ def step(optimizer: torch.optim.Adam, losses: Tensor) -> None:
     optimizer.step()
 
 
-class _Mean(nn.Module):
-    """The best action of one seed, of observations (n, k)."""
+def follow(targets: nn.Module, own: nn.Module, share: float) -> None:
+    """Moves each weight of targets by this share of the way to those that they follow."""
+    with torch.no_grad():
+        torch._foreach_lerp_([*targets.parameters()], [*own.parameters()], share)
 
-    def __init__(self, actor: Actor, seed: int):
+
+class Mean(nn.Module):
+    """The best action of one seed, by the `mean` of a network, of observations (n, k)."""
+
+    def __init__(self, actor: nn.Module, seed: int):
         super().__init__()
         self.actor = copy.deepcopy(actor).cpu()
         for parameter in self.actor.parameters():
@@ -246,5 +280,7 @@ class _Mean(nn.Module):
 def make(settings: SACSettings, problem: Problem) -> OffPolicy:
     """The `Learner` of a problem."""
     (size,) = problem.observation
+    if settings.symmetric and problem.observed != "reduced":
+        raise InvalidArgumentError("observation", problem.observed, "'reduced', to be symmetric")
     sac = SAC(settings, problem.seeds, size, problem.action, problem.device)
     return OffPolicy(settings, problem, sac)

@@ -22,7 +22,7 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count,
 from softgym_mj.jobs.files import read_whole, write_json, write_whole
 from softgym_mj.kinds import typed
 from softgym_mj.learning.curves import write_curve
-from softgym_mj.learning.learner import Learner, Method, Problem, Step, worlds_of
+from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.registry import find
 from softgym_mj.variations.indices import SPLITS
 
@@ -125,7 +125,7 @@ class Training:
         self._problem = Problem(
             settings.task, settings.task_settings, self.seeds, settings.worlds,
             self._envs.single_observation_space.shape, self._envs.single_action_space.shape[-1],
-            settings.reward_scale, "cuda" if self.device == "cuda" else "cpu",
+            settings.reward_scale, "cuda" if self.device == "cuda" else "cpu", settings.observation,
         )  # fmt: skip
         self.learner = self.method.make(self.method.settings, self._problem)
 
@@ -136,6 +136,13 @@ class Training:
             own.task, number, device=self.device, observation=own.observation, **sized,
             **own.task_settings, **settings,
         )  # fmt: skip
+
+    @property
+    def env_steps(self) -> int:
+        """Of each seed, that were learned from so far."""
+        if isinstance(self.learner, Offline):
+            return self.learner.demonstrated
+        return self.done * self.settings.part
 
     # ------------------------------------------------------------------ learning
 
@@ -150,25 +157,38 @@ class Training:
         """
         torch.set_float32_matmul_precision("high")  # TF32 on a GPU; a processor's bits stay.
         self._restore()
+        self._catch_up()
         while self.done < self.settings.parts:
             start = time.perf_counter()
-            news = self._learn()
+            news = {name: value.tolist() for name, value in self._learn().items()}
             self.done += 1
             self._seconds += time.perf_counter() - start
             self._keep()  # Before an evaluation, which may fail.
-            is_last = self.done == self.settings.parts
-            if is_last or self.done % self.settings.evaluate_every == 0:
-                self._evaluate(final=is_last)
-                self._keep()
-            progress(self, {name: value.tolist() for name, value in news.items()})
+            self._catch_up()
+            progress(self, news)
         self._export()
         for envs in (self._envs, *self._players.values()):
             envs.close()
+
+    def _catch_up(self) -> None:
+        """Evaluates what is due, unless that has been done."""
+        is_last = self.done == self.settings.parts
+        is_due = self.done > 0 and self.done % self.settings.evaluate_every == 0
+        # Curves are over env steps: one that makes none has one point.
+        if not is_last and (not is_due or isinstance(self.learner, Offline)):
+            return
+        if not any(row["env_steps"] == self.env_steps for row in self.rows):
+            self._evaluate(final=is_last)
+            self._keep()
 
     def _learn(self) -> dict[str, Tensor]:
         """One part."""
         settings, news = self.settings, dict[str, Tensor]()
         number = settings.worlds
+        if isinstance(self.learner, Offline):  # As often as others step their environments.
+            for _ in range(settings.part // number):
+                news = self.learner.study()
+            return news
         firsts = [(seed * _PARTS + self.done) * number for seed in self.seeds]
         each = [first + i for first in firsts for i in range(number)]
         seen, _ = self._envs.reset(seed=each, options={"stagger": True})
@@ -228,7 +248,7 @@ class Training:
                         "task": settings.task, "method": self.method.name,
                         "observation": settings.observation, "preset": self.method.preset,
                         "replay": "symmetric" if is_symmetric else "plain",
-                        "seed": seed, "env_steps": self.done * settings.part,
+                        "seed": seed, "env_steps": self.env_steps,
                         "updates": self.learner.updates, "seconds": round(self._seconds, 1),
                         "split": split, "episodes": number,
                         "normalized_performance": float(scores["normalized_performance"][k].mean()),
@@ -259,7 +279,7 @@ class Training:
             fresh, done = first & ~done, done | first
             if fresh.any():
                 for name, values in infos.items():
-                    if not name.startswith("_"):
+                    if not (name.startswith("_") or isinstance(values, dict)):
                         array = np.asarray(torch.as_tensor(values).cpu(), float)
                         kept = found.setdefault(name, np.zeros(number))
                         kept[fresh] = array[fresh]
@@ -291,7 +311,7 @@ class Training:
         return {
             **self._owner(),
             "preset": self.method.preset,
-            "env_steps": self.done * self.settings.part,
+            "env_steps": self.env_steps,
             "updates": self.learner.updates,
             "seconds": round(self._seconds, 1),
             "split": "train",

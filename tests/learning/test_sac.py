@@ -57,18 +57,15 @@ def test_weights_are_orthogonal_and_of_their_seed_alone():
     torch.testing.assert_close(product, 4.0 * torch.eye(4), atol=1e-5, rtol=1e-5)
 
 
-def _single(critic, k):
-    """A critic of seed number k, of PyTorch's own layers."""
+def _single(body, k):
+    """A network of number k, of PyTorch's own layers."""
     layers = []
-    for layer in critic:
+    for layer in body:
         if isinstance(layer, Linear):
             own = nn.Linear(*layer.weight.shape[1:])
             own.weight.data, own.bias.data = layer.weight[k].T.clone(), layer.bias[k, 0].clone()
-        elif isinstance(layer, nn.ReLU):
-            own = nn.ReLU()
         else:
-            own = nn.LayerNorm(layer.weight.shape[-1])
-            own.weight.data, own.bias.data = layer.weight[k, 0].clone(), layer.bias[k, 0].clone()
+            own = nn.ReLU() if isinstance(layer, nn.ReLU) else layer
         layers.append(own)
     return nn.Sequential(*layers)
 
@@ -81,8 +78,10 @@ def test_losses_are_those_of_the_paper():
     batch, noise = _batch(seeds, seed=2), torch.randn(2, NUMBER, ACTION)
     critic, (actor, alpha) = sac.critic_loss(batch, noise), sac.actor_losses(batch, noise)
     for k in range(2):
-        pair = [_single(c, k) for c in sac.critics.pair]
-        targets = [_single(c, k) for c in sac.targets.pair]
+        pair, targets = (
+            [_single(critics.body, 2 * k + i) for i in range(2)]
+            for critics in (sac.critics, sac.targets)
+        )
         weight = sac.alpha[k].item()
         expected, of_actor, of_alpha = 0.0, 0.0, 0.0
         following, later = sac.actor.sample(batch.next_observation, noise)

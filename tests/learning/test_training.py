@@ -103,6 +103,26 @@ def test_what_was_killed_ends_alike(whole, tmp_path, after):
     assert _without_seconds(again.rows) == _without_seconds(whole.rows)
 
 
+@pytest.mark.parametrize("when", ["evaluation", "the last evaluation"])
+def test_what_was_killed_in_an_evaluation_ends_alike(whole, tmp_path, when):
+    killed = _training(tmp_path)
+    play, left = killed.play, 1 if when == "evaluation" else 3
+
+    def kill(variations):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise _Killed
+        return play(variations)
+
+    killed.play = kill
+    with pytest.raises(_Killed):
+        killed.run()
+    again = _training(tmp_path)
+    again.run()
+    assert _without_seconds(again.rows) == _without_seconds(whole.rows)
+
+
 def test_seeds_learn_what_they_learn_alone(tmp_path):
     both, alone = (_training(tmp_path / str(len(s)), s) for s in (SEEDS, SEEDS[1:]))
     for training in (both, alone):
