@@ -1,0 +1,89 @@
+"""DrQ (Kostrikov et al., 2020): soft actor-critic from images that are shifted at random.
+
+With the paper's details (softagent's `drq/Drq.py`): each image is shifted twice; what critics are
+to find is the mean of both next images, and they are to find it for both images.
+"""
+
+import dataclasses
+
+from torch import Tensor
+
+from softgym_mj.exceptions import check_count
+from softgym_mj.kinds import typed
+from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.networks import drawn
+from softgym_mj.learning.off_policy import OffPolicy
+from softgym_mj.learning.pixels import PixelSAC, PixelSettings, cropped, picture_size
+from softgym_mj.learning.replay import Batch
+
+_SHIFTS = 2  # Of an image and of the next one: K = M = 2 in the paper.
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class DrQSettings(PixelSettings):
+    """How it learns; the defaults are the paper's.
+
+    Attributes:
+        pad: the furthest shift in each direction [pixels]; edges are repeated.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    alpha_beta: float = 0.9
+    tanh: bool = True
+    pad: int = 6
+
+    def __post_init__(self):
+        super().__post_init__()
+        check_count("pad", self.pad, 0)
+
+
+class DrQ(PixelSAC):
+    """Actors and critics that see shifted images.
+
+    Batches that losses take have all first shifts of images and then all second ones.
+    """
+
+    settings: DrQSettings
+
+    def update(self, batch: Batch) -> dict[str, Tensor]:
+        """Learns from a batch of images; returns losses and the like (seeds,) by name."""
+        return super().update(self._shifted(batch))
+
+    def _shifted(self, batch: Batch) -> Batch:
+        """The batch (seeds, 2 n, ...) with images shifted."""
+        whole = {
+            name: value.repeat(1, _SHIFTS, *[1] * (value.ndim - 2))
+            for name, value in vars(batch).items()
+        }
+        for name in ("observation", "next_observation"):
+            shares = drawn(self.sources, 2, whole[name].shape[1], normal=False)
+            whole[name] = cropped(whole[name], self._size, shares, self.settings.pad)
+        return Batch(**whole)
+
+    def wanted(self, batch: Batch, noise: Tensor) -> Tensor:
+        """As of `SAC`: means of both shifts (seeds, 2 n)."""
+        each = super().wanted(batch, noise).unflatten(1, (_SHIFTS, -1))
+        return each.mean(1).repeat(1, _SHIFTS)
+
+    def critic_loss(self, batch: Batch, noise: Tensor) -> Tensor:
+        """As of `SAC`: squared errors of both critics and both shifts (seeds,), added up."""
+        return _SHIFTS * super().critic_loss(batch, noise)
+
+    def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """As of `SAC`, of first shifts."""
+        half = batch.reward.shape[1] // _SHIFTS
+        first = Batch(*(value[:, :half] for value in vars(batch).values()))
+        return super().actor_losses(first, noise[:, :half])
+
+
+def make(settings: DrQSettings, problem: Problem) -> OffPolicy:
+    """The `Learner` of a problem.
+
+    Raises:
+        InvalidArgumentError: for a problem without images.
+    """
+    drq = DrQ(settings, problem.seeds, picture_size(problem), problem.action, problem.device)
+    return OffPolicy(settings, problem, drq)
