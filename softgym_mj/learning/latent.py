@@ -1,0 +1,300 @@
+"""World models with latents (recurrent state-space models: Hafner et al., 2019) of several seeds.
+
+Layers are those of SoftGym's authors (softagent's `planet/models.py`), with PyTorch's own first
+weights. They are written here as torchrl's RSSM modules hold one seed, have ELU for ReLU and bound
+deviations where the authors add to them.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.networks import Linear, drawn
+
+_LEAST = 0.1  # Deviation of a latent (authors' code).
+_SMALLEST = 16  # Image [pixels]: two layers leave 2 x 2.
+
+
+class Gaussian(NamedTuple):
+    """Independent normal numbers (..., latent)."""
+
+    mean: Tensor
+    deviation: Tensor
+
+    def sample(self, noise: Tensor) -> Tensor:
+        """Those that standard normal ones become."""
+        return self.mean + self.deviation * noise
+
+    def divergence(self, other: "Gaussian") -> Tensor:
+        """Kullback and Leibler's, of this from the other (...) [nats]."""
+        ratio = (self.deviation / other.deviation) ** 2
+        distance = ((self.mean - other.mean) / other.deviation) ** 2
+        return 0.5 * (ratio + distance - 1.0 - ratio.log()).sum(-1)
+
+
+class Path(NamedTuple):
+    """What a stretch of env steps led to (seeds, n, steps, ...)."""
+
+    belief: Tensor
+    latent: Tensor
+    prior: Gaussian
+    posterior: Gaussian
+
+
+class WorldModel(nn.Module):
+    """Predicts images and rewards from actions; all arrays begin (seeds, n).
+
+    A state is a belief, which follows from the past, and a latent, which is drawn.
+
+    Attributes:
+        encoder, decoder: of images.
+        action, belief, latent: sizes.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        image_size: int,
+        action: int,
+        *,
+        belief: int,
+        latent: int,
+        hidden: int,
+        channels: int,
+    ):
+        """Draws the weights.
+
+        Args:
+            sources: of random numbers, one a seed.
+            image_size: height and width [pixels].
+            action, belief, latent, hidden: sizes, the last of hidden layers.
+            channels: of the encoder's last layer.
+
+        Raises:
+            InvalidArgumentError: for images that layers do not halve down to 2 x 2.
+        """
+        super().__init__()
+        features, embedding = belief + latent, 4 * channels
+        self.encoder = Encoder(sources, image_size, channels)
+        self.decoder = Decoder(sources, image_size, features, embedding, channels)
+        self.action, self.belief, self.latent = action, belief, latent
+        self._join = Dense(sources, latent + action, belief)
+        self._cell = GRU(sources, belief, belief)
+        self._prior = _layers(sources, belief, hidden, 2 * latent)
+        self._posterior = _layers(sources, belief + embedding, hidden, 2 * latent)
+        self._reward = _layers(sources, features, hidden, hidden, 1)
+
+    def nothing(self, number: int) -> tuple[Tensor, Tensor]:
+        """Belief and latent (seeds, number, ...) before anything is seen."""
+        zeros = self._join.weight.new_zeros(len(self._join.weight), number, 1)
+        return zeros.expand(-1, -1, self.belief), zeros.expand(-1, -1, self.latent)
+
+    def advance(self, belief: Tensor, latent: Tensor, action: Tensor) -> Tensor:
+        """The belief after an action."""
+        joined = self._join(torch.cat([latent, action], dim=-1))
+        return self._cell(functional.relu(joined), belief)
+
+    def prior(self, belief: Tensor) -> Gaussian:
+        """The latent that is expected."""
+        return _gaussian(self._prior(belief))
+
+    def posterior(self, belief: Tensor, embedding: Tensor) -> Gaussian:
+        """The latent of what is seen, by the encoder."""
+        return _gaussian(self._posterior(torch.cat([belief, embedding], dim=-1)))
+
+    def reward(self, belief: Tensor, latent: Tensor) -> Tensor:
+        """Of the step that led to the state (seeds, n)."""
+        return self._reward(torch.cat([belief, latent], dim=-1))[..., 0]
+
+    def image(self, belief: Tensor, latent: Tensor) -> Tensor:
+        """What is seen in the state (seeds, n, size, size, 3), in -0.5..0.5."""
+        return self.decoder(torch.cat([belief, latent], dim=-1))
+
+    def observe(self, image: Tensor, action: Tensor, ended: Tensor, noise: Tensor) -> Path:
+        """Follows stretches of env steps by what is seen.
+
+        The state before a stretch is zero; so is that before each episode which begins in it.
+
+        Args:
+            image: after each step (seeds, n, steps, size, size, 3), in -0.5..0.5.
+            action: of each step (seeds, n, steps, action).
+            ended: whether another episode follows (seeds, n, steps).
+            noise: of the latents (seeds, n, steps, latent).
+        """
+        embedding = self.encoder(image.flatten(1, 2)).unflatten(1, image.shape[1:3])
+        belief, latent = self.nothing(image.shape[1])
+        steps: list[Path] = []
+        for t in range(image.shape[2]):
+            belief = self.advance(belief, latent, action[:, :, t])
+            posterior = self.posterior(belief, embedding[:, :, t])
+            latent = posterior.sample(noise[:, :, t])
+            steps.append(Path(belief, latent, self.prior(belief), posterior))
+            going = (~ended[:, :, t, None]).float()
+            belief, latent = going * belief, going * latent
+        beliefs, latents, *both = zip(*steps, strict=True)
+        prior, posterior = (
+            Gaussian(*(torch.stack(each, 2) for each in zip(*parts, strict=True))) for parts in both
+        )
+        return Path(torch.stack(beliefs, 2), torch.stack(latents, 2), prior, posterior)
+
+    def imagine(
+        self,
+        belief: Tensor,
+        latent: Tensor,
+        actions: Iterable[Tensor],
+        sources: Sequence[torch.Generator] | None = None,
+    ) -> Iterator[tuple[Tensor, Tensor]]:
+        """Yields belief and latent after each action (seeds, n, action), without seeing anything.
+
+        Args:
+            belief, latent: (seeds, n, ...) before.
+            actions: one after the other.
+            sources: of latents; None for their means.
+        """
+        for action in actions:
+            belief = self.advance(belief, latent, action)
+            prior = self.prior(belief)
+            latent = prior.sample(drawn(sources, *latent.shape[1:])) if sources else prior.mean
+            yield belief, latent
+
+
+class Dense(Linear):
+    """Layers of all seeds, with PyTorch's first weights."""
+
+    def __init__(
+        self, sources: Sequence[torch.Generator], inputs: int, outputs: int, fan_in: int = 0
+    ):
+        nn.Module.__init__(self)
+        self.weight = _uniform(sources, fan_in or inputs, inputs, outputs)
+        self.bias = _uniform(sources, fan_in or inputs, 1, outputs)
+
+
+class GRU(nn.Module):
+    """A gated recurrent unit, by PyTorch's equations."""
+
+    def __init__(self, sources: Sequence[torch.Generator], inputs: int, size: int):
+        super().__init__()
+        self.seen = Dense(sources, inputs, 3 * size, size)
+        self.kept = Dense(sources, size, 3 * size, size)
+
+    def forward(self, x: Tensor, state: Tensor) -> Tensor:
+        """The state (seeds, n, size) after inputs (seeds, n, inputs)."""
+        reset, update, new = self.seen(x).chunk(3, dim=-1)
+        own_reset, own_update, own_new = self.kept(state).chunk(3, dim=-1)
+        new = torch.tanh(new + torch.sigmoid(reset + own_reset) * own_new)
+        return torch.lerp(new, state, torch.sigmoid(update + own_update))
+
+
+class Convolution(nn.Module):
+    """Of stride 2, of all seeds: their channels lie beside each other, in groups."""
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        inputs: int,
+        outputs: int,
+        kernel: int,
+        *,
+        transposed: bool = False,
+    ):
+        super().__init__()
+        sizes = (inputs, outputs) if transposed else (outputs, inputs)
+        fan_in = sizes[1] * kernel**2  # PyTorch's, of transposed ones, too.
+        self.weight = _uniform(sources, fan_in, *sizes, kernel, kernel)
+        self.bias = _uniform(sources, fan_in, outputs)
+        self._turned = functional.conv_transpose2d if transposed else functional.conv2d
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Of (n, seeds * inputs, h, w)."""
+        weight, bias = self.weight.flatten(0, 1), self.bias.flatten()
+        return self._turned(x, weight, bias, stride=2, groups=len(self.weight))
+
+
+class Encoder(nn.Module):
+    """Convolutions of kernel 4 down to 2 x 2, each with twice the channels of the one before."""
+
+    def __init__(self, sources: Sequence[torch.Generator], image_size: int, channels: int):
+        super().__init__()
+        number = _depth(image_size)
+        sizes = [3, *(channels >> k for k in reversed(range(number)))]
+        layers = (Convolution(sources, *pair, 4) for pair in itertools.pairwise(sizes))
+        self.layers = nn.ModuleList(layers)
+        self._seeds = len(sources)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Of (seeds, n, size, size, 3): (seeds, n, 4 * channels)."""
+        x = image.permute(1, 0, 4, 2, 3).flatten(1, 2)
+        for layer in self.layers:
+            x = functional.relu(layer(x))
+        return x.unflatten(1, (self._seeds, -1)).flatten(2).transpose(0, 1)
+
+
+class Decoder(nn.Module):
+    """Transposed convolutions from 1 x 1: of kernel 5, and 6 in the last two layers."""
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        image_size: int,
+        features: int,
+        embedding: int,
+        channels: int,
+    ):
+        super().__init__()
+        number = _depth(image_size)
+        sizes = [embedding, *(channels >> k for k in range(1, number)), 3]
+        self.first = Dense(sources, features, embedding)
+        kernels = [*[5] * (number - 2), 6, 6]
+        self.layers = nn.ModuleList(
+            Convolution(sources, sizes[k], sizes[k + 1], kernels[k], transposed=True)
+            for k in range(number)
+        )
+        self._seeds = len(sources)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Of (seeds, n, features): (seeds, n, size, size, 3)."""
+        x = self.first(features).transpose(0, 1).flatten(1)[..., None, None]
+        for layer in self.layers[:-1]:
+            x = functional.relu(layer(x))
+        return self.layers[-1](x).unflatten(1, (self._seeds, 3)).permute(1, 0, 3, 4, 2)
+
+
+def centred(frames: Tensor, bits: int, shares: Tensor | float = 0.5) -> Tensor:
+    """Frames (uint8) in steps of so many bits, in -0.5..0.5 (Kingma and Dhariwal, 2018).
+
+    Args:
+        frames: of any shape.
+        bits: 1..8.
+        shares: where in its step each number lies, in 0..1, so that no step is sharp.
+    """
+    step = 2.0 ** (8 - bits)
+    return ((frames.float() / step).floor() + shares) / 2.0**bits - 0.5
+
+
+def _depth(image_size: int) -> int:
+    """How many layers halve an image down to 2 x 2."""
+    if image_size < _SMALLEST or image_size & (image_size - 1):
+        raise InvalidArgumentError("image_size", image_size, "16, 32, 64, 128, ... pixels")
+    return image_size.bit_length() - 3
+
+
+def _uniform(sources: Sequence[torch.Generator], fan_in: int, *shape: int) -> nn.Parameter:
+    """First weights (seeds, *shape), as PyTorch draws them."""
+    return nn.Parameter((2.0 * drawn(sources, *shape, normal=False) - 1.0) / math.sqrt(fan_in))
+
+
+def _layers(sources: Sequence[torch.Generator], *sizes: int) -> nn.Sequential:
+    """Dense ones with ReLU between them."""
+    found = [(Dense(sources, *pair), nn.ReLU()) for pair in itertools.pairwise(sizes)]
+    return nn.Sequential(*itertools.chain(*found))[:-1]
+
+
+def _gaussian(numbers: Tensor) -> Gaussian:
+    mean, deviation = numbers.chunk(2, dim=-1)
+    return Gaussian(mean, functional.softplus(deviation) + _LEAST)
