@@ -1,0 +1,289 @@
+"""Proximal policy optimisation (Schulman et al., 2017), of several seeds at once.
+
+Settings and networks are those of ManiSkill's baseline for a thousand worlds
+(`examples/baselines/ppo/ppo.py`), which come from CleanRL. The losses are written here, as
+torchrl's `ClipPPOLoss` takes means over seeds; it is the tests' oracle. Two things differ. What was
+seen at the end of an episode is worth its value, so that only divergence ends a return. And a seed
+stops before the minibatch whose policy is too far away, as in Stable-Baselines3, not after its
+epoch.
+"""
+
+import copy
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.kinds import typed
+from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.networks import MLP, drawn, generators
+from softgym_mj.learning.repetition import Repeated
+from softgym_mj.learning.replay import Replay
+from softgym_mj.learning.rollout import Rollout, advantages
+from softgym_mj.learning.stopping import StoppingAdam
+
+_LAST_GAIN = 0.01 * math.sqrt(2.0)  # Of the mean's last layer: actions are small at first.
+_LOG_STD = -0.5  # At first.
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class PPOSettings:
+    """How it learns.
+
+    Attributes:
+        steps: vector steps of a rollout.
+        epochs: how often all of a rollout is learned from.
+        minibatches: of an epoch.
+        hidden: sizes of hidden layers, of both networks.
+        rate: of Adam.
+        discount: of rewards, in each env step.
+        trace: share of longer returns in advantages: the lambda of GAE.
+        clip: farthest ratio of densities from 1 that is rewarded.
+        value_weight, entropy_weight: of these losses beside the policy's.
+        largest_gradient: norm.
+        target_divergence: from the policy of the rollout, at which a seed stops learning from it.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    steps: int = 16
+    epochs: int = 8
+    minibatches: int = 32
+    hidden: tuple[int, ...] = (256, 256, 256)
+    rate: float = 3e-4
+    discount: float = 0.97
+    trace: float = 0.95
+    clip: float = 0.2
+    value_weight: float = 0.5
+    entropy_weight: float = 0.0
+    largest_gradient: float = 0.5
+    target_divergence: float = 0.1
+
+    def __post_init__(self):
+        for name in ("steps", "epochs", "minibatches"):
+            check_count(name, getattr(self, name), 1)
+        for name in ("rate", "discount", "trace", "clip"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
+        for name in ("value_weight", "entropy_weight"):
+            if getattr(self, name) < 0.0:
+                raise InvalidArgumentError(name, getattr(self, name), "0 or more")
+        for name in ("largest_gradient", "target_divergence"):
+            if getattr(self, name) <= 0.0:
+                raise InvalidArgumentError(name, getattr(self, name), "above 0")
+
+
+class Gaussian(nn.Module):
+    """A policy whose mean is a function of an observation, and whose deviation is not."""
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        observation: int,
+        action: int,
+        hidden: Sequence[int],
+    ):
+        super().__init__()
+        self.body = _network(sources, [observation, *hidden, action])
+        with torch.no_grad():
+            self.body[-1].weight.mul_(_LAST_GAIN)
+        start = torch.full((len(sources), 1, action), _LOG_STD, device=sources[0].device)
+        self.log_std = nn.Parameter(start)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """Means (seeds, n, action) of observations (seeds, n, observation)."""
+        return self.body(observation)
+
+    def log_density(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Of actions (seeds, n, action): (seeds, n)."""
+        far = (action - self(observation)) / self.log_std.exp()
+        return -(0.5 * far**2 + self.log_std + 0.5 * math.log(2.0 * math.pi)).sum(-1)
+
+    def entropy(self) -> Tensor:
+        """Of each seed (seeds,)."""
+        return (self.log_std + 0.5 * math.log(2.0 * math.pi * math.e)).sum((1, 2))
+
+
+def _network(sources: Sequence[torch.Generator], sizes: Sequence[int]) -> MLP:
+    """Layers with tanh between them."""
+    found = MLP(sources, sizes)
+    for k, layer in enumerate(found):
+        if isinstance(layer, nn.ReLU):
+            found[k] = nn.Tanh()
+    return found
+
+
+class PPO:
+    """A `Learner`.
+
+    Attributes:
+        settings: how.
+        policies, values: the networks.
+        updates: minibatches, those in which a seed had stopped too.
+    """
+
+    def __init__(self, settings: PPOSettings, problem: Problem):
+        """Draws the networks and makes room for a rollout.
+
+        Raises:
+            InvalidArgumentError: if minibatches do not share a rollout evenly.
+        """
+        total = settings.steps * problem.worlds
+        if total % settings.minibatches or total == settings.minibatches:
+            valid = f"a part of {total}, the env steps of a rollout, and fewer"
+            raise InvalidArgumentError("minibatches", settings.minibatches, valid)
+        (size,) = problem.observation
+        self.settings, self.updates, self._seen = settings, 0, 0
+        self._sources = generators(problem.seeds, problem.device)
+        self.policies = Gaussian(self._sources, size, problem.action, settings.hidden)
+        self.values = _network(self._sources, [size, *settings.hidden, 1])
+        weights = [*self.policies.parameters(), *self.values.parameters()]
+        self._adam = StoppingAdam(weights, settings.rate, settings.largest_gradient)
+        self._steps = Replay(
+            settings.steps, problem.seeds, problem.worlds, problem.observation, problem.action,
+            discount=settings.discount, device=problem.device,
+        )  # fmt: skip
+        lead = len(problem.seeds), total
+        self._going = torch.ones(lead[0], dtype=torch.bool, device=problem.device)
+        self._drawn = torch.zeros(0)  # What `act` has drawn last.
+        # Made once: an epoch reads them where they lie.
+        self._rollout = Rollout(
+            *(torch.zeros(*lead, n, device=problem.device) for n in (size, problem.action)),
+            *(torch.zeros(lead, device=problem.device) for _ in range(3)),
+        )
+        self._epoch = Repeated(self._learn_all, self._sources)
+
+    def act(
+        self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
+    ) -> tuple[Tensor, Any]:
+        """See `Learner`. Actions are clipped; what was drawn waits for `learn`."""
+        with torch.no_grad():
+            action = self.policies(observation)
+            if explore:
+                noise = drawn(self._sources, *action.shape[1:])
+                action = action + noise * self.policies.log_std.exp()
+                self._drawn = action
+            return action.clamp(-1.0, 1.0), None
+
+    def learn(self, step: Step) -> dict[str, Tensor]:
+        """See `Learner`: of actions that `act` has just chosen."""
+        self._steps.add(step._replace(action=self._drawn))
+        self._seen += 1
+        if self._seen % self.settings.steps:
+            return {}
+        self._prepare()
+        for _ in range(self.settings.epochs):
+            found = self._epoch()
+        self.updates += self.settings.epochs * self.settings.minibatches
+        return {**found, "going": self._going.float()}
+
+    def _prepare(self) -> None:
+        """Sets the rollout by what the networks say now, by which actions were drawn."""
+        kept, settings = self._steps.kept, self.settings
+        self._going.fill_(True)
+        with torch.no_grad():
+            value, next_value = (
+                torch.stack([self.values(seen)[..., 0] for seen in kept[name]])
+                for name in ("observation", "next_observation")
+            )
+            advantage = advantages(
+                kept["reward"], value, next_value, kept["terminated"], kept["ended"],
+                discount=settings.discount, trace=settings.trace,
+            )  # fmt: skip
+            log_density = torch.stack(
+                [
+                    self.policies.log_density(*each)
+                    for each in zip(kept["observation"], kept["action"], strict=True)
+                ]
+            )
+            found = Rollout(
+                kept["observation"], kept["action"], log_density, advantage, advantage + value
+            )
+            for name, array in vars(self._rollout).items():
+                array.copy_(getattr(found, name).transpose(0, 1).flatten(1, 2))
+
+    def _learn_all(self) -> dict[str, Tensor]:
+        """An epoch."""
+        total = self._rollout.advantage.shape[1]
+        order = drawn(self._sources, total, normal=False).argsort(-1)
+        seed = torch.arange(len(order), device=order.device)[:, None]
+        found: dict[str, Tensor] = {}
+        for at in order.chunk(self.settings.minibatches, dim=1):
+            part = Rollout(*(array[seed, at] for array in vars(self._rollout).values()))
+            loss, found = self.losses(part)
+            self._going &= found["divergence"] <= self.settings.target_divergence
+            self._adam.step(loss, self._going)
+        return found
+
+    def losses(self, part: Rollout) -> tuple[Tensor, dict[str, Tensor]]:
+        """Of each seed (seeds,): the sum, then by name what it is made of, and the divergence.
+
+        The divergence is Schulman's estimate of the old policy's from the new one:
+        joschu.net/blog/kl-approx.html.
+        """
+        settings, advantage = self.settings, part.advantage
+        deviation = advantage.std(-1, keepdim=True) + 1e-8
+        advantage = (advantage - advantage.mean(-1, keepdim=True)) / deviation
+        log_ratio = self.policies.log_density(part.observation, part.action) - part.log_density
+        ratio = log_ratio.exp()
+        clipped = ratio.clamp(1.0 - settings.clip, 1.0 + settings.clip)
+        policy = -torch.minimum(ratio * advantage, clipped * advantage).mean(-1)
+        value = 0.5 * ((self.values(part.observation)[..., 0] - part.wanted) ** 2).mean(-1)
+        entropy = self.policies.entropy()
+        loss = policy + settings.value_weight * value - settings.entropy_weight * entropy
+        divergence = (ratio - 1.0 - log_ratio).mean(-1)
+        found = {"policy_loss": policy, "value_loss": value, "entropy": entropy}
+        found["divergence"] = divergence
+        return loss, {name: each.detach() for name, each in found.items()}
+
+    def policy(self, seed: int) -> nn.Module:
+        """See `Learner`."""
+        return _Mean(self.policies, seed)
+
+    # ------------------------------------------------------------------ state
+
+    def get_state(self) -> dict[str, Any]:
+        """All that `set_state` needs to go on with the same numbers."""
+        state = {
+            "policies": self.policies.state_dict(),
+            "values": self.values.state_dict(),
+            "adam": self._adam.get_state(),
+            "steps": self._steps.get_state(),
+            "random": [source.get_state() for source in self._sources],
+            "seen": self._seen,
+            "updates": self.updates,
+        }
+        return copy.deepcopy(state)  # What is in them goes on changing.
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Goes on from what `get_state` returned."""
+        self.policies.load_state_dict(state["policies"])
+        self.values.load_state_dict(state["values"])
+        self._adam.set_state(state["adam"])
+        self._steps.set_state(state["steps"])
+        for source, kept in zip(self._sources, state["random"], strict=True):
+            source.set_state(kept)
+        self._seen, self.updates = state["seen"], state["updates"]
+
+
+class _Mean(nn.Module):
+    """The best action of one seed, of observations (n, k)."""
+
+    def __init__(self, policies: Gaussian, seed: int):
+        super().__init__()
+        self.body = copy.deepcopy(policies.body).cpu()
+        for parameter in self.body.parameters():
+            parameter.data = parameter.data[seed : seed + 1].clone()
+        self.requires_grad_(False)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        return self.body(observation[None])[0].clamp(-1.0, 1.0)
+
+
+make = PPO  # The `Learner` of settings and a problem.
