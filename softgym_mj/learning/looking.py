@@ -1,0 +1,124 @@
+"""Networks of Wu et al.'s pick and place: they see an image and the point that is picked.
+
+Of several seeds at once. Source of numbers: [S] is softagent's `rlpyt_cloth`: `models/conv2d.py`,
+`models/qpg/conv2d.py`, `agents/qpg/sac_agent_v2.py`.
+"""
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from softgym_mj.learning.networks import MLP, Actor, LayerNorm, Linear
+
+PICK = 2  # Numbers of a pick point.
+_TILES = 50  # How often networks are told the pick point, beside many numbers of an image [S].
+_STRIDE = 2  # [S]
+
+
+class Convolutions(nn.Module):
+    """Convolutions of all seeds, each with LayerNorm and LeakyReLU behind it.
+
+    Attributes:
+        outputs: numbers for an image.
+    """
+
+    def __init__(
+        self, sources: Sequence[torch.Generator], channels: Sequence[int], size: tuple[int, int]
+    ):
+        super().__init__()
+        self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
+        self.norms, inputs, self.outputs = nn.ModuleList(), 3, 0
+        for outputs in channels:
+            own = Linear(sources, 9 * inputs, outputs, math.sqrt(2.0))
+            kernels = own.weight.detach().mT.unflatten(-1, (inputs, 3, 3))
+            self.weights.append(nn.Parameter(kernels.contiguous()))
+            self.biases.append(nn.Parameter(own.bias.detach()[:, 0].clone()))
+            size = -(-size[0] // _STRIDE), -(-size[1] // _STRIDE)
+            self.outputs, inputs = outputs * size[0] * size[1], outputs
+            self.norms.append(LayerNorm(len(sources), self.outputs, sources[0].device))
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Of numbers 0..255 (seeds, n, height, width, 3): (seeds, n, outputs)."""
+        x = (images.float() * (2.0 / 255.0) - 1.0).permute(0, 1, 4, 2, 3)
+        for weights, biases, norm in zip(self.weights, self.biases, self.norms, strict=True):
+            # Seed by seed: as groups of one convolution they take longer.
+            each = [
+                nn.functional.conv2d(seen, weight, bias, _STRIDE, padding=1)
+                for seen, weight, bias in zip(x, weights, biases, strict=True)
+            ]
+            x = torch.stack(each)
+            x = nn.functional.leaky_relu(norm(x.flatten(2))).view_as(x)
+        return x.flatten(2)
+
+
+class Looking(nn.Module):
+    """Layers that see an image and the pick point, and perhaps a place.
+
+    What they see is an array (seeds, n, height * width * 3 + 2): see `seen`.
+
+    Attributes:
+        convolutions: what sees images.
+    """
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        channels: Sequence[int],
+        size: tuple[int, int],
+        hidden: Sequence[int],
+        outputs: int,
+        *,
+        place: int = 0,
+        norm: bool = False,
+    ):
+        super().__init__()
+        self._size = size
+        self.convolutions = Convolutions(sources, channels, size)
+        inputs = self.convolutions.outputs + PICK * _TILES + place
+        self.head = MLP(sources, [inputs, *hidden, outputs], norm=norm)
+        for k, layer in enumerate(self.head):
+            if isinstance(layer, nn.ReLU):
+                self.head[k] = nn.LeakyReLU()
+
+    def forward(self, both: Tensor, *place: Tensor) -> Tensor:
+        """Of what is `seen`, and places (seeds, n, 3): (seeds, n, outputs)."""
+        images = both[..., :-PICK].unflatten(-1, (*self._size, 3))
+        return self.judge(self.convolutions(images), both[..., -PICK:], *place)
+
+    def judge(self, features: Tensor, pick: Tensor, *place: Tensor) -> Tensor:
+        """The same of what the convolutions have found."""
+        return self.head(torch.cat([features, pick.repeat(1, 1, _TILES), *place], -1))
+
+
+def seen(images: Tensor, pick: Tensor) -> Tensor:
+    """Images (seeds, n, height, width, 3) and pick points (seeds, n, 2) as one array."""
+    return torch.cat([images.flatten(2).float(), pick], -1)
+
+
+class Placing(Actor):
+    """Where to put what is picked; log deviations are cut off."""
+
+    body: Looking
+
+    def __init__(self, body: Looking, log_std: tuple[float, float]):
+        nn.Module.__init__(self)
+        self.body, (self.low, self.high) = body, log_std
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log deviation (seeds, n, 3) before tanh, of what is `seen`."""
+        mean, log_std = self.body(observation).chunk(2, dim=-1)
+        return mean, log_std.clamp(self.low, self.high)
+
+
+class Judging(nn.Module):
+    """Two estimates of the return of a place."""
+
+    def __init__(self, pair: Sequence[Looking]):
+        super().__init__()
+        self.pair = nn.ModuleList(pair)
+
+    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Of what is `seen` and places (seeds, n, 3): (2, seeds, n)."""
+        return torch.stack([critic(observation, action)[..., 0] for critic in self.pair])

@@ -1,0 +1,222 @@
+"""Wu et al.'s pick and place (RSS 2020), of several seeds at once: soft actor-critic of places.
+
+What is picked is any cloth pixel while it learns; a policy says where to put it. The best action is
+found among all cloth pixels, by what critics expect. For the actor "pixel_pick_and_place".
+
+Sources of numbers: [S] is softagent's `rlpyt_cloth`: `configs/dm_control/qpg/sac/softgym_sac.py`,
+`algos/qpg/sac_v2.py`, `agents/qpg/sac_agent_v2.py`, `models/conv2d.py`. Where it goes another way:
+its critics judge mean places before tanh, ours what is done; the actor follows critics that have
+already made their step; random places are uniform; weights are orthogonal at first.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.kinds import typed
+from softgym_mj.learning.cloth_pixels import cloth_pixels, pixel_centres
+from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.looking import PICK, Judging, Looking, Placing, seen
+from softgym_mj.learning.networks import Actor, drawn, generators
+from softgym_mj.learning.off_policy import OffPolicy
+from softgym_mj.learning.replay import Batch
+from softgym_mj.learning.sac import SAC, SACSettings
+
+_PLACE = 3  # Numbers of a place.
+_LEAST = 8  # Pixels of an image.
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class WuSettings(SACSettings):
+    """How it learns; the defaults are the paper's.
+
+    Attributes:
+        channels: of each convolution.
+        best_share: of cloth pixels: the best action is drawn from these, the highest in value.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    random_steps: int = 10_000
+    updates: int = 2
+    batch: int = 1024
+    replay: int = 600_000
+    hidden: tuple[int, ...] = (256, 256)
+    tau: float = 0.005
+    actor_rate: float = 6e-4
+    critic_rate: float = 1e-3
+    alpha_rate: float = 6e-4
+    alpha: float = 1.0
+    alpha_beta: float = 0.9
+    actor_every: int = 1
+    target_every: int = 1
+    log_std: tuple[float, float] = (-20.0, 2.0)
+    channels: tuple[int, ...] = (64, 64, 4)
+    best_share: float = 0.2
+
+    def __post_init__(self):
+        super().__post_init__()
+        for number in self.channels:
+            check_count("channels", number, 1)
+        if not 0.0 < self.best_share <= 1.0:
+            raise InvalidArgumentError("best_share", self.best_share, "above 0, at most 1")
+        if self.symmetric:
+            raise InvalidArgumentError("symmetric", True, "False: images are shown as they are")
+
+
+class PickAndPlace(SAC):
+    """Actors and critics of places, for pick points that are drawn."""
+
+    settings: WuSettings
+
+    def __init__(
+        self,
+        settings: WuSettings,
+        seeds: Sequence[int],
+        size: tuple[int, int],
+        device: torch.device | str = "cpu",
+    ):
+        """Draws the networks.
+
+        Args:
+            settings: how it learns.
+            seeds: of the random numbers, each of a training of its own.
+            size: height and width of images.
+            device: where.
+        """
+        self._size, self._centres = size, pixel_centres(*size, device)
+        super().__init__(settings, seeds, 0, _PLACE, device)
+
+    def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
+        settings = self.settings
+        own = self.sources, settings.channels, self._size, settings.hidden
+        actor = Placing(Looking(*own, 2 * action), settings.log_std)
+        pair = [Looking(*own, 1, place=action, norm=settings.norm) for _ in range(2)]
+        return actor, Judging(pair)
+
+    def draw_pick(self, images: Tensor) -> Tensor:
+        """Centres (seeds, n, 2) of cloth pixels, each with the same chance."""
+        mask = _candidates(images)
+        rank = _below(mask.sum(-1), drawn(self.sources, mask.shape[1], normal=False))
+        return self._centres[(mask.cumsum(-1) <= rank[..., None]).sum(-1)]
+
+    def act(self, observation: Tensor, *, explore: bool) -> Tensor:
+        """Actions (seeds, n, 5) for images (seeds, n, height, width, 3)."""
+        if not explore:
+            return self.best(observation, self.sources)
+        with torch.no_grad():
+            pick = self.draw_pick(observation)
+            noise = self._noise(observation.shape[1], _PLACE)
+            return torch.cat([pick, self.actor.sample(seen(observation, pick), noise)[0]], -1)
+
+    def best(self, images: Tensor, sources: Sequence[torch.Generator]) -> Tensor:
+        """Actions (seeds, n, 5): the mean place of a cloth pixel that is among the best.
+
+        Args:
+            images: (seeds, n, height, width, 3).
+            sources: of the random numbers by which one of the best is taken.
+        """
+        with torch.no_grad():
+            shares = drawn(sources, images.shape[1], normal=False)
+            each = [self._best(images[:, i : i + 1], shares[:, i]) for i in range(images.shape[1])]
+            return torch.stack(each, 1)
+
+    def _best(self, image: Tensor, share: Tensor) -> Tensor:
+        """Of one image of each seed (seeds, 1, height, width, 3): (seeds, 5)."""
+        mask = _candidates(image)[:, 0]
+        count = mask.sum(-1)
+        # Cloth pixels first, as many as the seed with the most of them has.
+        order = mask.byte().argsort(dim=-1, descending=True, stable=True)[:, : int(count.max())]
+        pick = self._centres[order]
+        looking = [self.actor.body, *self.critics.pair]
+        found, *pair = (own.convolutions(image).expand(-1, pick.shape[1], -1) for own in looking)
+        place = self.actor.body.judge(found, pick).chunk(2, dim=-1)[0].tanh()
+        judged = [
+            critic.judge(features, pick, place)[..., 0]
+            for critic, features in zip(self.critics.pair, pair, strict=True)
+        ]
+        value = torch.stack(judged).amin(0).where(mask.gather(-1, order), -math.inf)
+        rank = _below((self.settings.best_share * count).ceil().long(), share)[:, None]
+        at = value.argsort(-1, descending=True).gather(-1, rank)[..., None]
+        return torch.cat([pick, place], -1).take_along_dim(at, 1)[:, 0]
+
+    # ------------------------------------------------------------------ losses
+
+    def update(self, batch: Batch) -> dict[str, Tensor]:
+        """Learns from a batch of images; returns losses and entropy weights (seeds,) by name."""
+        pick, place = batch.action.split([PICK, _PLACE], -1)
+        following = self.draw_pick(batch.next_observation)
+        return super().update(
+            dataclasses.replace(
+                batch,
+                observation=seen(batch.observation, pick),
+                action=place,
+                next_observation=seen(batch.next_observation, following),
+            )
+        )
+
+    def critic_loss(self, batch: Batch, noise: Tensor) -> Tensor:
+        """As of `SAC`, halved [S]; observations are what is `seen`, actions places."""
+        return 0.5 * super().critic_loss(batch, noise)
+
+    def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """As of `SAC`, but the entropy weight's is of its logarithm [S]."""
+        actor, alpha = super().actor_losses(batch, noise)
+        return actor, self.log_alpha * (alpha.detach() / self.alpha)
+
+    def policy(self, seed: int) -> nn.Module:
+        """See `Learner`."""
+        valid = "a method whose best action is a function of what is seen: here it is drawn"
+        raise InvalidArgumentError("method", "wu", valid)
+
+
+def _candidates(images: Tensor) -> Tensor:
+    """Which pixels (seeds, n, height * width) may be picked: cloth, or all where there is none."""
+    mask = cloth_pixels(images).flatten(2)
+    return mask | ~mask.any(-1, keepdim=True)
+
+
+def _below(numbers: Tensor, shares: Tensor) -> Tensor:
+    """Whole numbers from 0 to below others, of shares in 0..1."""
+    return (shares * numbers).long().minimum(numbers - 1)
+
+
+class Picking(OffPolicy):
+    """The `Learner`: what it does at random begins at cloth, too."""
+
+    algorithm: PickAndPlace
+
+    def act(
+        self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
+    ) -> tuple[Tensor, Any]:
+        """See `Learner`. An evaluation has random numbers of its own, in `memory`."""
+        if not explore:
+            memory = memory or generators(self._problem.seeds, self._problem.device)
+            return self.algorithm.best(observation, memory), memory
+        action, _ = super().act(observation, first, memory, explore=True)
+        if self._seen < self._settings.random_steps:
+            action[..., :PICK] = self.algorithm.draw_pick(observation)
+        return action, None
+
+
+def make(settings: WuSettings, problem: Problem) -> OffPolicy:
+    """The `Learner` of a problem.
+
+    Raises:
+        InvalidArgumentError: for a problem without images, or of another actor.
+    """
+    if len(problem.observation) != 3 or min(problem.observation[:2]) < _LEAST:
+        valid = f"images (height, width, 3) of {_LEAST} or more pixels: observation 'rgb'"
+        raise InvalidArgumentError("observation", problem.observation, valid)
+    if problem.action != PICK + _PLACE:
+        actor = problem.task_settings.get("actor")
+        raise InvalidArgumentError("actor", actor, ["pixel_pick_and_place"])
+    size = problem.observation[0], problem.observation[1]
+    return Picking(settings, problem, PickAndPlace(settings, problem.seeds, size, problem.device))
