@@ -134,6 +134,13 @@ def test_sb3_images(run):
     assert recipe.action.shape == (1, 8) and np.abs(recipe.action).max() <= 1.0
 
 
+def test_sb3_goals(run):
+    recipe = run("Stable-Baselines3: goals")
+    assert recipe.model._n_updates == 20 and recipe.reward < recipe.best == 0.0
+    assert recipe.observation["observation"].shape == (36,)  # Without the goal.
+    assert (recipe.model.replay_buffer.sample(64).rewards == 0.0).any()
+
+
 def test_torchrl_environment(run):
     episode = run("TorchRL: an environment").episode
     assert episode.batch_size == (HORIZON,)

@@ -1,0 +1,88 @@
+"""`GoalEnv`: what is achieved and what is desired beside each other, for hindsight."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import RecordConstructorArgs
+
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.tasks.shared.goals import depends_on_goal, goals
+from softgym_mj.tasks.shared.observations import STATES
+
+
+class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
+    """A task that draws its goal, as Gymnasium-Robotics' `GoalEnv` has such.
+
+    Observations are a Dict: "observation", what the environment observes without the numbers of the
+    goal; "achieved_goal" and "desired_goal" (k,) float64, between which `compute_reward` compares.
+    For `rope_configuration` they are the rope's vertices where they are and where they ought to be
+    [m], for `pour_water_amount` the share of the water that is poured and that ought to be.
+    """
+
+    def __init__(self, env: gymnasium.Env):
+        """Wraps an environment.
+
+        Args:
+            env: of one observation, such as `gymnasium.make("softgym_mj/RopeConfiguration-v0")`.
+
+        Raises:
+            InvalidArgumentError: for another task, or several observations.
+        """
+        RecordConstructorArgs.__init__(self)
+        super().__init__(env)
+        own = env.unwrapped
+        if not isinstance(own, SoftGymEnv):
+            raise InvalidArgumentError("env", own, "one of softgym_mj")
+        self._env = own.dm_env
+        self._goals = goals(self._env.name, self._env.task)
+        names = [*self._env.observation_spec()]
+        if len(names) > 1 or not isinstance(env.observation_space, gymnasium.spaces.Box):
+            raise InvalidArgumentError("observation", names, "one name")
+        self._kept: Any = ...  # Images lack the goal.
+        if names[0] in STATES:
+            self._kept = np.flatnonzero(~depends_on_goal(self._env.task, names[0]))
+        seen = env.observation_space
+        size = self._both()["desired_goal"].shape
+        self.observation_space = gymnasium.spaces.Dict(
+            {
+                "achieved_goal": gymnasium.spaces.Box(-np.inf, np.inf, size, np.float64),
+                "desired_goal": gymnasium.spaces.Box(-np.inf, np.inf, size, np.float64),
+                "observation": gymnasium.spaces.Box(
+                    seen.low[self._kept], seen.high[self._kept], dtype=seen.dtype.type
+                ),
+            }
+        )
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """See `SoftGymEnv`."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        return self._seen(observation), info
+
+    def step(self, action: np.ndarray):
+        """See `SoftGymEnv`."""
+        observation, *rest = self.env.step(action)
+        return self._seen(observation), *rest
+
+    def compute_reward(self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any) -> Any:
+        """The task's rewards, by its own measure.
+
+        Args:
+            achieved_goal, desired_goal: (k,), or (n, k) of many.
+            info: not looked at.
+
+        Returns:
+            A number, or (n,).
+        """
+        return self._goals.reward(np.asarray(achieved_goal), np.asarray(desired_goal))
+
+    def _seen(self, observation: np.ndarray) -> dict[str, np.ndarray]:
+        return {**self._both(), "observation": observation[self._kept]}
+
+    def _both(self) -> dict[str, np.ndarray]:
+        state, episode = self._env.task.state(), self._env.task.episode
+        return {
+            "achieved_goal": self._goals.achieved(state, episode),
+            "desired_goal": self._goals.desired(state, episode),
+        }

@@ -1,0 +1,196 @@
+"""Soft actor-critic with hindsight experience replay (HER; Andrychowicz et al., 2017).
+
+Of each batch a share is shown with a goal that was reached later in the same episode in place of
+its own, and the reward that the task itself measures with it. For tasks that draw their goal anew
+in each variation: `tasks.shared.goals`. Environments are observed in full, networks see the task's
+reduced state, which is computed of it.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.kinds import typed
+from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.networks import drawn
+from softgym_mj.learning.off_policy import OffPolicy
+from softgym_mj.learning.replay import Batch, Replay
+from softgym_mj.learning.sac import SAC, SACSettings
+from softgym_mj.tasks.shared import observations
+from softgym_mj.tasks.shared.goals import Goals, goals
+
+STRATEGIES = ("future", "final")
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class HindsightSettings(SACSettings):
+    """How it learns.
+
+    Attributes:
+        share: of a batch that gets other goals; the paper's best, 4 for each of their own, is .8.
+        strategy: whether these were reached at any later step of the episode ("future", the
+            paper's best), or at its end ("final").
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    share: float = 0.8
+    strategy: str = "future"
+
+    def __post_init__(self):
+        super().__post_init__()
+        check_name("strategy", self.strategy, STRATEGIES)
+        if not 0.0 <= self.share <= 1.0:
+            raise InvalidArgumentError("share", self.share, "0 to 1")
+
+
+class HindsightReplay(Replay):
+    """A replay of full states; its batches are reduced ones, some with other goals."""
+
+    def __init__(
+        self,
+        *args: Any,
+        of: Goals,
+        horizon: int,
+        reward_scale: float,
+        share: float,
+        strategy: str,
+        **settings: Any,
+    ):
+        """Makes room.
+
+        Args:
+            *args: of `Replay`.
+            of: goals of the task.
+            horizon: env steps in an episode, at most.
+            reward_scale: factor to the task's rewards.
+            share, strategy: as in `HindsightSettings`.
+            **settings: of `Replay`.
+        """
+        super().__init__(*args, **settings)
+        self._goals, self._horizon, self._reward_scale = of, horizon, reward_scale
+        self._share, self._is_final = share, strategy == "final"
+
+    def _added_up(self, first: Tensor, world: Tensor) -> Batch:
+        batch = super()._added_up(first, world)
+        share, later = drawn(self.sources, 2, first.shape[1], normal=False).unbind(1)
+        left = self._left(first, world)
+        ahead = left if self._is_final else torch.minimum((later * (left + 1)).long(), left)
+        at = self._from(first, world, ahead[..., None])
+        reached = self._goals.reached(*self._goals.read(self.kept["next_observation"][at][:, :, 0]))
+        own = self._goals.read(batch.observation)[1].goal
+        goal = {name: _where(share < self._share, reached[name], own[name]) for name in own}
+        return Batch(
+            reduced(self._goals, batch.observation, goal),
+            batch.action,
+            self._rewards(first, world, goal),
+            reduced(self._goals, batch.next_observation, goal),
+            batch.discount,
+        )
+
+    def _from(self, first: Tensor, world: Tensor, ahead: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Where in what is kept the steps (seeds, n, k) so many ahead of the first ones are."""
+        seed = torch.arange(self._seeds, device=first.device)[:, None, None]
+        return (first[..., None] + ahead) % self._capacity, seed, world[..., None]
+
+    def _left(self, first: Tensor, world: Tensor) -> Tensor:
+        """How many steps (seeds, n) of the same episode are kept that come later."""
+        size, oldest = self._extent
+        age = (first - oldest) % self._capacity
+        ahead = torch.arange(self._horizon, device=first.device)
+        ended = self.kept["ended"][self._from(first, world, ahead)]
+        last = ended | (age[..., None] + ahead >= size - 1)
+        return (last.cumsum(-1) == 0).sum(-1).clamp(max=self._horizon - 1)
+
+    def _rewards(self, first: Tensor, world: Tensor, goal: dict[str, Tensor]) -> Tensor:
+        """Sums (seeds, n) as of `Batch` that begin in these vector steps, with these goals."""
+        ahead = torch.arange(self._steps, device=first.device)
+        at = self._from(first, world, ahead)
+        state, episode = self._goals.read(self.kept["next_observation"][at])
+        same = {name: array[:, :, None] for name, array in goal.items()}
+        measures = self._goals.task.measure(state, dataclasses.replace(episode, goal=same))
+        ended = self.kept["ended"][at].long()
+        factors = self._discount**ahead * (ended.cumsum(-1) - ended == 0)
+        return (factors * self._reward_scale * measures.reward).sum(-1).float()
+
+
+def reduced(of: Goals, full: Tensor, goal: dict[str, Tensor] | None = None) -> Tensor:
+    """The task's reduced states (..., k) of full ones (..., n), if told with other goals."""
+    state, episode = of.read(full)
+    if goal is not None:
+        episode = dataclasses.replace(episode, goal=goal)
+    return observations.reduced(of.task, state, episode).float()
+
+
+def _where(which: Tensor, these: Tensor, others: Tensor) -> Tensor:
+    """Arrays (seeds, n, ...) of these where `which` (seeds, n), else of others."""
+    return torch.where(which.reshape(*which.shape, *[1] * (others.ndim - 2)), these, others)
+
+
+class HindsightSAC(SAC):
+    """Networks of reduced states, which are told full ones to act."""
+
+    def __init__(
+        self,
+        settings: HindsightSettings,
+        seeds: Sequence[int],
+        of: Goals,
+        action: int,
+        device: torch.device | str = "cpu",
+    ):
+        """Draws the networks.
+
+        Args:
+            settings: how it learns.
+            seeds: of the random numbers, each of a training of its own.
+            of: goals of the task.
+            action: size.
+            device: where.
+        """
+        super().__init__(settings, seeds, of.task.observe("reduced").size, action, device)
+        self._goals = of
+
+    def act(self, observation: Tensor, *, explore: bool) -> Tensor:
+        """Actions (seeds, n, action) for full states (seeds, n, observation)."""
+        return super().act(reduced(self._goals, observation), explore=explore)
+
+    def policy(self, seed: int) -> nn.Module:
+        """See `Learner`."""
+        return nn.Sequential(_Reduced(self._goals), super().policy(seed))
+
+
+class _Reduced(nn.Module):
+    """Reduced states of full ones (n, k), on a processor."""
+
+    def __init__(self, of: Goals):
+        super().__init__()
+        self._goals = of
+        self(torch.zeros(1, of.task.observe("full").size))  # Makes the constants of measures.
+
+    def forward(self, full: Tensor) -> Tensor:
+        return reduced(self._goals, full)
+
+
+def make(settings: HindsightSettings, problem: Problem) -> OffPolicy:
+    """The `Learner` of a problem.
+
+    Raises:
+        InvalidArgumentError: for a task whose goal is not drawn, or other observations than full.
+    """
+    env = problem.example()
+    of = goals(env.name, env.task)
+    if problem.observation != env.task.observe("full").shape:
+        raise InvalidArgumentError("observation", problem.observation, "'full'")
+    sac = HindsightSAC(settings, problem.seeds, of, problem.action, problem.device)
+    replay = functools.partial(
+        HindsightReplay, of=of, horizon=env.horizon, reward_scale=problem.reward_scale,
+        share=settings.share, strategy=settings.strategy,
+    )  # fmt: skip
+    return OffPolicy(settings, problem, sac, replay)

@@ -1,0 +1,232 @@
+"""Soft actor-critic on full states, with networks of point sets.
+
+Each point goes through the same small network, and what comes out is pooled, so that neither the
+order of points nor their number matters: Deep Sets (Zaheer et al., 2017), with the maxima of
+PointNet (Qi et al., 2017) beside the means. A point is seen beside the numbers that are in no set:
+the pickers, or the cups.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import typed
+from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.networks import MLP, Actor, Critics
+from softgym_mj.learning.off_policy import OffPolicy
+from softgym_mj.learning.replay import Replay
+from softgym_mj.learning.sac import SAC, SACSettings
+from softgym_mj.learning.symmetries import Symmetry, symmetries
+
+_EACH = "(x, y, z each)"  # In labels of sets of points.
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class PointSetSettings(SACSettings):
+    """How it learns.
+
+    Attributes:
+        points: sizes of the layers that each point goes through; the last one's are pooled.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    points: tuple[int, ...] = (64, 128)
+
+    def __post_init__(self):
+        super().__post_init__()
+        if not self.points or min(self.points) < 1:
+            raise InvalidArgumentError("points", self.points, "sizes of layers, 1 or more")
+
+
+class Layout(NamedTuple):
+    """What is where in a full state.
+
+    Attributes:
+        sets: first number and number of points of each set: those of the objects, then others.
+        rest: numbers that are in none.
+    """
+
+    sets: tuple[tuple[int, int], ...]
+    rest: tuple[int, ...]
+
+
+def layout(env: Environment) -> Layout:
+    """That of a task.
+
+    Args:
+        env: plays the task; after a reset.
+    """
+    task = env.task
+    sets, end = [(0, task.max_points)], 3 * task.max_points
+    for label, values in task.beside(task.scene.state(), task.episode).items():
+        size = np.asarray(values).size
+        if _EACH in label:
+            sets.append((end, size // 3))
+        end += size
+    taken = {start + i for start, number in sets for i in range(3 * number)}
+    size = task.observe("full").size
+    return Layout(tuple(sets), tuple(i for i in range(size) if i not in taken))
+
+
+class PointSets(nn.Module):
+    """Features of full states.
+
+    Attributes:
+        size: how many.
+    """
+
+    rest: Tensor
+
+    def __init__(
+        self, sources: Sequence[torch.Generator], where: Layout, sizes: Sequence[int], *, norm: bool
+    ):
+        """Draws the weights.
+
+        Args:
+            sources: of random numbers, one a seed.
+            where: what is where.
+            sizes: of the layers that each point goes through.
+            norm: whether hidden ones are normalised.
+        """
+        super().__init__()
+        self._sets = where.sets
+        rest = torch.tensor(where.rest, dtype=torch.int64, device=sources[0].device)
+        self.register_buffer("rest", rest, persistent=False)
+        inputs = [3 + len(where.rest), *sizes]
+        self.each = nn.ModuleList(MLP(sources, inputs, norm=norm) for _ in where.sets)
+        self.size = len(where.rest) + 2 * sizes[-1] * len(where.sets)
+
+    def forward(self, full: Tensor) -> Tensor:
+        """Of (seeds, n, k): (seeds, n, size)."""
+        rest = full[..., self.rest]
+        found = [rest]
+        for network, (start, number) in zip(self.each, self._sets, strict=True):
+            points = full[..., start : start + 3 * number].unflatten(-1, (number, 3))
+            beside = rest[..., None, :].expand(-1, -1, number, -1)
+            seen = torch.cat([points, beside], dim=-1)
+            each = network(seen.flatten(1, 2)).unflatten(1, (-1, number))
+            there = (points != 0).any(-1, keepdim=True)  # Full states are padded with zeros.
+            found.append(each.masked_fill(~there, -torch.inf).amax(-2))
+            found.append(each.masked_fill(~there, 0.0).sum(-2) / there.sum(-2))
+        return torch.cat(found, dim=-1)
+
+
+class PointActor(Actor):
+    """An actor of full states."""
+
+    def __init__(self, encoder: PointSets, *args: Any):
+        """Draws the network.
+
+        Args:
+            encoder: what it sees by.
+            *args: of `Actor`, without the size of observations.
+        """
+        sources, *others = args
+        super().__init__(sources, encoder.size, *others)
+        self.body = nn.Sequential(encoder, *self.body)
+
+
+class PointCritics(Critics):
+    """Critics of full states, that share an encoder."""
+
+    def __init__(self, encoder: PointSets, *args: Any, norm: bool):
+        """Draws the networks.
+
+        Args:
+            encoder: what they see by.
+            *args: of `Critics`, without the size of observations.
+            norm: as of `Critics`.
+        """
+        sources, *others = args
+        super().__init__(sources, encoder.size, *others, norm=norm)
+        self.encoder = encoder
+
+    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
+        """See `Critics`."""
+        return super().forward(self.encoder(observation), action)
+
+
+class PointSAC(SAC):
+    """Actors and critics of full states."""
+
+    settings: PointSetSettings
+
+    def __init__(
+        self,
+        settings: PointSetSettings,
+        seeds: Sequence[int],
+        where: Layout,
+        action: int,
+        device: torch.device | str = "cpu",
+    ):
+        """Draws the networks.
+
+        Args:
+            settings: how it learns.
+            seeds: of the random numbers, each of a training of its own.
+            where: what is where in a full state.
+            action: size.
+            device: where.
+        """
+        self._where = where
+        size = len(where.rest) + 3 * sum(number for _, number in where.sets)
+        super().__init__(settings, seeds, size, action, device)
+
+    def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
+        settings, norm = self.settings, self.settings.norm
+        of_actor, of_critics = (
+            PointSets(self.sources, self._where, settings.points, norm=normed)
+            for normed in (False, norm)
+        )
+        rest = self.sources, action, settings.hidden
+        return (
+            PointActor(of_actor, *rest, settings.log_std),
+            PointCritics(of_critics, *rest, norm=norm),
+        )
+
+
+def full_symmetries(env: Environment) -> list[Symmetry]:
+    """Those of a task, of its full states, but for such that only order points otherwise.
+
+    Args:
+        env: plays the task; after a reset.
+
+    Raises:
+        InvalidArgumentError: for a task or an actor that has none.
+    """
+    number = env.task.observe("full").size // 3  # Points alone: `symmetries` has checked it.
+    found = []
+    for symmetry in symmetries(env):
+        if symmetry.order == "same":
+            pickers = len(symmetry.pickers)
+            order = [*range(number - pickers), *(number - pickers + k for k in symmetry.pickers)]
+            turned = np.kron(np.eye(number, dtype=np.int8)[order], symmetry.turn.astype(np.int8))
+            found.append(symmetry._replace(observation=turned))
+    return found
+
+
+def make(settings: PointSetSettings, problem: Problem) -> OffPolicy:
+    """The `Learner` of a problem.
+
+    Raises:
+        InvalidArgumentError: for other observations than full.
+    """
+    env = problem.example()
+    if problem.observation != env.task.observe("full").shape:
+        raise InvalidArgumentError("observation", problem.observation, "'full'")
+    sac = PointSAC(settings, problem.seeds, layout(env), problem.action, problem.device)
+
+    def replay(*args: Any, **arguments: Any) -> Replay:
+        found = full_symmetries(env) if settings.symmetric else ()
+        return Replay(*args, **{**arguments, "symmetries": found})
+
+    return OffPolicy(settings, problem, sac, replay)

@@ -1,0 +1,78 @@
+"""Goals beside observations: rewards of both are the environment's, and other libraries learn."""
+
+import gymnasium
+import numpy as np
+import pytest
+from stable_baselines3 import SAC, HerReplayBuffer
+from stable_baselines3.common.env_checker import check_env
+
+import softgym_mj
+from softgym_mj.envs.goal_env import GoalEnv
+from softgym_mj.exceptions import InvalidArgumentError
+
+ROPE, POUR = "softgym_mj/RopeConfiguration-v0", "softgym_mj/PourWaterAmount-v0"
+
+
+def _made(name, **settings):
+    assert softgym_mj.TASKS
+    return GoalEnv(gymnasium.make(name, fidelity="fast", **settings))
+
+
+@pytest.mark.parametrize(
+    ("name", "matching"), [(ROPE, {"matching": "vertices"}), (ROPE, {}), (POUR, {})]
+)
+def test_rewards_are_those_of_the_environment(name, matching):
+    env = _made(name, **matching)
+    env.reset(options={"variation": 812})
+    action, steps = env.action_space.sample(), []
+    if name == POUR:
+        action[:] = 0.3, 0.5, 0.9  # Over the target, and tilted.
+    for _ in range(30 if name == POUR else 4):
+        seen, reward, *_, info = env.step(action)
+        assert env.observation_space.contains(seen)
+        steps.append((seen["achieved_goal"], seen["desired_goal"], reward))
+        assert env.compute_reward(*steps[-1][:2], info) == reward
+    achieved, desired, rewards = map(np.array, zip(*steps, strict=True))
+    np.testing.assert_array_equal(env.compute_reward(achieved, desired, {}), rewards)
+    assert len(set(rewards.tolist())) > 1
+    # What has been achieved is the best goal there is.
+    np.testing.assert_array_equal(env.compute_reward(achieved, achieved, {}), np.zeros(len(steps)))
+    env.close()
+
+
+@pytest.mark.parametrize("observation", ["reduced", "full"])
+def test_observations_lack_the_goal(observation):
+    env = _made(ROPE, observation=observation)
+    seen = [env.reset(options={"variation": k})[0] for k in range(2)]
+    number = {"reduced": 10, "full": 31}[observation]
+    for each in seen:
+        assert each["observation"].shape == (3 * number + 6,)
+        if observation == "full":
+            rope = each["observation"][: 3 * number]
+            np.testing.assert_allclose(rope, each["achieved_goal"], atol=1e-6)
+    assert not np.array_equal(seen[0]["desired_goal"], seen[1]["desired_goal"])
+    env.close()
+
+
+def test_stable_baselines3_learns_with_hindsight():
+    env = _made(ROPE, horizon=8)
+    check_env(env)
+    model = SAC(
+        "MultiInputPolicy", env, learning_starts=16, batch_size=16, buffer_size=100, seed=0,
+        replay_buffer_class=HerReplayBuffer, replay_buffer_kwargs={"n_sampled_goal": 4},
+        policy_kwargs={"net_arch": [8]}, device="cpu",
+    )  # fmt: skip
+    model.learn(24)
+    relabelled = model.replay_buffer.sample(64)
+    assert (relabelled.rewards <= 0.0).all() and (relabelled.rewards == 0.0).any()
+    env.close()
+
+
+def test_what_has_no_goals_is_refused():
+    for made, name in (
+        (lambda: gymnasium.make("softgym_mj/StraightenRope-v0"), "task='straighten_rope'"),
+        (lambda: gymnasium.make(ROPE, observation=["reduced", "markov"]), "observation"),
+        (lambda: gymnasium.make("CartPole-v1"), "env"),
+    ):
+        with pytest.raises(InvalidArgumentError, match=name):
+            GoalEnv(made())

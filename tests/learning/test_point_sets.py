@@ -1,0 +1,210 @@
+"""Networks of point sets: their oracles are a loop over points, and one seed alone."""
+
+import numpy as np
+import pytest
+import torch
+
+import softgym_mj
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.learner import worlds_of
+from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.point_sets import (
+    Layout,
+    PointSAC,
+    PointSets,
+    PointSetSettings,
+    full_symmetries,
+    layout,
+)
+from softgym_mj.learning.replay import Batch
+from softgym_mj.learning.symmetries import symmetries
+from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.tasks.shared.goals import goals
+
+# Five points of which some may lack, a number, two more points, and two numbers.
+WHERE, SIZE, ACTION, NUMBER = Layout(((0, 5), (16, 2)), (15, 22, 23)), 24, 2, 6
+SMALL = PointSetSettings(hidden=(16,), points=(8, 4), norm=True)
+
+
+def _full(seeds, number=NUMBER, missing=2, seed=0):
+    source = torch.Generator().manual_seed(seed)
+    full = torch.randn(len(seeds), number, SIZE, generator=source)
+    full[..., 15 - 3 * missing : 15] = 0.0
+    return full
+
+
+def _batch(seeds, seed=0):
+    source, lead = torch.Generator().manual_seed(seed), (len(seeds), NUMBER)
+    return Batch(
+        _full(seeds, seed=seed), torch.rand(*lead, ACTION, generator=source) * 2 - 1,
+        torch.randn(*lead, generator=source), _full(seeds, seed=seed + 100), torch.full(lead, 0.9),
+    )  # fmt: skip
+
+
+def test_features_are_those_of_a_loop_over_points():
+    seeds = [3, 4]
+    sets, full = PointSets(generators(seeds, "cpu"), WHERE, (8, 4), norm=False), _full(seeds)
+    found = sets(full)
+    assert found.shape == (2, NUMBER, sets.size) == (2, NUMBER, 3 + 2 * 2 * 4)
+    for k, i in np.ndindex(2, NUMBER):
+        row = full[k, i]
+        rest = torch.stack([row[15], row[22], row[23]])
+        expected = [rest]
+        for network, points in zip(
+            sets.each, (row[:9].view(3, 3), row[16:22].view(2, 3)), strict=True
+        ):
+            (first, _, last), each = network, []
+            for point in points:
+                seen = torch.cat([point, rest]) @ first.weight[k] + first.bias[k, 0]
+                each.append(seen.relu() @ last.weight[k] + last.bias[k, 0])
+            each = torch.stack(each)
+            expected += [each.max(0).values, each.mean(0)]
+        torch.testing.assert_close(found[k, i], torch.cat(expected), atol=1e-5, rtol=1e-5)
+
+
+def test_neither_order_nor_padding_matters():
+    sets, full = PointSets(generators([0], "cpu"), WHERE, (8, 4), norm=True), _full([0])
+    other = full.clone()
+    other[..., :15] = full[..., :15].unflatten(-1, (5, 3))[..., [4, 2, 0, 3, 1], :].flatten(-2)
+    torch.testing.assert_close(sets(other), sets(full))
+    other[..., 3:6] = 1.0
+    assert (sets(other) - sets(full)).abs().max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("task", "number", "rest"),
+    [("rope_configuration", 2, 6), ("spread_cloth", 1, 6), ("pour_water_amount", 1, 14)],
+)
+def test_layouts_are_those_of_tasks(task, number, rest):
+    env = softgym_mj.load(task, split="all", fidelity="fast", random_state=0)
+    env.reset(812)
+    where, full = layout(env), env.task.observe("full")
+    assert (len(where.sets), len(where.rest)) == (number, rest)
+    points = np.concatenate([*env.task.state().points.values()])
+    found = [full[start : start + 3 * count].reshape(-1, 3) for start, count in where.sets]
+    np.testing.assert_array_equal(found[0][: len(points)], points)
+    assert not found[0][len(points) :].any()
+    if number == 2:
+        np.testing.assert_array_equal(found[1], env.task.episode.goal["rope"])
+        np.testing.assert_array_equal(full[[*where.rest]], env.task.observe("proprioception"))
+    env.close()
+
+
+def test_symmetries_turn_full_states_as_reduced_ones():
+    env = softgym_mj.load("rope_configuration", split="all", fidelity="fast", random_state=0)
+    env.reset(5)
+    of, full = goals("rope_configuration", env.task), env.task.observe("full")
+    own = [symmetry for symmetry in symmetries(env) if symmetry.order == "same"]
+    found = full_symmetries(env)
+    assert len(found) == len(own) == 16
+    for symmetry, expected in zip(found, own, strict=True):
+        state, episode = of.read(symmetry.observation @ full)
+        reduced = [*env.task.reduced(state, episode).values(), state.sensed]
+        flat = np.concatenate([np.ravel(values) for values in reduced])
+        np.testing.assert_allclose(flat, expected.observation @ env.task.observe("reduced"))
+        np.testing.assert_array_equal(symmetry.action, expected.action)
+    env.close()
+
+
+def test_seeds_together_learn_what_each_learns_alone():
+    seeds = [5, 6]
+    together = PointSAC(SMALL, seeds, WHERE, ACTION)
+    alone = [PointSAC(SMALL, [seed], WHERE, ACTION) for seed in seeds]
+    for step in range(4):
+        batch = _batch(seeds, seed=step)
+        losses = together.update(batch)["critic_loss"]
+        for k, own in enumerate(alone):
+            found = own.update(Batch(*(value[k : k + 1] for value in vars(batch).values())))
+            torch.testing.assert_close(found["critic_loss"][0], losses[k], rtol=1e-4, atol=1e-5)
+    full = _full(seeds, seed=50)
+    actions = together.act(full, explore=False)
+    for k, own in enumerate(alone):
+        found = own.act(full[k : k + 1], explore=False)[0]
+        torch.testing.assert_close(found, actions[k], rtol=1e-4, atol=1e-4)
+        torch.testing.assert_close(together.policy(k)(full[k]), actions[k])
+
+
+def test_a_state_goes_on_with_the_same_bits():
+    seeds = [1, 2]
+    first, second = (PointSAC(SMALL, seeds, WHERE, ACTION) for _ in range(2))
+    for step in range(3):
+        first.update(_batch(seeds, seed=step))
+    second.set_state(first.get_state())
+    for sac in (first, second):
+        sac.update(_batch(seeds, seed=9))
+    found = [sac.act(_full(seeds), explore=True) for sac in (first, second)]
+    assert torch.equal(*found)
+
+
+def test_it_learns_to_reach_the_highest_point():
+    """The action is to be the largest x of the points that are there: none is in its place."""
+    settings = PointSetSettings(
+        hidden=(32,), points=(16, 16), actor_rate=5e-3, critic_rate=5e-3, actor_every=1,
+        target_every=1, alpha=0.02,
+    )  # fmt: skip
+    seeds, where = [0, 1], Layout(((0, 4),), ())
+    sac, source = PointSAC(settings, seeds, where, 1), generators(seeds, "cpu")
+
+    def drawn_points(number):
+        points = 1.6 * drawn(source, number, 4, 3, normal=False) - 0.8
+        there = drawn(source, number, 4, 1, normal=False) > 0.3
+        there[..., 0, :] = True
+        largest = points[..., 0].masked_fill(~there[..., 0], -1.0).amax(-1)
+        return (points * there).flatten(-2), largest
+
+    for _ in range(250):
+        full, largest = drawn_points(64)
+        action = 2.0 * drawn(source, 64, 1, normal=False) - 1.0
+        reward = -(action[..., 0] - largest).abs()
+        sac.update(Batch(full, action, reward, full, torch.zeros(2, 64)))
+    full, largest = drawn_points(200)
+    away = (sac.act(full, explore=False)[..., 0] - largest).abs().mean(-1)
+    assert (away < 0.15).all()  # The best constant is 0.26 away.
+
+
+METHOD = find_method(
+    "sac_points", hidden=(16,), points=(8, 8), random_steps=8, updates=2, batch=8, replay=24,
+    symmetric=True,
+)  # fmt: skip
+SETTINGS = TrainingSettings(
+    "rope_configuration", observation="full", env_steps=24, worlds=2, part=8, episodes=1,
+    final_episodes=1, fidelity="fast",
+)  # fmt: skip
+
+
+def test_what_was_killed_ends_alike(tmp_path, monkeypatch):
+    monkeypatch.setattr(Training, "_evaluate", lambda self, final: None)  # Of all methods alike.
+    whole, killed = (Training(SETTINGS, METHOD, [4, 9], tmp_path / n, "host") for n in "ab")
+    whole.run()
+
+    def kill(training, news):
+        if training.done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        killed.run(kill)
+    again = Training(SETTINGS, METHOD, [4, 9], tmp_path / "b", "host")
+    again.run()
+    pair = [training.learner.algorithm.critics.parameters() for training in (whole, again)]
+    assert all(map(torch.equal, *pair))
+    seen = worlds_of(again._problem, torch.randn(4, *whole._problem.observation))
+    expected = again.learner.act(seen, None, None, explore=False)[0]
+    module = torch.export.load(tmp_path / "b" / "policy_9.pt2").module()
+    torch.testing.assert_close(module(seen[1, :1]), expected[1, :1])
+
+
+def test_presets_suit_every_task():
+    for task in softgym_mj.TASKS:
+        training, method = find_preset("sac_points", "fast", task)
+        assert training.observation == "full" and method.settings.points == (64, 128)
+        assert method.settings.symmetric == ("water" not in task)
+
+
+def test_what_cannot_be_is_refused(tmp_path):
+    for name, value in (("points", ()), ("points", (8, 0)), ("tau", 0.0)):
+        with pytest.raises(InvalidArgumentError, match=name):
+            PointSetSettings(**{name: value})
+    settings = TrainingSettings(**{**vars(SETTINGS), "observation": "reduced"})
+    with pytest.raises(InvalidArgumentError, match="observation"):
+        Training(settings, METHOD, [0], tmp_path, "host")
