@@ -1,0 +1,154 @@
+"""Demonstrations: episodes of a task's scripted expert, which learners are shown.
+
+They are played through the Gymnasium environment by MuJoCo, whatever simulates the training, and
+kept in the package's cache, a file each: a training that was killed goes on from what is there, and
+the next one finds them.
+"""
+
+import functools
+import json
+import logging
+import pickle
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+import torch
+from torch import Tensor
+
+import softgym_mj
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.jobs.executors import make_executor
+from softgym_mj.jobs.store import ARRAYS, Store
+from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.replay import Replay
+from softgym_mj.learning.symmetries import Symmetry
+from softgym_mj.native.caches import cache_folder
+from softgym_mj.policies.factory import make_policy
+from softgym_mj.policies.rollouts import sent_to
+from softgym_mj.recording.episodes import play
+from softgym_mj.registry import TaskRecord
+from softgym_mj.variations.indices import SPLITS
+from softgym_mj.vector.processes import num_cores
+
+POLICY = "scripted"
+OBSERVATIONS = ("reduced", "full")
+_KEPT = ("observations", "actions", "rewards", "terminations")
+_APART = 0x44454D4F  # Keeps the random numbers of batches apart from those of other replays.
+
+_log = logging.getLogger(__name__)
+_NOTICE = (
+    "%d episodes of the expert of %s are played now by %d processes, which takes seconds to "
+    "minutes, and kept in %s"
+)
+
+
+def _tell(done: int, episodes: int) -> None:
+    _log.info("%d of %d demonstrations", done, episodes)
+
+
+def check_demonstrations(episodes: int, jobs: int | None) -> None:
+    """Raises `InvalidArgumentError` unless there can be so many, by so many processes."""
+    check_count("demonstrations", episodes, 1, len(SPLITS["train"]))
+    if jobs is not None:
+        check_count("jobs", jobs, 1)
+
+
+def collect(
+    problem: Problem,
+    episodes: int,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] = _tell,
+) -> Step:
+    """What the expert does in the training variations 0..episodes - 1, (episodes, steps, ...) each.
+
+    Args:
+        problem: whose task, observations, scale of rewards and device they are of.
+        episodes: how many.
+        jobs: processes that play them; None for as many as there are cores.
+        progress: called with how many there are, of how many, after each.
+
+    Raises:
+        InvalidArgumentError: for too many; for images; if the task has no expert.
+        StoreError: if the cache cannot be written.
+    """
+    check_demonstrations(episodes, jobs)
+    check_name("observation", problem.observed, OBSERVATIONS)
+    settings = {"observation": problem.observed, **problem.task_settings}
+    specification = {
+        "task": problem.task,
+        "policy": POLICY,
+        "settings": settings,
+        "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
+    }
+    store = Store(cache_folder() / "demonstrations", specification, ARRAYS)
+    store.folder /= f"{problem.task}-{store.digest[:12]}"
+    found: dict[int, dict[str, np.ndarray]] = {}
+
+    def add(variation: int, arrays: dict[str, np.ndarray]) -> None:
+        found[variation] = arrays
+        progress(len(found), episodes)
+
+    with make_executor(jobs or num_cores()) as executor:
+        if missing := sum(not store.has(variation) for variation in range(episodes)):
+            _log.warning(_NOTICE, missing, problem.task, executor.number, store.folder)
+        written = json.dumps(settings, sort_keys=True)
+        play_one = functools.partial(_played, sent_to(executor, problem.task), written)
+        store.run(range(episodes), play_one, executor, add, replace=True)
+
+    def stacked(name: str) -> Tensor:
+        arrays = np.stack([found[variation][name] for variation in range(episodes)])
+        return torch.as_tensor(arrays, device=problem.device)
+
+    seen, terminated = stacked("observations"), stacked("terminations")
+    ended = terminated.clone()
+    ended[:, -1] = True
+    rewards = problem.reward_scale * stacked("rewards").float()
+    return Step(seen[:, :-1], stacked("actions"), rewards, seen[:, 1:], terminated, ended)
+
+
+def _played(task: TaskRecord | bytes, settings: str, variation: int) -> dict[str, np.ndarray]:
+    """The arrays of an episode, by `_KEPT`."""
+    env = _environment(task, settings)
+    # A policy of its own, which cannot depend on what was played before.
+    arrays = play(env, make_policy(POLICY, env.dm_env), variation)
+    return {name: arrays[name] for name in _KEPT}
+
+
+@functools.lru_cache(maxsize=1)
+def _environment(task: TaskRecord | bytes, settings: str) -> SoftGymEnv:
+    """This process's environment of a task, as `sent_to` returns it."""
+    record = pickle.loads(task).fn if isinstance(task, bytes) else task
+    return SoftGymEnv(record, split="all", **json.loads(settings))
+
+
+def replay_of(
+    shown: Step,
+    seeds: Sequence[int],
+    *,
+    discount: float = 1.0,
+    steps: int = 1,
+    symmetries: Sequence[Symmetry] = (),
+) -> Replay:
+    """A replay of the same demonstrations for each seed, which draws batches of its own.
+
+    Args:
+        shown: as `collect` returns it.
+        seeds: of the trainings.
+        discount, steps, symmetries: as of `Replay`.
+
+    Raises:
+        InvalidArgumentError: for symmetries of other observations.
+    """
+    (episodes, length), size = shown.reward.shape, shown.observation.shape[-1]
+    if symmetries and len(symmetries[0].observation) != size:
+        raise InvalidArgumentError("symmetric", True, "False, unless observations are reduced")
+    replay = Replay(
+        length, [seed + _APART for seed in seeds], episodes, (size,), shown.action.shape[-1],
+        discount=discount, steps=steps, symmetries=symmetries, device=shown.reward.device,
+    )  # fmt: skip
+    for k in range(length):
+        now = (value[:, k] for value in shown)
+        replay.add(Step(*(value.expand(len(seeds), *value.shape) for value in now)))
+    return replay

@@ -1,0 +1,167 @@
+"""Behaviour cloning: its oracles are plain loops, one seed alone, and experts that are formulas."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+import torch
+
+import softgym_mj
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.bc import BC, BCSettings
+from softgym_mj.learning.learner import Step
+from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.symmetries import Symmetry
+from softgym_mj.learning.training import Training, TrainingSettings
+
+SMALL = BCSettings(hidden=(16, 16), batch=32)
+SAME = Symmetry(np.eye(2), np.eye(1), np.eye(3), "same", (0,))
+MIRROR = Symmetry(-np.eye(2), -np.eye(1), np.eye(3), "same", (0,))
+
+
+def _expert(place):
+    """To 0, at most at full speed; the second number of a place says nothing."""
+    return (-2.0 * place[..., :1]).clamp(-1.0, 1.0)
+
+
+def _shown(low=-1.0, episodes=6, steps=20):
+    source = torch.Generator().manual_seed(0)
+    places = torch.rand(episodes, steps + 1, 2, generator=source)
+    seen, following = (low + (1.0 - low) * part for part in (places[:, :-1], places[:, 1:]))
+    reward = torch.zeros(episodes, steps)
+    over = torch.zeros(episodes, steps, dtype=torch.bool)
+    return Step(seen, _expert(seen), reward, following, over, over)
+
+
+def test_the_loss_is_that_of_a_loop():
+    shown = _shown()
+    bc = BC(SMALL, [0, 1], shown)
+    batch = bc._replay.sample(5)
+    center = shown.observation.reshape(-1, 2).numpy().mean(0)
+    scale = shown.observation.reshape(-1, 2).numpy().std(0)
+    for k, found in enumerate(bc.loss(batch)):
+        expected = 0.0
+        for i in range(5):
+            x = torch.tensor((batch.observation[k, i].numpy() - center) / scale)
+            for layer in bc.actor.body:
+                is_linear = hasattr(layer, "weight")
+                x = x @ layer.weight[k] + layer.bias[k, 0] if is_linear else x.clamp(min=0.0)
+            expected += (torch.tanh(x) - batch.action[k, i]).square().item() / 5
+        assert found.item() == pytest.approx(expected, rel=1e-4)
+
+
+def test_what_never_changes_is_not_blown_up():
+    shown = _shown()
+    shown.observation[..., 1] = 0.3
+    bc = BC(SMALL, [0], shown)
+    assert bc.actor.center[1].item() == pytest.approx(0.3) and bc.actor.scale[1] == 0.01
+
+
+def test_it_does_what_the_expert_does():
+    bc = BC(BCSettings(hidden=(32, 32), rate=3e-3), [0, 1], _shown())
+    first = bc.study()["loss"]
+    for _ in range(400):
+        last = bc.study()["loss"]
+    assert (last < 0.05 * first).all() and bc.updates == 401 and bc.demonstrated == 120
+    place = torch.rand(2, 50, 2, generator=torch.Generator().manual_seed(1)) * 2.0 - 1.0
+    found, _ = bc.act(place, torch.ones(2, 50, dtype=torch.bool), None, explore=False)
+    assert (found - _expert(place)).abs().mean() < 0.06
+
+
+def test_symmetries_teach_what_was_not_shown():
+    """Demonstrations are on one side alone; in their mirror image the action is the other one."""
+    shown = _shown(low=0.0)
+    shown.action.fill_(0.8)
+    place, errors = -shown.observation.flatten(0, 1)[None], []
+    for shapes in ((), (SAME, MIRROR)):
+        bc = BC(BCSettings(hidden=(32, 32), rate=3e-3), [0], shown, shapes)
+        for _ in range(300):
+            bc.study()
+        errors.append((bc.actor.mean(place) + 0.8).abs().mean().item())
+    assert errors[0] > 1.0 and errors[1] < 0.3
+
+
+def test_seeds_together_learn_what_each_learns_alone():
+    both, alone = BC(SMALL, [5, 6], _shown()), BC(SMALL, [6], _shown())
+    for _ in range(5):
+        losses, (own,) = both.study()["loss"], alone.study()["loss"]
+        torch.testing.assert_close(losses[1], own, rtol=1e-4, atol=1e-6)
+    place = torch.randn(7, 2)
+    torch.testing.assert_close(both.policy(1)(place), alone.policy(0)(place), rtol=0, atol=1e-5)
+    assert not torch.allclose(both.policy(0)(place), both.policy(1)(place), atol=1e-2)
+
+
+def test_a_state_goes_on_with_the_same_bits():
+    first, second = (BC(SMALL, [1, 2], _shown()) for _ in range(2))
+    for _ in range(3):
+        first.study()
+    state = first.get_state()
+    wanted = [first.study()["loss"] for _ in range(2)]
+    second.set_state(state)
+    assert all(map(torch.equal, wanted, [second.study()["loss"] for _ in range(2)]))
+    assert first.updates == second.updates == 5
+
+
+def test_a_policy_is_exported():
+    bc = BC(SMALL, [1, 2], _shown())
+    file, place = io.BytesIO(), torch.randn(1, 2)
+    torch.export.save(torch.export.export(bc.policy(1).eval(), (place,)), file)
+    file.seek(0)
+    found = torch.export.load(file).module()(place)
+    assert torch.equal(found, bc.actor.mean(place.expand(2, 1, 2))[1])
+
+
+class _Killed(Exception):
+    pass
+
+
+@pytest.mark.parametrize("observation", ["reduced", "full"])
+def test_a_training_that_was_killed_ends_alike(tmp_path, observation):
+    settings = TrainingSettings(
+        "straighten_rope", observation, env_steps=4, worlds=1, part=2, episodes=1,
+        final_episodes=1, fidelity="fast",
+    )  # fmt: skip
+    symmetric = observation == "reduced"
+    small = {"demonstrations": 2, "jobs": 1, "hidden": (8,), "batch": 4}
+    method = find_method("bc", symmetric=symmetric, **small)
+
+    def training(name):
+        found = Training(settings, method, [4, 9], tmp_path / name, "host")
+        found._envs.step = found._envs.reset = None  # No environment is stepped.
+        return found
+
+    def kill(now, news):
+        assert len(news["loss"]) == 2
+        if now.done == 1:
+            raise _Killed
+
+    whole = training("whole")
+    whole.run()
+    with pytest.raises(_Killed):
+        training("killed").run(kill)
+    again = training("killed")
+    again.run()
+    weights = [[*now.learner.actor.parameters()] for now in (whole, again)]
+    assert all(map(torch.equal, *weights)) and again.learner.updates == 4
+    with (tmp_path / "killed" / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    steps = str(2 * again._problem.example().horizon)
+    assert [(row["split"], row["env_steps"], row["updates"]) for row in rows] == [
+        (split, steps, "4") for split in ("train", "evaluate") for _ in range(2)
+    ]
+    assert {row["replay"] for row in rows} == {"symmetric" if symmetric else "plain"}
+    assert (tmp_path / "killed" / "policy_9.pt2").exists()
+
+
+def test_presets_suit_every_task():
+    for task in softgym_mj.TASKS:
+        training, method = find_preset("bc", "fast", task)
+        assert method.settings.symmetric == ("water" not in task)
+        assert training.worlds == 1
+
+
+def test_bad_settings_are_refused():
+    for name, value in (("rate", 0.0), ("batch", 0), ("demonstrations", 801), ("jobs", 0)):
+        with pytest.raises(InvalidArgumentError, match=name):
+            BCSettings(**{name: value})

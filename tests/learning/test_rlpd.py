@@ -1,0 +1,236 @@
+"""SAC with demonstrations: its oracles are plain loops, PyTorch's layers, and one seed alone."""
+
+import dataclasses
+
+import pytest
+import torch
+from torch import nn
+
+import softgym_mj
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.demonstrations import replay_of
+from softgym_mj.learning.learner import Step
+from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.networks import Linear, drawn
+from softgym_mj.learning.replay import Batch
+from softgym_mj.learning.rlpd import RLPD, RLPDSettings, least
+from softgym_mj.learning.sac import SAC
+from softgym_mj.learning.training import Training, TrainingSettings
+
+OBSERVATION, ACTION, NUMBER = 3, 2, 5
+SMALL = RLPDSettings(hidden=(16, 16), critics=4, actor_every=2)
+
+
+def _normal(source, *shape):
+    return torch.randn(*shape, generator=source)
+
+
+def _shown(seeds, episodes=3, steps=6):
+    """Demonstrations whose rewards are 7."""
+    source = torch.Generator().manual_seed(1)
+    seen = _normal(source, episodes, steps + 1, OBSERVATION)
+    action, reward = (
+        _normal(source, episodes, steps, ACTION).tanh(),
+        torch.full((episodes, steps), 7.0),
+    )
+    over = torch.zeros(episodes, steps, dtype=torch.bool)
+    return replay_of(Step(seen[:, :-1], action, reward, seen[:, 1:], over, over), seeds)
+
+
+def _made(seeds, settings=SMALL):
+    return RLPD(settings, seeds, _shown(seeds), OBSERVATION, ACTION)
+
+
+def _batch(seeds, seed=0):
+    source, shape = torch.Generator().manual_seed(seed), (len(seeds), NUMBER)
+    return Batch(
+        _normal(source, *shape, OBSERVATION), _normal(source, *shape, ACTION).tanh(),
+        _normal(source, *shape), _normal(source, *shape, OBSERVATION), torch.full(shape, 0.9),
+    )  # fmt: skip
+
+
+def _single(ensemble, k, c):
+    """Critic c of seed number k, of PyTorch's own layers."""
+    layers, row = [], k * ensemble.number + c
+    for layer in ensemble.body:
+        own = nn.ReLU() if isinstance(layer, nn.ReLU) else layer
+        if isinstance(layer, Linear):
+            own = nn.Linear(*layer.weight.shape[1:])
+            own.weight.data, own.bias.data = layer.weight[row].T, layer.bias[row, 0]
+        layers.append(own)
+    return nn.Sequential(*layers)
+
+
+def test_an_ensemble_is_so_many_critics():
+    rlpd, batch = _made([0, 1]), _batch([0, 1])
+    found = rlpd.critics(batch.observation, batch.action)
+    assert found.shape == (4, 2, NUMBER)
+    both = torch.cat([batch.observation, batch.action], dim=-1)
+    for k in range(2):
+        for c in range(4):
+            expected = _single(rlpd.critics, k, c)(both[k])[..., 0]
+            torch.testing.assert_close(found[c, k], expected, rtol=1e-4, atol=1e-5)
+    assert found.std(0).min() > 1e-3  # Each has weights of its own.
+
+
+def test_the_least_is_of_those_that_are_drawn():
+    values = torch.tensor([[[1.0, 9.0]], [[5.0, 2.0]], [[4.0, 7.0]]])  # (critics, 1, 2)
+    for shares, expected in (
+        ([0.1, 0.9, 0.5], [4.0, 2.0]),
+        ([0.9, 0.1, 0.5], [1.0, 7.0]),
+        ([0.9, 0.5, 0.1], [1.0, 2.0]),
+    ):
+        assert least(values, torch.tensor([shares]), 2)[0].tolist() == expected
+    assert least(values, torch.tensor([[0.1, 0.2, 0.3]]), 3)[0].tolist() == [1.0, 2.0]
+    two = values.expand(-1, 2, -1)  # Each seed has draws of its own.
+    assert least(two, torch.tensor([[0.9, 0.0, 0.0], [0.0, 0.0, 0.9]]), 1).tolist() == [
+        [1.0, 9.0], [4.0, 7.0],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("backup_entropy", [False, True])
+def test_losses_are_those_of_the_authors(backup_entropy):
+    seeds = [0, 1]
+    rlpd = _made(seeds, dataclasses.replace(SMALL, backup_entropy=backup_entropy, tau=0.5))
+    for step in range(2):  # So that targets are no copies.
+        rlpd.update(_batch(seeds, step))
+    batch, noise = _batch(seeds, 5), torch.randn(2, NUMBER, ACTION)
+    before = [source.get_state() for source in rlpd.sources]
+    critic, (actor, alpha) = rlpd.critic_loss(batch, noise), rlpd.actor_losses(batch, noise)
+    for source, state in zip(rlpd.sources, before, strict=True):
+        source.set_state(state)
+    shares = drawn(rlpd.sources[:2], 4, normal=False)
+    following, later = rlpd.actor.sample(batch.next_observation, noise)
+    chosen, density = rlpd.actor.sample(batch.observation, noise)
+    for k in range(2):
+        critics, targets = (
+            [_single(ensemble, k, c) for c in range(4)] for ensemble in (rlpd.critics, rlpd.targets)
+        )
+        taken = sorted(range(4), key=lambda c: -shares[k, c].item())[:2]
+        weight, expected, of_actor, of_alpha = rlpd.alpha[k].item(), 0.0, 0.0, 0.0
+        for i in range(NUMBER):
+            after = torch.cat([batch.next_observation[k, i], following[k, i]])
+            value = min(targets[c](after).item() for c in taken)
+            value -= weight * later[k, i].item() * backup_entropy
+            wanted = batch.reward[k, i].item() + 0.9 * value
+            own = torch.cat([batch.observation[k, i], batch.action[k, i]])
+            expected += sum((c(own).item() - wanted) ** 2 for c in critics) / NUMBER
+            own = torch.cat([batch.observation[k, i], chosen[k, i]])
+            mean = sum(c(own).item() for c in critics) / 4
+            of_actor += (weight * density[k, i].item() - mean) / NUMBER
+            of_alpha += weight * (-density[k, i].item() + ACTION / 2) / NUMBER
+        assert critic[k].item() == pytest.approx(expected, rel=1e-4)
+        assert actor[k].item() == pytest.approx(of_actor, rel=1e-4)
+        assert alpha[k].item() == pytest.approx(of_alpha, rel=1e-4)
+
+
+def test_half_of_what_it_learns_from_is_demonstrated(monkeypatch):
+    learned = []
+    monkeypatch.setattr(SAC, "update", lambda self, batch: learned.append(batch) or {})
+    rlpd, batch = _made([0, 1]), _batch([0, 1])
+    rlpd.update(batch)
+    rlpd.update(batch)
+    for found in learned:
+        assert found.reward.shape == (2, 2 * NUMBER)
+        for name, value in vars(batch).items():
+            assert torch.equal(getattr(found, name)[:, :NUMBER], value)
+        assert (found.reward[:, NUMBER:] == 7.0).all()
+    assert not torch.equal(learned[0].action, learned[1].action)
+
+
+def test_seeds_together_learn_what_each_learns_alone():
+    both, alone = _made([5, 6]), _made([6])
+    for step in range(4):
+        batch = _batch([5, 6], step)
+        own = alone.update(Batch(*(value[1:] for value in vars(batch).values())))
+        losses = both.update(batch)
+        torch.testing.assert_close(
+            losses["critic_loss"][1], own["critic_loss"][0], rtol=1e-4, atol=0
+        )
+    place = torch.randn(7, OBSERVATION)
+    torch.testing.assert_close(both.policy(1)(place), alone.policy(0)(place), rtol=0, atol=1e-4)
+
+
+def test_a_state_goes_on_with_the_same_bits():
+    first, second = _made([1, 2]), _made([1, 2])
+    for step in range(3):
+        first.update(_batch([1, 2], step))
+    second.set_state(first.get_state())
+    found = [rlpd.update(_batch([1, 2], 9)) for rlpd in (first, second)]
+    assert found[0].keys() == {"critic_loss", "alpha", "actor_loss"}
+    assert all(torch.equal(found[0][name], found[1][name]) for name in found[0])
+    assert first.updates == second.updates == 4
+
+
+def test_it_learns_to_reach_a_point_that_was_shown():
+    """One of 4 numbers has to be near 1 for a reward, which is rarely found by chance."""
+    source = torch.Generator().manual_seed(0)
+
+    def reward(action):
+        return 5.0 * ((action - 0.9).abs().amax(-1) < 0.2).float()
+
+    def steps(episodes, number, action):
+        over = torch.ones(episodes, number, dtype=torch.bool)
+        seen = torch.rand(episodes, number, 1, generator=source)
+        return Step(seen, action, reward(action), seen, over, over)
+
+    best = 0.9 + 0.05 * torch.randn(4, 8, 4, generator=source)
+    settings = RLPDSettings(
+        hidden=(32, 32), critics=4, actor_every=2, actor_rate=3e-3, critic_rate=3e-3, tau=0.05,
+        alpha=0.01,
+    )  # fmt: skip
+    rlpd = RLPD(settings, [0], replay_of(steps(4, 8, best.clamp(-1, 1)), [0]), 1, 4)
+    for _ in range(300):
+        seen = torch.rand(1, 32, 1, generator=source)
+        action = rlpd.act(seen, explore=True)
+        rlpd.update(Batch(seen, action, reward(action), seen, torch.zeros(1, 32)))
+    place = torch.rand(1, 50, 1, generator=source)
+    assert (reward(rlpd.act(place, explore=False)) > 0.0).float().mean() > 0.9
+
+
+class _Killed(Exception):
+    pass
+
+
+def test_a_training_that_was_killed_ends_alike(tmp_path):
+    settings = TrainingSettings(
+        "straighten_rope", env_steps=24, worlds=2, part=12, episodes=1, final_episodes=1,
+        evaluate_every=2, fidelity="fast",
+    )  # fmt: skip
+    method = find_method(
+        "rlpd", hidden=(8,), random_steps=4, updates=4, batch=4, replay=16, actor_every=2,
+        added=2, symmetric=True, demonstrations=2, jobs=1, critics=3,
+    )  # fmt: skip
+
+    def kill(now, news):
+        raise _Killed
+
+    whole = Training(settings, method, [4, 9], tmp_path / "whole", "host")
+    whole.run()
+    with pytest.raises(_Killed):
+        Training(settings, method, [4, 9], tmp_path / "killed", "host").run(kill)
+    again = Training(settings, method, [4, 9], tmp_path / "killed", "host")
+    again.run()
+    weights = [[*t.learner.algorithm.critics.parameters()] for t in (whole, again)]
+    assert all(map(torch.equal, *weights))
+    assert [row["env_steps"] for row in again.rows] == [24] * 4
+    assert again.learner.updates == 4 * (24 - 4) // 2
+
+
+@pytest.mark.parametrize("preset", ["paper", "fast"])
+def test_presets_suit_every_task(preset):
+    for task in softgym_mj.TASKS:
+        training, method = find_preset("rlpd", preset, task)
+        settings = method.settings
+        assert settings.symmetric == (preset == "fast" and "water" not in task)
+        assert (settings.critics, settings.least_of, settings.norm) == (10, 2, True)
+        assert settings.updates % settings.actor_every == 0
+    if preset == "paper":  # 20 updates of 256 for each env step; all else are the defaults.
+        assert (settings.updates, 2 * settings.batch) == (20 * training.worlds, 256)
+        assert dataclasses.replace(settings, updates=20) == RLPDSettings()
+
+
+def test_bad_settings_are_refused():
+    for name, value in (("critics", 0), ("least_of", 11), ("demonstrations", 0), ("tau", 0.0)):
+        with pytest.raises(InvalidArgumentError, match=name):
+            RLPDSettings(**{name: value})
