@@ -17,7 +17,19 @@ from softgym_mj.learning.training import TrainingSettings
 # Module and class of the settings.
 METHODS = {
     "sac": ("sac", "SACSettings"),
+    "sac_hindsight": ("hindsight", "HindsightSettings"),
+    "sac_points": ("point_sets", "PointSetSettings"),
+    "tdmpc2": ("tdmpc2", "TDMPC2Settings"),
+    "bc": ("bc", "BCSettings"),
+    "rlpd": ("rlpd", "RLPDSettings"),
+    "planet": ("planet", "PlaNetSettings"),
+    "ppo": ("ppo", "PPOSettings"),
+    "wu": ("wu", "WuSettings"),
+    "curl": ("curl", "CURLSettings"),
+    "drq": ("drq", "DrQSettings"),
 }
+
+LABELLED = {"observation", "symmetric"}  # Settings that curves name beside the preset.
 
 
 def find_method(name: str, **settings: Any) -> Method:
@@ -71,7 +83,7 @@ def find_preset(
             raise InvalidArgumentError("settings", key, sorted(names["training"] | names["method"]))
         found[parts[0]][key] = value
     method = find_method(name, **{key: _tuples(value) for key, value in found["method"].items()})
-    named = preset if not replaced else "custom"
+    named = preset if LABELLED.issuperset(replaced) else "custom"
     return TrainingSettings(task, **found["training"]), dataclasses.replace(method, preset=named)
 
 
