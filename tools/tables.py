@@ -1,7 +1,7 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, docs/gpu.json,
-docs/pictures.json, docs/sac.json and docs/results.
+That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, docs/sac.json,
+those of tools/gpu_tables.py and docs/results.
 """
 
 import json
@@ -14,7 +14,7 @@ from softgym_mj.learning.results import planned_env_steps
 from softgym_mj.registry import TASKS
 from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.randomization import Parameter
-from tools import framing, gallery, learned
+from tools import framing, gallery, gpu_tables, learned
 from tools.pages import between, replaced, table, with_table
 
 ROOT = pathlib.Path(__file__).parent.parent
@@ -160,59 +160,6 @@ def overview(scores: experts.Scores) -> str:
     return table(head, rows)
 
 
-def on_gpu() -> str:
-    """Env steps a second on a GPU, and the memory of most environments."""
-    found = measured("gpu")
-    numbers = sorted({int(number) for rates in found["rates"].values() for number in rates})
-    rows = []
-    for task in TASKS:
-        rates = found["rates"].get(task, {})
-        own = [rates.get(str(number)) for number in numbers]
-        cells = [f"{rate['env_steps_per_s']:,.0f}" if rate else "not yet" for rate in own]
-        cells.append(f"{own[-1]['memory_gb']:.1f}" if own[-1] else "")
-        rows.append(f"| `{task}` | {' | '.join(cells)} |".replace("|  |", "| |"))
-    head = " | ".join(f"{number:,}" for number in numbers)
-    compiled = sum(found["compile_s"].values())
-    machine = found["machine"]
-    return (
-        f"{table(f'| task | {head} | GB of {numbers[-1]:,} |', rows)}\n\n"
-        f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the programs took "
-        f"{compiled:.0f} s, once."
-    )
-
-
-def images_on_gpu() -> str:
-    """Env steps a second with images, and how alike images are."""
-    found, alike = measured("gpu").get("images", {}), measured("pictures")
-    rows = []
-    for task in TASKS:
-        cells = ["not yet"] * 3
-        if task in found:
-            without, own = (found[task][name]["env_steps_per_s"] for name in ("without", "with"))
-            cells = [f"{without:,.0f}", f"{own:,.0f}", f"{100 * own / without:.0f} %"]
-        overlap = alike[task]["overlap"]["object"]
-        cells += [f"{overlap['mean']:.3f} ({overlap['least']:.3f})"]
-        cells += [f"{alike[task]['rgb_mean_difference']:.1f}"]
-        rows.append(f"| `{task}` | {' | '.join(cells)} |")
-    head = "| task | without | with rgb | share | overlap, mean (least) | difference in colour |"
-    return table(head, rows)
-
-
-def bits_on_gpu() -> str:
-    """Whether a GPU's numbers are the processor's."""
-    found = measured("gpu")["bits"]
-    rows = []
-    for task, own in found.items():
-        kept = ("same_in_another_run", "same_among_others")
-        words = ["yes" if own[name] else "no" for name in kept]
-        apart = f"{own['of_processor_largest_difference']:.1g}"
-        rows.append(f"| `{task}` | {' | '.join(words)} | {apart} |")
-    head = (
-        "| task | same bits in another run | among other worlds | furthest from the processor's |"
-    )
-    return table(head, rows)
-
-
 def parameters() -> str:
     """The domain parameters of all tasks, and which tasks have them."""
     tasks: dict[Parameter, list[str]] = {}
@@ -258,9 +205,8 @@ def pages() -> dict[pathlib.Path, str]:
     texts[README] = between(texts[README], "processes", processes())
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
     texts[RECIPES] = with_table(texts[RECIPES], learning())
-    texts[GPU] = between(texts[GPU], "rates", on_gpu())
-    texts[GPU] = between(texts[GPU], "images", images_on_gpu())
-    texts[GPU] = between(texts[GPU], "bits", bits_on_gpu())
+    for name, of in gpu_tables.TABLES.items():
+        texts[GPU] = between(texts[GPU], name, of())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())

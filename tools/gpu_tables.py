@@ -1,0 +1,104 @@
+"""Tables of what environments on a GPU do: docs/gpu*.json and docs/pictures.json."""
+
+import json
+import pathlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from softgym_mj.registry import TASKS
+from tools.pages import table
+
+DOCS = pathlib.Path(__file__).parent.parent / "docs"
+
+
+def measured(name: str) -> Any:
+    """What docs/<name>.json says."""
+    return json.loads((DOCS / f"{name}.json").read_text())
+
+
+def rates() -> str:
+    """Env steps a second on a GPU, and the memory of most environments."""
+    found = measured("gpu")
+    numbers = sorted({int(number) for own in found["rates"].values() for number in own})
+    rows = []
+    for task in TASKS:
+        by_number = found["rates"].get(task, {})
+        own = [by_number.get(str(number)) for number in numbers]
+        cells = [f"{rate['env_steps_per_s']:,.0f}" if rate else "not yet" for rate in own]
+        cells.append(f"{own[-1]['memory_gb']:.1f}" if own[-1] else "")
+        rows.append(f"| `{task}` | {' | '.join(cells)} |".replace("|  |", "| |"))
+    head = " | ".join(f"{number:,}" for number in numbers)
+    compiled = sum(found["compile_s"].values())
+    machine = found["machine"]
+    return (
+        f"{table(f'| task | {head} | GB of {numbers[-1]:,} |', rows)}\n\n"
+        f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the programs took "
+        f"{compiled:.0f} s, once."
+    )
+
+
+def images() -> str:
+    """Env steps a second with images, and how alike images are."""
+    found, alike = measured("gpu").get("images", {}), measured("pictures")
+    rows = []
+    for task in TASKS:
+        cells = ["not yet"] * 3
+        if task in found:
+            without, own = (found[task][name]["env_steps_per_s"] for name in ("without", "with"))
+            cells = [f"{without:,.0f}", f"{own:,.0f}", f"{100 * own / without:.0f} %"]
+        overlap = alike[task]["overlap"]["object"]
+        cells += [f"{overlap['mean']:.3f} ({overlap['least']:.3f})"]
+        cells += [f"{alike[task]['rgb_mean_difference']:.1f}"]
+        rows.append(f"| `{task}` | {' | '.join(cells)} |")
+    head = "| task | without | with rgb | share | overlap, mean (least) | difference in colour |"
+    return table(head, rows)
+
+
+def bits() -> str:
+    """Whether a GPU's numbers are the processor's."""
+    found = measured("gpu")["bits"]
+    rows = []
+    for task, own in found.items():
+        kept = ("same_in_another_run", "same_among_others")
+        words = ["yes" if own[name] else "no" for name in kept]
+        apart = f"{own['of_processor_largest_difference']:.1g}"
+        rows.append(f"| `{task}` | {' | '.join(words)} | {apart} |")
+    head = (
+        "| task | same bits in another run | among other worlds | furthest from the processor's |"
+    )
+    return table(head, rows)
+
+
+def planner() -> str:
+    """Seconds of a decision of the oracle, beside those of a core of a CPU."""
+    rows, on_core = [], measured("throughput")["tasks"]
+    for task, own in measured("gpu_planner").items():
+        seconds, env_steps = own["seconds"], own["env_steps"]
+        first, rest = seconds[0], sum(seconds[1:]) / len(seconds[1:])
+        core = env_steps / on_core[task]["env_steps_per_second"]
+        rows.append(f"| `{task}` | {env_steps:,} | {first:.1f} | {rest:.1f} | {core:.0f} |")
+    head = "| task | env steps of a decision | first [s] | later ones, mean [s] | one core [s] |"
+    return table(head, rows)
+
+
+def long() -> str:
+    """Many env steps in a row: rate and memory at first and at last."""
+    found: Mapping[str, Any] = measured("gpu_steps")
+    rows = []
+    for task in TASKS:
+        own = found[task]
+        rate, memory = own["env_steps_per_s"], own["memory_gb"]
+        cells = f"{own['env_steps']:,}", *(f"{rate[i]:,.0f}" for i in (1, -1))
+        rows.append(f"| `{task}` | {' | '.join(cells)} | {memory[0]:.2f} | {memory[-1]:.2f} |")
+    total = sum(own["env_steps"] for own in found.values())
+    head = "| task | env steps | a second, second tenth | last tenth | GB, first | last |"
+    return f"{table(head, rows)}\n\n{total:,} env steps in all."
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "rates": rates,
+    "images": images,
+    "bits": bits,
+    "planner": planner,
+    "long": long,
+}
