@@ -1,0 +1,115 @@
+"""MPPI, model predictive path integral control, as TD-MPC2 plans (Hansen et al., 2024, 3.2).
+
+A Gaussian over action sequences is fitted again and again to the best of what was drawn from it and
+of what a policy proposes. It knows no model: it asks for the values of sequences.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import Tensor
+
+from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.kinds import typed
+from softgym_mj.learning.networks import drawn
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class MPPISettings:
+    """How it plans; the defaults are TD-MPC2's.
+
+    Attributes:
+        horizon: env steps of a plan.
+        iterations: of the fit.
+        samples: sequences in each, those of the policy among them.
+        proposals: of these, the policy's.
+        elites: sequences that the next distribution is fitted to.
+        temperature: factor to values in the elites' weights: the larger, the more the best counts.
+        std: least deviation, and that at first.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    horizon: int = 3
+    iterations: int = 6
+    samples: int = 512
+    proposals: int = 24
+    elites: int = 64
+    temperature: float = 0.5
+    std: tuple[float, float] = (0.05, 2.0)
+
+    def __post_init__(self):
+        for name in ("horizon", "iterations", "samples"):
+            check_count(name, getattr(self, name), 1)
+        check_count("proposals", self.proposals, 1, self.samples)
+        check_count("elites", self.elites, 1, self.samples)
+        if self.temperature <= 0.0:
+            raise InvalidArgumentError("temperature", self.temperature, "above 0")
+        if not 0.0 < self.std[0] <= self.std[1]:
+            raise InvalidArgumentError("std", self.std, "(least, largest), above 0")
+
+
+def mppi(
+    value: Callable[[Tensor], Tensor],
+    proposals: Tensor,
+    mean: Tensor,
+    settings: MPPISettings,
+    sources: Sequence[torch.Generator],
+    *,
+    explore: bool,
+) -> tuple[Tensor, Tensor]:
+    """Plans for n states of each seed.
+
+    Args:
+        value: returns (seeds, n, samples) of sequences (seeds, n, samples, horizon, action).
+        proposals: a policy's sequences (seeds, n, proposals, horizon, action).
+        mean: where it begins (seeds, n, horizon, action).
+        settings: how.
+        sources: of random numbers, one a seed.
+        explore: whether noise of the last deviation is added.
+
+    Returns:
+        The first actions (seeds, n, action) of an elite that is drawn by its weight, as published,
+        and the last mean (seeds, n, horizon, action).
+    """
+    number, (horizon, size) = mean.shape[1], mean.shape[2:]
+    std = torch.full_like(mean, settings.std[1])
+    for _ in range(settings.iterations):
+        noise = drawn(sources, number, settings.samples - settings.proposals, horizon, size)
+        sampled = (mean[:, :, None] + std[:, :, None] * noise).clamp(-1.0, 1.0)
+        actions = torch.cat([proposals, sampled], dim=2)
+        elites, weights, mean, std = fitted(actions, value(actions), settings)
+    # The largest of log weights with Gumbel's noise is a draw by the weights.
+    uniform = drawn(sources, *weights.shape[1:], normal=False).clamp(min=1e-20)
+    chosen = (weights.log() - (-uniform.log()).log()).argmax(-1)
+    action = elites[:, :, :, 0].gather(2, chosen[..., None, None].expand(-1, -1, 1, size))[:, :, 0]
+    if explore:
+        action = action + std[:, :, 0] * drawn(sources, number, size)
+    return action.clamp(-1.0, 1.0), mean
+
+
+def fitted(
+    actions: Tensor, values: Tensor, settings: MPPISettings
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The next distribution.
+
+    Args:
+        actions: sequences (seeds, n, samples, horizon, action).
+        values: of each (seeds, n, samples).
+        settings: of the planner.
+
+    Returns:
+        The elites (seeds, n, elites, horizon, action), their weights (seeds, n, elites), and mean
+        and deviation (seeds, n, horizon, action) of both.
+    """
+    best = values.topk(settings.elites, dim=-1)
+    at = best.indices[..., None, None].expand(-1, -1, -1, *actions.shape[3:])
+    elites = actions.gather(2, at)
+    weights = (settings.temperature * best.values).softmax(-1)
+    shares = weights[..., None, None]
+    mean = (shares * elites).sum(2)
+    variance = (shares * (elites - mean[:, :, None]) ** 2).sum(2)
+    return elites, weights, mean, variance.sqrt().clamp(*settings.std)

@@ -1,0 +1,299 @@
+"""TD-MPC2 (Hansen et al., 2024) on vectors: plans in the latent states of a learned model.
+
+With the settings and details of the published code for a single task; torchrl 0.14.1 has none. As
+there, the planner knows no end of an episode.
+"""
+
+import copy
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.kinds import typed
+from softgym_mj.learning import world_model_losses as losses
+from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.mppi import MPPISettings, mppi
+from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.repetition import Repeated
+from softgym_mj.learning.replay import Replay
+from softgym_mj.learning.sac import Mean, adam, follow
+from softgym_mj.learning.world_model import Prior, WorldModel, WorldModelSettings, imagined
+
+PLANS = ("always", "evaluation", "never")
+# Of the published discount: it grows with a fifth of an episode, within bounds.
+_EPISODE_SHARE, _LEAST_DISCOUNT, _LARGEST_DISCOUNT = 5, 0.95, 0.995
+_POLICY_EPSILON = 1e-5  # Of the policy's Adam (published code).
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class TDMPC2Settings(WorldModelSettings, MPPISettings):
+    """How it learns; the defaults are the published ones. See also `MPPISettings`.
+
+    Attributes:
+        plans: when it acts by its planner, one of `PLANS`; else by the policy prior.
+        random_steps: env steps of each seed that are random, before it learns.
+        pretraining: updates before all others.
+        updates: for each step of all environments.
+        batch: stretches of an update, of each seed.
+        replay: env steps of each seed that are kept.
+        rate: of Adam.
+        encoder_rate: of Adam, of the encoder.
+        largest_gradient: norm to which gradients are cut, of each seed.
+        tau: share of the critics in their targets, at each update.
+        rho: factor to losses, by each env step into the future.
+        consistency, reward, value: weights of the model's losses.
+        entropy: weight of the policy's entropy.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    plans: str = "always"
+    random_steps: int = 1_000
+    pretraining: int = 1_000
+    updates: int = 1
+    batch: int = 256
+    replay: int = 1_000_000
+    rate: float = 3e-4
+    encoder_rate: float = 9e-5
+    largest_gradient: float = 20.0
+    tau: float = 0.01
+    rho: float = 0.5
+    consistency: float = 20.0
+    reward: float = 0.1
+    value: float = 0.1
+    entropy: float = 1e-4
+
+    def __post_init__(self):
+        WorldModelSettings.__post_init__(self)
+        MPPISettings.__post_init__(self)
+        check_name("plans", self.plans, PLANS)
+        for name in ("updates", "batch", "replay"):
+            check_count(name, getattr(self, name), 1)
+        for name in ("random_steps", "pretraining"):
+            check_count(name, getattr(self, name), 0)
+        for name in ("rate", "encoder_rate", "tau", "rho"):
+            if not 0.0 < getattr(self, name) <= 1.0:
+                raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
+        for name in ("consistency", "reward", "value", "entropy"):
+            if getattr(self, name) < 0.0:
+                raise InvalidArgumentError(name, getattr(self, name), "0 or more")
+        if self.largest_gradient <= 0.0:
+            raise InvalidArgumentError("largest_gradient", self.largest_gradient, "above 0")
+
+
+class TDMPC2:
+    """A `Learner`: world models that are trained side by side.
+
+    Attributes:
+        settings: how.
+        model: the networks.
+        scale: running spread (seeds,) of values, 1 or more.
+        replay: what it learns from.
+        updates: as of `Learner`.
+    """
+
+    def __init__(
+        self,
+        settings: TDMPC2Settings,
+        seeds: Sequence[int],
+        worlds: int,
+        observation: int,
+        action: int,
+        *,
+        discount: float,
+        device: torch.device | str = "cpu",
+    ):
+        """Draws the networks.
+
+        Args:
+            settings: how it learns.
+            seeds: of the random numbers, each of a training of its own.
+            worlds: of each seed.
+            observation, action: sizes.
+            discount: of rewards, in each env step.
+            device: where.
+        """
+        check_count("replay", settings.replay, settings.horizon * worlds)
+        self.settings, self._seeds, self._worlds = settings, seeds, worlds
+        self._action, self._discount = action, discount
+        # Of updates, of exploration, of evaluations.
+        self._sources, self._noise, self._trials = (generators(seeds, device) for _ in range(3))
+        self.model = WorldModel(settings, self._sources, observation, action)
+        self.scale = torch.ones(len(seeds), device=device)
+        self.replay = Replay(
+            settings.replay // worlds, seeds, worlds, (observation,), action, discount=discount,
+            device=device,
+        )  # fmt: skip
+        model = self.model
+        rest = nn.ModuleList([model.dynamics, model.reward, model.critics])
+        self._encoder_adam = adam(model.encoder.parameters(), settings.encoder_rate)
+        self._model_adam = adam(rest.parameters(), settings.rate)
+        self._policy_adam = adam(model.actor.parameters(), settings.rate, eps=_POLICY_EPSILON)
+        self._again = Repeated(self._learn_once, [*self.replay.sources, *self._sources])
+        self.updates, self._seen = 0, 0  # The latter: env steps of each seed.
+
+    # ------------------------------------------------------------------ acting
+
+    def act(
+        self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
+    ) -> tuple[Tensor, Any]:
+        """See `Learner`; the memory is the planner's last mean (seeds, n, horizon, action)."""
+        number, size = observation.shape[1], self._action
+        if explore and self._seen < self.settings.random_steps:
+            return 2.0 * drawn(self._noise, number, size, normal=False) - 1.0, None
+        with torch.no_grad():
+            latent = self.model.encode(observation)
+            if self.settings.plans == "never" or (explore and self.settings.plans != "always"):
+                if not explore:
+                    return self.model.actor.mean(latent), None
+                return self.model.sample(latent, drawn(self._noise, number, size))[0], None
+            if memory is None:
+                memory = latent.new_zeros(*latent.shape[:2], self.settings.horizon, size)
+                # An evaluation changes nothing: it begins with the same random numbers.
+                for seed, source in zip(self._seeds, self._trials, strict=True):
+                    source.manual_seed(seed)
+            shifted = torch.cat([memory[:, :, 1:], torch.zeros_like(memory[:, :, :1])], dim=2)
+            mean = torch.where(first[..., None, None], 0.0, shifted)
+            return self._plan(latent, mean, explore=explore)
+
+    def _plan(self, latent: Tensor, mean: Tensor, *, explore: bool) -> tuple[Tensor, Tensor]:
+        settings, sources = self.settings, self._noise if explore else self._trials
+        shape = latent.shape[1], settings.proposals
+        state, proposals = latent[:, :, None].expand(-1, -1, shape[1], -1), list[Tensor]()
+        for _ in range(settings.horizon):
+            action, _ = self.model.sample(state, drawn(sources, *shape, self._action))
+            proposals.append(action)
+            state = self.model.following(state, action)
+
+        def value(actions: Tensor) -> Tensor:
+            samples = actions.shape[1:3]
+            noise = drawn(sources, *samples, self._action)
+            states = latent[:, :, None].expand(-1, -1, samples[1], -1)
+            pair = self._pairs(sources)
+            return imagined(self.model, states, actions, noise, pair, self._discount)
+
+        return mppi(value, torch.stack(proposals, 3), mean, settings, sources, explore=explore)
+
+    def _pairs(self, sources: Sequence[torch.Generator]) -> Tensor:
+        """Two different critics of each seed (seeds, 2)."""
+        return drawn(sources, self.settings.critics, normal=False).argsort(-1)[:, :2]
+
+    # ------------------------------------------------------------------ learning
+
+    def learn(self, step: Step) -> dict[str, Tensor]:
+        """See `Learner`."""
+        settings = self.settings
+        self.replay.add(step)
+        learns = self._seen >= settings.random_steps and self.replay.size >= settings.horizon
+        self._seen += self._worlds
+        found: dict[str, Tensor] = {}
+        if learns:
+            number = settings.updates + (0 if self.updates else settings.pretraining)
+            for _ in range(number):
+                found = self._again()
+            self.updates += number
+        return found
+
+    def _learn_once(self) -> dict[str, Tensor]:
+        return self.update(self.replay.slices(self.settings.batch, self.settings.horizon))
+
+    def update(self, step: Step) -> dict[str, Tensor]:
+        """Learns from stretches (seeds, n, horizon, ...); returns losses (seeds,) by name."""
+        settings, model = self.settings, self.model
+        number, length = step.reward.shape[1:]
+        found, latent = losses.model_losses(
+            model, step, *self._draws(number, length), discount=self._discount, rho=settings.rho
+        )
+        weighted = [getattr(settings, name) * loss for name, loss in found.items()]
+        self._follow([self._encoder_adam, self._model_adam], sum(weighted[1:], weighted[0]))
+        counts = losses.counted(step.ended)
+        counts = torch.cat([counts[..., :1], counts], dim=-1)  # A state does if its step does.
+        model.critics.requires_grad_(False)
+        values, entropy = losses.policy_values(model, latent, *self._draws(number, length + 1))
+        wide = losses.spread(values[:, :, 0].detach())
+        self.scale.lerp_(wide.clamp(min=1.0), settings.tau)
+        worth = values / self.scale[:, None, None] + settings.entropy * entropy
+        loss = -(losses.shares(counts, settings.rho) * worth).sum((1, 2))
+        self._follow([self._policy_adam], loss)
+        model.critics.requires_grad_(True)
+        follow(model.targets, model.critics, settings.tau)
+        told = {f"{name}_loss": value.detach() for name, value in found.items()}
+        return {**told, "policy_loss": loss.detach(), "scale": self.scale.clone()}
+
+    def _draws(self, number: int, length: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Noise of actions, two critics and dropout, of an update's states."""
+        noise = drawn(self._sources, number, length, self._action)
+        kept = self.model.dropout(self._sources, number * length)
+        return noise, self._pairs(self._sources), kept
+
+    def _follow(self, optimizers: Sequence[torch.optim.Adam], loss: Tensor) -> None:
+        """Each seed's weights follow its own loss (seeds,), by gradients of limited norm."""
+        for optimizer in optimizers:
+            optimizer.zero_grad(set_to_none=True)
+        loss.sum().backward()
+        weights = [w for each in optimizers for group in each.param_groups for w in group["params"]]
+        losses.cut(weights, len(self._seeds), self.settings.largest_gradient)
+        for optimizer in optimizers:
+            optimizer.step()
+
+    def policy(self, seed: int) -> nn.Module:
+        """The policy prior, which acts where nothing is planned. See `Learner`."""
+        if self.settings.plans != "never":
+            valid = "'never': a planner remembers its last plan, of which no file can be made"
+            raise InvalidArgumentError("plans", self.settings.plans, valid)
+        return Mean(Prior(self.model), seed)
+
+    # ------------------------------------------------------------------ state
+
+    def get_state(self) -> dict[str, Any]:
+        """See `Learner`."""
+        state = {
+            "model": self.model.state_dict(),
+            "scale": self.scale,
+            "adam": [optimizer.state_dict() for optimizer in self._adams],
+            "random": [source.get_state() for source in (*self._sources, *self._noise)],
+            "updates": self.updates,
+            "seen": self._seen,
+        }
+        return {**copy.deepcopy(state), "replay": self.replay.get_state()}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """See `Learner`."""
+        self.model.load_state_dict(state["model"])
+        self.scale.copy_(state["scale"])
+        for optimizer, kept in zip(self._adams, state["adam"], strict=True):
+            optimizer.load_state_dict(copy.deepcopy(kept))
+        for source, kept in zip((*self._sources, *self._noise), state["random"], strict=True):
+            source.set_state(kept)
+        self.updates, self._seen = state["updates"], state["seen"]
+        self.replay.set_state(state["replay"])
+
+    @property
+    def _adams(self) -> tuple[torch.optim.Adam, ...]:
+        return self._encoder_adam, self._model_adam, self._policy_adam
+
+
+def discount_of(horizon: int) -> float:
+    """TD-MPC2's discount of rewards, by the env steps in an episode."""
+    share = horizon / _EPISODE_SHARE
+    return min(max((share - 1.0) / share, _LEAST_DISCOUNT), _LARGEST_DISCOUNT)
+
+
+def make(settings: TDMPC2Settings, problem: Problem) -> TDMPC2:
+    """The `Learner` of a problem.
+
+    Raises:
+        InvalidArgumentError: for images.
+    """
+    if len(problem.observation) != 1:
+        raise InvalidArgumentError("observation", problem.observation, "numbers (n,), not images")
+    return TDMPC2(
+        settings, problem.seeds, problem.worlds, *problem.observation, problem.action,
+        discount=discount_of(problem.example().horizon), device=problem.device,
+    )  # fmt: skip

@@ -1,0 +1,227 @@
+"""TD-MPC2's implicit world model (Hansen et al., 2024), of several seeds at once.
+
+It predicts latent states, rewards and values, and decodes nothing. The seeds' dimension and that of
+the ensemble are one in the critics' arrays, so that one product of matrices serves all.
+"""
+
+import copy
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.kinds import typed
+from softgym_mj.learning.networks import Actor, LayerNorm, Linear, drawn
+from softgym_mj.learning.two_hot import expected
+
+_WEIGHT_STD = 0.02  # Of all weights at first (published code).
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class WorldModelSettings:
+    """Sizes; the defaults are those of the published model of 5 million parameters.
+
+    Attributes:
+        latent: size of a latent state.
+        simplex: numbers of a latent state that are 0 or more and add up to 1.
+        encoder: size of the encoder's hidden layer.
+        hidden: sizes of hidden layers, of all else.
+        critics: of the ensemble.
+        bins: of rewards and values: `two_hot`.
+        dropout: share of a critic's first hidden layer that is left out of an update.
+        log_std: least and largest of the policy's deviation.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    latent: int = 512
+    simplex: int = 8
+    encoder: int = 256
+    hidden: tuple[int, ...] = (512, 512)
+    critics: int = 5
+    bins: int = 101
+    dropout: float = 0.01
+    log_std: tuple[float, float] = (-10.0, 2.0)
+
+    def __post_init__(self):
+        check_count("simplex", self.simplex, 1)
+        check_count("encoder", self.encoder, 1)
+        for name in ("critics", "bins"):
+            check_count(name, getattr(self, name), 2)
+        if check_count("latent", self.latent, 1) % self.simplex:
+            raise InvalidArgumentError("latent", self.latent, f"{self.simplex} times a number")
+        if not self.hidden or min(self.hidden) < 1:
+            raise InvalidArgumentError("hidden", self.hidden, "sizes of one layer or more")
+        if not 0.0 <= self.dropout < 1.0:
+            raise InvalidArgumentError("dropout", self.dropout, "0 or more, below 1")
+        if self.log_std[0] >= self.log_std[1]:
+            raise InvalidArgumentError("log_std", self.log_std, "(least, largest)")
+
+
+class NormedMLP(nn.Module):
+    """Layers that are normalised before Mish; the output may be latent states."""
+
+    def __init__(
+        self, sources: Sequence[torch.Generator], sizes: Sequence[int], simplex: int | None = None
+    ):
+        """Draws the weights.
+
+        Args:
+            sources: of random numbers, one a network.
+            sizes: of the input, of hidden layers and of the output.
+            simplex: of latent states; None for a linear output.
+        """
+        super().__init__()
+        layers = [Linear(sources, *pair) for pair in itertools.pairwise(sizes)]
+        for layer in layers:
+            layer.weight.data = _WEIGHT_STD * drawn(sources, *layer.weight.shape[1:])
+        normed = sizes[1:] if simplex else sizes[1:-1]
+        norms = [LayerNorm(len(sources), size, sources[0].device) for size in normed]
+        self.layers, self.norms = nn.ModuleList(layers), nn.ModuleList(norms)
+        self._simplex = simplex
+
+    def forward(self, x: Tensor, kept: Tensor | None = None) -> Tensor:
+        """Of (networks, n, inputs): (networks, n, outputs).
+
+        Args:
+            x: inputs.
+            kept: factors to the first layer (networks, n, its size): dropout.
+        """
+        last = len(self.layers) - 1
+        for k, layer in enumerate(self.layers):
+            x = layer(x)
+            if k == 0 and kept is not None:
+                x = x * kept
+            if k < len(self.norms):
+                x = self.norms[k](x)
+            if k < last:
+                x = nn.functional.mish(x)
+        return x if self._simplex is None else simplicial(x, self._simplex)
+
+
+def simplicial(x: Tensor, size: int) -> Tensor:
+    """Each `size` numbers of the last dimension by softmax: SimNorm."""
+    return x.unflatten(-1, (-1, size)).softmax(-1).flatten(-2)
+
+
+class WorldModel(nn.Module):
+    """Networks of all seeds: what they take is (seeds, ..., size).
+
+    Attributes:
+        settings: sizes.
+        encoder, dynamics, reward, critics: networks.
+        targets: of the critics, which follow them.
+        actor: the policy prior.
+    """
+
+    def __init__(
+        self,
+        settings: WorldModelSettings,
+        sources: Sequence[torch.Generator],
+        observation: int,
+        action: int,
+    ):
+        super().__init__()
+        latent, hidden, bins = settings.latent, settings.hidden, settings.bins
+        both, own = latent + action, settings
+        self.settings = settings
+        self.encoder = NormedMLP(sources, [observation, own.encoder, latent], own.simplex)
+        self.dynamics = NormedMLP(sources, [both, *hidden, latent], own.simplex)
+        self.reward = NormedMLP(sources, [both, *hidden, bins])
+        each = [source for source in sources for _ in range(own.critics)]
+        self.critics = NormedMLP(each, [both, *hidden, bins])
+        self.actor = Actor(sources, latent, action, (), own.log_std)
+        self.actor.body = NormedMLP(sources, [latent, *hidden, 2 * action])
+        for network in (self.reward, self.critics):  # Nothing is worth anything at first.
+            nn.init.zeros_(network.layers[-1].weight)
+        self.targets = copy.deepcopy(self.critics).requires_grad_(False)
+
+    def encode(self, observation: Tensor) -> Tensor:
+        """Latent states (seeds, ..., latent) of observations."""
+        return _each(self.encoder, observation)
+
+    def following(self, latent: Tensor, action: Tensor) -> Tensor:
+        """Latent states after actions (seeds, ..., action)."""
+        return _each(self.dynamics, torch.cat([latent, action], dim=-1))
+
+    def rewards(self, latent: Tensor, action: Tensor) -> Tensor:
+        """Logits (seeds, ..., bins) of rewards of actions."""
+        return _each(self.reward, torch.cat([latent, action], dim=-1))
+
+    def values(
+        self, latent: Tensor, action: Tensor, kept: Tensor | None = None, *, target: bool = False
+    ) -> Tensor:
+        """Logits (seeds, critics, ..., bins) of returns of actions.
+
+        Args:
+            latent: states.
+            action: in them.
+            kept: by `dropout`, if any is left out.
+            target: whether the targets are asked.
+        """
+        number, (seeds, *middle) = self.settings.critics, latent.shape[:-1]
+        both = torch.cat([latent, action], dim=-1).flatten(1, -2)
+        told = both[:, None].expand(-1, number, -1, -1).flatten(0, 1)
+        return (self.targets if target else self.critics)(told, kept).reshape(
+            seeds, number, *middle, -1
+        )
+
+    def sample(self, latent: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions (seeds, ..., action) of the policy and their log densities (seeds, ...)."""
+        middle = latent.shape[1:-1]
+        action, density = self.actor.sample(latent.flatten(1, -2), noise.flatten(1, -2))
+        return action.unflatten(1, middle), density.unflatten(1, middle)
+
+    def dropout(self, sources: Sequence[torch.Generator], number: int) -> Tensor:
+        """Factors for `values` of so many states: 0 for what is left out."""
+        share, sizes = self.settings.dropout, (self.settings.critics, number)
+        numbers = drawn(sources, *sizes, self.settings.hidden[0], normal=False)
+        return (numbers >= share).flatten(0, 1) / (1.0 - share)
+
+
+def _each(network: nn.Module, x: Tensor) -> Tensor:
+    return network(x.flatten(1, -2)).unflatten(1, x.shape[1:-1])
+
+
+def two_of(logits: Tensor, pair: Tensor) -> Tensor:
+    """Those of two critics (seeds, 2, ...), by their numbers (seeds, 2)."""
+    return logits[torch.arange(len(pair), device=pair.device)[:, None], pair]
+
+
+def imagined(
+    model: WorldModel, latent: Tensor, actions: Tensor, noise: Tensor, pair: Tensor, discount: float
+) -> Tensor:
+    """Returns (seeds, ...) of actions, by a model: the policy goes on after them.
+
+    Args:
+        model: networks.
+        latent: states (seeds, ..., latent).
+        actions: in them and in what follows (seeds, ..., horizon, action).
+        noise: of the last action (seeds, ..., action).
+        pair: two critics of each seed (seeds, 2), whose mean counts.
+        discount: of rewards.
+    """
+    found, factor = torch.zeros_like(noise[..., 0]), 1.0
+    for action in actions.unbind(-2):
+        found = found + factor * expected(model.rewards(latent, action))
+        latent = model.following(latent, action)
+        factor *= discount
+    last, _ = model.sample(latent, noise)
+    return found + factor * expected(two_of(model.values(latent, last), pair)).mean(1)
+
+
+class Prior(nn.Module):
+    """What of a model the policy prior needs."""
+
+    def __init__(self, model: WorldModel):
+        super().__init__()
+        self.encoder, self.actor = model.encoder, model.actor
+
+    def mean(self, observation: Tensor) -> Tensor:
+        """The actions (seeds, n, action) without noise."""
+        return self.actor.mean(self.encoder(observation))
