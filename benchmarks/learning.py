@@ -16,7 +16,7 @@ import torch
 import softgym_mj
 from benchmarks.gpu import machine
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods import METHODS, find_preset
+from softgym_mj.learning.registry import METHODS, find_preset
 
 SEEDS = (1, 5)
 SECONDS = 4.0  # For which the clock runs, about.

@@ -31,7 +31,7 @@ def train(
 ) -> None:
     """Trains a policy; may be killed and run again. --settings are those of preset files."""
     from softgym_mj.learning.logs import make_log
-    from softgym_mj.learning.methods import find_preset
+    from softgym_mj.learning.registry import find_preset
     from softgym_mj.learning.training import Training
 
     check_name("device", device, DEVICES)

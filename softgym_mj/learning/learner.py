@@ -125,7 +125,7 @@ class Method:
     """One way to learn.
 
     Attributes:
-        name: of `methods.METHODS`.
+        name: of `registry.METHODS`.
         preset: whose settings these are; "custom" if some were replaced.
         settings: its dataclass.
         make: a `Learner` of a problem.

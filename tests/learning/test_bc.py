@@ -9,9 +9,9 @@ import torch
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.bc import BC, BCSettings
 from softgym_mj.learning.learner import Step
-from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.methods.bc import BC, BCSettings
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.symmetries import Symmetry
 from softgym_mj.learning.training import Training, TrainingSettings
 

@@ -7,11 +7,11 @@ import torch
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.curl import CURL, CURLSettings, make
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.methods.curl import CURL, CURLSettings, make
+from softgym_mj.learning.methods.pixels import cropped
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.pixels import cropped
+from softgym_mj.learning.registry import find_method, find_preset
 from tests.learning.test_pixels import (
     ACTION,
     FEW,

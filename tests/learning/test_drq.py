@@ -5,10 +5,10 @@ import torch
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.drq import DrQ, DrQSettings, make
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.methods.drq import DrQ, DrQSettings, make
 from softgym_mj.learning.networks import drawn
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
 from tests.learning.test_pixels import (
     ACTION,

@@ -10,12 +10,12 @@ import torch
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning import hindsight
-from softgym_mj.learning.hindsight import HindsightReplay, HindsightSAC, HindsightSettings
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.methods import hindsight
+from softgym_mj.learning.methods.hindsight import HindsightReplay, HindsightSAC, HindsightSettings
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.training import Training, TrainingSettings
 from softgym_mj.metrics import Measures
 from softgym_mj.tasks import pour_water_amount

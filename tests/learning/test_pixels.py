@@ -7,8 +7,7 @@ from torch import nn
 
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.pixels import (
+from softgym_mj.learning.methods.pixels import (
     Convolutions,
     PixelSAC,
     PixelSettings,
@@ -16,6 +15,7 @@ from softgym_mj.learning.pixels import (
     cropped,
     picture_size,
 )
+from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.training import Training, TrainingSettings
 

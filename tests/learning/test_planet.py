@@ -14,12 +14,19 @@ from torchrl.objectives import DreamerModelLoss
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning import open_loop
-from softgym_mj.learning.latent import GRU, Decoder, Encoder, WorldModel, centred
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.methods.planet import open_loop
+from softgym_mj.learning.methods.planet.latent import GRU, Decoder, Encoder, WorldModel, centred
+from softgym_mj.learning.methods.planet.learner import (
+    PlaNet,
+    PlaNetSettings,
+    clip,
+    losses,
+    make,
+    plan,
+)
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.planet import PlaNet, PlaNetSettings, clip, losses, make, plan
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.training import Training, TrainingSettings
 
 SIZE, ACTION = 16, 1

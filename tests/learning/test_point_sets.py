@@ -7,9 +7,7 @@ import torch
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import worlds_of
-from softgym_mj.learning.methods import find_method, find_preset
-from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.point_sets import (
+from softgym_mj.learning.methods.point_sets import (
     Layout,
     PointSAC,
     PointSets,
@@ -17,6 +15,8 @@ from softgym_mj.learning.point_sets import (
     full_symmetries,
     layout,
 )
+from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.learning.training import Training, TrainingSettings

@@ -13,11 +13,11 @@ from torchrl.objectives.value.functional import generalized_advantage_estimate
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.methods.ppo.learner import PPO, PPOSettings
+from softgym_mj.learning.methods.ppo.rollout import Rollout, advantages
+from softgym_mj.learning.methods.ppo.stopping import StoppingAdam
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.ppo import PPO, PPOSettings
-from softgym_mj.learning.rollout import Rollout, advantages
-from softgym_mj.learning.stopping import StoppingAdam
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.training import Training, TrainingSettings
 
 OBSERVATION, ACTION, WORLDS = 5, 2, 6

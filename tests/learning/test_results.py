@@ -313,7 +313,7 @@ def test_the_committed_queue_suits_presets_and_tasks():
     assert len(set(commands_)) == len(commands_)
     outs = [command.split("--out ")[1] for command in commands_]
     assert len(set(outs)) == len(outs)
-    presets = ROOT / "softgym_mj" / "learning" / "presets"
+    presets = ROOT / "softgym_mj" / "learning" / "methods" / "presets"
     for run in runs:
         if run.plans:
             budget = run.settings.get("budget", BUDGET)

@@ -10,11 +10,11 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.demonstrations import replay_of
 from softgym_mj.learning.learner import Step
-from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.methods.rlpd import RLPD, RLPDSettings, least
+from softgym_mj.learning.methods.sac import SAC
 from softgym_mj.learning.networks import Linear, drawn
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.rlpd import RLPD, RLPDSettings, least
-from softgym_mj.learning.sac import SAC
 from softgym_mj.learning.training import Training, TrainingSettings
 
 OBSERVATION, ACTION, NUMBER = 3, 2, 5

@@ -8,9 +8,9 @@ import torch
 from torch import nn
 
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.methods.sac import SAC, SACSettings
 from softgym_mj.learning.networks import Actor, Linear, drawn, generators
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.sac import SAC, SACSettings
 
 OBSERVATION, ACTION, NUMBER = 5, 2, 7
 SMALL = SACSettings(hidden=(16, 16), norm=True)

@@ -10,15 +10,26 @@ from torch import nn
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning import world_model_losses as losses
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods import find_method, find_preset
-from softgym_mj.learning.mppi import MPPISettings, fitted, mppi
+from softgym_mj.learning.methods.tdmpc2 import losses
+from softgym_mj.learning.methods.tdmpc2.learner import TDMPC2, TDMPC2Settings, discount_of, make
+from softgym_mj.learning.methods.tdmpc2.mppi import MPPISettings, fitted, mppi
+from softgym_mj.learning.methods.tdmpc2.networks import (
+    WorldModel,
+    WorldModelSettings,
+    imagined,
+    simplicial,
+)
+from softgym_mj.learning.methods.tdmpc2.two_hot import (
+    cross_entropy,
+    expected,
+    symexp,
+    symlog,
+    two_hot,
+)
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.tdmpc2 import TDMPC2, TDMPC2Settings, discount_of, make
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.training import Training, TrainingSettings
-from softgym_mj.learning.two_hot import cross_entropy, expected, symexp, symlog, two_hot
-from softgym_mj.learning.world_model import WorldModel, WorldModelSettings, imagined, simplicial
 
 OBSERVATION, ACTION, NUMBER, HORIZON, DISCOUNT, RHO = 5, 2, 6, 3, 0.9, 0.5
 SIZES = {

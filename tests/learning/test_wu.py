@@ -9,13 +9,13 @@ from torch.nn import functional
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.cloth_pixels import cloth_pixels, pixel_centres
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods import find_method, find_preset
+from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centres
+from softgym_mj.learning.methods.wu.learner import PickAndPlace, WuSettings, make
 from softgym_mj.learning.networks import LayerNorm, Linear, drawn, generators
+from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.training import Training, TrainingSettings
-from softgym_mj.learning.wu import PickAndPlace, WuSettings, make
 
 LINEN, CRIMSON, FLOOR, SHADOW, RING = (
     (213, 180, 129), (150, 20, 60), (209, 206, 202), (124, 122, 119), (235, 128, 25),
@@ -153,7 +153,9 @@ def test_losses_are_those_of_the_paper(monkeypatch):
     monkeypatch.setattr(wu, "_noise", lambda *shape: next(left))
     before = wu.alpha
     calls = []
-    monkeypatch.setattr("softgym_mj.learning.sac.step", lambda adam, loss: calls.append(loss))
+    monkeypatch.setattr(
+        "softgym_mj.learning.methods.sac.step", lambda adam, loss: calls.append(loss)
+    )
     wu.update(batch)  # No step is taken, so that all losses are of the same networks.
     critic, actor, alpha = calls
     assert (before - 1.0).abs().min() > 1e-4

@@ -1,7 +1,7 @@
 """Methods by name: settings, and what makes a learner of them.
 
-Each is a module of this folder with a dataclass of settings and a function `make(settings,
-problem)`, and a file of presets beside it.
+Each is a module of the folder `methods` with a dataclass of settings and a function `make(settings,
+problem)`, and a file of presets.
 """
 
 import dataclasses
@@ -19,16 +19,16 @@ METHODS = {
     "sac": ("sac", "SACSettings"),
     "sac_hindsight": ("hindsight", "HindsightSettings"),
     "sac_points": ("point_sets", "PointSetSettings"),
-    "tdmpc2": ("tdmpc2", "TDMPC2Settings"),
+    "tdmpc2": ("tdmpc2.learner", "TDMPC2Settings"),
     "bc": ("bc", "BCSettings"),
     "rlpd": ("rlpd", "RLPDSettings"),
-    "planet": ("planet", "PlaNetSettings"),
-    "ppo": ("ppo", "PPOSettings"),
-    "wu": ("wu", "WuSettings"),
+    "planet": ("planet.learner", "PlaNetSettings"),
+    "ppo": ("ppo.learner", "PPOSettings"),
+    "wu": ("wu.learner", "WuSettings"),
     "curl": ("curl", "CURLSettings"),
     "drq": ("drq", "DrQSettings"),
 }
-
+_ROOM = "softgym_mj.learning.methods"
 LABELLED = {"observation", "symmetric"}  # Settings that curves name beside the preset.
 
 
@@ -44,7 +44,7 @@ def find_method(name: str, **settings: Any) -> Method:
     """
     check_name("method", name, METHODS)
     module, kind = METHODS[name]
-    found = importlib.import_module(f"softgym_mj.learning.{module}")
+    found = importlib.import_module(f"{_ROOM}.{module}")
     return Method(name, "custom", getattr(found, kind)(**settings), found.make)
 
 
@@ -63,7 +63,7 @@ def find_preset(
         InvalidArgumentError: for a name that there is not, or a bad value.
     """
     check_name("method", name, METHODS)
-    file = pathlib.Path(__file__).with_name("presets") / f"{name}.toml"
+    file = pathlib.Path(__file__).parent / "methods" / "presets" / f"{name}.toml"
     presets = tomllib.loads(file.read_text())
     check_name("preset", preset, presets)
     own = presets[preset].get("tasks", {}).get(task, {})
@@ -72,7 +72,7 @@ def find_preset(
         for part in ("training", "method")
     }
     module, kind = METHODS[name]
-    fields = getattr(importlib.import_module(f"softgym_mj.learning.{module}"), kind)
+    fields = getattr(importlib.import_module(f"{_ROOM}.{module}"), kind)
     names = {
         "training": {field.name for field in dataclasses.fields(TrainingSettings)} - {"task"},
         "method": {field.name for field in dataclasses.fields(fields)},

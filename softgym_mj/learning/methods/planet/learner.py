@@ -17,12 +17,12 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
-from softgym_mj.learning.latent import WorldModel, centred
 from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.methods.planet.latent import WorldModel, centred
+from softgym_mj.learning.methods.sac import adam
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
-from softgym_mj.learning.sac import adam
 
 _TINY = 1e-6  # Added to a norm that divides (PyTorch's).
 

@@ -14,9 +14,9 @@ import softgym_mj
 from softgym_mj.evaluation.plots import new_figure
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.jobs.files import write_whole
-from softgym_mj.learning.latent import centred
 from softgym_mj.learning.learner import worlds_of
-from softgym_mj.learning.planet import PlaNet
+from softgym_mj.learning.methods.planet.latent import centred
+from softgym_mj.learning.methods.planet.learner import PlaNet
 from softgym_mj.learning.training import Training
 
 CONTEXT, PREDICTED = 5, 30  # Frames (SoftGym, figure of predictions).

@@ -17,10 +17,10 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.methods.sac import SAC, SACSettings
 from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch, Replay
-from softgym_mj.learning.sac import SAC, SACSettings
 from softgym_mj.tasks.shared import observations
 from softgym_mj.tasks.shared.goals import Goals, goals
 

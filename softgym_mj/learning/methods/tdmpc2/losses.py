@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from softgym_mj.learning.learner import Step
-from softgym_mj.learning.two_hot import cross_entropy, expected
-from softgym_mj.learning.world_model import WorldModel, two_of
+from softgym_mj.learning.methods.tdmpc2.networks import WorldModel, two_of
+from softgym_mj.learning.methods.tdmpc2.two_hot import cross_entropy, expected
 
 _PERCENTILES = 0.05, 0.95  # Between them lies the spread of values.
 

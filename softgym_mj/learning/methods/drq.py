@@ -11,9 +11,9 @@ from torch import Tensor
 from softgym_mj.exceptions import check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.methods.pixels import PixelSAC, PixelSettings, cropped, picture_size
 from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
-from softgym_mj.learning.pixels import PixelSAC, PixelSettings, cropped, picture_size
 from softgym_mj.learning.replay import Batch
 
 _SHIFTS = 2  # Of an image and of the next one: K = M = 2 in the paper.

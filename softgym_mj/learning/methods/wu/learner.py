@@ -19,13 +19,13 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
-from softgym_mj.learning.cloth_pixels import cloth_pixels, pixel_centres
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.looking import PICK, Judging, Looking, Placing, seen
+from softgym_mj.learning.methods.sac import SAC, SACSettings
+from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centres
+from softgym_mj.learning.methods.wu.networks import PICK, Judging, Looking, Placing, seen
 from softgym_mj.learning.networks import Actor, drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.sac import SAC, SACSettings
 
 _PLACE = 3  # Numbers of a place.
 _LEAST = 8  # Pixels of an image.

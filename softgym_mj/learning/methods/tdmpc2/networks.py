@@ -14,8 +14,8 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
+from softgym_mj.learning.methods.tdmpc2.two_hot import expected
 from softgym_mj.learning.networks import Actor, LayerNorm, Linear, drawn
-from softgym_mj.learning.two_hot import expected
 
 _WEIGHT_STD = 0.02  # Of all weights at first (published code).
 

@@ -14,14 +14,19 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.kinds import typed
-from softgym_mj.learning import world_model_losses as losses
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.mppi import MPPISettings, mppi
+from softgym_mj.learning.methods.sac import Mean, adam, follow
+from softgym_mj.learning.methods.tdmpc2 import losses
+from softgym_mj.learning.methods.tdmpc2.mppi import MPPISettings, mppi
+from softgym_mj.learning.methods.tdmpc2.networks import (
+    Prior,
+    WorldModel,
+    WorldModelSettings,
+    imagined,
+)
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
-from softgym_mj.learning.sac import Mean, adam, follow
-from softgym_mj.learning.world_model import Prior, WorldModel, WorldModelSettings, imagined
 
 PLANS = ("always", "evaluation", "never")
 # Of the published discount: it grows with a fifth of an episode, within bounds.

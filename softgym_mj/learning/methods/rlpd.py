@@ -16,10 +16,10 @@ from softgym_mj.exceptions import check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.methods.sac import SAC, SACSettings
 from softgym_mj.learning.networks import Actor, Critics, drawn
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch, Replay
-from softgym_mj.learning.sac import SAC, SACSettings
 from softgym_mj.learning.symmetries import symmetries
 
 

@@ -17,10 +17,10 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.methods.sac import Mean, adam, step
 from softgym_mj.learning.networks import MLP, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.sac import Mean, adam, step
 from softgym_mj.learning.symmetries import Symmetry, symmetries
 
 # Least deviation by which observations are divided [m]: what hardly changes is not blown up.

@@ -1,0 +1,1 @@
+"""Wu et al.: pick and place by pixels."""
