@@ -18,6 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from softgym_mj.exceptions import SimulationError, check_count, import_extra
+from softgym_mj.jobs.scripts import unknown_main
 
 MOST_PROCESSES = 512  # Each takes a tenth of a GiB.
 _HAS_MASKS = hasattr(signal, "pthread_sigmask")
@@ -127,7 +128,7 @@ class ProcessExecutor(Executor):
                 initializer=_start,
                 initargs=(os.getpid(),),
             )
-        with _uninterrupted():
+        with _uninterrupted(), unknown_main():
             futures = {self._pool.submit(function, *call): index for index, call in calls.items()}
         failure = None
         try:

@@ -5,17 +5,16 @@ import functools
 import os
 import pickle
 import queue
-import sys
 import threading
-import types
 import weakref
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from typing import Any
 
 import cloudpickle
 
 from softgym_mj.exceptions import LifecycleError, SimulationError
+from softgym_mj.jobs.scripts import unknown_main
 from softgym_mj.vector.worker import END, serve
 
 # [s] That workers have to finish a call whose answer nobody waits for; one may be stuck.
@@ -23,7 +22,6 @@ _PATIENCE = 5.0
 # [s] After which a waiting thread looks for signals: one that comes just before it goes to sleep
 # does not wake it.
 _GLANCE = 0.5
-_STARTING = threading.Lock()  # Of a thread that starts processes.
 
 
 class WorkerPool:
@@ -49,7 +47,7 @@ class WorkerPool:
                 here, there = context.Pipe()
                 ends = there, here, dict(os.environ)
                 process = context.Process(target=serve, args=(*ends, *arguments), daemon=True)
-                with _unknown_main():
+                with unknown_main():
                     process.start()
                 there.close()
                 self._pipes.append(here)
@@ -126,21 +124,6 @@ class WorkerPool:
     def close(self) -> None:
         """Ends the processes, after what they are doing if that does not take long."""
         self._end()
-
-
-@contextlib.contextmanager
-def _unknown_main() -> Iterator[None]:
-    """Processes that are started meanwhile do not run the program's script again.
-
-    What they need of it is pickled by value. So scripts need no `if __name__ == "__main__":`, those
-    without a file (stdin) work, and nobody waits for what else a script imports.
-    """
-    with _STARTING:
-        main, sys.modules["__main__"] = sys.modules["__main__"], types.ModuleType("__main__")
-        try:
-            yield
-        finally:
-            sys.modules["__main__"] = main
 
 
 def _waited(result: queue.SimpleQueue) -> Any:

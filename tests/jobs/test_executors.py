@@ -3,6 +3,8 @@
 import os
 import pathlib
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -93,3 +95,15 @@ def test_numbers():
     for jobs in (0, -2, 1.5):
         with pytest.raises(InvalidArgumentError, match=f"jobs={jobs}"):
             make_executor(jobs)
+
+
+def test_scripts_need_no_guard():
+    script = (
+        "import math\nfrom softgym_mj.jobs.executors import ProcessExecutor\n"
+        "print('script')\nwith ProcessExecutor(2) as executor:\n"
+        "    print(executor.all(math.isqrt, [(9,), (16,)]))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-"], input=script, capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout == "script\n[3, 4]\n"
