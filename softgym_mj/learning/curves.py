@@ -6,6 +6,8 @@ import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from softgym_mj.jobs.files import write_whole
 
 COLUMNS = (
@@ -15,10 +17,38 @@ COLUMNS = (
 FILE = "curve.csv"  # In the folder of a training.
 
 
+EPISODES = "episodes.csv"  # Of the last evaluation, held out.
+# Of an episode's infos, those that there are.
+_KEPT = (
+    "normalized_performance", "performance", "success", "episode_max_edge_strain",
+    "spilled",
+)  # fmt: skip
+
+
 def write_curve(folder: pathlib.Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Writes rows by `COLUMNS` to `folder`/curve.csv: all of it or nothing."""
+    _write(folder / FILE, COLUMNS, rows)
+
+
+def write_episodes(
+    folder: pathlib.Path,
+    seeds: Sequence[int],
+    variations: Sequence[int],
+    infos: Mapping[str, np.ndarray],
+) -> None:
+    """Writes how each episode ended, infos (seeds, variations), to `folder`/episodes.csv."""
+    names = [name for name in _KEPT if name in infos]
+    rows = [
+        {"seed": seed, "variation": variation, **{name: infos[name][k, i] for name in names}}
+        for k, seed in enumerate(seeds)
+        for i, variation in enumerate(variations)
+    ]
+    _write(folder / EPISODES, ["seed", "variation", *names], rows)
+
+
+def _write(file: pathlib.Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_whole(folder / FILE, text.getvalue().encode())
+    write_whole(file, text.getvalue().encode())

@@ -21,7 +21,7 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
 from softgym_mj.jobs.files import read_whole, write_json, write_whole
 from softgym_mj.kinds import typed
-from softgym_mj.learning.curves import write_curve
+from softgym_mj.learning.curves import write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.registry import find
 from softgym_mj.variations.indices import SPLITS
@@ -241,7 +241,10 @@ class Training:
         for split in ("train", "evaluate"):
             indices, held_out = SPLITS[split], final and split == "evaluate"
             number = settings.final_episodes if held_out else settings.episodes
-            scores = self.play(indices[:: len(indices) // number][:number])
+            chosen = indices[:: len(indices) // number][:number]
+            scores = self.play(chosen)
+            if held_out:
+                write_episodes(self.folder, self.seeds, chosen, scores)
             for k, seed in enumerate(self.seeds):
                 self.rows.append(
                     {

@@ -65,6 +65,18 @@ def test_a_curve_has_a_row_of_each_evaluation_seed_and_split(whole):
     assert rows[-1]["updates"] == str(2 * (32 - 8) // 2)
 
 
+def test_how_each_episode_of_the_last_evaluation_ended_is_written(whole):
+    with (whole.folder / "episodes.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["seed"], row["variation"]) for row in rows] == [
+        (str(seed), variation) for seed in SEEDS for variation in ("800", "900")
+    ]
+    for seed, row in zip(SEEDS, whole.rows[-2:], strict=True):
+        own = [float(r["normalized_performance"]) for r in rows if r["seed"] == str(seed)]
+        assert np.mean(own) == row["normalized_performance"]
+    assert all(0.0 <= float(row["episode_max_edge_strain"]) < 1.0 for row in rows)
+
+
 def test_policies_are_written_and_play_as_the_learner(whole):
     env = softgym_mj.load("straighten_rope", split="all", observation="reduced", fidelity="fast")
     for k, seed in enumerate(SEEDS):
