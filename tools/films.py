@@ -1,7 +1,8 @@
 """The moving pictures of README and docs, docs/films: the scripted expert at each task.
 
 `python -m tools.films` (`make films`) writes them; a quarter of an hour without a GPU. Names of
-tasks: only theirs. And `tasks.webp`: all of them side by side, made of the others.
+tasks: only theirs. Names of policies in docs/results/policies, such as straighten_rope-sac: what
+was learned. And `tasks.webp`: all tasks side by side, made of the others.
 """
 
 import pathlib
@@ -15,7 +16,8 @@ from softgym_mj.envs.load import load
 from softgym_mj.policies.episodes import play
 from softgym_mj.registry import TASKS
 
-FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "films"
+DOCS = pathlib.Path(__file__).parent.parent / "docs"
+FOLDER, LEARNED = DOCS / "films", DOCS / "results" / "policies"
 SIZE = 240  # Side [pixels].
 PASSES = 8  # Of which a picture is the mean: shadows are soft, edges smooth.
 QUALITY = 60  # Of WebP, 0..100.
@@ -63,10 +65,14 @@ def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
 
 
 def main(names: Sequence[str]) -> None:
-    for name in names or TASKS:
-        env = load(name, split="all", look="paper")
+    learned = sorted(file.stem for file in LEARNED.glob("*.pt2"))
+    for name in names or [*TASKS, *learned]:
+        policy, trust = (
+            (str(LEARNED / f"{name}.pt2"), True) if name in learned else ("scripted", False)
+        )
+        env = load(name.split("-")[0], split="all", look="paper", observation="reduced")
         variation = env.task.example_variation
-        episode = play(env, "scripted", variation, size=SIZE, passes=PASSES)
+        episode = play(env, policy, variation, trust=trust, size=SIZE, passes=PASSES)
         frames = until_rest(episode.frames)
         file = FOLDER / f"{name}.webp"
         write_film(frames, round(1000 / episode.fps), file)

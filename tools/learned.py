@@ -75,24 +75,38 @@ def others() -> str:
 
 
 def overview() -> str:
-    """For the README, a table of tasks and methods, once a learner has final rows: else nothing."""
+    """For the README, a table of tasks and methods, once a learner has final rows: else nothing.
+
+    Planners stand there with the paper's budget only.
+    """
     lines = numbers_of(rows())
     if all(line["method"] in PLANNERS for line in lines):
         return ""
-    cells: dict[str, dict[str, list[str]]] = {}
+    cells: dict[str, dict[str, str]] = {}
     for line in lines:
-        how = [line[key] for key in ("method", "observation", "preset", "replay")]
+        if line["method"] in PLANNERS and line["preset"] != "paper":
+            continue
         shown = f"{line['median']:.2f}{_range(line, 'percentile_25', 'percentile_75')}"
-        cells.setdefault(" ".join(how), {}).setdefault(line["task"], []).append(shown)
+        cells.setdefault(_title(line), {})[line["task"]] = shown
     found = [
-        _row(f"`{task}`", *("; ".join(own.get(task, [])) for own in cells.values()))
+        _row(f"`{task}`", *(own.get(task, "") for own in cells.values()))
         for task in TASKS
         if any(task in own for own in cells.values())
     ]
     return table(f"| task | {' | '.join(cells)} |", found) + (
-        "\n\nLearned: median and quartiles over seeds, of normalised performance on held out "
-        "variations with the last checkpoints ([all numbers, curves](docs/results.md#learned))."
+        "\n\nWhat was learned: normalised performance on held out variations, median and quartiles "
+        "over seeds, by the last checkpoints ([all numbers, curves, policies]"
+        "(docs/results.md#learned)); the oracle knows the dynamics and learns nothing. Other "
+        "methods and tasks wait for time on a GPU: `softgym-mj learning queue`."
     )
+
+
+def _title(line: Mapping[str, Any]) -> str:
+    """A method, what it sees, its preset and replay, in words."""
+    if line["method"] in PLANNERS:
+        return f"{line['method'].upper()}, the oracle"
+    shown = ", symmetric replay" if line["replay"] == "symmetric" else ""
+    return f"{line['method'].upper()}, {line['observation']}, {line['preset']}{shown}"
 
 
 def _row(*cells: str) -> str:
@@ -160,7 +174,8 @@ def _panel(
         axes.fill_between(steps, low, high, color=color, alpha=0.2, linewidth=0)
         for r in known:
             if (r.task, r.method, r.observation) == name[:3] and r.bound == "is":
-                axes.axhline(r.value, color=color, linewidth=0.8, linestyle="--")
+                label = f"others: {r.value:g}"
+                axes.axhline(r.value, color=color, linewidth=0.8, linestyle="--", label=label)
     axes.set_title(task, fontsize="small")
     axes.set_ylim(max(axes.get_ylim()[0], _LOWEST), 1.05)
     axes.set_xlabel("env steps", fontsize="small")

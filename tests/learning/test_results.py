@@ -126,12 +126,15 @@ def test_the_figure_is_drawn_where_there_are_curves(tmp_path):
 
 
 def test_the_overview_is_there_once_something_was_learned(monkeypatch):
-    planned = [_row(0, 300, "evaluate", 0.9, True, ("fold_cloth", "cem", "simulator", "x", "none"))]
+    planned = [
+        _row(0, 300, "evaluate", score, True, ("fold_cloth", "cem", "simulator", preset, "none"))
+        for preset, score in (("paper", 0.9), ("small", 0.4))
+    ]
     monkeypatch.setattr(learned, "rows", lambda: planned)
     assert learned.overview() == ""
     monkeypatch.setattr(learned, "rows", lambda: [*planned, *_training()])
     head, _, *rows = learned.overview().splitlines()[:4]
-    assert head == "| task | cem simulator x none | sac reduced fast symmetric |"
+    assert head == "| task | CEM, the oracle | SAC, reduced, fast, symmetric replay |"
     assert rows == ["| `fold_cloth` | 0.90 | |", "| `straighten_rope` | | 0.50 (0.40 to 0.90) |"]
 
 
