@@ -1,15 +1,29 @@
 """The command `softgym-mj train`."""
 
 import pathlib
-from typing import Annotated, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any
 
 import rich.progress
 import typer
 
-from softgym_mj.cli.console import Settings, Task, console, given, parsed_settings, progress_bar
+from softgym_mj.cli.console import (
+    Ray,
+    Settings,
+    Task,
+    console,
+    given,
+    parsed_settings,
+    progress_bar,
+)
 from softgym_mj.exceptions import check_count, check_name
+from softgym_mj.jobs.executors import make_executor
 from softgym_mj.registry import find
 from softgym_mj.vector.make import DEVICES
+
+if TYPE_CHECKING:
+    from softgym_mj.learning.learner import Method
+    from softgym_mj.learning.training import TrainingSettings
 
 
 def train(
@@ -24,34 +38,76 @@ def train(
         str | None, typer.Option(help="reduced, full or rgb, in place of the preset's.")
     ] = None,
     settings: Settings = "{}",
+    jobs: Annotated[
+        int, typer.Option(help="Processes that train a seed each; 1: all side by side.", min=1)
+    ] = 1,
+    ray: Ray = None,
     log: Annotated[str, typer.Option(help="none, tensorboard or wandb.")] = "none",
     out: Annotated[pathlib.Path, typer.Option(help="Folder of this training.")] = pathlib.Path(
         "training"
     ),
 ) -> None:
     """Trains a policy; may be killed and run again. --settings are those of preset files."""
-    from softgym_mj.learning.logs import make_log
     from softgym_mj.learning.registry import find_preset
-    from softgym_mj.learning.training import Training
 
     check_name("device", device, DEVICES)
     check_count("seeds", seeds, 1, 100)
     chosen: dict[str, Any] = {**parsed_settings(settings), **given(observation=observation)}
-    training, chosen_method = find_preset(method, preset, find(task).name, **chosen)
-    run = Training(training, chosen_method, list(range(seeds)), out, device)
-    tell = make_log(log, out)
-    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as progress:
-        bar = progress.add_task(f"{method} {training.task}", total=training.env_steps, note="")
-
-        def show(now: Training, news: dict[str, list[float]]) -> None:
-            progress.update(bar, completed=now.done * training.part, note=now.said())
-            tell(now, news)
-
-        run.run(show)
-    for row in run.rows:
+    training, found = find_preset(method, preset, find(task).name, **chosen)
+    if jobs == 1 and ray is None:
+        rows = _side_by_side(training, found, range(seeds), out, device, log)
+    else:
+        check_name("log", log, ("none",))  # Of seeds side by side only.
+        rows = _apart(training, found, range(seeds), out, device, jobs, ray)
+    for row in rows:
         if row["final"]:
             console.print(
                 f"seed {row['seed']}, {row['split']}, {row['episodes']} episodes: "
                 f"{row['normalized_performance']:.3f}, success {row['success']:.2f}"
             )
     console.print(f"wrote {out / 'curve.csv'}")
+
+
+def _side_by_side(
+    settings: "TrainingSettings",
+    method: "Method",
+    seeds: Sequence[int],
+    out: pathlib.Path,
+    device: str,
+    log: str,
+) -> list[dict[str, Any]]:
+    """Trains all seeds here; returns the curve."""
+    from softgym_mj.learning.logs import make_log
+    from softgym_mj.learning.training import Training
+
+    training, tell = Training(settings, method, seeds, out, device), make_log(log, out)
+    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as progress:
+        name = f"{method.name} {settings.task}"
+        bar = progress.add_task(name, total=settings.env_steps, note="")
+
+        def show(now: Training, news: dict[str, list[float]]) -> None:
+            progress.update(bar, completed=now.done * settings.part, note=now.said())
+            tell(now, news)
+
+        training.run(show)
+    return training.rows
+
+
+def _apart(
+    settings: "TrainingSettings",
+    method: "Method",
+    seeds: Sequence[int],
+    out: pathlib.Path,
+    device: str,
+    jobs: int,
+    ray: str | None,
+) -> list[dict[str, Any]]:
+    """Trains each seed in a process of its own; returns the curve."""
+    from softgym_mj.learning.spreading import train_each
+
+    with progress_bar() as progress, make_executor(jobs, ray) as executor:
+        bar = progress.add_task(f"{method.name} {settings.task}, seeds", total=len(seeds))
+        return train_each(
+            settings, method, seeds, out, device, executor,
+            lambda seed, rows: progress.update(bar, advance=1),
+        )  # fmt: skip

@@ -11,6 +11,7 @@ from typing import Any
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
 from softgym_mj.jobs.files import naming, read_whole
 from softgym_mj.kinds import typed
+from softgym_mj.learning.registry import LABELLED
 from softgym_mj.learning.results import Row
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
@@ -91,7 +92,8 @@ class QueuedRun:
 
         And of as many env steps, where it says how many: else the preset does.
         """
-        preset = self.preset if not self.settings else "small" if self.plans else "custom"
+        replaced = "small" if self.plans else "custom"
+        preset = self.preset if LABELLED.issuperset(self.settings) else replaced
         wanted = self.task, self.method, self.observation, preset, self.replay
         env_steps = self.settings.get("env_steps", self.env_steps)
         found = {

@@ -1,0 +1,54 @@
+"""Seeds of a training in processes, or on machines, of their own."""
+
+import pathlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from softgym_mj.jobs.executors import Executor
+from softgym_mj.learning.curves import write_curve
+from softgym_mj.learning.learner import Method
+from softgym_mj.learning.training import Training, TrainingSettings
+
+Row = dict[str, Any]  # Of a curve.
+
+
+def train_each(
+    settings: TrainingSettings,
+    method: Method,
+    seeds: Sequence[int],
+    folder: pathlib.Path,
+    device: str,
+    executor: Executor,
+    progress: Callable[[int, list[Row]], None] = lambda seed, rows: None,
+) -> list[Row]:
+    """Trains each seed by a call of its own, which goes on where it was killed.
+
+    Args:
+        settings, method, device: as of `Training`.
+        seeds: of the trainings.
+        folder: of all: each has one in it, which machines of a cluster have to share; the curve of
+            those that have ended is in it.
+        executor: what makes the calls.
+        progress: called with a seed that has ended, and its curve.
+
+    Returns:
+        The curve of all seeds.
+    """
+    found: dict[int, list[Row]] = {}
+    calls = [(settings, method, seed, folder / f"seed_{seed}", device) for seed in seeds]
+    rows: list[Row] = []
+    for i, own in executor.results(_trained, calls):
+        found[seeds[i]] = own
+        rows = [row for seed in sorted(found) for row in found[seed]]
+        rows.sort(key=lambda row: (row["env_steps"], row["split"] != "train"))
+        write_curve(folder, rows)
+        progress(seeds[i], own)
+    return rows
+
+
+def _trained(
+    settings: TrainingSettings, method: Method, seed: int, folder: pathlib.Path, device: str
+) -> list[Row]:
+    training = Training(settings, method, [seed], folder, device)
+    training.run()
+    return training.rows
