@@ -8,6 +8,7 @@ Networks are drawn as each library does, and SB3's deviations are clipped where 
 """
 
 import argparse
+import csv
 import pathlib
 import time
 from collections.abc import Callable, Sequence
@@ -20,7 +21,7 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.env_util import make_vec_env
 
 import softgym_mj
-from softgym_mj.learning.curves import write_curve
+from softgym_mj.learning.curves import FILE, write_curve
 from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.training import Training, TrainingSettings
 from softgym_mj.variations.indices import SPLITS
@@ -51,8 +52,11 @@ def scores(
 
 
 def sb3(out: pathlib.Path) -> None:
-    """Trains seed after seed."""
+    """Trains seed after seed; goes on after the last part that has ended, if there is one."""
     rows: list[dict[str, Any]] = []
+    if (out / FILE).exists():
+        with (out / FILE).open() as file:
+            rows = [*csv.DictReader(file)]
     for seed in SEEDS:
         envs = make_vec_env(
             softgym_mj.TASKS[TASK].gymnasium_id, WORLDS, seed,
@@ -67,8 +71,13 @@ def sb3(out: pathlib.Path) -> None:
             gradient_steps=UPDATES, ent_coef=f"auto_{ALPHA}", target_entropy=-float(size[0]),
             policy_kwargs={"net_arch": [*HIDDEN]}, seed=seed, device="cpu",
         )  # fmt: skip
-        seconds = 0.0
-        for part in range(1, PARTS + 1):
+        done = [row for row in rows if int(row["seed"]) == seed]
+        seconds = float(done[-1]["seconds"]) if done else 0.0
+        kept = out / f"seed_{seed}"
+        if done:
+            model = SAC.load(kept, envs, device="cpu")
+            model.load_replay_buffer(kept.with_suffix(".pkl"))
+        for part in range(1 + len(done) // 2, PARTS + 1):
             start = time.perf_counter()
             model.learn(PART, reset_num_timesteps=part == 1)
             seconds += time.perf_counter() - start
@@ -88,6 +97,8 @@ def sb3(out: pathlib.Path) -> None:
                     }
                 )  # fmt: skip
                 print(rows[-1], flush=True)
+            model.save(kept)
+            model.save_replay_buffer(kept.with_suffix(".pkl"))
             write_curve(out, rows)
         envs.close()
 
