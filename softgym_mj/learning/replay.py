@@ -1,6 +1,7 @@
 """`Replay`: what environments of several seeds have gone through, and batches of it."""
 
 import dataclasses
+import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,6 +13,10 @@ from softgym_mj.exceptions import check_count
 from softgym_mj.learning.learner import Step
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.symmetries import Symmetry
+
+# Env steps of each seed whose images go into a state, the newest ones: all of them are tens of GB.
+NEWEST_IMAGES = 20_000
+_log = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,17 +160,26 @@ class Replay:
     # ------------------------------------------------------------------ state
 
     def get_state(self) -> dict[str, Any]:
-        """All that `set_state` needs to go on with the same numbers."""
+        """All that `set_state` needs to go on with the same numbers; of images the newest ones."""
+        number, following, which = self.size, self._next, slice(0, self.size)
+        if self.kept["observation"].dtype == torch.uint8:
+            number = min(self.size, -(-NEWEST_IMAGES // self._worlds))
+        if number < self.size:
+            which = (torch.arange(number) + self._next - number) % self._capacity
+            following = number % self._capacity
         return {
-            "kept": {name: array[: self.size].clone() for name, array in self.kept.items()},
-            "size": self.size,
-            "next": self._next,
+            "kept": {name: array[which].clone() for name, array in self.kept.items()},
+            "size": number,
+            "whole": self.size,
+            "next": following,
             "random": [source.get_state() for source in self._sources],
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Goes on from what `get_state` returned."""
         self.size, self._next = state["size"], state["next"]
+        if self.size < state["whole"]:
+            _log.warning("Goes on with the newest %d of %d steps", self.size, state["whole"])
         for name, array in state["kept"].items():
             self.kept[name][: self.size] = array
         for source, kept in zip(self._sources, state["random"], strict=True):

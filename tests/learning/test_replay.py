@@ -4,6 +4,7 @@ import numpy as np
 import torch
 
 import softgym_mj
+from softgym_mj.learning import replay as replays
 from softgym_mj.learning.learner import Step
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.symmetries import symmetries
@@ -95,6 +96,22 @@ def test_a_state_goes_on_with_the_same_batches():
     for replay in (first, second):
         replay.add(_step(7))
     assert torch.equal(first.sample(6).action, second.sample(6).action)
+
+
+def test_a_state_has_the_newest_images(monkeypatch, caplog):
+    monkeypatch.setattr(replays, "NEWEST_IMAGES", 5)
+    first, second = (Replay(6, [0], 2, (1, 1, 3), 1, discount=0.9) for _ in range(2))
+    no = torch.zeros(1, 2, dtype=torch.bool)
+    for t in range(8):
+        seen = torch.full((1, 2, 1, 1, 3), t, dtype=torch.uint8)
+        first.add(Step(seen, torch.zeros(1, 2, 1), torch.full((1, 2), float(t)), seen + 1, no, no))
+    second.set_state(first.get_state())
+    assert "newest 3 of 6" in caplog.text  # Vector steps of two worlds each.
+    batch = second.sample(200)
+    assert set(batch.reward.ravel().tolist()) == {5.0, 6.0, 7.0}
+    assert torch.equal(batch.observation[..., 0, 0, 0].float(), batch.reward)
+    second.add(Step(seen, torch.zeros(1, 2, 1), torch.full((1, 2), 9.0), seen, no, no))
+    assert set(second.sample(200).reward.ravel().tolist()) == {5.0, 6.0, 7.0, 9.0}
 
 
 def test_steps_are_shown_by_symmetries():
