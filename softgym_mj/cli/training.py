@@ -1,7 +1,6 @@
 """The command `softgym-mj train`."""
 
 import pathlib
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import rich.progress
@@ -22,8 +21,7 @@ from softgym_mj.registry import find
 from softgym_mj.vector.make import DEVICES
 
 if TYPE_CHECKING:
-    from softgym_mj.learning.learner import Method
-    from softgym_mj.learning.training import TrainingSettings
+    from softgym_mj.learning.training import Training
 
 
 def train(
@@ -32,8 +30,11 @@ def train(
     preset: Annotated[str, typer.Option(help="paper or fast.")] = "fast",
     seeds: Annotated[int, typer.Option(help="How many, side by side: 0..", min=1)] = 1,
     device: Annotated[
-        str, typer.Option(help="cpu (worker processes), host or cuda; the learner's, too.")
+        str, typer.Option(help="Of environments: cpu (worker processes), host or cuda.")
     ] = "cuda",
+    learner_device: Annotated[
+        str | None, typer.Option(help="Of networks: cpu or cuda; the environments' if not given.")
+    ] = None,
     observation: Annotated[
         str | None, typer.Option(help="reduced, full or rgb, in place of the preset's.")
     ] = None,
@@ -49,16 +50,25 @@ def train(
 ) -> None:
     """Trains a policy; may be killed and run again. --settings are those of preset files."""
     from softgym_mj.learning.registry import find_preset
+    from softgym_mj.learning.spreading import train_each
+    from softgym_mj.learning.training import Training
 
     check_name("device", device, DEVICES)
+    check_name("learner_device", learner_device, (None, "cpu", "cuda"))
     check_count("seeds", seeds, 1, 100)
     chosen: dict[str, Any] = {**parsed_settings(settings), **given(observation=observation)}
     training, found = find_preset(method, preset, find(task).name, **chosen)
     if jobs == 1 and ray is None:
-        rows = _side_by_side(training, found, range(seeds), out, device, log)
+        run = Training(training, found, range(seeds), out, device, learner_device)
+        rows = _side_by_side(run, log)
     else:
         check_name("log", log, ("none",))  # Of seeds side by side only.
-        rows = _apart(training, found, range(seeds), out, device, jobs, ray)
+        with progress_bar() as progress, make_executor(jobs, ray) as executor:
+            bar = progress.add_task(f"{method} {training.task}, seeds", total=seeds)
+            rows = train_each(
+                training, found, range(seeds), out, device, learner_device, executor,
+                lambda seed, own: progress.update(bar, advance=1),
+            )  # fmt: skip
     for row in rows:
         if row["final"]:
             console.print(
@@ -68,46 +78,18 @@ def train(
     console.print(f"wrote {out / 'curve.csv'}")
 
 
-def _side_by_side(
-    settings: "TrainingSettings",
-    method: "Method",
-    seeds: Sequence[int],
-    out: pathlib.Path,
-    device: str,
-    log: str,
-) -> list[dict[str, Any]]:
+def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
     """Trains all seeds here; returns the curve."""
     from softgym_mj.learning.logs import make_log
-    from softgym_mj.learning.training import Training
 
-    training, tell = Training(settings, method, seeds, out, device), make_log(log, out)
+    settings, tell = training.settings, make_log(log, training.folder)
     with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as progress:
-        name = f"{method.name} {settings.task}"
+        name = f"{training.method.name} {settings.task}"
         bar = progress.add_task(name, total=settings.env_steps, note="")
 
-        def show(now: Training, news: dict[str, list[float]]) -> None:
+        def show(now: "Training", news: dict[str, list[float]]) -> None:
             progress.update(bar, completed=now.done * settings.part, note=now.said())
             tell(now, news)
 
         training.run(show)
     return training.rows
-
-
-def _apart(
-    settings: "TrainingSettings",
-    method: "Method",
-    seeds: Sequence[int],
-    out: pathlib.Path,
-    device: str,
-    jobs: int,
-    ray: str | None,
-) -> list[dict[str, Any]]:
-    """Trains each seed in a process of its own; returns the curve."""
-    from softgym_mj.learning.spreading import train_each
-
-    with progress_bar() as progress, make_executor(jobs, ray) as executor:
-        bar = progress.add_task(f"{method.name} {settings.task}, seeds", total=len(seeds))
-        return train_each(
-            settings, method, seeds, out, device, executor,
-            lambda seed, rows: progress.update(bar, advance=1),
-        )  # fmt: skip

@@ -31,7 +31,7 @@ class QueuedRun:
         settings: what --settings replaces; of a planner, options of `evaluate`.
         env_steps: of a planner, that it makes for an episode.
         episodes: held out, of the last evaluation.
-        device: where it runs.
+        device, learner_device: where it runs.
         gpu_minutes, core_hours: estimates of what all seeds cost; one of them.
     """
 
@@ -46,6 +46,7 @@ class QueuedRun:
     env_steps: int | None = None
     episodes: int = len(SPLITS["evaluate"])
     device: str = "cuda"
+    learner_device: str | None = None
     gpu_minutes: float | None = None
     core_hours: float | None = None
 
@@ -82,6 +83,8 @@ class QueuedRun:
                 where[-1] += f"-{name}-{value}"
         else:
             own = ["train", self.method, self.task, "--preset", self.preset, "--seeds", self.seeds]
+            if self.learner_device:
+                own += ["--learner-device", self.learner_device]
             if self.settings:
                 own += ["--settings", json.dumps(dict(self.settings))]
                 where[-1] += f"-{'-'.join(self.settings)}"

@@ -18,13 +18,14 @@ def train_each(
     seeds: Sequence[int],
     folder: pathlib.Path,
     device: str,
+    learner_device: str | None,
     executor: Executor,
     progress: Callable[[int, list[Row]], None] = lambda seed, rows: None,
 ) -> list[Row]:
     """Trains each seed by a call of its own, which goes on where it was killed.
 
     Args:
-        settings, method, device: as of `Training`.
+        settings, method, device, learner_device: as of `Training`.
         seeds: of the trainings.
         folder: of all: each has one in it, which machines of a cluster have to share; the curve of
             those that have ended is in it.
@@ -35,7 +36,8 @@ def train_each(
         The curve of all seeds.
     """
     found: dict[int, list[Row]] = {}
-    calls = [(settings, method, seed, folder / f"seed_{seed}", device) for seed in seeds]
+    where = device, learner_device
+    calls = [(settings, method, seed, folder / f"seed_{seed}", *where) for seed in seeds]
     rows: list[Row] = []
     for i, own in executor.results(_trained, calls):
         found[seeds[i]] = own
@@ -47,8 +49,13 @@ def train_each(
 
 
 def _trained(
-    settings: TrainingSettings, method: Method, seed: int, folder: pathlib.Path, device: str
+    settings: TrainingSettings,
+    method: Method,
+    seed: int,
+    folder: pathlib.Path,
+    device: str,
+    learner_device: str | None,
 ) -> list[Row]:
-    training = Training(settings, method, [seed], folder, device)
+    training = Training(settings, method, [seed], folder, device, learner_device)
     training.run()
     return training.rows

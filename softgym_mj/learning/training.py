@@ -18,7 +18,13 @@ import torch
 from torch import Tensor
 
 import softgym_mj
-from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
+from softgym_mj.exceptions import (
+    InvalidArgumentError,
+    StoreError,
+    UnavailableError,
+    check_count,
+    check_name,
+)
 from softgym_mj.jobs.files import read_whole, write_json, write_whole
 from softgym_mj.kinds import typed
 from softgym_mj.learning.curves import write_curve, write_episodes
@@ -102,7 +108,8 @@ class Training:
         settings, method: what, and how.
         seeds: of trainings that go side by side.
         folder: where it is kept.
-        device: of the environments ("cpu", "host" or "cuda"); the last one is the learner's, too.
+        device: of the environments: "cpu", "host" or "cuda".
+        learner_device: of the networks: "cpu" or "cuda"; None for the environments' own.
         rows: the curve so far: by `curves.COLUMNS`, one of each evaluation, seed and split.
         done: parts so far.
         learner: what learns.
@@ -113,19 +120,23 @@ class Training:
     seeds: Sequence[int]
     folder: pathlib.Path
     device: str = "cpu"
+    learner_device: str | None = None
     rows: list[dict[str, Any]] = dataclasses.field(default_factory=list, init=False)
     done: int = dataclasses.field(default=0, init=False)
     learner: Learner = dataclasses.field(init=False)
 
     def __post_init__(self):
         settings, self._seconds = self.settings, 0.0
+        own = "cuda" if self.device == "cuda" else "cpu"
+        if self.learner_device == "cuda" and not torch.cuda.is_available():
+            raise UnavailableError("there is no CUDA device that PyTorch can use")
         number = settings.worlds * len(self.seeds)
         self._envs = self._make(number, autoreset_mode="SameStep")
         self._players: dict[int, Any] = {}  # Environments of evaluations, by their number.
         self._problem = Problem(
             settings.task, settings.task_settings, self.seeds, settings.worlds,
             self._envs.single_observation_space.shape, self._envs.single_action_space.shape[-1],
-            settings.reward_scale, "cuda" if self.device == "cuda" else "cpu", settings.observation,
+            settings.reward_scale, self.learner_device or own, settings.observation,
         )  # fmt: skip
         self.learner = self.method.make(self.method.settings, self._problem)
 
@@ -216,7 +227,7 @@ class Training:
     def _told(self, action: Tensor) -> Any:
         """Actions (seeds, worlds, n) as environments take them."""
         flat = action.flatten(0, 1)
-        return flat if self.device == "cuda" else flat.numpy()
+        return flat if self.device == "cuda" else flat.cpu().numpy()
 
     def _last(self, following: Tensor, infos: Mapping[str, Any]) -> Tensor:
         """What was seen at the end of each episode, where one has ended: else what follows."""
@@ -311,6 +322,7 @@ class Training:
 
     def card(self) -> dict[str, Any]:
         """What one who finds the checkpoint has to know of it; JSON."""
+        on = self._problem.device
         return {
             **self._owner(),
             "preset": self.method.preset,
@@ -318,7 +330,7 @@ class Training:
             "updates": self.learner.updates,
             "seconds": round(self._seconds, 1),
             "split": "train",
-            "device": torch.cuda.get_device_name() if self.device == "cuda" else platform.machine(),
+            "device": platform.machine() if on == "cpu" else torch.cuda.get_device_name(),
             "backend": self.device,
             "versions": {"softgym_mj": softgym_mj.__version__, "torch": torch.__version__},
             "last": [row for row in self.rows if row["env_steps"] == self.rows[-1]["env_steps"]],

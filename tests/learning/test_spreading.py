@@ -22,7 +22,7 @@ SETTINGS = TrainingSettings(
 def test_seeds_apart_are_those_side_by_side(tmp_path):
     ended = []
     rows = train_each(
-        SETTINGS, METHOD, [0, 1], tmp_path / "apart", "host", SerialExecutor(),
+        SETTINGS, METHOD, [0, 1], tmp_path / "apart", "host", None, SerialExecutor(),
         lambda seed, own: ended.append((seed, len(own))),
     )  # fmt: skip
     assert ended == [(0, 2), (1, 2)]
