@@ -23,7 +23,8 @@ from stable_baselines3.common.env_util import make_vec_env
 import softgym_mj
 from softgym_mj.learning.curves import FILE, write_curve
 from softgym_mj.learning.registry import find_method
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 from softgym_mj.variations.indices import SPLITS
 
 TASK, SEEDS = "straighten_rope", (0, 1, 2)

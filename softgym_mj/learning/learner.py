@@ -24,7 +24,7 @@ class Problem:
         action: size of one, in -1..1.
         reward_scale: factor to the task's rewards, in those that are learned from.
         device: of PyTorch.
-        observed: what is observed, one of `training.OBSERVATIONS`.
+        observed: what is observed, one of `settings.OBSERVATIONS`.
     """
 
     task: str

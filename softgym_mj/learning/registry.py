@@ -12,7 +12,7 @@ from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.learning.learner import Method
-from softgym_mj.learning.training import TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
 
 # Module and class of the settings.
 METHODS = {

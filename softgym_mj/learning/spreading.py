@@ -7,7 +7,8 @@ from typing import Any
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.learning.curves import write_curve
 from softgym_mj.learning.learner import Method
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 
 Row = dict[str, Any]  # Of a curve.
 

@@ -12,8 +12,9 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Step
 from softgym_mj.learning.methods.bc import BC, BCSettings
 from softgym_mj.learning.registry import find_method, find_preset
+from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.symmetries import Symmetry
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.training import Training
 
 SMALL = BCSettings(hidden=(16, 16), batch=32)
 SAME = Symmetry(np.eye(2), np.eye(1), np.eye(3), "same", (0,))

@@ -16,7 +16,8 @@ from softgym_mj.learning.methods.hindsight import HindsightReplay, HindsightSAC,
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.registry import find_method, find_preset
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 from softgym_mj.metrics import Measures
 from softgym_mj.tasks import pour_water_amount
 from softgym_mj.tasks.shared.goals import RopeGoals, goals

@@ -17,7 +17,8 @@ from softgym_mj.learning.methods.pixels import (
 )
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 
 TINY = {"hidden": (8,), "channels": 4, "features": 6}
 SIZE, ACTION = (15, 16), 2

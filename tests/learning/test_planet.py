@@ -27,7 +27,8 @@ from softgym_mj.learning.methods.planet.learner import (
 )
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 
 SIZE, ACTION = 16, 1
 SIZES = {"belief": 24, "latent": 4, "hidden": 24, "channels": 8}

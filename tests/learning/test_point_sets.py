@@ -18,8 +18,9 @@ from softgym_mj.learning.methods.point_sets import (
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
+from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.symmetries import symmetries
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.training import Training
 from softgym_mj.tasks.shared.goals import goals
 
 # Five points of which some may lack, a number, two more points, and two numbers.

@@ -18,7 +18,8 @@ from softgym_mj.learning.methods.ppo.rollout import Rollout, advantages
 from softgym_mj.learning.methods.ppo.stopping import StoppingAdam
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 
 OBSERVATION, ACTION, WORLDS = 5, 2, 6
 SMALL = PPOSettings(steps=4, epochs=2, minibatches=3, hidden=(16,), entropy_weight=0.01)

@@ -15,7 +15,8 @@ from softgym_mj.learning.methods.sac import SAC
 from softgym_mj.learning.networks import Linear, drawn
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 
 OBSERVATION, ACTION, NUMBER = 3, 2, 5
 SMALL = RLPDSettings(hidden=(16, 16), critics=4, actor_every=2)

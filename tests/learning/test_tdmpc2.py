@@ -29,7 +29,8 @@ from softgym_mj.learning.methods.tdmpc2.two_hot import (
 )
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 
 OBSERVATION, ACTION, NUMBER, HORIZON, DISCOUNT, RHO = 5, 2, 6, 3, 0.9, 0.5
 SIZES = {

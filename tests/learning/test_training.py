@@ -13,7 +13,8 @@ from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.learning.curves import COLUMNS
 from softgym_mj.learning.registry import find_method, find_preset
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 from softgym_mj.policies.factory import make_policy
 
 SEEDS = [4, 9]

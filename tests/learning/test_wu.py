@@ -15,7 +15,8 @@ from softgym_mj.learning.methods.wu.learner import PickAndPlace, WuSettings, mak
 from softgym_mj.learning.networks import LayerNorm, Linear, drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.training import Training, TrainingSettings
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
 
 LINEN, CRIMSON, FLOOR, SHADOW, RING = (
     (213, 180, 129), (150, 20, 60), (209, 206, 202), (124, 122, 119), (235, 128, 25),
@@ -277,7 +278,7 @@ def test_it_learns_to_bring_a_piece_of_cloth_to_the_middle():
     settings = WuSettings(
         channels=(8, 4), hidden=(32,), actor_rate=6e-3, critic_rate=6e-3, alpha_rate=3e-3, alpha=0.1
     )
-    seeds, size, number = [0, 1], (12, 12), 64
+    seeds, size, number = [0, 1], (12, 12), 24
     wu, source = PickAndPlace(settings, seeds, size), generators(seeds, "cpu")
 
     def scene(number):

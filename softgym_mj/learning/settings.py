@@ -1,0 +1,74 @@
+"""`TrainingSettings`: what is learned, whatever the method."""
+
+import dataclasses
+from typing import Any
+
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.kinds import typed
+from softgym_mj.registry import find
+from softgym_mj.variations.indices import SPLITS
+
+OBSERVATIONS = ("reduced", "full", "rgb")
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class TrainingSettings:
+    """What is learned, and from how much.
+
+    Attributes:
+        task: its name.
+        observation: one of `OBSERVATIONS`.
+        image_size: height and width of images [pixels].
+        env_steps: of each seed, in all.
+        worlds: environments of each seed.
+        reward_scale: factor to rewards.
+        part: env steps of each seed between two checkpoints.
+        evaluate_every: parts from an evaluation to the next; the last one is evaluated, too.
+        episodes: of each split in an evaluation.
+        final_episodes: held out, in the last one.
+        fidelity: of the task.
+        actor: of the task.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    task: str
+    observation: str = "reduced"
+    image_size: tuple[int, int] = (128, 128)
+    env_steps: int = 1_000_000
+    worlds: int = 64
+    reward_scale: float = 50.0
+    part: int = 50_000
+    evaluate_every: int = 1
+    episodes: int = 20
+    final_episodes: int = 200
+    fidelity: str = "default"
+    actor: str | None = None
+
+    def __post_init__(self):
+        find(self.task)
+        check_name("observation", self.observation, OBSERVATIONS)
+        for name in ("env_steps", "worlds", "evaluate_every"):
+            check_count(name, getattr(self, name), 1)
+        for name in ("episodes", "final_episodes"):
+            check_count(name, getattr(self, name), 1, len(SPLITS["evaluate"]))
+        for name in ("env_steps", "part"):
+            if getattr(self, name) % self.worlds:
+                raise InvalidArgumentError(
+                    name, getattr(self, name), f"{self.worlds} times a number"
+                )
+        if self.env_steps % self.part:
+            raise InvalidArgumentError("env_steps", self.env_steps, f"{self.part} times a number")
+
+    @property
+    def parts(self) -> int:
+        """How many there are."""
+        return self.env_steps // self.part
+
+    @property
+    def task_settings(self) -> dict[str, Any]:
+        """Keyword arguments of the task."""
+        found = {"fidelity": self.fidelity} if "fidelity" in find(self.task).arguments else {}
+        return {**found, **({"actor": self.actor} if self.actor else {})}
