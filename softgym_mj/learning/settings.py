@@ -28,6 +28,7 @@ class TrainingSettings:
         episodes: of each split in an evaluation.
         final_episodes: held out, in the last one.
         fidelity: of the task.
+        episode_steps: env steps of an episode; None for the task's own.
         actor: of the task.
 
     Raises:
@@ -45,6 +46,7 @@ class TrainingSettings:
     episodes: int = 20
     final_episodes: int = 200
     fidelity: str = "default"
+    episode_steps: int | None = None
     actor: str | None = None
 
     def __post_init__(self):
@@ -70,5 +72,8 @@ class TrainingSettings:
     @property
     def task_settings(self) -> dict[str, Any]:
         """Keyword arguments of the task."""
-        found = {"fidelity": self.fidelity} if "fidelity" in find(self.task).arguments else {}
-        return {**found, **({"actor": self.actor} if self.actor else {})}
+        named = {"horizon": self.episode_steps, "actor": self.actor}
+        found = {name: value for name, value in named.items() if value is not None}
+        if "fidelity" in find(self.task).arguments:
+            found["fidelity"] = self.fidelity
+        return found

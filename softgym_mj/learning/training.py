@@ -135,7 +135,7 @@ class Training:
             return news
         firsts = [(seed * _PARTS + self.done) * number for seed in self.seeds]
         each = [first + i for first in firsts for i in range(number)]
-        seen, _ = self._envs.reset(seed=each, options={"stagger": True})
+        seen, _ = self._envs.reset(seed=each, options={"stagger": number})
         observation, memory = worlds_of(self._problem, seen), None
         first = torch.ones(observation.shape[:2], dtype=torch.bool, device=observation.device)
         steps = settings.part // number

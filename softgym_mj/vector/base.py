@@ -12,7 +12,12 @@ from gymnasium.vector.utils import batch_space
 
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import brief, check_options, checked_state
-from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
+from softgym_mj.exceptions import (
+    InvalidArgumentError,
+    LifecycleError,
+    SnapshotError,
+    check_count,
+)
 from softgym_mj.kinds import check_kind
 from softgym_mj.registry import HorizonSpec
 from softgym_mj.variations.indices import check_variation
@@ -77,8 +82,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             seed: of the first environment, the next has one more, or a sequence of all seeds.
             options: of `SoftGymEnv.reset`, for all; a "variation" can also be a sequence of one for
                 each environment, a "state" always is. "reset_mask" (num_envs,) bool: who is to be
-                reset. "stagger" True: these episodes alone end earlier, that of environment i by i
-                of `num_envs` parts, so that later ones do not all end in the same step.
+                reset. "stagger" n: these episodes alone end earlier, that of environment i by
+                i % n of n parts, so that later ones do not all end in the same step; True for
+                n = num_envs.
 
         Returns:
             Observations and infos of all, arrays by name.
@@ -89,21 +95,22 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         options = dict(options or {})
         mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
         stagger = options.pop("stagger", False)
-        check_kind("stagger", stagger, bool)
+        check_kind("stagger", stagger, bool | int)
+        parts = self.num_envs if stagger is True else check_count("stagger", int(stagger), 0)
         check_options(seed, options)
         if "state" in options:
             states = _states_of_each(options["state"], self.num_envs)
             return self._run(self._restore, mask, states)
         seeds = _seed_of_each(seed, self.num_envs)
         variations = _variations_of_each(options.get("variation"), self.num_envs)
-        return self._run(self._reset, mask, seeds, variations, stagger)
+        return self._run(self._reset, mask, seeds, variations, parts)
 
     def _reset(
         self,
         mask: np.ndarray,
         seeds: list[int | None],
         variations: list[int | None],
-        stagger: bool,
+        parts: int,
     ):
         self.backend.settle()
         draws, chosen = self.backend.draws, {}
@@ -113,8 +120,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             given = variations[i]
             chosen[i] = draws.next(i) if given is None else given
         self.backend.reset(chosen)
-        if stagger:
-            shares = mask * np.arange(self.num_envs) / self.num_envs
+        if parts:
+            shares = mask * (np.arange(self.num_envs) % parts) / parts
             self.backend.call("shorten", [((share,), {}) for share in shares])
         return self.backend.observe(), self.backend.infos(mask)
 

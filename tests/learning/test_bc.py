@@ -121,7 +121,7 @@ class _Killed(Exception):
 def test_a_training_that_was_killed_ends_alike(tmp_path, observation):
     settings = TrainingSettings(
         "straighten_rope", observation, env_steps=4, worlds=1, part=2, episodes=1,
-        final_episodes=1, fidelity="fast",
+        final_episodes=1, fidelity="fast", episode_steps=6,
     )  # fmt: skip
     symmetric = observation == "reduced"
     small = {"demonstrations": 2, "jobs": 1, "hidden": (8,), "batch": 4}

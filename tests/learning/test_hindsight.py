@@ -154,7 +154,7 @@ METHOD = find_method(
 )
 SETTINGS = TrainingSettings(
     "rope_configuration", observation="full", env_steps=24, worlds=2, part=8, evaluate_every=3,
-    episodes=1, final_episodes=1, fidelity="fast",
+    episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
 

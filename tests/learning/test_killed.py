@@ -11,8 +11,8 @@ import torch
 
 SETTINGS = {
     "env_steps": 640, "worlds": 4, "part": 64, "episodes": 1, "final_episodes": 2,
-    "fidelity": "fast", "random_steps": 64, "updates": 4, "batch": 64, "replay": 400,
-    "hidden": [32, 32],
+    "fidelity": "fast", "episode_steps": 20, "random_steps": 64, "updates": 4, "batch": 64,
+    "replay": 400, "hidden": [32, 32],
 }  # fmt: skip
 KILLS = 5
 

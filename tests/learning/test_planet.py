@@ -434,7 +434,8 @@ def test_measures_of_predictions():
 
 def test_a_figure_of_a_training(tmp_path):
     pytest.importorskip("matplotlib")
-    training = _training(tmp_path)
+    settings = dataclasses.replace(SETTINGS, episode_steps=None)  # As long as what is predicted.
+    training = Training(settings, METHOD, [4, 9], tmp_path, "host")
     found = open_loop.predict_task(training, [800, 801], tmp_path / "figure.png")
     assert found.frames.shape == found.predicted.shape == (2, 2, 31, SIZE, SIZE, 3)
     assert np.isfinite(found.psnr).all()
@@ -453,7 +454,7 @@ def test_a_figure_of_a_training(tmp_path):
 METHOD = find_method("planet", **dataclasses.asdict(TINY))
 SETTINGS = TrainingSettings(
     "straighten_rope", observation="rgb", image_size=(SIZE, SIZE), env_steps=32, worlds=2, part=16,
-    evaluate_every=2, episodes=1, final_episodes=1, fidelity="fast",
+    evaluate_every=2, episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
 

@@ -245,7 +245,7 @@ def test_it_learns_to_reach_a_point():
 METHOD = find_method("ppo", steps=4, epochs=2, minibatches=2, hidden=(16,))
 SETTINGS = TrainingSettings(
     "straighten_rope", env_steps=24, worlds=2, part=12, evaluate_every=2, episodes=1,
-    final_episodes=1, fidelity="fast",
+    final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
 

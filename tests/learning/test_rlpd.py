@@ -196,7 +196,7 @@ class _Killed(Exception):
 def test_a_training_that_was_killed_ends_alike(tmp_path):
     settings = TrainingSettings(
         "straighten_rope", env_steps=24, worlds=2, part=12, episodes=1, final_episodes=1,
-        evaluate_every=2, fidelity="fast",
+        evaluate_every=2, fidelity="fast", episode_steps=6,
     )  # fmt: skip
     method = find_method(
         "rlpd", hidden=(8,), random_steps=4, updates=4, batch=4, replay=16, actor_every=2,

@@ -16,7 +16,14 @@ from softgym_mj.learning.training import Training
 
 METHOD = find_method("sac", hidden=(8, 8), random_steps=4, updates=2, batch=4, replay=16)
 SETTINGS = TrainingSettings(
-    "straighten_rope", env_steps=8, worlds=2, part=8, episodes=1, final_episodes=1, fidelity="fast"
+    "straighten_rope",
+    env_steps=8,
+    worlds=2,
+    part=8,
+    episodes=1,
+    final_episodes=1,
+    fidelity="fast",
+    episode_steps=6,
 )
 
 

@@ -605,7 +605,7 @@ METHOD = find_method(
 )  # fmt: skip
 SETTINGS = TrainingSettings(
     "straighten_rope", env_steps=24, worlds=2, part=8, evaluate_every=3, episodes=1,
-    final_episodes=1, fidelity="fast",
+    final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
 

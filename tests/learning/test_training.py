@@ -23,7 +23,7 @@ METHOD = find_method(
 )
 SETTINGS = TrainingSettings(
     "straighten_rope", env_steps=32, worlds=2, part=8, evaluate_every=2, episodes=1,
-    final_episodes=2, fidelity="fast",
+    final_episodes=2, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
 

@@ -114,6 +114,9 @@ def test_staggered_episodes():
     assert [(np.flatnonzero(column) + 1).tolist() for column in ends.T] == expected
     again = np.array([twin.step(np.zeros((NUM_ENVS, 8)))[3] for _ in range(15)])
     assert np.array_equal(ends, again)
+    envs.reset(options={"stagger": 2})
+    ends = np.array([envs.step(np.zeros((NUM_ENVS, 8)))[3] for _ in range(8)])
+    assert [(np.flatnonzero(column) + 1).tolist() for column in ends.T] == [[7], [4], [7]]
     with pytest.raises(InvalidArgumentError, match="stagger='yes'"):
         envs.reset(options={"stagger": "yes"})
     envs.close(), twin.close()
