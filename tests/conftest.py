@@ -18,6 +18,8 @@ from tests.disks import Disk
 def _interrupts():
     """Ctrl-C does what it did before: an interrupted command has it end the process."""
     usual = signal.getsignal(signal.SIGINT)
+    if usual is signal.SIG_IGN:  # Of what a shell has started in the background: it would go on.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, usual)
 

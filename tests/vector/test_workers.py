@@ -12,7 +12,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.vector import pool as vector_pool
+from softgym_mj.jobs.scripts import unknown_main
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.processes import ProcessBackend
 
@@ -150,13 +150,13 @@ def test_threads_that_start_workers_at_once_leave_the_script_alone():
 
     def start():
         entered.wait()
-        with vector_pool._unknown_main():
+        with unknown_main():
             second.set()
             left.wait()
 
     thread = threading.Thread(target=start)
     thread.start()
-    with vector_pool._unknown_main():
+    with unknown_main():
         entered.set()
         second.wait(0.2)
     left.set()
