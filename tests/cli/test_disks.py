@@ -13,8 +13,9 @@ COMMANDS = {
     "evaluate": ["evaluate", "straighten_rope", "--episodes", "3", "--settings", SHORT, "--out"],
     "planner": ["evaluate", "straighten_rope", "--episodes", "1", "--settings", SHORT,
                 *PLANNER.split(), "--out"],
-    "rollout": ["rollout", "straighten_rope", "--policy", "zero", "--episodes", "1", "--video"],
-    "oracle": ["oracle", "straighten_rope", "--episodes", "1", "--out"],
+    "rollout": ["rollout", "straighten_rope", "--policy", "zero", "--episodes", "1",
+                "--look", "fast", "--video"],
+    "oracle": ["oracle", "straighten_rope", "--episodes", "1", "--look", "fast", "--out"],
     "record": ["record", "straighten_rope", "--episodes", "2", "--settings", SHORT],
 }  # fmt: skip
 

@@ -124,7 +124,8 @@ def test_tables_list_every_task_and_argument():
 def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
     one = {"straighten_rope": registry.TASKS["straighten_rope"]}
     monkeypatch.setattr(commands.softgym_mj, "TASKS", one)
-    result = CliRunner().invoke(commands.app, ["demo", "--out", str(tmp_path), "--size", "96"])
+    arguments = ["demo", "--out", str(tmp_path), "--size", "96", "--look", "fast"]
+    result = CliRunner().invoke(commands.app, arguments)
     assert result.exit_code == 0, result.output
     frames = imageio.imread(tmp_path / "straighten_rope.mp4")
     assert frames.shape == (76, 96, 96, 3)  # The start and 75 env steps.

@@ -11,7 +11,7 @@ NOTEBOOKS = sorted((pathlib.Path(__file__).parents[2] / "notebooks").glob("*.ipy
 assert NOTEBOOKS
 
 notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
-TRAINING_STEPS = 320  # Of the agent in 07_training, which learns from 20,000.
+TRAINING_STEPS = 160  # Of the agent in 07_training, which learns from 20,000.
 
 
 @notebooks

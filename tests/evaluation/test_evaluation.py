@@ -22,10 +22,18 @@ from softgym_mj.jobs.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.vector.batch.backend import BatchBackend
 
-SHORT = {"horizon": 6}
+SHORT = {"horizon": 6, "fidelity": "fast"}
 PLANNING = Planning(horizon=3, budget=60, iterations=2, replan_every=2)
 SIMPLE = Configuration("straighten_rope", "random", (800, 801, 802), (0, 1), SHORT)
 PLANNED = Configuration("straighten_rope", "icem", (800, 801), (0,), SHORT, PLANNING)
+
+
+@pytest.fixture(name="planned", scope="module")
+def _planned(tmp_path_factory):
+    """Where `PLANNED` has been played from beginning to end."""
+    folder = tmp_path_factory.mktemp("planned")
+    evaluate(PLANNED, folder)
+    return folder
 
 
 def test_an_episode_is_scored_at_its_last_step(tmp_path):
@@ -51,12 +59,12 @@ def test_an_episode_is_scored_at_its_last_step(tmp_path):
 @pytest.mark.parametrize(
     "kind", [ProcessExecutor, pytest.param(RayExecutor, marks=pytest.mark.slow)]
 )
-def test_the_result_does_not_depend_on_the_executor(kind, tmp_path):
+def test_the_result_does_not_depend_on_the_executor(kind, tmp_path, planned):
     # Both with the same workers, whose start takes longer than what they do.
     with kind(number=2) as executor:
-        for name, configuration in {"random": SIMPLE, "icem": PLANNED}.items():
-            here, there = tmp_path / "here" / name, tmp_path / "there" / name
-            evaluate(configuration, here)
+        evaluate(SIMPLE, tmp_path / "here")
+        for configuration, here in ((SIMPLE, tmp_path / "here"), (PLANNED, planned)):
+            there = tmp_path / configuration.policy
             evaluate(configuration, there, executor)
             assert (there / "result.json").read_bytes() == (here / "result.json").read_bytes()
 
@@ -72,9 +80,8 @@ evaluate(module.PLANNED, pathlib.Path(sys.argv[1]), None, Progress(say, say))
 """
 
 
-def test_an_episode_goes_on_from_its_plans(tmp_path):
-    whole, killed = tmp_path / "whole", tmp_path / "killed"
-    evaluate(PLANNED, whole)
+def test_an_episode_goes_on_from_its_plans(tmp_path, planned):
+    killed = tmp_path / "killed"
     process = subprocess.Popen(
         [sys.executable, "-c", SCRIPT, str(killed)],
         cwd=pathlib.Path(__file__).parents[2],  # Where it finds the tests.
@@ -89,7 +96,7 @@ def test_an_episode_goes_on_from_its_plans(tmp_path):
     assert not (killed / "result.json").exists()
     told = []
     evaluate(PLANNED, killed, None, evaluation.Progress(told.append, told.append))
-    assert (killed / "result.json").read_bytes() == (whole / "result.json").read_bytes()
+    assert (killed / "result.json").read_bytes() == (planned / "result.json").read_bytes()
     assert len(told) == 4  # The finished episode, two decisions, and the other one.
 
 
@@ -134,8 +141,9 @@ def test_bad_configurations(settings, message):
         Configuration(**valid, planning=Planning())
 
 
-def test_planners_try_actions_on_a_device(tmp_path):
-    found = [evaluate(PLANNED, tmp_path / name, device=name) for name in ("cpu", "host")]
+def test_planners_try_actions_on_a_device(tmp_path, planned):
+    here = json.loads((planned / "result.json").read_text())
+    found = [here, evaluate(PLANNED, tmp_path, device="host")]
     scores = [
         [episode["normalized_performance"] for episode in result["episodes"]] for result in found
     ]
@@ -159,19 +167,25 @@ def kept(folder):
 def _lockstep(tmp_path_factory):
     """Where these episodes have been played together."""
     folder = tmp_path_factory.mktemp("lockstep")
-    evaluate(LOCKSTEP, folder, device="host")
+    with pytest.MonkeyPatch.context() as patch:
+        replayed = _replayed(patch)
+        evaluate(LOCKSTEP, folder, device="host")
+    assert replayed == 6 * [3]  # In each of two iterations of three decisions.
     assert len(kept(folder)) == 4
     return folder
 
 
-def test_episodes_are_planned_together_as_alone(tmp_path, lockstep, monkeypatch):
-    replayed, replay = [], BatchBackend.replay
-    monkeypatch.setattr(
-        BatchBackend, "replay", lambda *args: (replayed.append(len(args[1])), replay(*args))[1]
+def _replayed(patch):
+    """Filled with how many episodes are tried at once, each time."""
+    found, replay = [], BatchBackend.replay
+    patch.setattr(
+        BatchBackend, "replay", lambda *args: (found.append(len(args[1])), replay(*args))[1]
     )
-    evaluate(LOCKSTEP, tmp_path / "together", device="host")
-    assert replayed == 6 * [3]  # In each of two iterations of three decisions.
-    assert kept(tmp_path / "together") == kept(lockstep)
+    return found
+
+
+def test_episodes_are_planned_together_as_alone(tmp_path, lockstep, monkeypatch):
+    replayed = _replayed(monkeypatch)
     for worlds, expected in ((20, 6 * [2] + 6 * [1]), (5, 18 * [1])):
         replayed.clear()
         monkeypatch.setattr(running, "MOST_WORLDS", worlds)
