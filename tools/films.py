@@ -27,6 +27,11 @@ STILL = 0.3  # Mean difference of two pictures without motion [of 255].
 REST = 6  # Pictures kept after the last motion.
 
 
+def names_of_all() -> list[str]:
+    """Of films: tasks, and policies that were learned."""
+    return [*TASKS, *sorted(file.stem for file in LEARNED.glob("*.pt2"))]
+
+
 def until_rest(frames: np.ndarray) -> np.ndarray:
     """The pictures (n, ...) without those at the end in which nothing moves any more."""
     differences = np.abs(frames.astype(np.int16) - frames[-1]).mean(axis=(1, 2, 3))
@@ -65,14 +70,11 @@ def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
 
 
 def main(names: Sequence[str]) -> None:
-    learned = sorted(file.stem for file in LEARNED.glob("*.pt2"))
-    for name in names or [*TASKS, *learned]:
-        policy, trust = (
-            (str(LEARNED / f"{name}.pt2"), True) if name in learned else ("scripted", False)
-        )
+    for name in names or names_of_all():
+        policy = "scripted" if name in TASKS else str(LEARNED / f"{name}.pt2")
         env = load(name.split("-")[0], split="all", look="paper", observation="reduced")
         variation = env.task.example_variation
-        episode = play(env, policy, variation, trust=trust, size=SIZE, passes=PASSES)
+        episode = play(env, policy, variation, trust=name not in TASKS, size=SIZE, passes=PASSES)
         frames = until_rest(episode.frames)
         file = FOLDER / f"{name}.webp"
         write_film(frames, round(1000 / episode.fps), file)
