@@ -14,7 +14,16 @@ notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.ste
 TRAINING_STEPS = 160  # Of the agent in 07_training, which learns from 20,000.
 
 
-@notebooks
+QUICK = ("01_quickstart", "04_fluid_plugin")  # The others run in `make test-notebooks`, as in CI.
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        pytest.param(file, marks=() if file.stem in QUICK else pytest.mark.slow, id=file.stem)
+        for file in NOTEBOOKS
+    ],
+)
 def test_notebook_runs(file, monkeypatch):
     monkeypatch.setenv("SOFTGYM_MJ_NOTEBOOK_STEPS", str(TRAINING_STEPS))
     notebook = nbformat.read(file, as_version=4)
