@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo notebooks test test-notebooks test-all lint bench sheets films gallery photos docs native clean
+.PHONY: demo notebooks test test-long test-all lint bench sheets films gallery photos docs native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
@@ -20,9 +20,9 @@ notebooks: $(VENV)/.installed-notebooks
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest
 
-# The notebooks from top to bottom, of which `test` runs the quick ones.
-test-notebooks: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n 2 --dist load -m "slow or not slow" tests/docs/test_notebooks.py
+# Most notebooks, and other tests that take long each.
+test-long: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest --dist load -m long
 
 test-all: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m "slow or not slow"

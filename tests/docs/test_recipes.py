@@ -166,6 +166,7 @@ def test_torchrl_of_many(run):
     assert not torch.equal(starts[:, 0], starts[:, 1])
 
 
+@pytest.mark.long
 def test_torchrl_collector(run):
     batches = run("TorchRL: a collector").batches
     assert [batch.batch_size for batch in batches] == [(2, 150)] * 2

@@ -125,6 +125,7 @@ def test_what_was_killed_ends_alike(tmp_path):
     check_training(find_method("curl", **TINY, **FEW, crop=CROP), tmp_path)
 
 
+@pytest.mark.long
 def test_it_learns_to_move_a_bar():
     settings = CURLSettings(
         hidden=(32, 32), channels=16, features=16, crop=16, actor_rate=3e-3, critic_rate=3e-3,

@@ -201,6 +201,7 @@ class _Reach(RopeGoals):
         )
 
 
+@pytest.mark.long
 def test_it_learns_to_reach_points_that_it_hardly_ever_meets():
     settings = HindsightSettings(
         hidden=(32, 32), discount=0.9, actor_rate=4e-3, critic_rate=4e-3, alpha_rate=4e-3,

@@ -271,6 +271,7 @@ def test_an_evaluation_has_random_numbers_of_its_own():
         learner.policy(0)
 
 
+@pytest.mark.long
 def test_it_learns_to_bring_a_piece_of_cloth_to_the_middle():
     """A piece is moved by the place; what counts is how far from the middle it ends."""
     settings = WuSettings(

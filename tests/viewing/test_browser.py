@@ -157,6 +157,7 @@ def pixel(server, point, height, width):
         pytest.param("pour_water", (BLUE,), 0.75, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.long
 def test_chromium_shows_what_mujoco_draws(page, task, ranges, likeness):
     session = unhurried(task)
     session.paused = True
