@@ -293,8 +293,11 @@ class Training:
                 module = self.learner.policy(k)
             except InvalidArgumentError:  # Of those that remember no file can be made.
                 return
+            exported = torch.export.export(module.eval(), (example,))
+            for node in exported.graph.nodes:  # Else the file says where this machine has what.
+                node.meta.pop("stack_trace", None)
             file = io.BytesIO()
-            torch.export.save(torch.export.export(module.eval(), (example,)), file)
+            torch.export.save(exported, file)
             write_whole(self.folder / POLICY.format(seed=seed), file.getvalue())
 
     def _restore(self) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -81,6 +82,8 @@ def test_how_each_episode_of_the_last_evaluation_ended_is_written(whole):
 def test_policies_are_written_and_play_as_the_learner(whole):
     env = softgym_mj.load("straighten_rope", split="all", observation="reduced", fidelity="fast")
     for k, seed in enumerate(SEEDS):
+        with zipfile.ZipFile(whole.folder / f"policy_{seed}.pt2") as file:
+            assert not any(b"/learning/" in file.read(name) for name in file.namelist())
         act = make_policy(str(whole.folder / f"policy_{seed}.pt2"), env, seed, trust=True)
         timestep = env.reset(830)
         seen = torch.tensor(next(iter(timestep.observation.values()))).float()
