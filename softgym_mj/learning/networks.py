@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 _EPSILON = 1e-5  # Of LayerNorm.
+_TINY = 1e-6  # Added to a norm that divides (PyTorch's).
 
 
 def generators(seeds: Sequence[int], device: torch.device | str) -> list[torch.Generator]:
@@ -162,3 +163,13 @@ class Critics(nn.Module):
         """Of (seeds, n, ...): (number, seeds, n)."""
         both = torch.cat([observation, action], dim=-1).repeat_interleave(self.number, 0)
         return self.body(both)[..., 0].unflatten(0, (-1, self.number)).transpose(0, 1)
+
+
+def cut(parameters: Sequence[Tensor], seeds: int, largest: float) -> None:
+    """Scales gradients of arrays (a number for each seed, ...) to a norm in each seed, at most."""
+    gradients = [p.grad for p in parameters if p.grad is not None]
+    squares = [gradient.reshape(seeds, -1).square().sum(-1) for gradient in gradients]
+    factor = (largest / (torch.stack(squares).sum(0).sqrt() + _TINY)).clamp(max=1.0)
+    for gradient in gradients:
+        of_each = factor[:, None].expand(-1, len(gradient) // seeds)
+        gradient.mul_(of_each.reshape(-1, *[1] * (gradient.ndim - 1)))

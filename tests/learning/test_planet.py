@@ -20,12 +20,11 @@ from softgym_mj.learning.methods.planet.latent import GRU, Decoder, Encoder, Wor
 from softgym_mj.learning.methods.planet.learner import (
     PlaNet,
     PlaNetSettings,
-    clip,
     losses,
     make,
     plan,
 )
-from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.networks import cut, drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
@@ -212,7 +211,7 @@ def test_each_seed_has_a_longest_gradient_of_its_own():
     before = [torch.stack([gradient[0], 0.01 * gradient[1]]) for gradient in before]
     for weight, gradient in zip(weights, before, strict=True):
         weight.grad = gradient.clone()
-    clip(weights, 0.5)
+    cut(weights, len(weights[0]), 0.5)
     own = [nn.Parameter(weight[0].detach()) for weight in weights]
     for weight, gradient in zip(own, before, strict=True):
         weight.grad = gradient[0].clone()

@@ -20,11 +20,9 @@ from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet.latent import WorldModel, centred
 from softgym_mj.learning.methods.sac import adam
-from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.networks import cut, drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
-
-_TINY = 1e-6  # Added to a norm that divides (PyTorch's).
 
 
 @typed
@@ -258,7 +256,7 @@ class PlaNet:
         found = losses(self.model, step, image, noise, own.free_nats)
         self._adam.zero_grad(set_to_none=True)
         torch.stack([*found.values()]).sum().backward()
-        clip([*self.model.parameters()], own.gradient_norm)
+        cut([*self.model.parameters()], len(self._sources), own.gradient_norm)
         self._adam.step()
         return {name: loss.detach() for name, loss in found.items()}
 
@@ -283,15 +281,6 @@ class PlaNet:
             source.set_state(kept)
         self.replay.set_state(state["replay"])
         self.updates, self._seen = state["updates"], state["seen"]
-
-
-def clip(weights: Sequence[nn.Parameter], largest: float) -> None:
-    """Shortens the gradient of each seed, of all its weights (seeds, ...) together."""
-    gradients = [weight.grad for weight in weights if weight.grad is not None]
-    squares = torch.stack([g.flatten(1).square().sum(1) for g in gradients]).sum(0)
-    factors = (largest / (squares.sqrt() + _TINY)).clamp(max=1.0)
-    for gradient in gradients:
-        gradient.mul_(factors.reshape(-1, *[1] * (gradient.ndim - 1)))
 
 
 def make(settings: PlaNetSettings, problem: Problem) -> PlaNet:

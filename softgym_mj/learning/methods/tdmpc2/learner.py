@@ -24,7 +24,7 @@ from softgym_mj.learning.methods.tdmpc2.networks import (
     WorldModelSettings,
     imagined,
 )
-from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.networks import cut, drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
 
@@ -243,7 +243,7 @@ class TDMPC2:
             optimizer.zero_grad(set_to_none=True)
         loss.sum().backward()
         weights = [w for each in optimizers for group in each.param_groups for w in group["params"]]
-        losses.cut(weights, len(self._seeds), self.settings.largest_gradient)
+        cut(weights, len(self._seeds), self.settings.largest_gradient)
         for optimizer in optimizers:
             optimizer.step()
 

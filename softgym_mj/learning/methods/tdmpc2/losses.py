@@ -5,8 +5,6 @@ not count. The entropy is that of the action after tanh, times the number of act
 code leaves tanh out of it or does not scale it, by its version.
 """
 
-from collections.abc import Sequence
-
 import torch
 from torch import Tensor
 
@@ -101,13 +99,3 @@ def spread(values: Tensor) -> Tensor:
         high = min(low + 1, last)
         ends.append(ordered[:, low].lerp(ordered[:, high], share * last - low))
     return ends[1] - ends[0]
-
-
-def cut(parameters: Sequence[Tensor], seeds: int, largest: float) -> None:
-    """Scales gradients of arrays (a number for each seed, ...) to a norm in each seed, at most."""
-    gradients = [parameter.grad for parameter in parameters]
-    squares = [gradient.reshape(seeds, -1).square().sum(-1) for gradient in gradients]
-    factor = (largest / (torch.stack(squares).sum(0).sqrt() + 1e-6)).clamp(max=1.0)
-    for gradient in gradients:
-        of_each = factor[:, None].expand(-1, len(gradient) // seeds)
-        gradient.mul_(of_each.reshape(-1, *[1] * (gradient.ndim - 1)))
