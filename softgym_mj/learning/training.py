@@ -180,15 +180,18 @@ class Training:
 
     def _evaluate(self, *, final: bool) -> None:
         """Plays variations of both splits with the best actions, all held out ones in the end."""
-        settings = self.settings
+        settings, chosen = self.settings, dict[str, Sequence[int]]()
         is_symmetric = getattr(self.method.settings, "symmetric", False)
         for split in ("train", "evaluate"):
             indices, held_out = SPLITS[split], final and split == "evaluate"
             number = settings.final_episodes if held_out else settings.episodes
-            chosen = indices[:: len(indices) // number][:number]
-            scores = self.play(chosen)
-            if held_out:
-                write_episodes(self.folder, self.seeds, chosen, scores)
+            chosen[split] = indices[:: len(indices) // number][:number]
+        scores = self.play([index for each in chosen.values() for index in each])
+        for split, indices in chosen.items():
+            first = len(chosen["train"]) if split == "evaluate" else 0
+            found = {name: each[:, first : first + len(indices)] for name, each in scores.items()}
+            if final and split == "evaluate":
+                write_episodes(self.folder, self.seeds, indices, found)
             for k, seed in enumerate(self.seeds):
                 self.rows.append(
                     {
@@ -197,9 +200,9 @@ class Training:
                         "replay": "symmetric" if is_symmetric else "plain",
                         "seed": seed, "env_steps": self.env_steps,
                         "updates": self.learner.updates, "seconds": round(self._seconds, 1),
-                        "split": split, "episodes": number,
-                        "normalized_performance": float(scores["normalized_performance"][k].mean()),
-                        "success": float(scores["success"][k].mean()), "final": int(final),
+                        "split": split, "episodes": len(indices),
+                        "normalized_performance": float(found["normalized_performance"][k].mean()),
+                        "success": float(found["success"][k].mean()), "final": int(final),
                     }
                 )  # fmt: skip
 

@@ -122,7 +122,7 @@ def test_what_was_killed_ends_alike(whole, tmp_path, after):
 @pytest.mark.parametrize("when", ["evaluation", "the last evaluation"])
 def test_what_was_killed_in_an_evaluation_ends_alike(whole, tmp_path, when):
     killed = _training(tmp_path)
-    play, left = killed.play, 1 if when == "evaluation" else 3
+    play, left = killed.play, 0 if when == "evaluation" else 1
 
     def kill(variations):
         nonlocal left
