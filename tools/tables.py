@@ -19,7 +19,7 @@ from tools.pages import between, replaced, table, with_table
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU = (
+README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING = (
     ROOT / "README.md",
     DOCS / "domain.md",
     DOCS / "robots.md",
@@ -28,8 +28,9 @@ README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU = (
     DOCS / "recipes.md",
     DOCS / "pictures.md",
     DOCS / "gpu.md",
+    DOCS / "learning.md",
 )
-PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU)
+PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING)
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -212,6 +213,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
     texts[RESULTS] = between(texts[RESULTS], "learned", learned.results())
     texts[RESULTS] = between(texts[RESULTS], "others", learned.others())
+    texts[LEARNING] = between(texts[LEARNING], "sb3", learned.against_sb3())
     results = read(False)
     for new in (comparison.markdown(results).rstrip(), budgets(results), horizons(read(True))):
         texts[RESULTS] = with_table(texts[RESULTS], new)
