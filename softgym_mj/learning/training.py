@@ -180,7 +180,7 @@ class Training:
 
     def _evaluate(self, *, final: bool) -> None:
         """Plays variations of both splits with the best actions, all held out ones in the end."""
-        settings, chosen = self.settings, dict[str, Sequence[int]]()
+        settings, chosen = self.settings, dict[str, range]()
         is_symmetric = getattr(self.method.settings, "symmetric", False)
         for split in ("train", "evaluate"):
             indices, held_out = SPLITS[split], final and split == "evaluate"
