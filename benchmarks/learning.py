@@ -6,6 +6,7 @@ Replays are filled with random numbers: no environment is stepped. On a GPU upda
 """
 
 import argparse
+import dataclasses
 import json
 import pathlib
 import time
@@ -15,36 +16,47 @@ import torch
 
 import softgym_mj
 from benchmarks.gpu import machine
-from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.learner import Offline, Problem, Step
 from softgym_mj.learning.registry import METHODS, find_preset
 
 SEEDS = (1, 5)
 SECONDS = 4.0  # For which the clock runs, about.
+WARM_UP = 12  # Updates before that: CUDA's graphs are made.
 
 
 def updates_per_second(name: str, preset: str, task: str, seeds: int, device: str) -> float:
     """Of all seeds together: an update of each counts as one."""
-    training, method = find_preset(name, preset, task, random_steps=0)
-    env = softgym_mj.make_vec(
-        task, 1, device="host", observation=training.observation, **training.task_settings
+    training, method = find_preset(name, preset, task)
+    if hasattr(method.settings, "random_steps"):
+        settings = dataclasses.replace(method.settings, random_steps=0)
+        method = dataclasses.replace(method, settings=settings)
+    sized: dict[str, Any] = (
+        {"image_size": training.image_size} if training.observation == "rgb" else {}
     )
+    env = softgym_mj.make_vec(
+        task, 1, device="cpu" if training.actor else "host", observation=training.observation,
+        **sized, **training.task_settings,
+    )  # fmt: skip
     observation, action = env.single_observation_space.shape, env.single_action_space.shape
     env.close()
     assert observation is not None and action is not None
     problem = Problem(
         task, training.task_settings, range(seeds), training.worlds, observation, action[-1],
-        training.reward_scale, device,
+        training.reward_scale, device, training.observation,
     )  # fmt: skip
     learner = method.make(method.settings, problem)
     lead = seeds, training.worlds
     no = torch.zeros(lead, dtype=torch.bool, device=device)
 
     def step() -> None:
+        if isinstance(learner, Offline):
+            learner.study()
+            return
         seen, following = (torch.randn(*lead, *observation, device=device) for _ in range(2))
-        acted = torch.rand(*lead, action[-1], device=device) * 2.0 - 1.0
+        acted, _ = learner.act(seen, no, None, explore=True)
         learner.learn(Step(seen, acted, torch.rand(lead, device=device), following, no, no))
 
-    for _ in range(12):
+    while learner.updates < WARM_UP:
         step()
     _wait(device)
     before, start = learner.updates, time.perf_counter()
