@@ -12,6 +12,8 @@ import torch
 from torch import Tensor, nn
 
 _EPSILON = 1e-5  # Of LayerNorm.
+LEAST_DEVIATION = 0.01  # [m], or a share: what hardly changes at random may well do so later.
+FURTHEST = 10.0  # [deviations] From the mean.
 _TINY = 1e-6  # Added to a norm that divides (PyTorch's).
 
 
@@ -91,10 +93,32 @@ class MLP(nn.Sequential):
         super().__init__(*layers)
 
 
+class Standard(nn.Module):
+    """Observations of each seed by their means and deviations; as they are until `fit`.
+
+    Positions are tenths of a metre beside actions of up to 1, which first layers would see alone.
+    """
+
+    def __init__(self, seeds: int, size: int, device: torch.device | str):
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(seeds, 1, size, device=device))
+        self.register_buffer("deviation", torch.ones(seeds, 1, size, device=device))
+
+    def fit(self, observation: Tensor) -> None:
+        """Takes means and deviations of observations (seeds, n, size)."""
+        self.mean.copy_(observation.mean(1, keepdim=True))
+        self.deviation.copy_(observation.std(1, keepdim=True).clamp(min=LEAST_DEVIATION))
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """Of (seeds, n, size), the same shape."""
+        return ((observation - self.mean) / self.deviation).clamp(-FURTHEST, FURTHEST)
+
+
 class Actor(nn.Module):
     """A Gaussian through tanh, whose mean and log deviation are functions of an observation.
 
     Attributes:
+        seen: makes of observations what the network takes.
         body: the network.
         low, high: of the log deviation, which tanh squashes into them.
     """
@@ -106,14 +130,16 @@ class Actor(nn.Module):
         action: int,
         hidden: Sequence[int],
         log_std: tuple[float, float],
+        seen: nn.Module | None = None,
     ):
         super().__init__()
+        self.seen = seen or nn.Identity()
         self.body = MLP(sources, [observation, *hidden, 2 * action])
         self.low, self.high = log_std
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log deviation (seeds, n, action) before tanh."""
-        mean, squashed = self.body(observation).chunk(2, dim=-1)
+        mean, squashed = self.body(self.seen(observation)).chunk(2, dim=-1)
         share = 0.5 * (torch.tanh(squashed) + 1.0)
         return mean, self.low + share * (self.high - self.low)
 
@@ -141,6 +167,7 @@ class Critics(nn.Module):
 
     Attributes:
         number: of critics of each seed.
+        seen: makes of observations what the network takes.
         body: the network, of all critics of a seed, then of the next.
     """
 
@@ -153,15 +180,16 @@ class Critics(nn.Module):
         *,
         norm: bool,
         number: int = 2,
+        seen: nn.Module | None = None,
     ):
         super().__init__()
-        self.number = number
+        self.number, self.seen = number, seen or nn.Identity()
         each = [source for source in sources for _ in range(number)]
         self.body = MLP(each, [observation + action, *hidden, 1], norm=norm)
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
         """Of (seeds, n, ...): (number, seeds, n)."""
-        both = torch.cat([observation, action], dim=-1).repeat_interleave(self.number, 0)
+        both = torch.cat([self.seen(observation), action], dim=-1).repeat_interleave(self.number, 0)
         return self.body(both)[..., 0].unflatten(0, (-1, self.number)).transpose(0, 1)
 
 

@@ -64,6 +64,9 @@ class Algorithm(Protocol):
     def act(self, observation: Tensor, *, explore: bool) -> Tensor:
         """Actions (seeds, n, action) for observations (seeds, n, ...)."""
 
+    def begin(self, sample: Callable[[int], Batch]) -> None:
+        """Is told before the first update what draws a batch of so many env steps."""
+
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Learns from a batch; returns losses (seeds,) by name."""
 
@@ -135,6 +138,8 @@ class OffPolicy:
         self._seen += self._problem.worlds
         found: dict[str, Tensor] = {}
         if learns and self.replay.size >= self._settings.added:
+            if not self.updates:
+                self.algorithm.begin(self.replay.sample)
             wanted = self.updates + self._settings.updates
             for _ in range(self._settings.updates // self.algorithm.period):
                 found = self._few()

@@ -16,7 +16,7 @@ from softgym_mj.learning.settings import TrainingSettings
 
 # Module and class of the settings.
 METHODS = {
-    "sac": ("sac", "SACSettings"),
+    "sac": ("sac", "StateSACSettings"),
     "sac_hindsight": ("hindsight", "HindsightSettings"),
     "sac_points": ("point_sets", "PointSetSettings"),
     "tdmpc2": ("tdmpc2.learner", "TDMPC2Settings"),

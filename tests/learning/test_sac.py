@@ -1,5 +1,6 @@
 """Soft actor-critic: its oracles are PyTorch's distributions and layers, and one seed alone."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -8,8 +9,8 @@ import torch
 from torch import nn
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.methods.sac import SAC, SACSettings
-from softgym_mj.learning.networks import Actor, Linear, drawn, generators
+from softgym_mj.learning.methods.sac import SAC, STANDARD_SAMPLE, SACSettings, StateSACSettings
+from softgym_mj.learning.networks import FURTHEST, LEAST_DEVIATION, Actor, Linear, drawn, generators
 from softgym_mj.learning.replay import Batch
 
 OBSERVATION, ACTION, NUMBER = 5, 2, 7
@@ -130,6 +131,40 @@ def test_a_state_goes_on_with_the_same_bits():
     found = [sac.act(observation, explore=True) for sac in (first, second)]
     assert torch.equal(*found)
     assert first.updates == second.updates == 4
+
+
+def test_standard_observations_are_those_by_mean_and_deviation():
+    """Beside networks of the same weights, which are shown what was scaled by hand."""
+    seeds = [0, 1]
+    settings = StateSACSettings(hidden=(16, 16), standard=True)
+    sac = SAC(settings, seeds, OBSERVATION, ACTION)
+    plain = SAC(SACSettings(hidden=(16, 16)), seeds, OBSERVATION, ACTION)
+    batch = _batch(seeds, number=50)
+    seen = batch.observation * torch.tensor([0.1, 1.0, 0.0, 5.0, 0.2]) + 0.5
+    asked = []
+
+    def sample(number):
+        asked.append(number)
+        return dataclasses.replace(batch, observation=seen)
+
+    sac.begin(sample)
+    assert asked == [STANDARD_SAMPLE]
+    own = seen.double().numpy()
+    deviation = np.maximum(own.std(1, ddof=1, keepdims=True), LEAST_DEVIATION)
+    scaled = torch.tensor((own - own.mean(1, keepdims=True)) / deviation).float()
+    restored = SAC(settings, seeds, OBSERVATION, ACTION)
+    restored.set_state(sac.get_state())
+    for one in (sac, restored):
+        for k in ("critics", "targets"):
+            found = getattr(one, k)(seen, batch.action)
+            torch.testing.assert_close(found, getattr(plain, k)(scaled, batch.action))
+        best = plain.act(scaled, explore=False)
+        torch.testing.assert_close(one.act(seen, explore=False), best)
+        torch.testing.assert_close(one.policy(1)(seen[1]), best[1])
+    far = seen + 1e6
+    torch.testing.assert_close(
+        sac.act(far, explore=False), plain.act(torch.full_like(far, FURTHEST), explore=False)
+    )
 
 
 def test_it_learns_to_reach_a_point():

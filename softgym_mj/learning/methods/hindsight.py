@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.methods.sac import SAC, SACSettings
+from softgym_mj.learning.methods.sac import SAC, StateSACSettings
 from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch, Replay
@@ -29,7 +29,7 @@ STRATEGIES = ("future", "final")
 
 @typed
 @dataclasses.dataclass(frozen=True)
-class HindsightSettings(SACSettings):
+class HindsightSettings(StateSACSettings):
     """How it learns.
 
     Attributes:

@@ -10,14 +10,14 @@ import dataclasses
 from collections.abc import Sequence
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from softgym_mj.exceptions import check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.methods.sac import SAC, SACSettings
-from softgym_mj.learning.networks import Actor, Critics, drawn
+from softgym_mj.learning.methods.sac import SAC, StateSACSettings
+from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch, Replay
 from softgym_mj.learning.symmetries import symmetries
@@ -25,7 +25,7 @@ from softgym_mj.learning.symmetries import symmetries
 
 @typed
 @dataclasses.dataclass(frozen=True)
-class RLPDSettings(SACSettings):
+class RLPDSettings(StateSACSettings):
     """How it learns; the defaults are the authors', of manipulation (Adroit), for one world.
 
     `batch` counts env steps of environments, which come with as many demonstrated ones.
@@ -108,12 +108,10 @@ class RLPD(SAC):
         self.sources = [*self._own, *shown.sources]
         self._entropy = -0.5 * action
 
-    def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
-        settings, sizes = self.settings, (observation, action, self.settings.hidden)
-        return (
-            Actor(self.sources, *sizes, settings.log_std),
-            Critics(self.sources, *sizes, norm=settings.norm, number=settings.critics),
-        )
+    @property
+    def number_of_critics(self) -> int:
+        """See `SAC`."""
+        return self.settings.critics
 
     def _noise(self, *shape: int) -> Tensor:
         return drawn(self._own, *shape)

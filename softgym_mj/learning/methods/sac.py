@@ -7,7 +7,7 @@ targets that always go on at the horizon, the entropy weight learned as it is.
 import copy
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -16,9 +16,11 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.networks import Actor, Critics, drawn, generators
+from softgym_mj.learning.networks import Actor, Critics, Standard, drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
 from softgym_mj.learning.replay import Batch
+
+STANDARD_SAMPLE = 10_000  # Env steps whose means and deviations are taken.
 
 
 @typed
@@ -64,6 +66,18 @@ class SACSettings(OffPolicySettings):
         check_count("halved_every", self.halved_every, 0)
 
 
+@typed
+@dataclasses.dataclass(frozen=True)
+class StateSACSettings(SACSettings):
+    """The same for states.
+
+    Attributes:
+        standard: whether networks see observations by means and deviations of the random steps.
+    """
+
+    standard: bool = False
+
+
 class SAC:
     """Actors and critics that are trained side by side.
 
@@ -104,13 +118,30 @@ class SAC:
         self._alpha_adam = adam([self.log_alpha], settings.alpha_rate, settings.alpha_beta)
         self.updates, self.period = 0, math.lcm(settings.actor_every, settings.target_every)
 
+    @property
+    def number_of_critics(self) -> int:
+        """Of each seed."""
+        return 2
+
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
         """Actor and critics, drawn."""
-        settings = self.settings
+        settings, sizes = self.settings, (observation, action, self.settings.hidden)
+        seen: nn.Module = nn.Identity()
+        if getattr(settings, "standard", False):
+            seen = Standard(len(self.sources), observation, self.sources[0].device)
         return (
-            Actor(self.sources, observation, action, settings.hidden, settings.log_std),
-            Critics(self.sources, observation, action, settings.hidden, norm=settings.norm),
+            Actor(self.sources, *sizes, settings.log_std, seen),
+            Critics(
+                self.sources, *sizes, norm=settings.norm, number=self.number_of_critics, seen=seen
+            ),
         )
+
+    def begin(self, sample: Callable[[int], Batch]) -> None:
+        """See `Algorithm`."""
+        if getattr(self.settings, "standard", False):
+            observation = sample(STANDARD_SAMPLE).observation
+            for network in (self.actor, self.targets):  # Critics see as the actor does.
+                network.seen.fit(observation)
 
     @property
     def alpha(self) -> Tensor:
@@ -269,8 +300,8 @@ class Mean(nn.Module):
     def __init__(self, actor: nn.Module, seed: int):
         super().__init__()
         self.actor = copy.deepcopy(actor).cpu()
-        for parameter in self.actor.parameters():
-            parameter.data = parameter.data[seed : seed + 1].clone()
+        for array in (*self.actor.parameters(), *self.actor.buffers()):
+            array.data = array.data[seed : seed + 1].clone()
         self.requires_grad_(False)
 
     def forward(self, observation: Tensor) -> Tensor:
