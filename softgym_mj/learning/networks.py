@@ -12,8 +12,7 @@ import torch
 from torch import Tensor, nn
 
 _EPSILON = 1e-5  # Of LayerNorm.
-LEAST_DEVIATION = 0.01  # [m], or a share: what hardly changes at random may well do so later.
-FURTHEST = 10.0  # [deviations] From the mean.
+LEAST_DEVIATION = 0.1  # [m], or a share: what hardly changes at random may well do so later.
 _TINY = 1e-6  # Added to a norm that divides (PyTorch's).
 
 
@@ -111,7 +110,7 @@ class Standard(nn.Module):
 
     def forward(self, observation: Tensor) -> Tensor:
         """Of (seeds, n, size), the same shape."""
-        return ((observation - self.mean) / self.deviation).clamp(-FURTHEST, FURTHEST)
+        return (observation - self.mean) / self.deviation
 
 
 class Actor(nn.Module):
