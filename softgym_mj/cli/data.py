@@ -80,7 +80,7 @@ def record(
     ] = None,
     look: Look = None,
     settings: Settings = "{}",
-    seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random policy and noise.")] = 0,
     trust: Trust = False,
     successful_only: Annotated[
         bool, typer.Option("--successful-only", help="Leave out episodes without success.")
@@ -88,9 +88,14 @@ def record(
     idle: Annotated[
         str, typer.Option(help="keep; drop ends episodes once the expert has finished.")
     ] = "keep",
+    noise: Annotated[
+        float,
+        typer.Option(help="Deviation of noise on actions; the expert's own are in the infos."),
+    ] = 0.0,
+    jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
     dataset: Annotated[
         str | None,
-        typer.Option(help="Id; softgym_mj/TASK/POLICY[-ACTOR][-GRASP]-v0 if not given."),
+        typer.Option(help="Id; softgym_mj/TASK/POLICY[-ACTOR][-GRASP][-NOISE]-v0 if not given."),
     ] = None,
     author: Annotated[str | None, typer.Option(help="Of the dataset.")] = None,
     author_email: Annotated[str | None, typer.Option(help="Where to reach the author.")] = None,
@@ -127,6 +132,8 @@ def record(
                 trust=trust,
                 successful_only=successful_only,
                 idle=idle,
+                noise=noise,
+                jobs=jobs,
                 author=author,
                 author_email=author_email,
                 code_permalink=code_permalink,

@@ -8,7 +8,6 @@ the next one finds them.
 import functools
 import json
 import logging
-import pickle
 from collections.abc import Callable, Sequence
 
 import mujoco
@@ -17,7 +16,6 @@ import torch
 from torch import Tensor
 
 import softgym_mj
-from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.store import ARRAYS, Store
@@ -25,9 +23,8 @@ from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.symmetries import Symmetry
 from softgym_mj.native.caches import cache_folder
-from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.rollouts import sent_to
-from softgym_mj.recording.episodes import play
+from softgym_mj.recording.playing import played
 from softgym_mj.registry import TaskRecord
 from softgym_mj.variations.indices import SPLITS
 from softgym_mj.vector.processes import num_cores
@@ -110,17 +107,8 @@ def collect(
 
 def _played(task: TaskRecord | bytes, settings: str, variation: int) -> dict[str, np.ndarray]:
     """The arrays of an episode, by `_KEPT`."""
-    env = _environment(task, settings)
-    # A policy of its own, which cannot depend on what was played before.
-    arrays = play(env, make_policy(POLICY, env.dm_env), variation)
+    arrays = played(task, settings, POLICY, 0, False, "keep", 0.0, variation)
     return {name: arrays[name] for name in _KEPT}
-
-
-@functools.lru_cache(maxsize=1)
-def _environment(task: TaskRecord | bytes, settings: str) -> SoftGymEnv:
-    """This process's environment of a task, as `sent_to` returns it."""
-    record = pickle.loads(task).fn if isinstance(task, bytes) else task
-    return SoftGymEnv(record, split="all", **json.loads(settings))
 
 
 def replay_of(

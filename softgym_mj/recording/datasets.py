@@ -22,16 +22,24 @@ _OVERHEAD = 1 << 20  # More than HDF5 needs for an episode besides its numbers [
 _NO_LETTER = re.compile(r"[^-\w]")  # What an id cannot have.
 
 
-def dataset_name(task: str, policy: str, actor: str | None = None, grasp: str | None = None) -> str:
+def dataset_name(
+    task: str,
+    policy: str,
+    actor: str | None = None,
+    grasp: str | None = None,
+    noise: float = 0.0,
+) -> str:
     """The id that a dataset gets by default: "softgym_mj/fold_cloth/scripted-franka-v0".
 
     Args:
         task: task name, without a module.
         policy: as in `record`.
         actor, grasp: of the task; None, which the id does not mention, for its own.
+        noise: as in `record`; 0.05 is "noise0-05", as ids have no points.
     """
-    policy = _NO_LETTER.sub("-", policy)
-    return f"softgym_mj/{task}/{'-'.join(filter(None, (policy, actor, grasp)))}-v0"
+    noisy = f"noise{noise:g}" if noise else None
+    parts = filter(None, (policy, actor, grasp, noisy))
+    return f"softgym_mj/{task}/{_NO_LETTER.sub('-', '-'.join(parts))}-v0"
 
 
 def unfinished_folder(name: str) -> pathlib.Path:

@@ -10,10 +10,16 @@ import numpy as np
 from softgym_mj.policies.factory import Policy
 
 _BETWEEN = "/"  # Part and name of an array: "infos/success".
+LABEL = "expert_action"  # The info of what a policy would have done without noise.
+LABELS = f"infos{_BETWEEN}{LABEL}"  # These over time.
 
 
 def play(
-    env: gymnasium.Env, act: Policy, variation: int, until: Callable[[dict], bool] = lambda _: False
+    env: gymnasium.Env,
+    act: Policy,
+    variation: int,
+    until: Callable[[dict], bool] = lambda _: False,
+    disturb: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
     """What happens in an episode of n env steps.
 
@@ -24,17 +30,21 @@ def play(
         act: the policy.
         variation: index 0..999.
         until: of an info; the episode is truncated there.
+        disturb: what is applied instead of an action of the policy; None for that itself.
 
     Returns:
-        Arrays over time by name: "actions" (n, size), "rewards", "terminations" and "truncations"
-        (n,), "observations" and "infos" (n + 1, ...); those with names of their own as
-        "infos/success", "infos/cameras/left/intrinsics".
+        Arrays over time by name: "actions" (n, size), those that were applied; "rewards",
+        "terminations" and "truncations" (n,), "observations" and "infos" (n + 1, ...); those with
+        names of their own as "infos/success", "infos/cameras/left/intrinsics". With `disturb`
+        `LABELS` (n, size), too: what the policy itself would have done before each step.
     """
     observation, info = env.reset(options={"variation": variation})
     timestep = dm_env.restart(_named(observation))
     observations, infos, steps, ended = [observation], [info], [], False
+    own = []
     while not ended:
-        action = act(timestep).astype(env.action_space.dtype)
+        own.append(act(timestep).astype(env.action_space.dtype))
+        action = own[-1] if disturb is None else disturb(own[-1])
         observation, reward, terminated, truncated, info = env.step(action)
         truncated = truncated or (until(info) and not terminated)
         timestep = dm_env.transition(reward, _named(observation))
@@ -45,7 +55,8 @@ def play(
     names = "actions", "rewards", "terminations", "truncations"
     played = zip(names, map(np.array, zip(*steps, strict=True)), strict=True)
     seen = _over_time("observations", observations)
-    return {**dict(played), **seen, **_over_time("infos", infos)}
+    labels = {} if disturb is None else {LABELS: np.array(own)}
+    return {**dict(played), **seen, **_over_time("infos", infos), **labels}
 
 
 def _over_time(part: str, values: list) -> dict[str, np.ndarray]:

@@ -4,30 +4,36 @@ Every episode is a pure function of the configuration and its variation.
 """
 
 import copy
+import functools
+import json
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import mujoco
+import numpy as np
 
 import softgym_mj
 from softgym_mj import registry
 from softgym_mj.evaluation.configuration import check_settings
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
+from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.kinds import typed
-from softgym_mj.policies.factory import make_policy
+from softgym_mj.policies.rollouts import sent_to
 from softgym_mj.policies.saved import is_saved, sha256
 from softgym_mj.recording import datasets
-from softgym_mj.recording.episodes import nested, play
+from softgym_mj.recording.episodes import LABEL, nested
+from softgym_mj.recording.noise import check_noise
+from softgym_mj.recording.playing import played
 from softgym_mj.variations.indices import SPLITS, check_variation
 
 if TYPE_CHECKING:
     import minari
 
 IDLE = ("keep", "drop")
-RESTING = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.
+_NO_NUMBERS = ("cameras", LABEL)  # Infos that say nothing about an episode.
 
 
 @typed
@@ -41,6 +47,8 @@ def record(
     trust: bool = False,
     successful_only: bool = False,
     idle: str = "keep",
+    noise: float = 0.0,
+    jobs: int = 1,
     author: str | None = None,
     author_email: str | None = None,
     code_permalink: str | None = None,
@@ -48,6 +56,10 @@ def record(
     **settings: Any,
 ) -> "minari.MinariDataset":
     """Plays a policy once in each variation and stores what happens.
+
+    With noise the actions of the dataset are those that were applied, which give its observations;
+    what the policy itself would have done before each of them is `infos["expert_action"]`, as
+    many.
 
     Each episode is in a file once it is finished. Who was interrupted or killed goes on from there
     with the same call, or one with other variations; with the last, the files become the dataset.
@@ -59,13 +71,17 @@ def record(
         task: task name, or "module:name" as in `registry.find`.
         variations: indices, in the order of the episodes.
         policy: of `policies.factory`.
-        dataset: id of the dataset; None for `dataset_name` of task, policy, actor and grasp.
-        seed, trust: of the policy, as in `make_policy`.
+        dataset: id of the dataset; None for `dataset_name` of task, policy, actor, grasp and
+            noise.
+        seed, trust: of the policy, as in `make_policy`; noise depends on the seed, too.
         successful_only: leaves out episodes whose last `info["success"]` is false.
         idle: "keep", or "drop" to end an episode, truncated, once the expert has `finished` and the
             cloth or rope has come to rest.
+        noise: standard deviation of the noise on actions, 0..1 in their units, as in
+            `noise.disturbance`; an expert that has `finished` rests without.
+        jobs: processes that play; what they play is the same.
         author, author_email, code_permalink: of the dataset; what is None, it does not say.
-        on_episode: called with the numbers of the last info of each episode.
+        on_episode: called with the numbers of the last info of each episode, as they come.
         **settings: keyword arguments of the Gymnasium environment, such as `observation`.
 
     Raises:
@@ -73,25 +89,26 @@ def record(
         StoreError: if the dataset exists or cannot be written; for episodes of an unfinished
             recording with other settings or damaged files.
         InvalidArgumentError: for a variation that does not exist, or none; an id that is none; if
-            `idle` is bad, or is "drop" and the policy is none that says when it has finished;
-            settings that JSON cannot hold; or if no episode is left; for a bad task or policy; if
-            the policy is "scripted" and the task has no expert.
+            `idle` is bad, or is "drop" and the policy is none that says when it has finished; if
+            `noise` or `jobs` are out of range; for settings that JSON cannot hold; if no episode is
+            left; for a bad task or policy; if the policy is "scripted" and the task has no expert.
     """
     found = registry.find(task)
     variations = [check_variation(variation) for variation in variations]
     check_name("idle", idle, IDLE)
     if idle == "drop" and policy != "scripted":
         raise InvalidArgumentError("idle", idle, f"'keep' with policy={policy!r}")
+    check_noise(noise)
     if not variations:
         raise InvalidArgumentError("variations", variations, "at least one")
     check_settings(settings)
     if dataset is None:
         acts = settings.get("actor"), settings.get("grasp")
-        dataset = datasets.dataset_name(found.name, policy, *acts)
+        dataset = datasets.dataset_name(found.name, policy, *acts, noise)
     unfinished = datasets.unfinished_folder(dataset)
-    played = task if isinstance(task, str) and ":" in task else _with_module(found)
+    named = task if isinstance(task, str) and ":" in task else _with_module(found)
     split = next(name for name, own in SPLITS.items() if set(variations) <= set(own))
-    with gymnasium.make(found.gymnasium_id, task=played, split=split, **settings) as env:
+    with gymnasium.make(found.gymnasium_id, task=named, split=split, **settings) as env:
         signed = {  # Minari wants sets of authors.
             "author": None if author is None else {author},
             "author_email": None if author_email is None else {author_email},
@@ -105,12 +122,13 @@ def record(
             "requirements": ["softgym_mj"],
         }
         configuration = {
-            "task": played,
+            "task": named,
             "policy": policy,
             "policy_sha256": sha256(policy, seed) if is_saved(policy) else {},
             "seed": seed,
             "settings": settings,
             "idle": idle,
+            **({"noise": noise} if noise else {}),
             "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
         }
         store = Store(unfinished / datasets.EPISODES, configuration, ARRAYS)
@@ -119,30 +137,26 @@ def record(
                 f"{unfinished} holds episodes of an unfinished recording with another "
                 f"{', '.join(differ)}; finish that, choose another dataset or delete the folder"
             )
-        successful = []
-        for variation in variations:
-            if not store.has(variation):
-                # A policy of its own, which cannot depend on what was played before.
-                inner = env.unwrapped.dm_env  # type: ignore[attr-defined]
-                act = make_policy(policy, inner, seed, trust=trust)
+        successful = set()
 
-                def ended(info: dict, act=act) -> bool:
-                    return act.finished and info.get("max_speed", 0.0) < RESTING  # Water has none.
-
-                until = [ended] if idle == "drop" else []
-                store.put(variation, play(env, act, variation, *until))
-            infos = nested(store.get(variation))["infos"]
-            last = {name: values[-1] for name, values in infos.items() if name != "cameras"}
+        def add(variation: int, arrays: dict[str, np.ndarray]) -> None:
+            infos = nested(arrays)["infos"]
+            last = {name: values[-1] for name, values in infos.items() if name not in _NO_NUMBERS}
             if last["success"]:
-                successful.append(variation)
+                successful.add(variation)
             on_episode(last)
+
+        with make_executor(jobs) as executor:
+            sent = sent_to(executor, found), json.dumps(settings, sort_keys=True)
+            play_one = functools.partial(played, *sent, policy, seed, trust, idle, noise)
+            store.run(variations, play_one, executor, add)
         if successful_only:
             if not successful:
                 valid = f"False, as none of the {len(variations)} episodes is successful"
                 raise InvalidArgumentError("successful_only", True, valid)
             counts = f"{len(successful)} of {len(variations)} episodes, those with success."
             metadata["description"] = f"{found.summary} {counts}".lstrip()
-            variations = successful
+            variations = [variation for variation in variations if variation in successful]
         buffers = (
             {"seed": seed, "options": {"variation": variation}, **nested(store.get(variation))}
             for variation in variations

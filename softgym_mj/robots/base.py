@@ -24,10 +24,13 @@ class ActionSpace(NamedTuple):
     Attributes:
         entries: name, unit ("" for none) and what the ends mean, of each.
         layout: the same in a few words, for messages.
+        switches: indices of entries of which the sign alone counts: they turn something on or off
+            and move nothing.
     """
 
     entries: tuple[tuple[str, str, str], ...]
     layout: str
+    switches: tuple[int, ...] = ()
 
 
 class Actor(abc.ABC):

@@ -32,7 +32,9 @@ def gripper_actions(number: int, way: str, ends: str) -> ActionSpace:
     for i in range(number):
         entries += [(f"gripper {i}, {way}{axis}", "m", ends) for axis in "xyz"]
         entries.append((f"gripper {i}, grip", "", "above 0 closes, else opens"))
-    return ActionSpace(tuple(entries), f"{number} gripper(s) x 4")
+    return ActionSpace(
+        tuple(entries), f"{number} gripper(s) x 4", switches=tuple(range(3, 4 * number, 4))
+    )
 
 
 class Gripper(BodyActor):

@@ -48,6 +48,17 @@ def test_the_command_line_chooses(capsys, monkeypatch):
     assert dataset.storage.metadata["author"] == {"me"}
 
 
+def test_the_command_line_disturbs(capsys, monkeypatch):
+    command = "record straighten_rope --episodes 2 --noise 0.3 --jobs 2 --settings"
+    assert run(f"""{command} '{{"horizon": 4}}'""", monkeypatch) == 0
+    dataset = minari.load_dataset("softgym_mj/straighten_rope/scripted-noise0-3-v0")
+    for episode in dataset:
+        own = episode.infos["expert_action"]
+        assert own.shape == (4, 8) and not np.array_equal(own, episode.actions)
+    assert run("record straighten_rope --noise 2", monkeypatch) == 1
+    assert "noise=2.0 is refused; valid: 0..1" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

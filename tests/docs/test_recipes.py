@@ -212,8 +212,14 @@ def test_minari_demonstrations(run):
         observation, *_ = recipe.env.step(action)
 
 
-def test_minari_in_torchrl(run):
+def test_minari_with_noise(run):
     recipe = run("Minari: demonstrations", 1)
+    assert len(recipe.states) == len(recipe.labels) < HORIZON
+    assert not np.array_equal(recipe.labels, recipe.episode.actions)
+
+
+def test_minari_in_torchrl(run):
+    recipe = run("Minari: demonstrations", 2)
     assert recipe.batch["observation"].shape == (64, 36)
     assert len(recipe.buffer) == 2 * HORIZON
     everything = recipe.buffer[:]

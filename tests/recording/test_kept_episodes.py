@@ -53,12 +53,12 @@ def _played(monkeypatch):
     """The variations that are played, not read."""
     variations = []
 
-    def play(env, act, variation):
-        variations.append(variation)
-        return original(env, act, variation)
+    def played(*how):
+        variations.append(how[-1])
+        return original(*how)
 
-    original = running.play
-    monkeypatch.setattr(running, "play", play)
+    original = running.played
+    monkeypatch.setattr(running, "played", played)
     return variations
 
 
@@ -164,8 +164,8 @@ def test_recordings_are_not_mixed(policy, settings, named, played):
 
 def test_ctrl_c_says_how_to_go_on(capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["softgym-mj", "record", TASK, "--policy", "zero"])
-    play, stop = running.play, interrupt_after(2)
-    monkeypatch.setattr(running, "play", lambda *args: (stop(args), play(*args))[1])
+    played, stop = running.played, interrupt_after(2)
+    monkeypatch.setattr(running, "played", lambda *how: (stop(how), played(*how))[1])
     with pytest.raises(SystemExit) as ended:
         commands.main()
     assert ended.value.code == 130

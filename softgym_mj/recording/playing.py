@@ -1,0 +1,58 @@
+"""Plays an episode in any process, from what can be sent there."""
+
+import functools
+import json
+import pickle
+
+import numpy as np
+
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.policies.factory import make_policy
+from softgym_mj.recording.episodes import play
+from softgym_mj.recording.noise import disturbance
+from softgym_mj.registry import TaskRecord
+
+RESTING = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.
+
+
+def played(
+    task: TaskRecord | bytes,
+    settings: str,
+    policy: str,
+    seed: int,
+    trust: bool,
+    idle: str,
+    noise: float,
+    variation: int,
+) -> dict[str, np.ndarray]:
+    """The arrays of an episode, as `play` returns them.
+
+    Args:
+        task: as `policies.rollouts.sent_to` returns it.
+        settings: keyword arguments of the environment as JSON.
+        policy, seed, trust, idle, noise: as in `recording.record`.
+        variation: index 0..999.
+    """
+    env = _environment(task, settings)
+    # A policy of its own, which cannot depend on what was played before.
+    act = make_policy(policy, env.dm_env, seed, trust=trust)
+    disturb = disturbance(env.dm_env.task.actor, noise, seed, variation)
+
+    def finished() -> bool:
+        return getattr(act, "finished", False)  # Experts alone know.
+
+    def at_rest(info: dict) -> bool:
+        return idle == "drop" and finished() and info.get("max_speed", 0.0) < RESTING  # Not water.
+
+    def disturbed(action: np.ndarray) -> np.ndarray:
+        # Who has finished makes nothing good any more: noise would only spoil it.
+        return action if finished() else disturb(action)
+
+    return play(env, act, variation, at_rest, disturbed if noise else None)
+
+
+@functools.lru_cache(maxsize=1)
+def _environment(task: TaskRecord | bytes, settings: str) -> SoftGymEnv:
+    """This process's environment of a task."""
+    record = pickle.loads(task).fn if isinstance(task, bytes) else task
+    return SoftGymEnv(record, split="all", **json.loads(settings))
