@@ -2,7 +2,7 @@
 
 They are played through the Gymnasium environment by MuJoCo, whatever simulates the training, and
 kept in the package's cache, a file each: a training that was killed goes on from what is there, and
-the next one finds them.
+the next one finds them, until the expert is written otherwise.
 """
 
 import functools
@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 import softgym_mj
+from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.store import ARRAYS, Store
@@ -23,7 +24,10 @@ from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.symmetries import Symmetry
 from softgym_mj.native.caches import cache_folder
+from softgym_mj.policies.experts import sources_sha256
 from softgym_mj.policies.rollouts import sent_to
+from softgym_mj.recording.episodes import LABELS
+from softgym_mj.recording.noise import check_noise
 from softgym_mj.recording.playing import played
 from softgym_mj.registry import TaskRecord
 from softgym_mj.variations.indices import SPLITS
@@ -31,7 +35,7 @@ from softgym_mj.vector.processes import num_cores
 
 POLICY = "scripted"
 OBSERVATIONS = ("reduced", "full")
-_KEPT = ("observations", "actions", "rewards", "terminations")
+_KEPT = ("observations", "rewards", "terminations")
 _APART = 0x44454D4F  # Keeps the random numbers of batches apart from those of other replays.
 
 _log = logging.getLogger(__name__)
@@ -57,26 +61,34 @@ def collect(
     episodes: int,
     jobs: int | None = None,
     progress: Callable[[int, int], None] = _tell,
+    noise: float = 0.0,
 ) -> Step:
     """What the expert does in the training variations 0..episodes - 1, (episodes, steps, ...) each.
+
+    With noise the actions are the expert's own, not those that led to the next observation.
 
     Args:
         problem: whose task, observations, scale of rewards and device they are of.
         episodes: how many.
         jobs: processes that play them; None for as many as there are cores.
         progress: called with how many there are, of how many, after each.
+        noise: deviation of the noise on what is applied, as in `recording.record`.
 
     Raises:
-        InvalidArgumentError: for too many; for images; if the task has no expert.
+        InvalidArgumentError: for too many; for images; for noise that actions cannot have; if
+            the task has no expert.
         StoreError: if the cache cannot be written.
     """
     check_demonstrations(episodes, jobs)
+    check_noise(noise)
     check_name("observation", problem.observed, OBSERVATIONS)
     settings = {"observation": problem.observed, **problem.task_settings}
     specification = {
         "task": problem.task,
         "policy": POLICY,
+        "policy_sha256": sources_sha256(registry.find(problem.task)),
         "settings": settings,
+        "noise": noise,
         "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
     }
     store = Store(cache_folder() / "demonstrations", specification, ARRAYS)
@@ -91,7 +103,7 @@ def collect(
         if missing := sum(not store.has(variation) for variation in range(episodes)):
             _log.warning(_NOTICE, missing, problem.task, executor.number, store.folder)
         written = json.dumps(settings, sort_keys=True)
-        play_one = functools.partial(_played, sent_to(executor, problem.task), written)
+        play_one = functools.partial(_played, sent_to(executor, problem.task), written, noise)
         store.run(range(episodes), play_one, executor, add, replace=True)
 
     def stacked(name: str) -> Tensor:
@@ -102,13 +114,20 @@ def collect(
     ended = terminated.clone()
     ended[:, -1] = True
     rewards = problem.reward_scale * stacked("rewards").float()
-    return Step(seen[:, :-1], stacked("actions"), rewards, seen[:, 1:], terminated, ended)
+    return Step(seen[:, :-1], stacked(_shown(noise)), rewards, seen[:, 1:], terminated, ended)
 
 
-def _played(task: TaskRecord | bytes, settings: str, variation: int) -> dict[str, np.ndarray]:
-    """The arrays of an episode, by `_KEPT`."""
-    arrays = played(task, settings, POLICY, 0, False, "keep", 0.0, variation)
-    return {name: arrays[name] for name in _KEPT}
+def _played(
+    task: TaskRecord | bytes, settings: str, noise: float, variation: int
+) -> dict[str, np.ndarray]:
+    """The arrays of an episode, by `_KEPT`, and the actions that are shown."""
+    arrays = played(task, settings, POLICY, 0, False, "keep", noise, variation)
+    return {name: arrays[name] for name in (*_KEPT, _shown(noise))}
+
+
+def _shown(noise: float) -> str:
+    """The array of the expert's own actions."""
+    return LABELS if noise else "actions"
 
 
 def replay_of(

@@ -163,6 +163,12 @@ def test_presets_suit_every_task():
 
 
 def test_bad_settings_are_refused():
-    for name, value in (("rate", 0.0), ("batch", 0), ("demonstrations", 801), ("jobs", 0)):
+    for name, value in (
+        ("rate", 0.0),
+        ("batch", 0),
+        ("demonstrations", 801),
+        ("jobs", 0),
+        ("noise", 1.5),
+    ):
         with pytest.raises(InvalidArgumentError, match=name):
             BCSettings(**{name: value})

@@ -14,6 +14,7 @@ from softgym_mj.learning.demonstrations import collect, replay_of
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.symmetries import Symmetry
 from softgym_mj.policies.experts import make_policy
+from softgym_mj.recording import record
 
 SETTINGS = {"fidelity": "fast"}
 PROBLEM = Problem("straighten_rope", SETTINGS, [0], 1, (36,), 8, 5.0, "cpu")
@@ -56,9 +57,9 @@ def test_what_was_killed_goes_on_from_what_is_there(cache, monkeypatch):
         file.unlink()
     played, told = [], []
 
-    def count(task, settings, variation, play=demonstrations._played):
-        played.append(variation)
-        return play(task, settings, variation)
+    def count(*how, play=demonstrations._played):
+        played.append(how[-1])
+        return play(*how)
 
     def kill(done, episodes):
         told.append((done, episodes))
@@ -75,6 +76,32 @@ def test_what_was_killed_goes_on_from_what_is_there(cache, monkeypatch):
     full = collect(Problem(*[*vars(PROBLEM).values()][:-1], observed="full"), 1, 1)
     assert full.observation.shape[-1] > 36
     assert torch.equal(full.action, collect(PROBLEM, 1, 1).action) and played == [1, 2, 0]
+
+
+def test_disturbed_ones_show_what_the_expert_would_do(cache, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "datasets"))
+    settings = {"observation": "reduced", "noise": 0.05, **SETTINGS}
+    dataset = record("straighten_rope", range(2), **settings)
+    shown = collect(PROBLEM, 2, 1, noise=0.05)
+    for variation, episode in enumerate(dataset):
+        labels = episode.infos["expert_action"]
+        np.testing.assert_array_equal(shown.action[variation], labels)
+        np.testing.assert_array_equal(shown.observation[variation], episode.observations[:-1])
+        np.testing.assert_array_equal(shown.next_observation[variation], episode.observations[1:])
+    assert not _equal(collect(PROBLEM, 2, 1), shown)  # These are others, with files of their own.
+    assert _equal(collect(PROBLEM, 2, 1, noise=0.05), shown)
+
+
+def test_another_expert_has_other_files(cache, monkeypatch):
+    first = collect(PROBLEM, 1, 1)
+    monkeypatch.setattr(demonstrations, "sources_sha256", lambda task: f"other {task.name}")
+    played = []
+    original = demonstrations._played
+    monkeypatch.setattr(
+        demonstrations, "_played", lambda *how: played.append(how[-1]) or original(*how)
+    )
+    assert _equal(collect(PROBLEM, 1, 1), first) and played == [0]
+    assert len([*cache.glob("demonstrations/*")]) == 2
 
 
 class _Elsewhere(Executor):
@@ -151,6 +178,8 @@ def test_bad_arguments_are_refused(cache):
     ):
         with pytest.raises(InvalidArgumentError, match=name):
             collect(PROBLEM, episodes, jobs)
+    with pytest.raises(InvalidArgumentError, match="noise=-1"):
+        collect(PROBLEM, 1, 1, noise=-1.0)
     images = Problem(*[*vars(PROBLEM).values()][:-1], observed="rgb")
     with pytest.raises(InvalidArgumentError, match="observation='rgb'"):
         collect(images, 1, 1)

@@ -22,6 +22,7 @@ from softgym_mj.learning.networks import MLP, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.symmetries import Symmetry, symmetries
+from softgym_mj.recording.noise import check_noise
 
 # Least deviation by which observations are divided [m]: what hardly changes is not blown up.
 _LEAST_DEVIATION = 0.01
@@ -35,6 +36,8 @@ class BCSettings:
     Attributes:
         demonstrations: episodes of the expert.
         jobs: processes that play them; None for as many as there are cores.
+        noise: deviation of the noise on what they apply, as in `recording.record`; what is learned
+            are the actions of the expert itself.
         symmetric: whether demonstrations show the symmetries of the task.
         batch: env steps of an update.
         hidden: sizes of hidden layers.
@@ -46,6 +49,7 @@ class BCSettings:
 
     demonstrations: int = 200
     jobs: int | None = None
+    noise: float = 0.0
     symmetric: bool = False
     batch: int = 256
     hidden: tuple[int, ...] = (512, 512, 512)
@@ -53,6 +57,7 @@ class BCSettings:
 
     def __post_init__(self):
         check_demonstrations(self.demonstrations, self.jobs)
+        check_noise(self.noise)
         check_count("batch", self.batch, 1)
         if not 0.0 < self.rate <= 1.0:
             raise InvalidArgumentError("rate", self.rate, "above 0, at most 1")
@@ -167,5 +172,5 @@ class BC:
 def make(settings: BCSettings, problem: Problem) -> BC:
     """The learner of a problem, which waits for demonstrations that have not been played yet."""
     shapes = symmetries(problem.example()) if settings.symmetric else ()
-    shown = collect(problem, settings.demonstrations, settings.jobs)
+    shown = collect(problem, settings.demonstrations, settings.jobs, noise=settings.noise)
     return BC(settings, problem.seeds, shown, shapes)

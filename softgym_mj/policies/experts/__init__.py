@@ -5,7 +5,10 @@ actors can solve the tasks. Each writes an episode as a generator of actions; al
 deterministic.
 """
 
+import contextlib
+import hashlib
 import importlib
+import inspect
 import pathlib
 import pkgutil
 from collections.abc import Callable
@@ -16,7 +19,7 @@ import numpy as np
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.policies.experts.expert import OwnExpert, WithExpert
-from softgym_mj.registry import TASKS
+from softgym_mj.registry import TASKS, TaskRecord
 
 # Names of tasks with an expert: a file each, with a class of the name of the task's.
 EXPERTS = tuple(
@@ -46,3 +49,18 @@ def make_policy(env: Environment) -> Callable[[dm_env.TimeStep], np.ndarray]:
         )
     module = importlib.import_module(f"softgym_mj.policies.experts.{env.name}")
     return getattr(module, TASKS[env.name].class_name)(env)
+
+
+def sources_sha256(task: TaskRecord) -> str:
+    """SHA-256 of the sources that say what the expert of a task does, as hexadecimal digits.
+
+    They are those of all experts, which share code, and the file of the task's class, if it is in
+    one: that of a notebook is not.
+    """
+    files = sorted(pathlib.Path(__file__).parent.glob("*.py"))
+    with contextlib.suppress(TypeError, OSError):
+        files.append(pathlib.Path(inspect.getfile(task.resolve())))
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
