@@ -2,7 +2,8 @@
 
 import inspect
 import pathlib
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import typer
 
@@ -22,9 +23,11 @@ from softgym_mj.cli.console import (
 )
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.jobs.executors import make_executor
-from softgym_mj.registry import find
+from softgym_mj.registry import TASKS, find
 from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.vector.make import DEVICES, make_place
+
+ALL = "all"  # Instead of a task: each of the package.
 
 
 def generate(
@@ -103,7 +106,10 @@ def record(
         str | None, typer.Option(help="Address of the code, in the version that was run.")
     ] = None,
 ) -> None:
-    """Records episodes as a Minari dataset, one a variation; may be killed and run again."""
+    """Records episodes as a Minari dataset, one a variation; may be killed and run again.
+
+    TASK can be `all`: then each task gets a dataset, unless it has one.
+    """
     from softgym_mj import recording
 
     variations = first_variations(split, episodes, start)
@@ -114,6 +120,41 @@ def record(
     for name in inspect.signature(recording.record).parameters:
         if name in chosen:
             raise InvalidArgumentError("settings", settings, f"arguments of the task; not {name!r}")
+    if task == ALL and dataset is not None:
+        raise InvalidArgumentError("dataset", dataset, "none with all tasks, as ids name the task")
+    how: dict[str, Any] = {
+        "policy": policy,
+        "seed": seed,
+        "trust": trust,
+        "successful_only": successful_only,
+        "idle": idle,
+        "noise": noise,
+        "jobs": jobs,
+        "author": author,
+        "author_email": author_email,
+        "code_permalink": code_permalink,
+        **chosen,
+    }
+    if task != ALL:
+        _record(task, variations, dataset=dataset, **how)
+        return
+    for name in (name for name, known in TASKS.items() if not known.is_custom):
+        acts = chosen.get("actor"), chosen.get("grasp")
+        own = recording.dataset_name(name, policy, *acts, noise)
+        if recording.is_finished(own):
+            console.print(f"{own} is there already")
+        else:
+            _record(name, variations, dataset=own, **how)
+
+
+def _record(task: str, variations: Sequence[int], **how: Any) -> None:
+    """Records a dataset, with a bar and a line about it.
+
+    Args:
+        task, variations, how: as of `recording.record`.
+    """
+    from softgym_mj import recording
+
     finished = []
     try:
         with progress_bar() as progress:
@@ -123,30 +164,15 @@ def record(
                 finished.append(info)
                 progress.advance(bar)
 
-            made = recording.record(
-                task,
-                variations,
-                policy,
-                dataset=dataset,
-                seed=seed,
-                trust=trust,
-                successful_only=successful_only,
-                idle=idle,
-                noise=noise,
-                jobs=jobs,
-                author=author,
-                author_email=author_email,
-                code_permalink=code_permalink,
-                on_episode=on_episode,
-                **chosen,
-            )
+            made = recording.record(task, variations, on_episode=on_episode, **how)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
-            f"{len(finished)} episodes are kept: the same command goes on from them; "
-            f"with --episodes {len(finished)} it makes a dataset of them"
+            f"{len(finished)} episodes of {task} are kept: the same command goes on from them; "
+            f"with --episodes {len(finished)} it makes a dataset of as many"
         ) from None
     dropped = f"; dropped {len(finished) - made.total_episodes} without success"
     console.print(
         f"recorded {made.total_episodes} episodes, {made.total_steps} steps"
-        f"{dropped if successful_only else ''}; minari.load_dataset({made.spec.dataset_id!r})"
+        f"{dropped if how['successful_only'] else ''}; "
+        f"minari.load_dataset({made.spec.dataset_id!r})"
     )

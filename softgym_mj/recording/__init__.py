@@ -11,7 +11,7 @@ score of an episode is `infos["normalized_performance"][-1]`: it looks at the la
 in most tasks its bounds differ from variation to variation, so no two numbers make it of a return.
 """
 
-from softgym_mj.recording.datasets import dataset_name
+from softgym_mj.recording.datasets import dataset_name, is_finished
 from softgym_mj.recording.running import record
 
-__all__ = ["dataset_name", "record"]
+__all__ = ["dataset_name", "is_finished", "record"]

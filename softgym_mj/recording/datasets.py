@@ -73,6 +73,16 @@ def unfinished_folder(name: str) -> pathlib.Path:
     return unfinished  # No id has a point in it.
 
 
+def is_finished(name: str) -> bool:
+    """Whether there is a whole dataset of this id.
+
+    Raises:
+        UnavailableError: if Minari is missing.
+    """
+    place = _place(name)
+    return os.path.lexists(place) and not (place / EPISODES).exists()
+
+
 def _place(name: str | None = None) -> pathlib.Path:
     storage = import_extra("minari.storage", "Minari", "datasets")
     with naming(os.environ.get("MINARI_DATASETS_PATH", "the folder of Minari"), "written"):

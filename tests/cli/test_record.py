@@ -1,5 +1,6 @@
 """`softgym-mj record`, and which episodes commands play."""
 
+import inspect
 import re
 import shlex
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from softgym_mj import recording, registry
 from softgym_mj.cli import commands
 
 
@@ -57,6 +59,36 @@ def test_the_command_line_disturbs(capsys, monkeypatch):
         assert own.shape == (4, 8) and not np.array_equal(own, episode.actions)
     assert run("record straighten_rope --noise 2", monkeypatch) == 1
     assert "noise=2.0 is refused; valid: 0..1" in capsys.readouterr().err
+
+
+def test_all_tasks_by_one_command(capsys, monkeypatch):
+    command = "record all --episodes 2 --policy zero --settings"
+    settings = """ '{"horizon": 2}'"""
+    played, record = [], recording.record
+
+    def stops(task, *arguments, **settings):
+        if task == "pour_water" and task not in played:
+            played.append(task)
+            raise KeyboardInterrupt
+        played.append(task)
+        return record(task, *arguments, **settings)
+
+    names = [*registry.TASKS]
+    place = names.index("pour_water")
+    stops.__signature__ = inspect.signature(record)
+    monkeypatch.setattr(recording, "record", stops)
+    assert run(command + settings, monkeypatch) == 130
+    assert played == names[: place + 1]
+    assert "0 episodes of pour_water are kept" in capsys.readouterr().err
+    assert run(command + settings, monkeypatch) == 0
+    assert played == [*names[: place + 1], *names[place:]]
+    assert capsys.readouterr().out.count("is there already") == place
+    for name in names:
+        dataset = minari.load_dataset(f"softgym_mj/{name}/zero-v0")
+        assert [len(episode) for episode in dataset] == [2, 2]
+        assert dataset.env_spec.kwargs["task"] == name
+    assert run("record all --dataset all-v0", monkeypatch) == 1
+    assert "dataset='all-v0' is refused" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
