@@ -10,6 +10,7 @@ INFO = {
     "performance": "the task's metric",
     "normalized_performance": "the same, 0 at the lower and 1 at the upper bound",
     "success": "whether `normalized_performance` is at least the threshold above",
+    "is_success": "the same by the name that Stable-Baselines3 reads",
     "variation": "index of the variation",
     "physics_warnings": "MuJoCo's warnings in this episode",
     "max_edge_strain": "largest elongation of an edge, as a share of its length",

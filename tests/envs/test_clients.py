@@ -3,8 +3,11 @@
 import warnings
 
 import gymnasium
+import numpy as np
 import pytest
+from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.monitor import Monitor
 from torchrl.envs.libs.gym import GymEnv, GymWrapper
 from torchrl.envs.utils import check_env_specs
 
@@ -32,6 +35,18 @@ def test_stable_baselines3(task, kwargs):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make(identifier(task), **kwargs))
+
+
+def test_stable_baselines3_counts_successes():
+    """Its success rate is the share of episodes whose score is at least the task's threshold."""
+    env = gymnasium.make(identifier("straighten_rope"), split=(49, 50), horizon=1)  # 50 starts so.
+    env = Monitor(env, info_keywords=("normalized_performance",))
+    model = PPO("MlpPolicy", env, n_steps=16, batch_size=16, n_epochs=1, seed=0, device="cpu")
+    model.learn(16)
+    scores = [episode["normalized_performance"] for episode in model.ep_info_buffer]
+    rate = np.mean(np.array(scores) >= softgym_mj.tasks.straighten_rope.StraightenRope.success)
+    assert len(scores) == 16 and 0.0 < rate < 1.0
+    assert np.mean(model.ep_success_buffer) == rate
 
 
 @pytest.mark.parametrize(("task", "kwargs"), CASES, ids=str)

@@ -60,3 +60,12 @@ def test_it_keeps_to_the_interface(device, task):
         first = observations
     envs.close()
     envs.close()  # Once more does no harm.
+
+
+@pytest.mark.parametrize("device", ["host", "cpu"])
+def test_infos_say_who_is_successful(device):
+    """By the name that Stable-Baselines3 reads; variation 50 of the rope starts nearly straight."""
+    envs = softgym_mj.make_vec("straighten_rope", NUMBER, device=device, num_workers=1, split="all")
+    _, infos = envs.reset(options={"variation": [49, 50]})
+    assert infos["is_success"].tolist() == infos["success"].tolist() == [False, True]
+    envs.close()

@@ -374,10 +374,12 @@ class Task(composer.Task, abc.ABC):
     def describe(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
         """What info says of a state by its points alone: (...) by name."""
         normalized = metrics.normalize(measures.performance, *self.bounds(episode))
+        success = normalized >= self.success
         return {
             "performance": measures.performance,
             "normalized_performance": normalized,
-            "success": normalized >= self.success,
+            "success": success,
+            "is_success": success,  # Its name in Stable-Baselines3 and Gymnasium-Robotics.
             **{f"reward_{name}": value for name, value in measures.rewards.items()},
             **measures.info,
             **self.quality(state, episode, measures),

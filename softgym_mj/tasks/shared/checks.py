@@ -17,8 +17,11 @@ from softgym_mj.robots.workspace import Workspace
 _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
 # Names in info that are not the task's own; names of other groups begin with a word of theirs.
 INFO_NAMES = frozenset(
-    ("performance", "normalized_performance", "success", "variation", "physics_warnings", "cameras")
-)
+    (
+        "performance", "normalized_performance", "success", "is_success", "variation",
+        "physics_warnings", "cameras",
+    )
+)  # fmt: skip
 _INFO_PREFIXES = ("reward_", "domain_")
 SUNK = 1e-3  # [m] By which points may start below the floor: those at rest lie above it.
 
