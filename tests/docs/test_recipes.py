@@ -1,8 +1,10 @@
 """The recipes run as scripts of their own and do what their page says."""
 
+import json
 import pathlib
 import re
 import runpy
+import shlex
 import sys
 import types
 
@@ -12,6 +14,13 @@ import minari
 import numpy as np
 import pytest
 import torch
+from stable_baselines3 import SAC
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from typer.testing import CliRunner
+
+import softgym_mj
+from softgym_mj.cli import commands
+from softgym_mj.vector.torchrl import TorchRLEnv
 
 PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "recipes.md").read_text()
 # Blocks by the heading above them.
@@ -121,6 +130,15 @@ def test_the_length_of_an_episode(run):
     assert [recipe.env.step(np.zeros(8))[3] for _ in range(49)] == [False] * 48 + [True]
 
 
+def test_rewards_of_progress(run):
+    recipe = run("Gymnasium: rewards of progress, scaled observations")
+    gain = recipe.info["normalized_performance"] - recipe.start["normalized_performance"]
+    assert len(recipe.rewards) == HORIZON
+    assert sum(recipe.rewards) == pytest.approx(10.0 * gain, abs=1e-12)
+    plain = recipe.env.unwrapped.dm_env.observation()["reduced"]
+    np.testing.assert_allclose(recipe.observation, plain / 0.15, rtol=1e-6)
+
+
 def test_sb3_states(run):
     model = run("Stable-Baselines3: states").model
     assert model.num_timesteps == 200 and model._n_updates >= 98
@@ -139,6 +157,38 @@ def test_sb3_goals(run):
     assert recipe.model._n_updates == 20 and recipe.reward < recipe.best == 0.0
     assert recipe.observation["observation"].shape == (36,)  # Without the goal.
     assert (recipe.model.replay_buffer.sample(64).rewards == 0.0).any()
+
+
+def test_sb3_success_rates(run, tmp_path):
+    model = run("Stable-Baselines3: success rates in TensorBoard").model
+    (folder,) = (tmp_path / "runs").iterdir()
+    log = EventAccumulator(str(folder)).Reload()
+    (rate,) = log.Scalars("rollout/success_rate")
+    scores = [episode["normalized_performance"] for episode in model.ep_info_buffer]
+    threshold = softgym_mj.tasks.straighten_rope.StraightenRope.success
+    assert rate.step == 150 and len(scores) == 2
+    assert rate.value == np.mean(np.array(scores) >= threshold)
+
+
+def test_sb3_evaluation(run, tmp_path, monkeypatch):
+    env = gymnasium.make(IDENTIFIER, split="all")
+    model = SAC("MlpPolicy", env, seed=0, device="cpu")
+    model.save(tmp_path / "rope")
+    run("Stable-Baselines3: evaluation")
+    (tmp_path / "recipe.py").rename(tmp_path / "rope_policy.py")
+    monkeypatch.syspath_prepend(tmp_path)
+    (command,) = re.findall(r"^softgym-mj (evaluate .*rope_policy.*)$", PAGE, re.MULTILINE)
+    result = CliRunner().invoke(commands.app, shlex.split(command))
+    assert result.exit_code == 0, result.output
+    episodes = json.loads((tmp_path / "scores" / "result.json").read_text())["episodes"]
+    assert [episode["variation"] for episode in episodes] == [800, 801]
+    for episode in episodes:
+        observation, _ = env.reset(options={"variation": episode["variation"]})
+        truncated = False
+        while not truncated:
+            action, _ = model.predict(observation, deterministic=True)
+            observation, *_, truncated, info = env.step(action)
+        assert episode["normalized_performance"] == info["normalized_performance"]
 
 
 def test_torchrl_environment(run):
@@ -164,6 +214,19 @@ def test_torchrl_of_many(run):
     torch.testing.assert_close(batch["next", "reward"], (performance - 1.0) / 2)
     starts = batch["observation"][:, [0, HORIZON]]
     assert not torch.equal(starts[:, 0], starts[:, 1])
+
+
+def test_torchrl_scaled(run):
+    batch = run("TorchRL: scaled observations and rewards").batch
+    plain = TorchRLEnv("straighten_rope", 2, device="host")
+    plain.set_seed(0)
+    now = plain.reset()
+    for step in range(10):
+        torch.testing.assert_close(batch["observation"][:, step], now["observation"] / 0.15)
+        now["action"] = batch["action"][:, step]
+        ended, now = plain.step_and_maybe_reset(now)
+        torch.testing.assert_close(batch["next", "reward"][:, step], 50.0 * ended["next", "reward"])
+    plain.close()
 
 
 @pytest.mark.long
