@@ -41,7 +41,7 @@ class World:
     """One arm and an object that lies out of reach."""
 
     def __init__(self, arm: str, kind: str = "rope", base_height: float = 0.0, table: float = 0.0):
-        target = Cloth((20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
+        target = Cloth(dims=(20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
         arena, self.arms = Arena(), Arms(ARMS[arm], 1, base_height)
         if table:
             arena.mjcf_model.worldbody.add(

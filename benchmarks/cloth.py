@@ -80,7 +80,7 @@ def measure_fold(size: int, speed: float) -> Figures:
     from softgym_mj.entities.cloth import Cloth
 
     clock = Clock()
-    scene = ManipulationScene(Cloth((DIMS[size],) * 2))
+    scene = ManipulationScene(Cloth(dims=(DIMS[size],) * 2))
     with mock.patch.object(mujoco, "mj_step", clock):
         for _ in range(FLAT_STEPS):
             scene.step(np.zeros((2, 3)), grip=False)
@@ -106,7 +106,7 @@ def measure_heap(size: int) -> Figures:
     from softgym_mj.entities.arena import Arena
     from softgym_mj.entities.cloth import Cloth
 
-    arena, cloth, clock = Arena("cloth"), Cloth((DIMS[size],) * 2), Clock()
+    arena, cloth, clock = Arena("cloth"), Cloth(dims=(DIMS[size],) * 2), Clock()
     arena.attach(cloth)
     physics = arena.compile(SIM_STEP, cloth)
     cloth.set_points(cloth.flat())

@@ -65,7 +65,7 @@ def random(steps: int) -> np.ndarray:
 
 def scene(kind: str, arm: str, number: int = 1) -> tuple[mujoco.MjModel, mujoco.MjData, Arms]:
     """Arms and an object that lies out of reach."""
-    target = Cloth((20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
+    target = Cloth(dims=(20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
     arena, arms = Arena(), Arms(ARMS[arm], number)
     arena.attach(target)
     arms.join(arena)

@@ -48,29 +48,38 @@ class Cloth(Sheet):
     @typed
     def _build(
         self,
-        dims: tuple[int, int] = DEFAULT_DIMS,
+        size: tuple[float, float] | None = None,
         fidelity: str = "default",
         fabric: Fabric | None = None,
         marker: bool = False,
         name: str = "cloth",
+        *,
+        dims: tuple[int, int] | None = None,
     ):
         """Builds the cloth.
 
         Args:
-            dims: (dimx, dimy) size in SoftGym particles, each 10..200.
-            fidelity: "fast", "default" or "accurate".
+            size: side lengths (along X, along Y) [m], each 0.05625..1.24375, to the nearest whole
+                number of SoftGym's particle spacings of 6.25 mm; None for SoftGym's usual cloth,
+                0.59375 by 0.35625.
+            fidelity: "fast", "default" or "accurate": about 4, 3 or 2 cm between vertices.
             fabric: what it is made of; None for a woven tablecloth.
             marker: whether a strip of 3 cm along the rows' first eighth shows the other side's
                 colour, as in SoftGym's folding tasks: it tells which half is to be folded over.
             name: model name.
+            dims: instead of `size`: (dimx, dimy) SoftGym particles along the sides, each 10..200.
 
         Raises:
-            InvalidArgumentError: for a bad fidelity or size.
+            InvalidArgumentError: for a bad fidelity or size, or both sizes.
         """
         check_name("fidelity", fidelity, FIDELITIES)
         self._fidelity = fidelity
         self._start_sheet(name, fabric, has_strip=marker)
         self.dims = (0, 0)
+        if size is not None and dims is not None:
+            raise InvalidArgumentError("dims", dims, "None, as `size` is given")
+        if dims is None:
+            dims = DEFAULT_DIMS if size is None else _dims(size)
         self.resize(dims)
 
     @property
@@ -164,6 +173,15 @@ class Cloth(Sheet):
         faces = _alternating_triangles(len(rows), len(columns))[:, ::-1]
         inset = PAD + (1.0 - 2.0 * PAD) * np.column_stack([u.ravel(), v.ravel()])
         return weights, faces, inset
+
+
+def _dims(size: tuple[float, float]) -> tuple[int, int]:
+    """The size (dimx, dimy) in particles of a cloth of these side lengths [m]."""
+    low, high = ((dim - 1) * PARTICLE_SPACING for dim in (MIN_DIM, MAX_DIM))
+    if not all(low <= side <= high for side in size):
+        raise InvalidArgumentError("size", size, f"two lengths in {low:.3f}..{high:.3f} m")
+    dimx, dimy = (round(side / PARTICLE_SPACING) + 1 for side in size)
+    return dimx, dimy
 
 
 def _interpolation(particles: int, vertices: int) -> np.ndarray:

@@ -450,7 +450,7 @@ def test_a_falling_cloth_does_not_pass_through_a_thin_solid(kind, half, height):
 
 def test_the_fabrics_of_these_tests_are_the_ones_in_use():
     """The default cloth's model says what `WOVEN` says."""
-    root = Cloth(DEFAULT_DIMS).mjcf_model
+    root = Cloth(dims=DEFAULT_DIMS).mjcf_model
     config = {c.key: float(c.value) for c in root.extension.plugin[0].instance[0].config}
     assert config["bend"] == WOVEN.bend_stiffness
     assert config["stretch"] == WOVEN.stretch_stiffness

@@ -158,3 +158,35 @@ def test_a_marker_shows_the_other_side_on_an_eighth(fidelity):
     assert found.min() == pytest.approx(first, abs=0.006)
     assert found.max() == pytest.approx(first + 0.03125, abs=0.006)
     assert len(found) == pytest.approx(0.03125 / cloth.size[0] * len(share) / 0.94, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("size", "dims"),
+    [
+        ((0.6, 0.6), (97, 97)),  # 96 spacings of 6.25 mm.
+        ((0.35, 0.3), (57, 49)),
+        ((0.602, 0.604), (97, 98)),  # 96.32 and 96.64 spacings.
+        ((0.05625, 1.24375), (10, 200)),  # The smallest and the largest side.
+    ],
+)
+def test_sizes_in_metres_are_whole_numbers_of_particle_spacings(size, dims):
+    cloth, same = Cloth(size), Cloth(dims=dims)
+    assert cloth.dims == same.dims == dims and cloth.shape == same.shape
+    width, depth, _ = np.ptp(cloth.flat(), axis=0)
+    np.testing.assert_allclose((width, depth), size, atol=0.00625 / 2)
+    np.testing.assert_allclose((width, depth), cloth.size, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"size": (60, 60)}, r"size=\(60, 60\).*two lengths in 0\.056\.\.1\.244 m"),
+        ({"size": (0.6,)}, "size"),
+        ({"size": (0.6, np.nan)}, "size"),
+        ({"size": (0.6, 0.6), "dims": (97, 97)}, r"dims=\(97, 97\).*None, as `size` is given"),
+        ({"dims": (9, 97)}, r"dims=\(9, 97\).*10\.\.200 particles"),
+    ],
+)
+def test_bad_sizes_are_named(arguments, message):
+    with pytest.raises(InvalidArgumentError, match=message):
+        Cloth(**arguments)

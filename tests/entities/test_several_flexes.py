@@ -20,7 +20,7 @@ class Scene:
     """A cloth, a rope and perhaps a T-shirt on the floor, and one picker."""
 
     def __init__(self, shirt=False, friction=0.75, dims=(65, 65)):
-        self.cloth = Cloth(dims, fabric=Fabric(layer_friction=friction))
+        self.cloth = Cloth(dims=dims, fabric=Fabric(layer_friction=friction))
         self.rope = Rope()
         if friction < 1.0:  # Of two flexes the larger one counts.
             nominal = {parameter.name: parameter.nominal for parameter in self.rope.parameters}
@@ -98,7 +98,7 @@ def test_a_rope_lies_on_a_cloth_at_the_sum_of_their_radii():
 def test_only_flexes_that_carry_the_plugin_touch():
     """The contact that is tested above does not come from elsewhere."""
     arena = Arena("cloth")
-    cloth, rope = Cloth((65, 65)), Rope()
+    cloth, rope = Cloth(dims=(65, 65)), Rope()
     for part in (cloth, rope):
         arena.attach(part)
     rope.mjcf_model.worldbody.flexcomp[0].plugin[0].remove()

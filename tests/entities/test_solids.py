@@ -66,7 +66,7 @@ def test_a_rope_stays_where_it_falls(solid, half, fall):
 )
 @pytest.mark.parametrize("type", ["capsule", "cylinder"])
 def test_a_cloth_stays_on_the_rod_where_it_falls(type, timestep, radius, fall, x):
-    cloth = Cloth((60, 60), fabric=Fabric(drag=0.0))  # In air its rim would be there first.
+    cloth = Cloth(dims=(60, 60), fabric=Fabric(drag=0.0))  # In air its rim would be there first.
     left = height_after_a_fall(cloth, rod(type, radius, x), radius, fall, timestep)
     # Its triangles lie on the rod, a vertex in the middle of one, at most, 15.5 mm beside it.
     farthest = np.hypot(radius + cloth.radius, BESIDE) - radius
@@ -83,7 +83,7 @@ def test_a_cloth_stays_on_the_rod_where_it_falls(type, timestep, radius, fall, x
     ],
 )
 def test_a_cloth_stays_on_the_board_where_it_falls(timestep, half, fall):
-    cloth = Cloth((60, 60), fabric=Fabric(drag=0.0))
+    cloth = Cloth(dims=(60, 60), fabric=Fabric(drag=0.0))
     left = height_after_a_fall(cloth, board(half), half, fall, timestep)
     assert 0.5 * cloth.radius < left < 1.5 * cloth.radius
 

@@ -133,7 +133,7 @@ class Lift(Task):
     """A rigid body of one's own within reach, a cloth 0.3 m away from it."""
 
     def __init__(self, shape):
-        self.cloth = Cloth((20, 20), fidelity="fast")
+        self.cloth = Cloth(dims=(20, 20), fidelity="fast")
         super().__init__([self.cloth], actor="franka", arms=1, grasp="friction")
         body = self.root_entity.mjcf_model.worldbody.add("body", name="toy", pos=[0.1, -0.2, 0.02])
         body.add("freejoint")

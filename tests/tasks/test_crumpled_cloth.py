@@ -14,7 +14,7 @@ from softgym_mj.variations.indices import NUM_VARIATIONS
 @functools.cache
 def mesh(dims: tuple[int, int]) -> tuple[Cloth, np.ndarray]:
     """A flat cloth and its edges, straight from its triangles."""
-    cloth = Cloth(dims)
+    cloth = Cloth(dims=dims)
     sides = cloth.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     return cloth, np.unique(np.sort(sides, axis=1), axis=0)
 

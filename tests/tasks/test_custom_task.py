@@ -30,7 +30,7 @@ class Straight(Task):
     material, horizon = "rope", 5
 
     def __init__(self, **settings: Unpack[TaskSettings]):
-        self.cloth = Cloth((33, 33), fidelity="fast")
+        self.cloth = Cloth(dims=(33, 33), fidelity="fast")
         self.rope = Rope("fast")
         super().__init__([self.cloth, self.rope], **settings)
 

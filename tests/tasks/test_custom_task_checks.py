@@ -24,7 +24,7 @@ class Counting(Task):
     """A small cloth; the reward is the number of env steps, which the task counts itself."""
 
     def __init__(self, height: float = 0.1, objects=None, **settings: Unpack[TaskSettings]):
-        self.cloth, self.height, self.count = Cloth(DIMS), height, 0
+        self.cloth, self.height, self.count = Cloth(dims=DIMS), height, 0
         super().__init__([self.cloth] if objects is None else objects, **settings)
 
     def arrange(self, random):
@@ -130,7 +130,7 @@ def test_a_task_has_a_start_or_arranges():
         measure = Counting.measure
 
     with pytest.raises(InvalidArgumentError, match=r"start=None.*a method `arrange`"):
-        Nowhere([Cloth(DIMS)])
+        Nowhere([Cloth(dims=DIMS)])
 
 
 def test_an_actor_may_be_given_as_such():
@@ -150,7 +150,7 @@ def test_the_scene_is_there_after_the_constructor():
 
 def test_only_bodies_of_the_scene_confine_water():
     water = Water(Liquid(2e-4), Resolution(8, 0.018, (2, 2)))
-    task = Counting(objects=[Cloth(DIMS), water])
+    task = Counting(objects=[Cloth(dims=DIMS), water])
     world = task.root_entity.mjcf_model.worldbody
     geom = world.add("geom", type="box", size=[0.1, 0.1, 0.1])
     for wrong in ("glass", geom, world, None):
@@ -199,7 +199,7 @@ def rewarding(value, dims=DIMS):
 
     class Mine(Counting):
         def __init__(self, **settings: Unpack[TaskSettings]):
-            cloth = Cloth(dims)
+            cloth = Cloth(dims=dims)
             super().__init__(objects=[cloth], **settings)
             self.cloth = cloth
 
