@@ -1,0 +1,52 @@
+"""`help` of entities names their arguments, with units and defaults."""
+
+import inspect
+import pydoc
+
+import pytest
+
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.cup import Cup
+from softgym_mj.entities.garment import Garment
+from softgym_mj.entities.rope import Rope
+from softgym_mj.robots.pick_and_place import PickAndPlace
+from softgym_mj.robots.picker import Picker
+
+
+@pytest.mark.parametrize("entity", [Cloth, Cup, Garment, Rope])
+def test_it_shows_what_building_takes(entity):
+    _, *built = inspect.signature(entity._build).parameters.values()
+    assert [*inspect.signature(entity).parameters.values()] == built
+    text = pydoc.plain(pydoc.render_doc(entity))
+    assert f"class {entity.__name__}(" in text and "Entity constructor" not in text
+    for parameter in built:
+        assert f"{parameter.name}: " in text
+
+
+def test_it_tells_units():
+    text = " ".join(pydoc.plain(pydoc.render_doc(Cloth)).replace("|", "").split())
+    assert "size: side lengths (along X, along Y) [m]" in text
+
+
+def test_a_class_that_builds_the_same_shows_the_same():
+    class Towel(Cloth):
+        """One that adds a method."""
+
+    assert inspect.signature(Towel) == inspect.signature(Cloth)
+    assert Towel((0.3, 0.3)).dims == (49, 49)
+    assert inspect.signature(PickAndPlace) == inspect.signature(Picker)  # It passes all on.
+
+
+def test_a_class_that_builds_more_is_built_once():
+    class Towel(Cloth):
+        """One with an argument of its own."""
+
+        built = 0
+
+        def _build(self, width: float):
+            self.built += 1
+            super()._build(size=(width, width))
+
+    assert [*inspect.signature(Towel).parameters] == ["width"]
+    towel = Towel(0.3)
+    assert towel.built == 1 and towel.dims == (49, 49)
