@@ -20,8 +20,9 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.policies.factory import make_policy
+from softgym_mj.robots.models import ARMS
 
-ACTORS = ("default", "franka", "sawyer")  # Pickers or cups, arms.
+ACTORS = ("default", *ARMS)  # Pickers or cups, arms.
 FIRST, LAST = 800, 999  # Evaluation variations.
 
 Scores = dict[str, dict[str, dict[str, float]]]  # By task, actor and variation.
@@ -44,11 +45,17 @@ def score(task: str, actor: str, variation: int) -> float:
 
 
 def table(scores: Scores) -> str:
-    """Means, standard errors and smallest scores as Markdown."""
-    lines = ["| task | abstract actor | Franka | Sawyer |", "|---|---|---|---|"]
+    """Means, standard errors and smallest scores of the actors that have played, as Markdown."""
+    played = [actor for actor in ACTORS if any(actor in actors for actors in scores.values())]
+    titles = ["abstract actor" if actor == "default" else f"`{actor}`" for actor in played]
+    lines = [f"| task | {' | '.join(titles)} |", "|---" * (1 + len(played)) + "|"]
     for task, actors in scores.items():
         cells = []
-        for values in (list(actors[actor].values()) for actor in ACTORS):
+        for actor in played:
+            if actor not in actors:
+                cells.append("not yet played")
+                continue
+            values = list(actors[actor].values())
             error = statistics.stdev(values) / len(values) ** 0.5
             cells.append(f"{statistics.mean(values):.3f} ± {error:.3f} ({min(values):.2f})")
         lines.append(f"| `{task}` | {' | '.join(cells)} |")

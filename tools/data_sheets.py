@@ -102,8 +102,10 @@ def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
     return table(("entries", "what", "unit"), rows)
 
 
-def observations(env: Environment, arms: Environment, remarks: Sequence[str]) -> Iterator[str]:
-    """All observations, then the entries of the states."""
+def observations(
+    env: Environment, arms: Environment, tasks: Mapping[str, Task], remarks: Sequence[str]
+) -> Iterator[str]:
+    """All observations, then the entries of the states; arms that sense the same share a table."""
     task, spec = env.task, env.observation_spec()
     further = {HELD: HELD_SUMMARY, GOAL_RGB: GOAL_SUMMARY, WRIST_RGB: WRIST_SUMMARY}
     summaries = {**OBSERVATIONS, **further}
@@ -126,11 +128,15 @@ def observations(env: Environment, arms: Environment, remarks: Sequence[str]) ->
     yield entry_table(task.actor.senses)
     number = sum(ending_entries(task).values())
     reduced, full = (spec[name].shape[0] - number for name in ("reduced", "full"))
-    yield (
-        f"With {' or '.join(f'`{name}`' for name in ARMS)}; from entry {reduced} of `reduced` and "
-        f"{full} of `full` on, the same:\n"
-    )
-    yield entry_table(arms.task.actor.senses)
+    groups: dict[tuple, list[str]] = {}
+    for name in ARMS:
+        groups.setdefault(tuple(tasks[name].actor.senses.items()), []).append(f"`{name}`")
+    for senses, names in groups.items():
+        yield (
+            f"With {' or '.join(names)}; from entry {reduced} of `reduced` and {full} of `full` "
+            "on, the same:\n"
+        )
+        yield entry_table(dict(senses))
 
 
 # ---------------------------------------------------------------------- the rest
@@ -260,7 +266,7 @@ def sheet(name: str) -> str:
         "## Actions\n",
         *actions(env, tasks, record),
         "## Observations\n",
-        *observations(env, arms, text["Reduced state"]),
+        *observations(env, arms, tasks, text["Reduced state"]),
         "## Variations\n",
         f"Indices of the splits: {splits}.\n",
         *text["Start"],

@@ -13,11 +13,12 @@ from PIL import Image
 from softgym_mj.envs.load import load
 from softgym_mj.policies.episodes import play
 from softgym_mj.registry import TASKS
+from softgym_mj.robots.models import ARMS
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "gallery"
 SIZE = 480  # Side [pixels].
 QUALITY = 85  # Of JPEG, 0..100.
-ACTORS = ("abstract", "franka", "sawyer")  # The first: pickers, or a cup that moves by itself.
+ACTORS = ("abstract", *ARMS)  # The first: pickers, or a cup that moves by itself.
 # Part of the expert's steps until it rests after which it is shown, where most is to be seen.
 MOMENT = 0.5
 MOMENTS = {"drop_cloth": 0.4, "straighten_rope": 0.6, "pour_water": 0.65, "pour_water_amount": 0.5}

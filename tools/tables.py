@@ -35,8 +35,8 @@ POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
 def cells(actors: dict[str, dict[str, float]]) -> list[str]:
-    """Mean and smallest score with each actor."""
-    scores = [actors[actor].values() for actor in experts.ACTORS]
+    """Mean and smallest score with each actor that has played."""
+    scores = [actors[actor].values() for actor in experts.ACTORS if actor in actors]
     return [f"{sum(values) / len(values):.2f} ({min(values):.2f})" for values in scores]
 
 
@@ -89,6 +89,7 @@ def materials() -> str:
         **{
             f"share of that with `{arm}`": (lambda rates, arm=arm: rates["arms"][arm], ".2f")
             for arm in ARMS
+            if all(arm in rates["arms"] for rates in found["tasks"].values())
         },
         "128 x 128 images/s": (lambda rates: rates["images_128_per_second"], ".0f"),
     }
@@ -136,6 +137,8 @@ def pictures() -> str:
     }
     for task in TASKS:
         for actor in framing.ACTORS:
+            if actor not in found["after"][task]:
+                continue  # Not yet measured.
             cells = []
             for key, form in forms.items():
                 pair = [100 * found[when][task][actor][key] for when in ("before", "after")]
@@ -186,7 +189,7 @@ def stills() -> str:
     for name in TASKS:
         shown = (f"![{name}, {actor}](gallery/{name}-{actor}.jpg)" for actor in gallery.ACTORS)
         rows.append(f"| `{name}` | {' | '.join(shown)} |")
-    return table("| task | pickers, cup | Franka | Sawyer |", rows)
+    return table(f"| task | pickers, cup | {' | '.join(f'`{arm}`' for arm in ARMS)} |", rows)
 
 
 def pages() -> dict[pathlib.Path, str]:

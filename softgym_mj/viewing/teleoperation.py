@@ -22,7 +22,7 @@ CUP_ACCELERATION = np.array([0.75, 0.75, 3.0])
 # What of its way a cup goes after a rejected move: all of it, else one coordinate.
 _TRIES = np.array([[1, 1, 1], [0, 1, 0], [0, 0, 1], [1, 0, 0]])
 _NEAR = 1e-6  # [m, rad] What is left of a way that has been gone.
-_BODY = re.compile(r"^[^/]+/[a-z]+_(\d+)(/|$)")  # Such as picker/picker_1 or arms/franka_0/link3.
+_BODY = re.compile(r"^[^/]+/\w+_(\d+)(/|$)")  # Such as picker/picker_1 or arms/franka_0/link3.
 
 
 class Teleoperation(abc.ABC):

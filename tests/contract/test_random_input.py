@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import softgym_mj
+from softgym_mj.robots.factory import CUP_ACTORS, GRIPPERS
 from tests.contract.subject import Subject
 
 TASKS = list(softgym_mj.TASKS)
@@ -37,7 +38,7 @@ ANYTHING = st.one_of(
     ),
 )
 GOOD = {
-    "actor": ["picker", "pick_and_place", "pixel_pick_and_place", "franka", "sawyer", "cup", None],
+    "actor": [*GRIPPERS, *CUP_ACTORS, None],
     "observation": ["full", "reduced", ["full", "full_mask"], "proprioception", "rgb"],
     "image_size": [(8, 8), [64, 32], (1, 1)],
     "action_repeat": [1, 4, None],
