@@ -1,6 +1,7 @@
 """The arms as data: the names in their MJCF models, and what actors must know of them."""
 
 import dataclasses
+import math
 
 from softgym_mj import assets
 
@@ -76,7 +77,8 @@ class Arm:
 
 # `reach` was measured with the tool down, up to 80 degrees to a side: a Franka gets to within 1 mm
 # up to 0.8 m from its axis at heights of 0.02 to 0.2 m, 0.72 m at 0.45 m; a Sawyer up to 0.9 m,
-# 0.8 m. What is nearer than 0.25 m is in the way of the elbow, which jumps in a Franka.
+# 0.8 m; a UR5e up to 0.9 m, 0.76 m. What is nearer than 0.25 m is in the way of the elbow, which
+# jumps in a Franka.
 # From a `distance` of 0.7 m, all four corners of flat cloths are in reach in more than nine of ten
 # variations.
 # With a `standoff` of 0.55 m, a Franka that stands in the middle of the way of a cup keeps to the
@@ -136,4 +138,36 @@ SAWYER = Arm(
     menagerie="rethink_robotics_sawyer",
 )
 
-ARMS = {arm.name: arm for arm in (FRANKA, SAWYER)}
+# Universal Robots UR5e with a gripper of the size of a Robotiq 2F-85.
+UR5E = Arm(
+    name="ur5e",
+    xml_path=assets.path("ur5e", "ur5e.xml"),
+    joints=(
+        "shoulder_pan_joint",
+        "shoulder_lift_joint",
+        "elbow_joint",
+        "wrist_1_joint",
+        "wrist_2_joint",
+        "wrist_3_joint",
+    ),
+    wrist_joint="elbow_joint",
+    finger_joints=("left_finger_joint", "right_finger_joint"),
+    # Menagerie's keyframe, but for the turn of its base: elbow up, TCP at (0.492, 0.133, 0.346).
+    home=(0.0, -1.5708, 1.5708, -1.5708, -1.5708, 0.0),
+    home_cup=(0.0, -1.54, 2.04, -0.5, 1.5708, -1.5708),
+    # Universal Robots' ROS 2 description: 180 degrees/s.
+    velocity_limits=(math.pi,) * 6,
+    # Universal Robots' ROS 2 description and Menagerie agree.
+    torque_limits=(150.0, 150.0, 150.0, 28.0, 28.0, 28.0),
+    finger_range=(0.0, 0.0425),  # Robotiq: a stroke of 85 mm.
+    finger_commands=(-0.01, 0.0425),  # kp 2000 N/m times 10 mm is the grip force.
+    grip_force=20.0,  # Robotiq: 20 to 235 N.
+    pad_reach=0.01875,  # Half of a 37.5 mm pad, as in Menagerie, centred at the TCP.
+    shoulder_height=0.1625,  # Universal Robots.
+    distance=0.7,
+    reach=(0.25, 0.8),
+    standoff=0.6,
+    menagerie="universal_robots_ur5e",
+)
+
+ARMS = {arm.name: arm for arm in (FRANKA, SAWYER, UR5E)}

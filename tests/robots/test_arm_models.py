@@ -11,8 +11,9 @@ from softgym_mj.robots.models import ARMS
 
 HALF = math.sqrt(0.5)
 UNTURNED, BACK, FORTH = (1, 0, 0, 0), (HALF, -HALF, 0, 0), (HALF, HALF, 0, 0)
+ASIDE = (HALF, 0, HALF, 0)
 
-# Frames: body -> (parent, origin [m], quaternion wxyz, joint). Arm joints turn about z.
+# Frames: body -> (parent, origin [m], quaternion wxyz, joint).
 FRAMES = {
     "franka": {
         "link0": ("world", (0, 0, 0), UNTURNED, None),
@@ -50,7 +51,20 @@ FRAMES = {
         "right_hand": ("right_l6", (0, 0, 0.0245), (HALF, 0, 0, HALF), None),
         "tcp": ("right_hand", (0, 0, 0.109), UNTURNED, None),
     },
+    "ur5e": {
+        "base": ("world", (0, 0, 0), UNTURNED, None),
+        "shoulder_link": ("base", (0, 0, 0.1625), UNTURNED, "shoulder_pan_joint"),
+        "upper_arm_link": ("shoulder_link", (0, 0.138, 0), ASIDE, "shoulder_lift_joint"),
+        "forearm_link": ("upper_arm_link", (0, -0.131, 0.425), UNTURNED, "elbow_joint"),
+        "wrist_1_link": ("forearm_link", (0, 0, 0.3922), ASIDE, "wrist_1_joint"),
+        "wrist_2_link": ("wrist_1_link", (0, 0.1263, 0), UNTURNED, "wrist_2_joint"),
+        "wrist_3_link": ("wrist_2_link", (0, 0, 0.0997), UNTURNED, "wrist_3_joint"),
+        "hand": ("wrist_3_link", (0, 0.0996, 0), BACK, None),
+        "tcp": ("hand", (0, 0, 0.1415), UNTURNED, None),
+    },
 }
+# What the arm joints turn about.
+AXES = {"franka": "zzzzzzz", "sawyer": "zzzzzzz", "ur5e": "zyyyzy"}
 
 # Joint -> (lower, upper [rad], speed [rad/s], torque [N m]).
 LIMITS = {
@@ -72,6 +86,14 @@ LIMITS = {
         "right_j5": (-2.9761, 2.9761, 3.485, 9),
         "right_j6": (-4.7124, 4.7124, 4.545, 9),
     },
+    "ur5e": {  # Published in degrees.
+        "shoulder_pan_joint": (-6.283185307, 6.283185307, math.radians(180), 150),
+        "shoulder_lift_joint": (-6.283185307, 6.283185307, math.radians(180), 150),
+        "elbow_joint": (-3.141592654, 3.141592654, math.radians(180), 150),
+        "wrist_1_joint": (-6.283185307, 6.283185307, math.radians(180), 28),
+        "wrist_2_joint": (-6.283185307, 6.283185307, math.radians(180), 28),
+        "wrist_3_joint": (-6.283185307, 6.283185307, math.radians(180), 28),
+    },
 }
 
 # Body -> (mass [kg], centre of mass [m], inertia xx yy zz xy xz yz [kg m2] about it in link axes).
@@ -79,6 +101,12 @@ _FINGER = (0.015, (0, 0, 0), (2.375e-6, 2.375e-6, 7.5e-7, 0, 0, 0))
 # Solids of the parts' mass and size: a box of 10 x 13.5 x 80 mm, a cylinder along y.
 _ROD = tuple(0.03 / 12 * (a**2 + b**2) for a, b in ((0.0135, 0.08), (0.01, 0.08), (0.01, 0.0135)))
 _TIP = (0.03, (0, 0.008, 0.04), (*_ROD, 0, 0, 0))
+# Driver, coupler, spring link, follower and pad of a side of the 2F-85: 9.00 + 14.10 + 22.16 +
+# 12.52 + 3.50 g.
+_LINKS = 0.0612794  # [kg]
+_BOX = (0.022, 0.016, 0.075)  # [m]
+_SIDE = tuple(_LINKS / 12 * (sum(a**2 for a in _BOX) - own**2) for own in _BOX)
+_KNUCKLE = (_LINKS, (0, 0.012, 0.033), (*_SIDE, 0, 0, 0))
 _ACROSS, _ALONG = 0.3 * (3 * 0.029**2 + 0.1**2) / 12, 0.3 * 0.029**2 / 2
 INERTIAS = {
     "franka": {
@@ -126,9 +154,34 @@ INERTIAS = {
         "left_finger": _TIP,
         "right_finger": _TIP,
     },
+    # Published in the frames of the DH parameters; turned into link axes here.
+    "ur5e": {
+        "base": (4.0, (0, 0, 0), (0.00443333, 0.00443333, 0.0072, 0, 0, 0)),
+        "shoulder_link": (3.761, (0, 0.00193, -0.02561),
+                          (0.0070021, 0.00657286, 0.00648091, 1.053e-05, -7.3e-07, 0.00049994)),
+        "upper_arm_link": (8.058, (0, 0.11336 - 0.138, 0.425 - 0.2125),
+                           (0.33388086, 0.33247207, 0.01505885, 1.81e-06, -5.4e-05, -5.63e-06)),
+        "forearm_link": (2.846, (0, 0.0265 - 0.007, 0.3922 - 0.15),
+                         (0.07879254, 0.0784851, 0.00399632, 6.6e-06, -1.365e-05, -0.00137272)),
+        "wrist_1_link": (1.37, (0, 0.1263 - 0.0018, 0.01634),
+                         (0.00165491, 0.00135962, 0.00126279, -2.82e-06, -4.38e-06, 0.00010157)),
+        "wrist_2_link": (1.3, (0, 0.01634, 0.0997 - 0.0018),
+                         (0.00135617, 0.00096614, 0.00127827, 4.44e-06, 2.74e-06, 5.048e-05)),
+        "wrist_3_link": (0.365, (0, 0.0996 - 0.001159, 0),
+                         (0.00018694, 0.00025756, 0.00018908, -1.7e-07, -6e-08, 9.2e-07)),
+        "hand": (0.777441, (0, 0, 0.0463), (0.000260285, 0.000225381, 0.000152708, 0, 0, 0)),
+        "left_finger": _KNUCKLE,
+        "right_finger": _KNUCKLE,
+    },
 }  # fmt: skip
 
-OPENINGS = {"franka": 0.08, "sawyer": 0.041666}  # [m]
+OPENINGS = {"franka": 0.08, "sawyer": 0.041666, "ur5e": 0.085}  # [m]
+# TCP of the home pose [m].
+HOMES = {
+    "franka": (0.554, 0, 0.521),
+    "sawyer": (0.450, 0.160, 0.107),
+    "ur5e": (0.492, 0.133, 0.346),
+}
 
 
 @pytest.fixture(params=list(ARMS))
@@ -169,11 +222,14 @@ def transform(rotation, origin):
 
 def frames(arm, angles):
     """Pose (4, 4) of every frame of the table."""
-    angles = dict(zip(arm.joints, angles, strict=True))
+    turns = {
+        joint: Rotation.from_euler(axis, angle).as_matrix()
+        for joint, axis, angle in zip(arm.joints, AXES[arm.name], angles, strict=True)
+    }
     poses = {"world": np.eye(4)}
     for body, (parent, origin, quaternion, joint) in FRAMES[arm.name].items():
-        about_z = Rotation.from_euler("z", angles.get(joint, 0.0)).as_matrix()
-        poses[body] = poses[parent] @ transform(turned(quaternion) @ about_z, origin)
+        rotation = turned(quaternion) @ turns.get(joint, np.eye(3))
+        poses[body] = poses[parent] @ transform(rotation, origin)
     return poses
 
 
@@ -192,7 +248,7 @@ def lowest(model, data, geom):
 def test_forward_kinematics_are_those_of_the_table(arm, model, data):
     addresses = [model.joint(name).qposadr[0] for name in arm.joints]
     low, high, *_ = np.array(list(LIMITS[arm.name].values())).T
-    for angles in np.random.default_rng(0).uniform(low, high, (20, 7)):
+    for angles in np.random.default_rng(0).uniform(low, high, (20, len(low))):
         data.qpos[addresses] = angles
         mujoco.mj_kinematics(model, data)
         for name, expected in frames(arm, angles).items():
@@ -201,12 +257,12 @@ def test_forward_kinematics_are_those_of_the_table(arm, model, data):
             np.testing.assert_allclose(frame.xmat.reshape(3, 3), expected[:3, :3], atol=1e-9)
 
 
-def test_joints_turn_about_z_and_have_the_table_s_limits(arm, model):
+def test_joints_have_the_table_s_axes_and_limits(arm, model):
     for index, (name, row) in enumerate(LIMITS[arm.name].items()):
         lower, upper, speed, torque = row
         joint, actuator = model.joint(name), model.actuator(name)
         assert arm.joints[index] == name
-        np.testing.assert_array_equal(joint.axis, [0, 0, 1])
+        np.testing.assert_array_equal(joint.axis, np.eye(3)["xyz".index(AXES[arm.name][index])])
         np.testing.assert_array_equal(joint.range, [lower, upper])
         np.testing.assert_array_equal(actuator.ctrlrange, [lower, upper])
         np.testing.assert_array_equal(actuator.forcerange, [-torque, torque])
@@ -262,23 +318,23 @@ def test_gravity_compensation_holds_home(arm, model, data, servos):
 @pytest.mark.parametrize("timestep", [0.002, 0.01])
 def test_servos_reach_a_command_and_stay(arm, model, data, timestep):
     model.opt.timestep = timestep
-    command = np.array(arm.home) + 0.1 * np.array([1, -1, 1, 1, -1, 1, -1])
-    data.ctrl[:7] = command
+    joints = len(arm.joints)
+    command = np.array(arm.home) + 0.1 * np.array([1, -1, 1, 1, -1, 1, -1])[:joints]
+    data.ctrl[:joints] = command
     limits = np.array(arm.torque_limits)
     while data.time < 1.0:
         mujoco.mj_step(model, data)
-        assert np.all(np.abs(data.actuator_force[:7]) <= limits)
-    np.testing.assert_allclose(data.qpos[:7], command, atol=2e-3)
-    np.testing.assert_allclose(data.qvel[:7], 0.0, atol=1e-2)
+        assert np.all(np.abs(data.actuator_force[:joints]) <= limits)
+    np.testing.assert_allclose(data.qpos[:joints], command, atol=2e-3)
+    np.testing.assert_allclose(data.qvel[:joints], 0.0, atol=1e-2)
 
 
 def test_home_is_the_documented_pose(arm, model, data):
-    np.testing.assert_allclose(data.qpos[:7], arm.home)
-    np.testing.assert_array_equal(data.qpos[7:], arm.finger_range[1])
+    np.testing.assert_allclose(data.qpos[:-2], arm.home)
+    np.testing.assert_array_equal(data.qpos[-2:], arm.finger_range[1])
     np.testing.assert_array_equal(data.ctrl, data.qpos)
     assert np.all(model.jnt_range[:, 0] <= data.qpos) and np.all(data.qpos <= model.jnt_range[:, 1])
-    tcp = {"franka": (0.554, 0.0, 0.521), "sawyer": (0.450, 0.160, 0.107)}[arm.name]
-    np.testing.assert_allclose(data.site(arm.tcp_site).xpos, tcp, atol=2e-3)
+    np.testing.assert_allclose(data.site(arm.tcp_site).xpos, HOMES[arm.name], atol=2e-3)
     approach = data.site(arm.tcp_site).xmat.reshape(3, 3)[:, 2]
     assert math.degrees(math.acos(-approach[2])) < 1.0
     shoulder = data.joint(arm.joints[1]).xanchor

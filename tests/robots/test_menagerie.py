@@ -11,7 +11,7 @@ from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots.models import ARMS
 from tests.robots.arms import arms_of
-from tests.robots.test_arm_models import FRAMES
+from tests.robots.test_arm_models import AXES, FRAMES
 
 FINGERS = """
   <body name="left_finger" pos="0 0 0.0584">
@@ -53,12 +53,14 @@ MODEL = """<mujoco>
 FOLDERS = {
     "franka": ("franka_emika_panda", "panda.xml", FINGERS.format(shapes=SHAPES)),
     "sawyer": ("rethink_robotics_sawyer", "sawyer.xml", ""),
+    "ur5e": ("universal_robots_ur5e", "ur5e.xml", ""),
 }
+LACKING = {"franka": {"tcp"}, "sawyer": {"head", "right_hand", "tcp"}, "ur5e": {"hand", "tcp"}}
 
 
 def links(arm):
-    """Those that Menagerie has; its Sawyer lacks the head and the gripper."""
-    return [name for name in FRAMES[arm] if name not in ("head", "right_hand", "tcp")]
+    """Those that Menagerie has; its Sawyer lacks the head, that and its UR5e the gripper."""
+    return [name for name in FRAMES[arm] if name not in LACKING[arm]]
 
 
 def numbers(values):
@@ -72,11 +74,14 @@ def root(tmp_path, monkeypatch):
         assets = tmp_path / folder / "assets"
         assets.mkdir(parents=True)
         (assets / "wedge.obj").write_text(OBJ)
-        bodies = fingers
+        bodies, axes = fingers, dict(zip(ARMS[arm].joints, AXES[arm], strict=True))
         for name in reversed(links(arm)):
             _, position, quaternion, joint = FRAMES[arm][name]
             start = f'<body name="{name}" pos="{numbers(position)}" quat="{numbers(quaternion)}">'
-            hinge = "" if joint is None else f'<joint name="{joint}"/>'
+            hinge = ""
+            if joint is not None:
+                axis = numbers(int(letter == axes[joint]) for letter in "xyz")
+                hinge = f'<joint name="{joint}" axis="{axis}"/>'
             bodies = f"{start}{hinge}{SHAPES}{bodies}</body>\n"
         bodies = bodies.replace("<body ", '<body childclass="robot" ', 1)
         (tmp_path / folder / file).write_text(MODEL.format(bodies=bodies))
@@ -135,6 +140,17 @@ def test_links_are_drawn_as_in_menagerie(arm):
                 )
             for geom in (wedge, stretched, box):
                 assert model.geom_contype[geom] == model.geom_conaffinity[geom] == 0
+
+
+def test_a_model_that_is_rounded_to_millimetres_is_the_same_arm(root):
+    """Menagerie's UR5e; its base is turned, too."""
+    for ours, theirs in (("0 0 0.1625", "0 0 0.163"), ("0 0 0.3922", "0 0 0.392"),
+                         ("0 0.1263 0", "0 0.127 0"), ("0 0 0.0997", "0 0 0.1")):  # fmt: skip
+        edit(root, "ur5e", f'pos="{ours}"', f'pos="{theirs}"')
+    edit(root, "ur5e", 'name="base" pos="0 0 0" quat="1 0 0 0"', 'name="base" quat="1 0 0 1"')
+    env = make("ur5e")
+    model = env.physics.model.ptr
+    assert len(shown(model, "arms/ur5e_0/wrist_3_link")) == 3
 
 
 def test_what_menagerie_lacks_keeps_our_looks():

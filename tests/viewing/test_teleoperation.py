@@ -150,6 +150,7 @@ def test_bodies_belong_to_parts():
         ("straighten_rope", "picker", {"picker/picker_1": 1, "rope/flex_3": None}),
         ("straighten_rope", "franka", {"arms/franka_1/link3": 1, "arms/franka_0/hand": 0}),
         ("pour_water", "sawyer", {"arms/sawyer_0/right_l2": 0, "target/cup": None}),
+        ("straighten_rope", "ur5e", {"arms/ur5e_1/wrist_1_link": 1, "arms/ur5e_0/hand": 0}),
     ):
         env, hand = started(task, actor=actor)
         names = {env.physics.model.body(i).name for i in range(env.physics.model.nbody)}
