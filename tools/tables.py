@@ -212,7 +212,7 @@ def pages() -> dict[pathlib.Path, str]:
     for name, of in gpu_tables.TABLES.items():
         texts[GPU] = between(texts[GPU], name, of())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
-    texts[VALIDATION] = with_table(texts[VALIDATION], experts.table(scores))
+    texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
     texts[RESULTS] = between(texts[RESULTS], "learned", learned.results())
     texts[RESULTS] = between(texts[RESULTS], "others", learned.others())
