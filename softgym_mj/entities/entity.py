@@ -19,7 +19,7 @@ class Entity(composer.Entity):
         """Has `help` show what `_build` takes: composer's constructor takes anything."""
         super().__init_subclass__(**kwargs)
         build = vars(cls).get("_build")
-        if build is None:
+        if build is None or "__init__" in vars(cls):
             return
         signature = inspect.signature(build)
         if any(one.kind is one.VAR_POSITIONAL for one in signature.parameters.values()):

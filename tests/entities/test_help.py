@@ -50,3 +50,18 @@ def test_a_class_that_builds_more_is_built_once():
     assert [*inspect.signature(Towel).parameters] == ["width"]
     towel = Towel(0.3)
     assert towel.built == 1 and towel.dims == (49, 49)
+
+
+def test_a_class_with_a_constructor_keeps_it():
+    class Towel(Cloth):
+        """One whose constructor takes what `_build` does not."""
+
+        def __init__(self, owner: str):
+            super().__init__(owner, 0.3)
+            self.owner = owner
+
+        def _build(self, owner: str, width: float):
+            super()._build(size=(width, width))
+
+    assert [*inspect.signature(Towel).parameters] == ["owner"]
+    assert Towel("me").owner == "me" and Towel("me").dims == (49, 49)
