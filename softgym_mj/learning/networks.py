@@ -12,7 +12,6 @@ import torch
 from torch import Tensor, nn
 
 _EPSILON = 1e-5  # Of LayerNorm.
-LEAST_DEVIATION = 0.1  # [m], or a share: what hardly changes at random may well do so later.
 _TINY = 1e-6  # Added to a norm that divides (PyTorch's).
 
 
@@ -100,13 +99,14 @@ class Standard(nn.Module):
 
     def __init__(self, seeds: int, size: int, device: torch.device | str):
         super().__init__()
-        self.register_buffer("mean", torch.zeros(seeds, 1, size, device=device))
-        self.register_buffer("deviation", torch.ones(seeds, 1, size, device=device))
+        # Parameters, as all arrays with a row for each seed are, that nothing trains.
+        self.mean = nn.Parameter(torch.zeros(seeds, 1, size, device=device), False)
+        self.deviation = nn.Parameter(torch.ones(seeds, 1, size, device=device), False)
 
-    def fit(self, observation: Tensor) -> None:
-        """Takes means and deviations of observations (seeds, n, size)."""
+    def fit(self, observation: Tensor, least: float) -> None:
+        """Takes means, and deviations of at least this, of observations (seeds, n, size)."""
         self.mean.copy_(observation.mean(1, keepdim=True))
-        self.deviation.copy_(observation.std(1, keepdim=True).clamp(min=LEAST_DEVIATION))
+        self.deviation.copy_(observation.std(1, keepdim=True).clamp(min=least))
 
     def forward(self, observation: Tensor) -> Tensor:
         """Of (seeds, n, size), the same shape."""

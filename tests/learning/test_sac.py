@@ -9,8 +9,14 @@ import torch
 from torch import nn
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.methods.sac import SAC, STANDARD_SAMPLE, SACSettings, StateSACSettings
-from softgym_mj.learning.networks import LEAST_DEVIATION, Actor, Linear, drawn, generators
+from softgym_mj.learning.methods.sac import (
+    LEAST_DEVIATION,
+    SAC,
+    STANDARD_SAMPLE,
+    SACSettings,
+    StateSACSettings,
+)
+from softgym_mj.learning.networks import Actor, Linear, drawn, generators
 from softgym_mj.learning.replay import Batch
 
 OBSERVATION, ACTION, NUMBER = 5, 2, 7

@@ -18,7 +18,7 @@ from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.sac import Mean, adam, step
-from softgym_mj.learning.networks import MLP, generators
+from softgym_mj.learning.networks import MLP, Standard, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.symmetries import Symmetry, symmetries
@@ -67,30 +67,29 @@ class Clone(nn.Module):
     """Actions as functions of observations, which are standardised as those of demonstrations.
 
     Attributes:
+        seen: makes of observations what the network takes.
         body: the network, as SAC's of the mean.
-        center, scale: mean and deviation of observations (n,).
     """
 
     def __init__(
-        self, sources: Sequence[torch.Generator], seen: Tensor, action: int, hidden: Sequence[int]
+        self, sources: Sequence[torch.Generator], shown: Tensor, action: int, hidden: Sequence[int]
     ):
         """Draws the weights.
 
         Args:
             sources: of random numbers, one a seed.
-            seen: observations (..., n).
+            shown: observations (..., n).
             action: size.
             hidden: sizes of hidden layers.
         """
         super().__init__()
-        flat = seen.flatten(0, -2)
-        self.register_buffer("center", flat.mean(0))
-        self.register_buffer("scale", flat.std(0, correction=0).clamp(min=_LEAST_DEVIATION))
-        self.body = MLP(sources, [seen.shape[-1], *hidden, action])
+        self.seen = Standard(len(sources), shown.shape[-1], shown.device)
+        self.seen.fit(shown.flatten(0, -2)[None], _LEAST_DEVIATION)
+        self.body = MLP(sources, [shown.shape[-1], *hidden, action])
 
     def mean(self, observation: Tensor) -> Tensor:
         """Actions (seeds, n, action) for observations (seeds, n, observation)."""
-        return torch.tanh(self.body((observation - self.center) / self.scale))
+        return torch.tanh(self.body(self.seen(observation)))
 
 
 class BC:

@@ -21,6 +21,8 @@ from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
 from softgym_mj.learning.replay import Batch
 
 STANDARD_SAMPLE = 10_000  # Env steps whose means and deviations are taken.
+# [m], or a share: what hardly changes at random may well do so later.
+LEAST_DEVIATION = 0.1
 
 
 @typed
@@ -141,7 +143,7 @@ class SAC:
         if getattr(self.settings, "standard", False):
             observation = sample(STANDARD_SAMPLE).observation
             for network in (self.actor, self.targets):  # Critics see as the actor does.
-                network.seen.fit(observation)
+                network.seen.fit(observation, LEAST_DEVIATION)
 
     @property
     def alpha(self) -> Tensor:
@@ -300,8 +302,8 @@ class Mean(nn.Module):
     def __init__(self, actor: nn.Module, seed: int):
         super().__init__()
         self.actor = copy.deepcopy(actor).cpu()
-        for array in (*self.actor.parameters(), *self.actor.buffers()):
-            array.data = array.data[seed : seed + 1].clone()
+        for parameter in self.actor.parameters():
+            parameter.data = parameter.data[seed : seed + 1].clone()
         self.requires_grad_(False)
 
     def forward(self, observation: Tensor) -> Tensor:
