@@ -28,6 +28,7 @@ def test_a_rollout_is_played_by_the_actor(monkeypatch):
     assert line["normalized_performance"] == env.info()["normalized_performance"]
 
 
+@pytest.mark.long
 def test_scores_name_the_actor(tmp_path, monkeypatch):
     monkeypatch.setattr(commands, "_VIDEO_SIZE", 64)  # Filming takes longer than the episode.
     command = ["oracle", "straighten_rope", "--episodes", "1", "--actor", "franka"]

@@ -29,6 +29,7 @@ COMMANDS = {
     "demo": "demo --size 64",
     "record": "record straighten_rope --policy random --episodes 400 --dataset rope/x-v0",
 }
+LONG = ("film", "oracle", "demo", "rollout", "generate by two")
 
 
 def start(command, folder):
@@ -51,7 +52,10 @@ def files(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in COMMANDS],
+)
 @pytest.mark.parametrize("pause", [0.0, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_ctrl_c_ends_with_one_line(name, pause, tmp_path):
     with start(COMMANDS[name], tmp_path) as process:

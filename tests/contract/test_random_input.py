@@ -196,15 +196,15 @@ LINES = st.sampled_from(list(COMMANDS)).flatmap(command_line)
 # ---------------------------------------------------------------- tests
 
 DOORS = {
-    "load": (LOADED, 150),
-    "make": (MADE, 100),
-    "suite": (SUITED, 100),
-    "command": (LINES, 150),
+    "load": (LOADED, 50),
+    "make": (MADE, 35),
+    "suite": (SUITED, 35),
+    "command": (LINES, 50),
 }
 CASES = [
     pytest.param(door, strategy, factor * number, id=f"{door}-{factor * number}", marks=marks)
     for door, (strategy, number) in DOORS.items()
-    for factor, marks in ((1, ()), (20, pytest.mark.slow))
+    for factor, marks in ((1, ()), (3, pytest.mark.long), (60, pytest.mark.slow))
 ]
 
 

@@ -14,7 +14,7 @@ notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.ste
 TRAINING_STEPS = 160  # Of the agent in 07_training, which learns from 20,000.
 
 
-QUICK = ("01_quickstart", "04_fluid_plugin")  # The others run in `make test-long`, as in CI.
+QUICK = ("01_quickstart",)  # The others run in `make test-long`, as in CI.
 
 
 @pytest.mark.parametrize(

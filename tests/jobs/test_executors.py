@@ -19,7 +19,10 @@ from softgym_mj.jobs.executors import (
 )
 
 
-@pytest.fixture(name="executor", params=["serial", "processes", "ray"], scope="module")
+RAY = pytest.param("ray", marks=pytest.mark.long)  # It takes its time to start.
+
+
+@pytest.fixture(name="executor", params=["serial", "processes", RAY], scope="module")
 def _executor(request):
     kinds = {
         "serial": SerialExecutor,
@@ -77,7 +80,7 @@ def test_the_error_of_a_call_comes_after_what_had_begun(executor: Executor, tmp_
     assert executor.all(square, [(4,)]) == [16]  # They are still good.
 
 
-@pytest.mark.parametrize("executor", ["processes", "ray"], indirect=True)
+@pytest.mark.parametrize("executor", ["processes", RAY], indirect=True)
 def test_a_killed_worker_is_replaced_and_nothing_counts_twice(executor: Executor, tmp_path):
     found = executor.results(die_once, [(str(tmp_path), i) for i in range(8)])
     assert sorted(found) == [(i, 10 * i) for i in range(8)]

@@ -4,6 +4,7 @@ import dataclasses
 import json
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
@@ -49,6 +50,7 @@ def test_seeds_apart_are_those_side_by_side(tmp_path):
     assert (tmp_path / "apart" / "seed_1" / "policy_1.pt2").exists()
 
 
+@pytest.mark.long
 def test_the_command_trains_in_processes(tmp_path):
     both = {**dataclasses.asdict(SETTINGS), **dataclasses.asdict(METHOD.settings)}
     settings = json.dumps({name: value for name, value in both.items() if name != "task"})

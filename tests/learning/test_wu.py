@@ -311,6 +311,7 @@ class _Killed(Exception):
     pass
 
 
+@pytest.mark.long
 def test_what_was_killed_ends_alike(tmp_path):
     whole, killed, again = (
         Training(SETTINGS, METHOD, [4], tmp_path / name, "cpu") for name in ("one", "two", "two")

@@ -17,7 +17,10 @@ SOME = ("OpenBLAS for Haswell", "none of these")
 
 @pytest.mark.parametrize(
     ("played", "longest", "kernels"),
-    [(FEW, 10, SOME), pytest.param(cases(), 40, KERNELS, marks=pytest.mark.slow)],
+    [
+        pytest.param(FEW, 10, SOME, marks=pytest.mark.long),
+        pytest.param(cases(), 40, KERNELS, marks=pytest.mark.slow),
+    ],
     ids=["few", "all"],
 )
 def test_episodes_are_bit_equal_on_other_processors(played, longest, kernels):

@@ -55,6 +55,7 @@ def test_spread_cloth_is_spread():
     assert info["max_edge_strain"] < 0.15
 
 
+@pytest.mark.long
 def test_a_heap_is_folded():
     # Both ends of the middle column are hidden at first, so that it takes two rounds.
     info = play("fold_crumpled_cloth", 907)
@@ -67,7 +68,11 @@ def test_a_rope_is_laid_in_the_shape_of_a_letter():
 
 
 @pytest.mark.parametrize(
-    "variation", [953, *(pytest.param(v, marks=pytest.mark.slow) for v in (942, 989))]
+    "variation",
+    [
+        pytest.param(953, marks=pytest.mark.long),
+        *(pytest.param(v, marks=pytest.mark.slow) for v in (942, 989)),
+    ],
 )
 def test_a_dropped_cloth_lies_folded(variation):
     # Let down in a heap on the right spot, it scores as much, but covers half of its place.

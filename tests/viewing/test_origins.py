@@ -138,6 +138,7 @@ def test_only_its_own_page_drives():
         assert drives(session, server, *pause, own, lambda: session.paused)
 
 
+@pytest.mark.long
 def test_nobody_names_other_policies(tmp_path, monkeypatch):
     """As on the command line, which is the user's own, a name could be that of any module."""
     monkeypatch.syspath_prepend(tmp_path)
