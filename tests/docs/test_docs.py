@@ -1,5 +1,6 @@
 """What the README shows is run: its Python, its commands; CI runs what it says."""
 
+import copy
 import inspect
 import json
 import pathlib
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from softgym_mj import registry
+from softgym_mj import compat, registry
 from softgym_mj.cli import commands
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from tools import architecture, tables
@@ -35,7 +36,9 @@ def blocks(language, text=README):
     [code for page in (README, MIGRATION, DOMAIN, ARGUMENTS) for code in blocks("python", page)],
     ids=lambda code: code.splitlines()[0],
 )
-def test_python_blocks_run(code):
+def test_python_blocks_run(code, monkeypatch):
+    # SoftGym's scripts change its table in place.
+    monkeypatch.setattr(compat, "env_arg_dict", copy.deepcopy(compat.env_arg_dict))
     exec(compile(code, "README.md", "exec"), {})
 
 
