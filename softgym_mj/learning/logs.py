@@ -51,4 +51,5 @@ def _tell(
             add(f"{name}/{seed}", value, env_steps)
     for row in training.rows:
         if row["env_steps"] == env_steps:
-            add(f"{row['split']}/{row['seed']}", row["normalized_performance"], env_steps)
+            for name in ("normalized_performance", "success"):
+                add(f"{row['split']}/{name}/{row['seed']}", row[name], env_steps)
