@@ -30,7 +30,12 @@ def make_log(name: str, folder: pathlib.Path) -> Log:
         from torch.utils.tensorboard import SummaryWriter
 
         writer = SummaryWriter(str(folder / "tensorboard"))
-        return lambda training, losses: _tell(training, losses, writer.add_scalar)
+
+        def write(training: Training, losses: Mapping[str, Sequence[float]]) -> None:
+            _tell(training, losses, writer.add_scalar)
+            writer.flush()  # A training may be killed at any time.
+
+        return write
     wandb = import_extra("wandb", "Weights & Biases", "wandb")
     run = wandb.init(project="softgym_mj", dir=str(folder), resume="allow", id=folder.name)
 

@@ -18,7 +18,6 @@ from softgym_mj.jobs.executors import (
     make_executor,
 )
 
-
 RAY = pytest.param("ray", marks=pytest.mark.long)  # It takes its time to start.
 
 
