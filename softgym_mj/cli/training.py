@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def train(
     method: Annotated[str, typer.Argument(help="Such as sac; an unknown one lists all.")],
     task: Task,
-    preset: Annotated[str, typer.Option(help="paper or fast.")] = "fast",
+    preset: Annotated[str, typer.Option(help="paper, fast, or night (sac).")] = "fast",
     seeds: Annotated[int, typer.Option(help="How many, side by side: 0..", min=1)] = 1,
     device: Annotated[
         str, typer.Option(help="Of environments: cpu (worker processes), host or cuda.")
