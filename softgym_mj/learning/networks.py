@@ -99,9 +99,8 @@ class Standard(nn.Module):
 
     def __init__(self, seeds: int, size: int, device: torch.device | str):
         super().__init__()
-        # Parameters, as all arrays with a row for each seed are, that nothing trains.
-        self.mean = nn.Parameter(torch.zeros(seeds, 1, size, device=device), False)
-        self.deviation = nn.Parameter(torch.ones(seeds, 1, size, device=device), False)
+        self.register_buffer("mean", torch.zeros(seeds, 1, size, device=device))
+        self.register_buffer("deviation", torch.ones(seeds, 1, size, device=device))
 
     def fit(self, observation: Tensor, least: float) -> None:
         """Takes means, and deviations of at least this, of observations (seeds, n, size)."""

@@ -167,6 +167,10 @@ def test_standard_observations_are_those_by_mean_and_deviation():
         best = plain.act(scaled, explore=False)
         torch.testing.assert_close(one.act(seen, explore=False), best)
         torch.testing.assert_close(one.policy(1)(seen[1]), best[1])
+    before = sac.actor.seen.mean.clone()
+    for _ in range(2):  # Of all networks.
+        sac.update(dataclasses.replace(batch, observation=seen))
+    assert torch.equal(sac.actor.seen.mean, before) and torch.equal(sac.critics.seen.mean, before)
 
 
 def test_it_learns_to_reach_a_point():

@@ -302,8 +302,9 @@ class Mean(nn.Module):
     def __init__(self, actor: nn.Module, seed: int):
         super().__init__()
         self.actor = copy.deepcopy(actor).cpu()
-        for parameter in self.actor.parameters():
-            parameter.data = parameter.data[seed : seed + 1].clone()
+        seen = (one for one in self.actor.modules() if isinstance(one, Standard))
+        for array in (*self.actor.parameters(), *(b for one in seen for b in one.buffers())):
+            array.data = array.data[seed : seed + 1].clone()  # Other buffers are of no seed.
         self.requires_grad_(False)
 
     def forward(self, observation: Tensor) -> Tensor:
