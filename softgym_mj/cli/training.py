@@ -36,7 +36,7 @@ def train(
         str | None, typer.Option(help="Of networks: cpu or cuda; the environments' if not given.")
     ] = None,
     observation: Annotated[
-        str | None, typer.Option(help="reduced, full or rgb, in place of the preset's.")
+        str | None, typer.Option(help="reduced, markov, full or rgb, not the preset's.")
     ] = None,
     settings: Settings = "{}",
     jobs: Annotated[

@@ -34,7 +34,7 @@ from softgym_mj.variations.indices import SPLITS
 from softgym_mj.vector.processes import num_cores
 
 POLICY = "scripted"
-OBSERVATIONS = ("reduced", "full")
+OBSERVATIONS = ("reduced", "markov", "full")
 _KEPT = ("observations", "rewards", "terminations")
 _APART = 0x44454D4F  # Keeps the random numbers of batches apart from those of other replays.
 

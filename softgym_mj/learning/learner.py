@@ -38,8 +38,9 @@ class Problem:
     observed: str = "reduced"
 
     def example(self) -> Environment:
-        """An environment of the task that has been reset, whose observations are reduced."""
-        env = softgym_mj.load(self.task, split="all", **self.task_settings)
+        """An environment of the task that has been reset, without images."""
+        seen = "reduced" if self.observed == "rgb" else self.observed
+        env = softgym_mj.load(self.task, split="all", observation=seen, **self.task_settings)
         env.reset(0)
         return env
 

@@ -8,7 +8,7 @@ from softgym_mj.kinds import typed
 from softgym_mj.registry import find
 from softgym_mj.variations.indices import SPLITS
 
-OBSERVATIONS = ("reduced", "full", "rgb")
+OBSERVATIONS = ("reduced", "markov", "full", "rgb")
 
 
 @typed

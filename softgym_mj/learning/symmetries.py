@@ -24,7 +24,7 @@ class Symmetry(NamedTuple):
     """One that leaves rewards and dynamics as they are.
 
     Attributes:
-        observation: (n, n) by which `reduced` is multiplied, as a column.
+        observation: (n, n) by which `reduced`, or `markov`, is multiplied, as a column.
         action: (m, m) by which actions are.
         turn: (3, 3) of the world.
         order: of the object's vertices, one of "same", "reversed", "rows", "columns", "both".
@@ -72,7 +72,7 @@ def symmetries(env: Environment) -> list[Symmetry]:
     """Those of a task with pickers, of its reduced observations; the first one changes nothing.
 
     Args:
-        env: plays the task; after a reset.
+        env: plays the task; after a reset. They are of `markov` if that is what it observes.
 
     Raises:
         InvalidArgumentError: for a task or an actor that has none.
@@ -86,9 +86,18 @@ def symmetries(env: Environment) -> list[Symmetry]:
     orders = [tuple(range(number)), tuple(reversed(range(number)))][: min(number, 2)]
     entries = task.reduced(task.scene.state(), task.episode)
     labels = [(label, np.asarray(values).size) for label, values in entries.items()]
+    remembers = "markov" in env.observation_spec()
+
+    def of_observation(turn: np.ndarray, order: str, pickers: Sequence[int]) -> np.ndarray:
+        found = _of_observation(labels, turn, order, pickers)
+        if not remembers:
+            return found
+        # Of each picker whether it holds something, and where that is from it.
+        return block_diag(found, _blocks([block_diag(1.0, turn)] * number, pickers))
+
     return [
         Symmetry(
-            _of_observation(labels, turn, order, pickers),
+            of_observation(turn, order, pickers),
             _blocks([block_diag(turn, 1.0)] * number, pickers),
             turn, order, pickers,
         )

@@ -76,6 +76,21 @@ def test_measures_and_observations_follow(task):
     np.testing.assert_array_equal(found[0].action, np.eye(len(found[0].action)))
 
 
+def test_what_pickers_remember_follows_them():
+    env = softgym_mj.load("drop_cloth", split="all", observation="markov", num_pickers=2)
+    alone = symmetries(_env("drop_cloth"))
+    remembered = env.reset(807).observation["markov"][18:]
+    assert remembered[::4].tolist() == [1.0, 1.0]  # Two corners are held from the start.
+    seen = np.concatenate([np.arange(18.0), [1.0, 0.1, 0.2, 0.3, 0.0, 0.4, 0.5, 0.6]])
+    for symmetry, own in zip(symmetries(env), alone, strict=True):
+        found = symmetry.observation @ seen
+        np.testing.assert_array_equal(found[:18], own.observation @ seen[:18])
+        held, places = seen[18::4], np.array([seen[19:22], seen[23:26]]) @ symmetry.turn.T
+        for k, picker in enumerate(symmetry.pickers):
+            np.testing.assert_array_equal(found[18 + 4 * k], held[picker])
+            np.testing.assert_allclose(found[19 + 4 * k :][:3], places[picker], atol=1e-15)
+
+
 @pytest.mark.parametrize("task", ["straighten_rope", "fold_cloth"])
 def test_dynamics_follow(task):
     env = _env(task)

@@ -1,6 +1,7 @@
 """Trainings: what was killed at any point ends with the same numbers."""
 
 import csv
+import dataclasses
 import json
 import zipfile
 
@@ -91,6 +92,24 @@ def test_policies_are_written_and_play_as_the_learner(whole):
         no = torch.zeros(2, 1, dtype=torch.bool)
         expected, _ = whole.learner.act(both, no, None, explore=False)
         np.testing.assert_allclose(act(timestep), expected[k, 0].numpy(), atol=1e-6)
+
+
+def test_who_sees_what_is_held_plays_as_its_evaluation(tmp_path):
+    """The file plays an episode in MuJoCo as the training's own evaluation does."""
+    settings = dataclasses.replace(SETTINGS, observation="markov")
+    training = _training(tmp_path, settings=settings)
+    training.run()
+    assert training.learner.replay.sample(1).observation.shape[-1] == 36 + 8
+    scores = training.play([830])["normalized_performance"][:, 0]
+    env = softgym_mj.load(
+        "straighten_rope", split="all", observation="markov", **settings.task_settings
+    )
+    for k, seed in enumerate(SEEDS):
+        act = make_policy(str(tmp_path / f"policy_{seed}.pt2"), env, seed, trust=True)
+        timestep = env.reset(830)
+        while not timestep.last():
+            timestep = env.step(act(timestep))
+        assert env.info()["normalized_performance"] == pytest.approx(scores[k], abs=1e-3)
 
 
 def test_a_card_says_what_a_checkpoint_is(whole):

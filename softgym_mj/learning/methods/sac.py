@@ -314,7 +314,8 @@ class Mean(nn.Module):
 def make(settings: SACSettings, problem: Problem) -> OffPolicy:
     """The `Learner` of a problem."""
     (size,) = problem.observation
-    if settings.symmetric and problem.observed != "reduced":
-        raise InvalidArgumentError("observation", problem.observed, "'reduced', to be symmetric")
+    if settings.symmetric and problem.observed not in ("reduced", "markov"):
+        valid = "'reduced' or 'markov', to be symmetric"
+        raise InvalidArgumentError("observation", problem.observed, valid)
     sac = SAC(settings, problem.seeds, size, problem.action, problem.device)
     return OffPolicy(settings, problem, sac)
