@@ -31,6 +31,7 @@ from softgym_mj.tasks.shared import actors, checks
 from softgym_mj.tasks.shared.driving import Driving
 from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, STATES, make_observables
 from softgym_mj.tasks.shared.scene import Scene
+from softgym_mj.tasks.shared.settings import show_settings
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import SPLITS, Start, check_variation, generator
 from softgym_mj.variations.randomization import DomainRandomization
@@ -84,6 +85,11 @@ class Task(composer.Task, abc.ABC):
     planning_horizon, example_variation = 15, 806
     softgym_name: str | None = None
     driven = False
+
+    def __init_subclass__(cls, **kwargs: Any):
+        super().__init_subclass__(**kwargs)
+        if "__init__" in vars(cls):
+            show_settings(vars(cls)["__init__"], Task.__init__)
 
     def __init__(
         self,

@@ -1,9 +1,14 @@
 """Keyword arguments that constructors of tasks take and pass on as `**settings`."""
 
-from collections.abc import Mapping, Sequence
-from typing import TypedDict
+import inspect
+import re
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypedDict, Unpack
 
 from softgym_mj.robots.base import Actor
+
+_ENTRY = re.compile(r"^(\w+): .*(?:\n    .*)*", re.MULTILINE)  # Of the docstrings below.
 
 
 class CupTaskSettings(TypedDict, total=False):
@@ -54,3 +59,44 @@ class ClothTaskSettings(TaskSettings, total=False):
     """
 
     count_intersections: bool
+
+
+ALL = CupTaskSettings, TaskSettings, ClothTaskSettings
+
+
+def show_settings(constructor: Callable, passed_to: Callable) -> None:
+    """Has `help` show what a constructor takes by `**settings: Unpack[...]`, and what it is.
+
+    Args:
+        constructor: whose signature and docstring get longer.
+        passed_to: where it passes settings on, which has their usual values.
+    """
+    signature = inspect.signature(constructor)
+    *own, last = signature.parameters.values()
+    if typing.get_origin(last.annotation) is not Unpack:
+        return
+    (settings,) = typing.get_args(last.annotation)
+    usual = inspect.signature(passed_to).parameters
+    passed = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=usual[name].default if name in usual else None,  # Of the actor, all None.
+            annotation=kind,
+        )
+        for name, kind in typing.get_type_hints(settings).items()
+        if name not in signature.parameters
+    ]
+    known, said = _words(*ALL, settings), inspect.getdoc(constructor) or ""
+    shown = [p.name for p in (*own, *passed) if p.name in known and f"{p.name}: " not in said]
+    lines = "\n".join(known[name] for name in shown).replace("\n", "\n    ")
+    head, _, rest = said.partition("\n\nArgs:\n")
+    constructor.__doc__ = f"{head}\n\nArgs:\n    {lines}\n{rest}"
+    whole = signature.replace(parameters=[*own, *passed])
+    constructor.__signature__ = whole  # type: ignore[attr-defined]
+
+
+def _words(*settings: Any) -> dict[str, str]:
+    """What docstrings of these say of each argument."""
+    said = "\n".join(inspect.getdoc(each) or "" for each in settings)
+    return {entry[1]: entry[0] for entry in _ENTRY.finditer(said)}
