@@ -79,7 +79,10 @@ def record(
         int | None, typer.Option(help="First variation; the split's first if not given.")
     ] = None,
     observation: Annotated[
-        str | None, typer.Option(help="Observations, with commas; reduced if not given.")
+        str | None,
+        typer.Option(
+            help="Observations, with commas; reduced if not given, for lerobot proprioception, too."
+        ),
     ] = None,
     look: Look = None,
     settings: Settings = "{}",
@@ -100,15 +103,19 @@ def record(
         str | None,
         typer.Option(help="Id; softgym_mj/TASK/POLICY[-ACTOR][-GRASP][-NOISE]-v0 if not given."),
     ] = None,
-    author: Annotated[str | None, typer.Option(help="Of the dataset.")] = None,
+    format: Annotated[str, typer.Option(help="minari or lerobot.")] = "minari",
+    codec: Annotated[
+        str | None, typer.Option(help="Of LeRobot's films; AV1 (libsvtav1) if not given.")
+    ] = None,
+    author: Annotated[str | None, typer.Option(help="Of a Minari dataset.")] = None,
     author_email: Annotated[str | None, typer.Option(help="Where to reach the author.")] = None,
     code_permalink: Annotated[
         str | None, typer.Option(help="Address of the code, in the version that was run.")
     ] = None,
 ) -> None:
-    """Records episodes as a Minari dataset, one a variation; may be killed and run again.
+    """Records episodes as a dataset, one a variation; may be killed and run again.
 
-    TASK can be `all`: then each task gets a dataset, unless it has one.
+    TASK can be `all`: then each task gets a dataset, unless it has the same one already.
     """
     from softgym_mj import recording
 
@@ -116,7 +123,7 @@ def record(
     chosen = {**parsed_settings(settings), **given(actor=actor, grasp=grasp, look=look)}
     if observation is not None:
         chosen["observation"] = observation.split(",")
-    chosen.setdefault("observation", "reduced")
+    chosen.setdefault("observation", recording.make_format(format, codec).observation)
     for name in inspect.signature(recording.record).parameters:
         if name in chosen:
             raise InvalidArgumentError("settings", settings, f"arguments of the task; not {name!r}")
@@ -124,6 +131,8 @@ def record(
         raise InvalidArgumentError("dataset", dataset, "none with all tasks, as ids name the task")
     how: dict[str, Any] = {
         "policy": policy,
+        "format": format,
+        "codec": codec,
         "seed": seed,
         "trust": trust,
         "successful_only": successful_only,
@@ -135,16 +144,9 @@ def record(
         "code_permalink": code_permalink,
         **chosen,
     }
-    if task != ALL:
-        _record(task, variations, dataset=dataset, **how)
-        return
-    for name in (name for name, known in TASKS.items() if not known.is_custom):
-        acts = chosen.get("actor"), chosen.get("grasp")
-        own = recording.dataset_name(name, policy, *acts, noise)
-        if recording.is_finished(own):
-            console.print(f"{own} is there already")
-        else:
-            _record(name, variations, dataset=own, **how)
+    everything = [name for name, known in TASKS.items() if not known.is_custom]
+    for name in everything if task == ALL else [task]:
+        _record(name, variations, dataset=dataset, **how)
 
 
 def _record(task: str, variations: Sequence[int], **how: Any) -> None:
@@ -170,9 +172,9 @@ def _record(task: str, variations: Sequence[int], **how: Any) -> None:
             f"{len(finished)} episodes of {task} are kept: the same command goes on from them; "
             f"with --episodes {len(finished)} it makes a dataset of as many"
         ) from None
-    dropped = f"; dropped {len(finished) - made.total_episodes} without success"
+    episodes, steps, call = recording.make_format(how["format"]).told(made)
+    dropped = f"; dropped {len(variations) - episodes} without success"
     console.print(
-        f"recorded {made.total_episodes} episodes, {made.total_steps} steps"
-        f"{dropped if how['successful_only'] else ''}; "
-        f"minari.load_dataset({made.spec.dataset_id!r})"
+        f"{'recorded' if finished else 'is there already:'} {episodes} episodes, {steps} steps"
+        f"{dropped if how['successful_only'] else ''}; {call}"
     )

@@ -1,145 +1,193 @@
-"""Minari's side of a recording: ids, folders, a dataset from episodes."""
+"""Datasets, of whatever format: ids, folders, whole or not there at all.
 
+A dataset is made in a hidden folder beside its place. The episodes that were played are in there,
+too, until it is moved to its place. Who was killed in between finds them and goes on, with all of
+them. What it is made of stays beside it: the same recording once more finds it, another one cannot
+take it for its own.
+"""
+
+import abc
+import json
 import os
 import pathlib
-import pickle
 import re
 import shutil
-import tempfile
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar, NamedTuple
 
 import gymnasium
 
-from softgym_mj.exceptions import InvalidArgumentError, StoreError, import_extra
-from softgym_mj.jobs.files import naming
-
-if TYPE_CHECKING:
-    import minari
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.jobs.files import naming, read_json, write_json
+from softgym_mj.registry import TaskRecord
 
 EPISODES = ".episodes"  # In the folder of a dataset that is not finished.
-_OVERHEAD = 1 << 20  # More than HDF5 needs for an episode besides its numbers [bytes].
+MADE_OF = "recording.json"  # In the folder of a dataset.
 _NO_LETTER = re.compile(r"[^-\w]")  # What an id cannot have.
 
 
-def dataset_name(
-    task: str,
-    policy: str,
-    actor: str | None = None,
-    grasp: str | None = None,
-    noise: float = 0.0,
-) -> str:
-    """The id that a dataset gets by default: "softgym_mj/fold_cloth/scripted-franka-v0".
+class About(NamedTuple):
+    """What a dataset says of itself.
 
-    Args:
-        task: task name, without a module.
-        policy: as in `record`.
-        actor, grasp: of the task; None, which the id does not mention, for its own.
-        noise: as in `record`; 0.05 is "noise0-05", as ids have no points.
+    Attributes:
+        task: whose episodes it has.
+        policy: that played them.
+        description: in words.
+        evaluation: the environment with evaluation variations, as JSON.
+        author, author_email, code_permalink: see `recording.record`.
     """
-    noisy = f"noise{noise:g}" if noise else None
-    parts = filter(None, (policy, actor, grasp, noisy))
-    return f"softgym_mj/{task}/{_NO_LETTER.sub('-', '-'.join(parts))}-v0"
+
+    task: TaskRecord
+    policy: str
+    description: str
+    evaluation: str
+    author: str | None
+    author_email: str | None
+    code_permalink: str | None
 
 
-def unfinished_folder(name: str) -> pathlib.Path:
-    """Where a new dataset is made; beside the datasets, hidden from Minari.
+class Format(abc.ABC):
+    """A library's way to keep datasets.
 
-    Its episodes are in `EPISODES`, until it is moved to its place and these are removed. Who was
-    killed in between finds them there and goes on, with all of them.
-
-    Raises:
-        UnavailableError: if Minari is missing.
-        InvalidArgumentError: if it is not an id of Minari's.
-        StoreError: if the dataset exists; if the folders cannot be written.
+    Attributes:
+        default_id: of a dataset, by task and whatever else tells it from others.
+        is_signed: whether a dataset says who made it.
+        observation: what is usually observed.
     """
-    minari = import_extra("minari", "Minari", "datasets")
-    try:
-        minari.dataset.minari_dataset.parse_dataset_id(name)
-    except (ValueError, TypeError):  # The second without a version.
-        valid = (
-            "NAMESPACE/NAME-v0 of letters, digits, - and _, such as 'rope/expert-v0'; a namespace "
-            "has two or more of them, can have parts (a/b/c) and can be left out"
-        )
-        raise InvalidArgumentError("dataset", name, valid) from None
-    place, unfinished = _place(name), _place() / f".{name.replace('/', '.')}.unfinished"
-    with naming(place, "written"):
-        if (place / EPISODES).exists():
-            place.rename(unfinished)
-        elif os.path.lexists(place):
-            raise StoreError(
-                f"dataset={name!r} exists; choose another id, or remove it: `minari delete {name}`"
-            )
-    return unfinished  # No id has a point in it.
 
+    default_id: ClassVar[str]
+    is_signed: ClassVar[bool]
+    observation: ClassVar[str | tuple[str, ...]]
 
-def is_finished(name: str) -> bool:
-    """Whether there is a whole dataset of this id.
+    @abc.abstractmethod
+    def check_id(self, dataset: str) -> None:
+        """Raises `InvalidArgumentError` unless it is an id; `UnavailableError` without library."""
 
-    Raises:
-        UnavailableError: if Minari is missing.
-    """
-    place = _place(name)
-    return os.path.lexists(place) and not (place / EPISODES).exists()
+    @abc.abstractmethod
+    def root(self) -> pathlib.Path:
+        """The folder in which the library looks for datasets."""
 
+    @abc.abstractmethod
+    def build(
+        self,
+        folder: pathlib.Path,
+        dataset: str,
+        env: gymnasium.Env,
+        episodes: Iterable[Mapping[str, Any]],
+        about: About,
+    ) -> None:
+        """Makes a dataset in an empty folder, one episode after the other.
 
-def _place(name: str | None = None) -> pathlib.Path:
-    storage = import_extra("minari.storage", "Minari", "datasets")
-    with naming(os.environ.get("MINARI_DATASETS_PATH", "the folder of Minari"), "written"):
-        return storage.get_dataset_path(name)
+        Args:
+            folder: which will be moved to the dataset's place.
+            dataset: its id.
+            env: where the episodes were played.
+            episodes: as `episodes.nested` gives them, with "seed" and "options" of the reset.
+            about: what it says of itself.
+        """
 
+    @abc.abstractmethod
+    def load(self, dataset: str) -> Any:
+        """A dataset, as the library reads it."""
 
-def _check_room(folder: pathlib.Path, size: int) -> None:
-    """Raises OSError unless so many bytes fit there: without room, HDF5 ends the process."""
-    with tempfile.TemporaryFile(dir=folder) as stream:
-        stream.write(bytes(size))
-        stream.flush()
-        os.fsync(stream.fileno())
+    @abc.abstractmethod
+    def told(self, dataset: Any) -> tuple[int, int, str]:
+        """Of what `load` returned: numbers of episodes and env steps, the call that loads it."""
 
+    @abc.abstractmethod
+    def described(self) -> dict[str, Any]:
+        """The format with its options, as JSON: part of what a dataset is made of."""
 
-def write_dataset(
-    name: str,
-    unfinished: pathlib.Path,
-    env: gymnasium.Env,
-    episodes: Iterable[dict[str, Any]],
-    metadata: Mapping[str, Any],
-) -> "minari.MinariDataset":
-    """Writes a dataset, one episode after the other; it is there whole or not at all.
+    def check_signed(self, *signed: str | None) -> None:
+        """Raises `InvalidArgumentError` for an author where a dataset does not say who made it."""
+        if not self.is_signed and any(word is not None for word in signed):
+            valid = "None: what Hugging Face shows is said when a dataset is published"
+            raise InvalidArgumentError("author, author_email, code_permalink", signed, valid)
 
-    Args:
-        name: its id.
-        unfinished: its `unfinished_folder`.
-        env: where the episodes were played.
-        episodes: keyword arguments of Minari's `EpisodeBuffer`.
-        metadata: of the dataset, as Minari names it.
+    def place(self, dataset: str) -> pathlib.Path:
+        """The folder of a dataset, which need not be there."""
+        return self.root() / dataset
 
-    Raises:
-        StoreError: if it cannot be written; what was there of it is removed.
-    """
-    minari = import_extra("minari", "Minari", "datasets")
-    place, data = _place(name), unfinished / "data"
-    shutil.rmtree(data, ignore_errors=True)  # What a killed process left.
-    try:
+    def unfinished(self, dataset: str) -> pathlib.Path:
+        """Where a dataset is made; beside the datasets, hidden from the library.
+
+        Raises:
+            StoreError: if the folders cannot be written.
+        """
+        place = self.place(dataset)
+        unfinished = self.root() / f".{dataset.replace('/', '.')}.unfinished"
         with naming(place, "written"):
-            # Not `create_dataset_from_buffers`, which wants all episodes and the final folder.
-            storage = minari.dataset.minari_storage.MinariStorage.new(
-                data,
-                observation_space=env.observation_space,
-                action_space=env.action_space,
-                env_spec=env.spec,
-                jpeg_encoding=False,  # It would change images.
+            if (place / EPISODES).exists():
+                place.rename(unfinished)
+        return unfinished  # No id has a point in it.
+
+    def is_finished(self, dataset: str, made_of: Mapping[str, Any]) -> bool:
+        """Whether there is a whole dataset that is made of this.
+
+        Args:
+            dataset: its id.
+            made_of: everything that its episodes depend on; JSON.
+
+        Raises:
+            UnavailableError: if the library is missing.
+            StoreError: if there is one of this id that is made of something else.
+        """
+        place = self.place(dataset)
+        if not os.path.lexists(place) or (place / EPISODES).exists():
+            return False
+        file = place / MADE_OF
+        found = read_json(file) if file.exists() else {}
+        own = json.loads(json.dumps(made_of))  # Tuples are lists there.
+        if differ := [name for name in {**own, **found} if found.get(name) != own.get(name)]:
+            raise StoreError(
+                f"dataset={dataset!r} exists, with another {', '.join(differ)}; choose another "
+                f"id, or delete {place}"
             )
-            versions = {"dataset_id": name, "minari_version": minari.__version__}
-            storage.update_metadata({**versions, **metadata})
-            for number, episode in enumerate(episodes):
-                _check_room(unfinished, 2 * len(pickle.dumps(episode)) + _OVERHEAD)
-                storage.update_episodes([minari.data_collector.EpisodeBuffer(id=number, **episode)])
-            namespace = minari.dataset.minari_dataset.parse_dataset_id(name)[0]
-            if namespace is not None and namespace not in minari.namespace.list_local_namespaces():
-                minari.namespace.create_namespace(namespace)
-            unfinished.rename(place)
-            shutil.rmtree(place / EPISODES)
-    except BaseException:
-        shutil.rmtree(data, ignore_errors=True)
-        raise
-    return minari.load_dataset(name)
+        return True
+
+    def write(
+        self,
+        dataset: str,
+        made_of: Mapping[str, Any],
+        env: gymnasium.Env,
+        episodes: Iterable[Mapping[str, Any]],
+        about: About,
+    ) -> Any:
+        """Writes a dataset, of an `unfinished` folder; it is there whole or not at all.
+
+        Args:
+            made_of: as of `is_finished`.
+            dataset, env, episodes, about: as of `build`.
+
+        Raises:
+            StoreError: if it cannot be written; what was there of it is removed.
+        """
+        place, unfinished = self.place(dataset), self.unfinished(dataset)
+        _clear(unfinished)  # Of what a killed process left.
+        try:
+            with naming(place, "written"):
+                self.build(unfinished, dataset, env, episodes, about)
+                write_json(unfinished / MADE_OF, made_of)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                unfinished.rename(place)
+                shutil.rmtree(place / EPISODES)
+        except BaseException:
+            _clear(unfinished)
+            raise
+        return self.load(dataset)
+
+
+def _clear(unfinished: pathlib.Path) -> None:
+    """Leaves nothing but the episodes."""
+    for path in unfinished.glob("*"):
+        if path.name == EPISODES:
+            continue
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink()
+
+
+def letters(*words: str | None) -> str:
+    """Words, but for those that are None, as part of an id."""
+    return _NO_LETTER.sub("-", "-".join(filter(None, words)))

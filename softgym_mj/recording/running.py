@@ -8,7 +8,7 @@ import functools
 import json
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import mujoco
@@ -23,14 +23,12 @@ from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.kinds import typed
 from softgym_mj.policies.rollouts import sent_to
 from softgym_mj.policies.saved import is_saved, sha256
-from softgym_mj.recording import datasets
+from softgym_mj.recording.datasets import EPISODES, About
 from softgym_mj.recording.episodes import LABEL, nested
+from softgym_mj.recording.formats import dataset_name, make_format
 from softgym_mj.recording.noise import check_noise
 from softgym_mj.recording.playing import played
 from softgym_mj.variations.indices import SPLITS, check_variation
-
-if TYPE_CHECKING:
-    import minari
 
 IDLE = ("keep", "drop")
 _NO_NUMBERS = ("cameras", LABEL)  # Infos that say nothing about an episode.
@@ -43,6 +41,8 @@ def record(
     policy: str = "scripted",
     *,
     dataset: str | None = None,
+    format: str = "minari",
+    codec: str | None = None,
     seed: int = 0,
     trust: bool = False,
     successful_only: bool = False,
@@ -54,15 +54,16 @@ def record(
     code_permalink: str | None = None,
     on_episode: Callable[[dict], None] = lambda info: None,
     **settings: Any,
-) -> "minari.MinariDataset":
+) -> Any:
     """Plays a policy once in each variation and stores what happens.
 
     With noise the actions of the dataset are those that were applied, which give its observations;
     what the policy itself would have done before each of them is `infos["expert_action"]`, as
-    many.
+    many. Datasets of LeRobot have these as actions, beside those that were applied.
 
     Each episode is in a file once it is finished. Who was interrupted or killed goes on from there
     with the same call, or one with other variations; with the last, the files become the dataset.
+    The same call once more plays nothing and returns what is there.
 
     The environment that the dataset names draws variations of the split in which all recorded ones
     are, "all" only if there is none, and `recover_environment(eval_env=True)` those of "evaluate".
@@ -73,6 +74,9 @@ def record(
         policy: of `policies.factory`.
         dataset: id of the dataset; None for `dataset_name` of task, policy, actor, grasp and
             noise.
+        format: "minari" or "lerobot", as in `recording.formats`.
+        codec: of LeRobot's films, "libsvtav1" (AV1; its own choice), "h264", "hevc" or "auto";
+            Minari's images are kept without loss.
         seed, trust: of the policy, as in `make_policy`; noise depends on the seed, too.
         successful_only: leaves out episodes whose last `info["success"]` is false.
         idle: "keep", or "drop" to end an episode, truncated, once the expert has `finished` and the
@@ -80,15 +84,19 @@ def record(
         noise: standard deviation of the noise on actions, 0..1 in their units, as in
             `noise.disturbance`; an expert that has `finished` rests without.
         jobs: processes that play; what they play is the same.
-        author, author_email, code_permalink: of the dataset; what is None, it does not say.
+        author, author_email, code_permalink: of Minari's dataset; what is None, it does not say.
         on_episode: called with the numbers of the last info of each episode, as they come.
         **settings: keyword arguments of the Gymnasium environment, such as `observation`.
 
+    Returns:
+        The dataset as its library reads it: `minari.MinariDataset` or `LeRobotDataset`.
+
     Raises:
-        UnavailableError: if Minari is missing.
-        StoreError: if the dataset exists or cannot be written; for episodes of an unfinished
-            recording with other settings or damaged files.
-        InvalidArgumentError: for a variation that does not exist, or none; an id that is none; if
+        UnavailableError: if the library is missing.
+        StoreError: if a dataset of this id exists that was recorded otherwise, or it cannot be
+            written; for episodes of an unfinished recording with other settings or damaged files.
+        InvalidArgumentError: for a variation that does not exist, or none; an id that is none; an
+            unknown format or codec; an author where the format has no place for one; if
             `idle` is bad, or is "drop" and the policy is none that says when it has finished; if
             `noise` or `jobs` are out of range; for settings that JSON cannot hold; if no episode is
             left; for a bad task or policy; if the policy is "scripted" and the task has no expert.
@@ -102,25 +110,17 @@ def record(
     if not variations:
         raise InvalidArgumentError("variations", variations, "at least one")
     check_settings(settings)
+    kind = make_format(format, codec)
+    signed = author, author_email, code_permalink
+    kind.check_signed(*signed)
     if dataset is None:
         acts = settings.get("actor"), settings.get("grasp")
-        dataset = datasets.dataset_name(found.name, policy, *acts, noise)
-    unfinished = datasets.unfinished_folder(dataset)
+        dataset = dataset_name(found.name, policy, *acts, noise, format=format)
+    kind.check_id(dataset)
     named = task if isinstance(task, str) and ":" in task else _with_module(found)
     split = next(name for name, own in SPLITS.items() if set(variations) <= set(own))
     with gymnasium.make(found.gymnasium_id, task=named, split=split, **settings) as env:
-        signed = {  # Minari wants sets of authors.
-            "author": None if author is None else {author},
-            "author_email": None if author_email is None else {author_email},
-            "code_permalink": code_permalink,
-        }
-        metadata: dict[str, Any] = {
-            **{name: value for name, value in signed.items() if value is not None},
-            "eval_env_spec": _evaluation_spec(env, settings),
-            "algorithm_name": policy,
-            "description": found.summary,
-            "requirements": ["softgym_mj"],
-        }
+        evaluation = _evaluation_spec(env, settings)
         configuration = {
             "task": named,
             "policy": policy,
@@ -131,7 +131,16 @@ def record(
             **({"noise": noise} if noise else {}),
             "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
         }
-        store = Store(unfinished / datasets.EPISODES, configuration, ARRAYS)
+        made_of = {
+            **configuration,
+            **kind.described(),
+            "variations": variations,
+            "successful_only": successful_only,
+        }
+        if kind.is_finished(dataset, made_of):
+            return kind.load(dataset)
+        unfinished = kind.unfinished(dataset)
+        store = Store(unfinished / EPISODES, configuration, ARRAYS)
         if differ := store.differences():
             raise StoreError(
                 f"{unfinished} holds episodes of an unfinished recording with another "
@@ -150,18 +159,20 @@ def record(
             sent = sent_to(executor, found), json.dumps(settings, sort_keys=True)
             play_one = functools.partial(played, *sent, policy, seed, trust, idle, noise)
             store.run(variations, play_one, executor, add)
+        description = found.summary
         if successful_only:
-            if not successful:
-                valid = f"False, as none of the {len(variations)} episodes is successful"
+            count, variations = len(variations), [v for v in variations if v in successful]
+            if not variations:
+                valid = f"False, as none of the {count} episodes is successful"
                 raise InvalidArgumentError("successful_only", True, valid)
-            counts = f"{len(successful)} of {len(variations)} episodes, those with success."
-            metadata["description"] = f"{found.summary} {counts}".lstrip()
-            variations = [variation for variation in variations if variation in successful]
+            counts = f"{len(variations)} of {count} episodes, those with success."
+            description = f"{description} {counts}".lstrip()
         buffers = (
             {"seed": seed, "options": {"variation": variation}, **nested(store.get(variation))}
             for variation in variations
         )
-        return datasets.write_dataset(dataset, unfinished, env, buffers, metadata)
+        about = About(found, policy, description, evaluation, *signed)
+        return kind.write(dataset, made_of, env, buffers, about)
 
 
 def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:

@@ -81,14 +81,28 @@ def test_all_tasks_by_one_command(capsys, monkeypatch):
     assert played == names[: place + 1]
     assert "0 episodes of pour_water are kept" in capsys.readouterr().err
     assert run(command + settings, monkeypatch) == 0
-    assert played == [*names[: place + 1], *names[place:]]
+    assert played == [*names[: place + 1], *names]
     assert capsys.readouterr().out.count("is there already") == place
     for name in names:
         dataset = minari.load_dataset(f"softgym_mj/{name}/zero-v0")
         assert [len(episode) for episode in dataset] == [2, 2]
         assert dataset.env_spec.kwargs["task"] == name
+    assert run(f"{command} '{{\"horizon\": 3}}'", monkeypatch) == 1
+    error = capsys.readouterr().err
+    assert f"dataset='softgym_mj/{names[0]}/zero-v0' exists, with another settings;" in error
     assert run("record all --dataset all-v0", monkeypatch) == 1
     assert "dataset='all-v0' is refused" in capsys.readouterr().err
+
+
+def test_formats_by_the_command_line(capsys, monkeypatch):
+    for options, message in (
+        ("--format csv", "format='csv' is unknown; valid choices: 'minari', 'lerobot'"),
+        ("--codec h264", "codec='h264' is refused; valid: None with format='minari'"),
+        ("--format lerobot --codec vp9", "codec='vp9' is unknown; valid choices: 'libsvtav1'"),
+        ("--format lerobot --author me", "author, author_email, code_permalink=('me', None, None)"),
+    ):
+        assert run(f"record straighten_rope {options}", monkeypatch) == 1
+        assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -125,8 +125,8 @@ def test_who_stops_once_the_dataset_is_in_its_place_has_it(played, monkeypatch):
     assert played == [0, 1, 2, 1]
     assert_same(parts, record(TASK, range(3), "random", dataset="rope/whole-v0", **SHORT))
     assert not list(pathlib.Path("datasets").rglob(".*"))
-    with pytest.raises(StoreError, match="dataset='rope/parts-v0' exists"):
-        record(TASK, range(3), "random", dataset="rope/parts-v0", **SHORT)
+    with pytest.raises(StoreError, match="dataset='rope/parts-v0' exists, with another variations"):
+        record(TASK, range(4), "random", dataset="rope/parts-v0", **SHORT)
 
 
 def test_a_killed_command_goes_on(played, monkeypatch):
@@ -148,6 +148,40 @@ def test_a_killed_command_goes_on(played, monkeypatch):
     settings["observation"] = ["reduced", "rgb"]
     whole = record(TASK, range(4), "own_fuse:make", dataset="rope/whole-v0", **settings)
     assert_same(minari.load_dataset("rope/parts-v0"), whole)
+
+
+def test_the_same_recording_is_found(played):
+    first = record(TASK, range(2), "random", dataset="rope-v0", **SHORT)
+    assert_same(first, record(TASK, range(2), "random", dataset="rope-v0", jobs=2, **SHORT))
+    assert played == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"horizon": 4}, "settings"),
+        ({"seed": 1}, "seed"),
+        ({"noise": 0.1}, "noise"),
+        ({"policy": "zero"}, "policy"),
+        ({"variations": (1, 0)}, "variations"),
+        ({"successful_only": True}, "successful_only"),
+        ({"task": "rope_configuration"}, "task"),
+    ],
+)
+def test_another_recording_is_not_taken_for_the_same(changes, named, played):
+    usual = {"task": TASK, "variations": (0, 1), "policy": "random", "dataset": "rope-v0", **SHORT}
+    record(**usual)
+    with pytest.raises(StoreError, match=f"'rope-v0' exists, with another {named}; choose another"):
+        record(**{**usual, **changes})
+    assert played == [0, 1] and local_datasets() == ["rope-v0"]
+
+
+def test_a_dataset_of_others_is_not_taken_for_ours(played):
+    dataset = record(TASK, (0,), "random", dataset="rope-v0", **SHORT)
+    (dataset.storage.data_path.parent / "recording.json").unlink()
+    with pytest.raises(StoreError, match="'rope-v0' exists, with another task, policy"):
+        record(TASK, (0,), "random", dataset="rope-v0", **SHORT)
+    assert played == [0]
 
 
 @pytest.mark.parametrize(

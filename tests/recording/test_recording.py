@@ -4,6 +4,7 @@ import re
 import warnings
 
 import gymnasium
+import h5py
 import minari
 import numpy as np
 import pytest
@@ -53,10 +54,33 @@ def test_a_dataset_plays_again_bit_equal(task, variations, settings):
         assert episode.truncations[-1] and not episode.terminations.any()
 
 
+def test_images_are_compressed_without_loss(tmp_path):
+    settings = {
+        "observation": ["reduced", "rgb", "external_depth"],
+        "image_size": (64, 96),
+        "horizon": 40,
+    }
+    dataset = record("straighten_rope", (800, 801), dataset="rope/seen-v0", **settings)
+    env = softgym_mj.load("straighten_rope", split="all", **settings)
+    for episode in dataset:
+        timestep = env.reset(int(episode.infos["variation"][0]))
+        for k in range(41):
+            for name in ("rgb", "external_depth"):
+                seen = timestep.observation[name]
+                np.testing.assert_array_equal(episode.observations[name][k], seen)
+            timestep = env.step(episode.actions[k]) if k < 40 else None
+    with h5py.File(tmp_path / "rope" / "seen-v0" / "data" / "main_data.hdf5") as file:
+        images = [file["episode_1/observations"][name] for name in ("rgb", "external_depth")]
+        # Of each frame 1024 bytes or less: 3 rows of 96 x 3, 2 of 96 x 4 of a camera.
+        assert [image.chunks for image in images] == [(41, 3, 96, 3), (41, 1, 2, 96)]
+        for image in images:
+            assert image.id.get_storage_size() < 0.2 * image.nbytes
+
+
 def test_a_taken_name_and_bad_input_are_refused():
     record("straighten_rope", (800,), "zero", dataset="mine/rope-v0", horizon=3)
-    with pytest.raises(StoreError, match=r"dataset='mine/rope-v0' exists.*minari delete"):
-        record("straighten_rope", (800,), "zero", dataset="mine/rope-v0", horizon=3)
+    with pytest.raises(StoreError, match=r"dataset='mine/rope-v0' exists.*delete .*mine/rope-v0$"):
+        record("straighten_rope", (801,), "zero", dataset="mine/rope-v0", horizon=3)
     for bad, message in (
         (("fly", (800,)), "task='fly'"),
         (("straighten_rope", (800,), "best"), "policy='best'"),

@@ -1,0 +1,210 @@
+"""LeRobot's datasets, version 3.0: numbers as Parquet, what cameras see as films.
+
+They are written by LeRobot itself. A row is an env step: what was seen before it, the action, what
+came of it. What is seen after the last one is left out.
+"""
+
+import fractions
+import pathlib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.exceptions import InvalidArgumentError, check_name, import_extra
+from softgym_mj.recording.datasets import About, Format
+from softgym_mj.recording.episodes import LABEL
+from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB, WRIST_RGB
+from softgym_mj.robots.base import Actor
+from softgym_mj.tasks.shared.observations import GOAL_RGB
+
+CODECS = ("libsvtav1", "h264", "hevc", "auto")  # Of LeRobot, its own choice first.
+# Observations that are states, and the places that LeRobot's policies have for them, in order.
+_STATES = ("proprioception", "reduced", "full")
+_PLACES = ("observation.state", "observation.environment_state")
+_PICTURE = 4  # Dimensions of one camera's pictures over time.
+_LARGEST = 1000  # Of denominators: rates of env steps are 100 by whole numbers.
+
+
+class _Rate(float):
+    """Frames in a second, for JSON and for PyAV, which wants a ratio: 12.5 is usual here."""
+
+    @property
+    def _ratio(self) -> fractions.Fraction:
+        return fractions.Fraction(self).limit_denominator(_LARGEST)
+
+    @property
+    def numerator(self) -> int:
+        return self._ratio.numerator
+
+    @property
+    def denominator(self) -> int:
+        return self._ratio.denominator
+
+
+class Column(NamedTuple):
+    """A feature of a dataset.
+
+    Attributes:
+        values: over the env steps (n, ...).
+        names: of its numbers, or of the axes of a picture; None if they have none.
+        is_film: whether it is encoded as one.
+    """
+
+    values: np.ndarray
+    names: list[str] | None = None
+    is_film: bool = False
+
+
+class LeRobot(Format):
+    """LeRobotDataset of Hugging Face."""
+
+    default_id, is_signed = "softgym_mj/{task}-{words}", False
+    observation = "proprioception", "reduced"
+
+    def __init__(self, codec: str = CODECS[0]):
+        """Chooses how films are encoded, one of `CODECS`; "auto" is what hardware can do.
+
+        Raises:
+            InvalidArgumentError: for another codec.
+        """
+        check_name("codec", codec, CODECS)
+        self._codec = codec
+
+    def check_id(self, dataset: str) -> None:
+        """See `Format`."""
+        hub = import_extra("huggingface_hub.utils", "LeRobot", "lerobot")
+        import_extra("lerobot", "LeRobot", "lerobot")
+        try:
+            hub.validate_repo_id(dataset)
+        except ValueError as error:
+            valid = f"as of a dataset on Hugging Face, such as 'me/rope' ({error})"
+            raise InvalidArgumentError("dataset", dataset, valid) from None
+
+    def root(self) -> pathlib.Path:
+        """See `Format`."""
+        constants = import_extra("lerobot.utils.constants", "LeRobot", "lerobot")
+        return pathlib.Path(constants.HF_LEROBOT_HOME)
+
+    def described(self) -> dict[str, Any]:
+        """See `Format`."""
+        return {"format": "lerobot", "codec": self._codec}
+
+    def load(self, dataset: str) -> Any:
+        """See `Format`."""
+        datasets = import_extra("lerobot.datasets.lerobot_dataset", "LeRobot", "lerobot")
+        return datasets.LeRobotDataset(dataset, root=self.place(dataset))
+
+    def told(self, dataset: Any) -> tuple[int, int, str]:
+        """See `Format`."""
+        return dataset.num_episodes, dataset.num_frames, f"LeRobotDataset({dataset.repo_id!r})"
+
+    def build(
+        self,
+        folder: pathlib.Path,
+        dataset: str,
+        env: gymnasium.Env,
+        episodes: Iterable[Mapping[str, Any]],
+        about: About,
+    ) -> None:
+        """See `Format`."""
+        datasets = import_extra("lerobot.datasets.lerobot_dataset", "LeRobot", "lerobot")
+        assert isinstance(env.unwrapped, SoftGymEnv)
+        actor, names = (
+            env.unwrapped.dm_env.task.actor,
+            tuple(env.unwrapped.dm_env.observation_spec()),
+        )
+        words, made, writer = about.task.summary or about.task.name, folder / "made", None
+        for episode in episodes:
+            found = columns(episode, names, actor)
+            writer = writer or datasets.LeRobotDataset.create(
+                dataset,
+                _Rate(env.unwrapped.metadata["render_fps"]),
+                {key: _feature(column) for key, column in found.items()},
+                root=made,  # It wants a folder that is not there.
+                robot_type=actor.name,
+                vcodec=self._codec,
+            )
+            for k in range(len(episode["actions"])):
+                step = {key: column.values[k] for key, column in found.items()}
+                writer.add_frame({**step, "task": words})
+            writer.save_episode(parallel_encoding=False)
+        assert writer is not None  # There is no dataset without an episode.
+        writer.finalize()
+        for path in made.iterdir():
+            path.rename(folder / path.name)
+        made.rmdir()
+
+
+def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> dict[str, Column]:
+    """The features of an episode of n env steps.
+
+    The "action" is what is to be learned: with noise what the policy itself would have done, beside
+    the "executed_action". "observation.state" is what the actor senses of itself and
+    "observation.environment_state" the reduced or full state, which takes the first place where
+    the other is not observed. Pictures are "observation.images.CAMERA", what else is observed
+    keeps its name: "observation.depth".
+
+    Args:
+        episode: as `episodes.nested` gives it.
+        names: of its observations; a single one is no dict there.
+        actor: who acts.
+
+    Raises:
+        InvalidArgumentError: for more states than there are places.
+    """
+    count, infos, seen = len(episode["actions"]), episode["infos"], episode["observations"]
+    entries = [" ".join(filter(None, entry[:2])) for entry in actor.actions.entries]
+    found = _seen(seen if isinstance(seen, Mapping) else {names[0]: seen}, actor)
+    found["action"] = Column(infos.get(LABEL, episode["actions"]), entries)
+    if LABEL in infos:
+        found["executed_action"] = Column(episode["actions"], entries)
+    after = {
+        "next.reward": episode["rewards"].astype(np.float32),
+        "next.done": episode["terminations"] | episode["truncations"],
+        "next.success": np.asarray(infos["success"][1:], bool),
+        "variation": np.asarray(infos["variation"][1:], np.int64),
+    }
+    found |= {key: Column(values[:, None]) for key, values in after.items()}
+    return {key: column._replace(values=column.values[:count]) for key, column in found.items()}
+
+
+def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Column]:
+    """Observations over time as features."""
+    states = [name for name in _STATES if name in observations]
+    if len(states) > len(_PLACES):
+        valid = f"{len(_PLACES)} of {', '.join(_STATES)}: LeRobot has no more places for states"
+        raise InvalidArgumentError("observation", tuple(observations), valid)
+    found = {
+        place: Column(observations[name], _sensed(actor) if name == _STATES[0] else None)
+        for place, name in zip(_PLACES, states, strict=False)
+    }
+    cameras = {"rgb": ("task",), GOAL_RGB: ("goal",), EXTERNAL_RGB: EXTERNAL}
+    cameras[WRIST_RGB] = actor.wrists
+    for name in observations.keys() - set(states):
+        values = observations[name]
+        if values.dtype != np.uint8 or values.ndim < _PICTURE:
+            found[f"observation.{name}"] = Column(values)
+            continue
+        views = values[:, None] if values.ndim == _PICTURE else values
+        for k, camera in enumerate(cameras.get(name, (name,))):
+            key = f"observation.images.{camera}"
+            found[key] = Column(views[:, k], ["height", "width", "channels"], is_film=True)
+    return dict(sorted(found.items()))
+
+
+def _sensed(actor: Actor) -> list[str]:
+    """Names of the numbers of `proprioception`."""
+    return [
+        what if size == 1 else f"{what}, {k}"
+        for what, size in actor.senses.items()
+        for k in range(size)
+    ]
+
+
+def _feature(column: Column) -> dict[str, Any]:
+    """What LeRobot calls a feature."""
+    kind = "video" if column.is_film else column.values.dtype.name
+    return {"dtype": kind, "shape": column.values.shape[1:], "names": column.names}
