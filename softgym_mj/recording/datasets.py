@@ -98,6 +98,9 @@ class Format(abc.ABC):
     def described(self) -> dict[str, Any]:
         """The format with its options, as JSON: part of what a dataset is made of."""
 
+    def check_observed(self, env: gymnasium.Env) -> None:  # noqa: B027
+        """Raises `InvalidArgumentError` for what it cannot keep of what an environment observes."""
+
     def check_signed(self, *signed: str | None) -> None:
         """Raises `InvalidArgumentError` for an author where a dataset does not say who made it."""
         if not self.is_signed and any(word is not None for word in signed):

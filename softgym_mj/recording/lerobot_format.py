@@ -4,14 +4,17 @@ They are written by LeRobot itself. A row is an env step: what was seen before i
 came of it. What is seen after the last one is left out.
 """
 
+import contextlib
 import fractions
 import pathlib
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 
+from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, check_name, import_extra
 from softgym_mj.recording.datasets import About, Format
@@ -24,7 +27,7 @@ CODECS = ("libsvtav1", "h264", "hevc", "auto")  # Of LeRobot, its own choice fir
 # Observations that are states, and the places that LeRobot's policies have for them, in order.
 _STATES = ("proprioception", "reduced", "full")
 _PLACES = ("observation.state", "observation.environment_state")
-_PICTURE = 4  # Dimensions of one camera's pictures over time.
+_PICTURE = 3  # Dimensions of what one camera sees in colours.
 _LARGEST = 1000  # Of denominators: rates of env steps are 100 by whole numbers.
 
 
@@ -42,6 +45,20 @@ class _Rate(float):
     @property
     def denominator(self) -> int:
         return self._ratio.denominator
+
+
+@contextlib.contextmanager
+def _quietly() -> Iterator[None]:
+    """Without the bars and warnings of libraries below LeRobot, of each episode anew."""
+    bars = import_extra("datasets", "LeRobot", "lerobot")
+    shown = not bars.are_progress_bars_disabled()
+    bars.disable_progress_bars()
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            yield
+    finally:
+        if shown:
+            bars.enable_progress_bars()
 
 
 class Column(NamedTuple):
@@ -88,6 +105,18 @@ class LeRobot(Format):
         constants = import_extra("lerobot.utils.constants", "LeRobot", "lerobot")
         return pathlib.Path(constants.HF_LEROBOT_HOME)
 
+    def check_observed(self, env: gymnasium.Env) -> None:
+        """See `Format`."""
+        observed = _played(env).observation_spec()
+        if len(states := [name for name in _STATES if name in observed]) > len(_PLACES):
+            valid = f"{len(_PLACES)} of {', '.join(states)}: LeRobot has no more places for states"
+            raise InvalidArgumentError("observation", tuple(observed), valid)
+        for spec in observed.values():
+            height, width = spec.shape[-3:-1] if _is_seen(spec.dtype, len(spec.shape)) else (0, 0)
+            if self._codec != CODECS[0] and (height % 2 or width % 2):
+                valid = f"even numbers with codec={self._codec!r}"
+                raise InvalidArgumentError("image_size", (height, width), valid)
+
     def described(self) -> dict[str, Any]:
         """See `Format`."""
         return {"format": "lerobot", "codec": self._codec}
@@ -111,31 +140,35 @@ class LeRobot(Format):
     ) -> None:
         """See `Format`."""
         datasets = import_extra("lerobot.datasets.lerobot_dataset", "LeRobot", "lerobot")
-        assert isinstance(env.unwrapped, SoftGymEnv)
-        actor, names = (
-            env.unwrapped.dm_env.task.actor,
-            tuple(env.unwrapped.dm_env.observation_spec()),
-        )
-        words, made, writer = about.task.summary or about.task.name, folder / "made", None
-        for episode in episodes:
-            found = columns(episode, names, actor)
-            writer = writer or datasets.LeRobotDataset.create(
-                dataset,
-                _Rate(env.unwrapped.metadata["render_fps"]),
-                {key: _feature(column) for key, column in found.items()},
-                root=made,  # It wants a folder that is not there.
-                robot_type=actor.name,
-                vcodec=self._codec,
-            )
-            for k in range(len(episode["actions"])):
-                step = {key: column.values[k] for key, column in found.items()}
-                writer.add_frame({**step, "task": words})
-            writer.save_episode(parallel_encoding=False)
-        assert writer is not None  # There is no dataset without an episode.
-        writer.finalize()
+        played, writer = _played(env), None
+        names, actor, made = tuple(played.observation_spec()), played.task.actor, folder / "made"
+        words = about.task.summary or about.task.name
+        with _quietly():
+            for episode in episodes:
+                found = columns(episode, names, actor)
+                writer = writer or datasets.LeRobotDataset.create(
+                    dataset,
+                    _Rate(1.0 / played.control_timestep()),
+                    {key: _feature(column) for key, column in found.items()},
+                    root=made,  # It wants a folder that is not there.
+                    robot_type=actor.name,
+                    vcodec=self._codec,
+                )
+                for k in range(len(episode["actions"])):
+                    step = {key: column.values[k] for key, column in found.items()}
+                    writer.add_frame({**step, "task": words})
+                writer.save_episode(parallel_encoding=False)
+            assert writer is not None  # There is no dataset without an episode.
+            writer.finalize()
         for path in made.iterdir():
             path.rename(folder / path.name)
         made.rmdir()
+
+
+def _played(env: gymnasium.Env) -> Environment:
+    """What is within a Gymnasium environment."""
+    assert isinstance(env.unwrapped, SoftGymEnv)
+    return env.unwrapped.dm_env
 
 
 def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> dict[str, Column]:
@@ -152,8 +185,6 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
         names: of its observations; a single one is no dict there.
         actor: who acts.
 
-    Raises:
-        InvalidArgumentError: for more states than there are places.
     """
     count, infos, seen = len(episode["actions"]), episode["infos"], episode["observations"]
     entries = [" ".join(filter(None, entry[:2])) for entry in actor.actions.entries]
@@ -174,9 +205,6 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
 def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Column]:
     """Observations over time as features."""
     states = [name for name in _STATES if name in observations]
-    if len(states) > len(_PLACES):
-        valid = f"{len(_PLACES)} of {', '.join(_STATES)}: LeRobot has no more places for states"
-        raise InvalidArgumentError("observation", tuple(observations), valid)
     found = {
         place: Column(observations[name], _sensed(actor) if name == _STATES[0] else None)
         for place, name in zip(_PLACES, states, strict=False)
@@ -185,14 +213,19 @@ def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Col
     cameras[WRIST_RGB] = actor.wrists
     for name in observations.keys() - set(states):
         values = observations[name]
-        if values.dtype != np.uint8 or values.ndim < _PICTURE:
+        if not _is_seen(values.dtype, values.ndim - 1):
             found[f"observation.{name}"] = Column(values)
             continue
-        views = values[:, None] if values.ndim == _PICTURE else values
+        views = values[:, None] if values.ndim == 1 + _PICTURE else values
         for k, camera in enumerate(cameras.get(name, (name,))):
             key = f"observation.images.{camera}"
             found[key] = Column(views[:, k], ["height", "width", "channels"], is_film=True)
     return dict(sorted(found.items()))
+
+
+def _is_seen(kind: np.dtype, dimensions: int) -> bool:
+    """Whether an observation is what cameras see in colours."""
+    return kind == np.uint8 and dimensions >= _PICTURE
 
 
 def _sensed(actor: Actor) -> list[str]:

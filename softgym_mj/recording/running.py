@@ -121,6 +121,7 @@ def record(
     split = next(name for name, own in SPLITS.items() if set(variations) <= set(own))
     with gymnasium.make(found.gymnasium_id, task=named, split=split, **settings) as env:
         evaluation = _evaluation_spec(env, settings)
+        kind.check_observed(env)
         configuration = {
             "task": named,
             "policy": policy,
