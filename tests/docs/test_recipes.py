@@ -1,10 +1,12 @@
 """The recipes run as scripts of their own and do what their page says."""
 
 import json
+import os
 import pathlib
 import re
 import runpy
 import shlex
+import subprocess
 import sys
 import types
 
@@ -293,6 +295,36 @@ def test_minari_in_torchrl(run):
         np.testing.assert_array_equal(part["action"], episode.actions)
         np.testing.assert_array_equal(part["next", "reward"][:, 0], np.float32(episode.rewards))
         np.testing.assert_array_equal(part["next", "done"][:, 0], np.arange(HORIZON) == HORIZON - 1)
+
+
+def test_lerobot(run, tmp_path, monkeypatch):
+    reason = "needs LeRobot, whose PyTorch is older than that of the tests"
+    constants = pytest.importorskip("lerobot.utils.constants", reason=reason)
+    monkeypatch.setattr(constants, "HF_LEROBOT_HOME", tmp_path / "lerobot")
+    monkeypatch.setenv("HF_LEROBOT_HOME", str(tmp_path / "lerobot"))
+    section = PAGE.split("\n## LeRobot: ")[1]
+    shown = re.search(r"```sh\n(.*?)```", section, re.DOTALL)[1].replace("\\\n", " ")
+    shown = shown.replace("episodes 200", "episodes 2").replace("=2000", "=2")
+    recording, training, evaluation = map(shlex.split, shown.splitlines())
+    result = CliRunner().invoke(commands.app, recording[1:])
+    assert result.exit_code == 0, result.output
+    learn = [sys.executable, "-m", "lerobot.scripts.lerobot_train", *training[1:]]
+    subprocess.run(learn, check=True, env={**os.environ, "HF_HUB_OFFLINE": "1"})
+    act = run("LeRobot: a policy from demonstrations").make(None)
+    (tmp_path / "recipe.py").rename(tmp_path / "act_policy.py")
+    monkeypatch.syspath_prepend(tmp_path)
+    result = CliRunner().invoke(commands.app, evaluation[1:])
+    assert result.exit_code == 0, result.output
+    episodes = json.loads((tmp_path / "scores" / "result.json").read_text())["episodes"]
+    assert [episode["variation"] for episode in episodes] == [800, 801]
+    for episode in episodes:
+        env = softgym_mj.load(
+            "straighten_rope", split="all", observation=["proprioception", "reduced"]
+        )
+        timestep = env.reset(episode["variation"])
+        while not timestep.last():
+            timestep = env.step(act(timestep))
+        assert episode["normalized_performance"] == env.info()["normalized_performance"]
 
 
 def test_every_recipe_is_tested():
