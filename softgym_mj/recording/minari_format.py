@@ -120,7 +120,7 @@ def _place_images(
             if array.ndim >= _IMAGE:
                 empty, longest = (0, *array.shape[1:]), (None, *array.shape[1:])
                 opened.create_dataset(
-                    name, empty, array.dtype, maxshape=longest, chunks=_chunk(array),
+                    name, empty, array.dtype, maxshape=longest, chunks=chunk(array),
                     compression="gzip", compression_opts=_LEVEL, shuffle=array.itemsize > 1,
                 )  # fmt: skip
 
@@ -134,7 +134,7 @@ def _arrays(name: str, value: np.ndarray | Mapping[str, Any]) -> Iterator[tuple[
         yield name, value
 
 
-def _chunk(array: np.ndarray) -> tuple[int, ...]:
+def chunk(array: np.ndarray) -> tuple[int, ...]:
     """The shape of chunks (n, ...) of which a frame has no more than `_STRIPE` bytes."""
     shape = list(array.shape)
     for axis in range(1, array.ndim):

@@ -21,6 +21,7 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.kinds import typed
+from softgym_mj.policies.experts import sources_sha256
 from softgym_mj.policies.rollouts import sent_to
 from softgym_mj.policies.saved import is_saved, sha256
 from softgym_mj.recording.datasets import EPISODES, About
@@ -125,7 +126,7 @@ def record(
         configuration = {
             "task": named,
             "policy": policy,
-            "policy_sha256": sha256(policy, seed) if is_saved(policy) else {},
+            "policy_sha256": _sources(policy, seed, found),
             "seed": seed,
             "settings": settings,
             "idle": idle,
@@ -174,6 +175,13 @@ def record(
         )
         about = About(found, policy, description, evaluation, *signed)
         return kind.write(dataset, made_of, env, buffers, about)
+
+
+def _sources(policy: str, seed: int, task: registry.TaskRecord) -> dict[str, str]:
+    """SHA-256 of what says what a policy does, by name; those of files and of experts change."""
+    if policy == "scripted":
+        return {policy: sources_sha256(task)}
+    return sha256(policy, seed) if is_saved(policy) else {}
 
 
 def _evaluation_spec(env: gymnasium.Env, settings: dict[str, Any]) -> str:

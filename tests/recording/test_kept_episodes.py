@@ -176,6 +176,14 @@ def test_another_recording_is_not_taken_for_the_same(changes, named, played):
     assert played == [0, 1] and local_datasets() == ["rope-v0"]
 
 
+def test_another_expert_is_not_taken_for_the_same(played, monkeypatch):
+    record(TASK, (0,), dataset="rope-v0", **SHORT)
+    monkeypatch.setattr(running, "sources_sha256", lambda task: f"other {task.name}")
+    with pytest.raises(StoreError, match="'rope-v0' exists, with another policy_sha256"):
+        record(TASK, (0,), dataset="rope-v0", **SHORT)
+    assert played == [0]
+
+
 def test_a_dataset_of_others_is_not_taken_for_ours(played):
     dataset = record(TASK, (0,), "random", dataset="rope-v0", **SHORT)
     (dataset.storage.data_path.parent / "recording.json").unlink()

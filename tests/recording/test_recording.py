@@ -13,6 +13,7 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.policies.episodes import play
 from softgym_mj.recording import dataset_name, record
+from softgym_mj.recording.minari_format import chunk
 from softgym_mj.variations.indices import SPLITS
 
 
@@ -55,26 +56,34 @@ def test_a_dataset_plays_again_bit_equal(task, variations, settings):
 
 
 def test_images_are_compressed_without_loss(tmp_path):
-    settings = {
-        "observation": ["reduced", "rgb", "external_depth"],
-        "image_size": (64, 96),
-        "horizon": 40,
-    }
-    dataset = record("straighten_rope", (800, 801), dataset="rope/seen-v0", **settings)
-    env = softgym_mj.load("straighten_rope", split="all", **settings)
-    for episode in dataset:
-        timestep = env.reset(int(episode.infos["variation"][0]))
-        for k in range(41):
-            for name in ("rgb", "external_depth"):
-                seen = timestep.observation[name]
-                np.testing.assert_array_equal(episode.observations[name][k], seen)
-            timestep = env.step(episode.actions[k]) if k < 40 else None
+    settings = {"observation": ["reduced", "rgb", "depth"], "image_size": (64, 96), "horizon": 15}
+    dataset = record("straighten_rope", (800,), dataset="rope/seen-v0", **settings)
+    (episode,), env = dataset, softgym_mj.load("straighten_rope", split="all", **settings)
+    timestep = env.reset(800)
+    for k in range(16):
+        for name in ("rgb", "depth"):
+            np.testing.assert_array_equal(
+                episode.observations[name][k], timestep.observation[name], strict=True
+            )
+        timestep = env.step(episode.actions[k]) if k < 15 else None
     with h5py.File(tmp_path / "rope" / "seen-v0" / "data" / "main_data.hdf5") as file:
-        images = [file["episode_1/observations"][name] for name in ("rgb", "external_depth")]
-        # Of each frame 1024 bytes or less: 3 rows of 96 x 3, 2 of 96 x 4 of a camera.
-        assert [image.chunks for image in images] == [(41, 3, 96, 3), (41, 1, 2, 96)]
-        for image in images:
-            assert image.id.get_storage_size() < 0.2 * image.nbytes
+        for name, shape in (("rgb", (16, 3, 96, 3)), ("depth", (16, 2, 96))):
+            kept = file["episode_0/observations"][name]
+            assert kept.chunks == shape and kept.id.get_storage_size() < 0.2 * kept.nbytes
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind", "expected"),  # Of a frame 1024 bytes or less.
+    [
+        ((76, 128, 128, 3), np.uint8, (76, 2, 128, 3)),
+        ((76, 2, 128, 128, 3), np.uint8, (76, 1, 2, 128, 3)),
+        ((76, 1024, 4), np.float32, (76, 64, 4)),
+        ((76, 480, 480, 3), np.uint8, (76, 1, 341, 3)),
+        ((76, 8, 8), np.float32, (76, 8, 8)),
+    ],
+)
+def test_chunks_are_stripes_through_time(shape, kind, expected):
+    assert chunk(np.empty(shape, kind)) == expected
 
 
 def test_a_taken_name_and_bad_input_are_refused():
