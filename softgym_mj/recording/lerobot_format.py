@@ -25,7 +25,7 @@ from softgym_mj.tasks.shared.observations import GOAL_RGB
 
 CODECS = ("libsvtav1", "h264", "hevc", "auto")  # Of LeRobot, its own choice first.
 # Observations that are states, and the places that LeRobot's policies have for them, in order.
-_STATES = ("proprioception", "reduced", "full")
+_STATES = ("proprioception", "reduced", "markov", "full")
 _PLACES = ("observation.state", "observation.environment_state")
 _PICTURE = 3  # Dimensions of what one camera sees in colours.
 _LARGEST = 1000  # Of denominators: rates of env steps are 100 by whole numbers.
@@ -176,7 +176,7 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
 
     The "action" is what is to be learned: with noise what the policy itself would have done, beside
     the "executed_action". "observation.state" is what the actor senses of itself and
-    "observation.environment_state" the reduced or full state, which takes the first place where
+    "observation.environment_state" a state of the task, which takes the first place where
     the other is not observed. Pictures are "observation.images.CAMERA", what else is observed
     keeps its name: "observation.depth".
 
