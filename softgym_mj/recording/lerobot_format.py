@@ -187,7 +187,7 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
 
     """
     count, infos, seen = len(episode["actions"]), episode["infos"], episode["observations"]
-    entries = [" ".join(filter(None, entry[:2])) for entry in actor.actions.entries]
+    entries = [f"{name} [{unit}]" if unit else name for name, unit, _ in actor.actions.entries]
     found = _seen(seen if isinstance(seen, Mapping) else {names[0]: seen}, actor)
     found["action"] = Column(infos.get(LABEL, episode["actions"]), entries)
     if LABEL in infos:

@@ -67,9 +67,8 @@ def test_columns_by_hand(actor):
         np.testing.assert_array_equal(found[key].values, values, strict=True)
         assert found[key].is_film == key.startswith("observation.images.")
     assert found["observation.state"].names[3] == "gripper 1 (x, y, z) [m], 0"
-    assert found["action"].names[:4] == [
-        f"gripper 0, {way}" for way in ("dx m", "dy m", "dz m")
-    ] + ["gripper 0, grip"]
+    ways = ("dx [m]", "dy [m]", "dz [m]", "grip")
+    assert found["action"].names[:4] == [f"gripper 0, {way}" for way in ways]
 
 
 def test_a_single_observation_is_the_state(actor):
