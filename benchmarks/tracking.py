@@ -63,10 +63,12 @@ def random(steps: int) -> np.ndarray:
     return np.repeat(actions, REPEAT, axis=0)[:steps]
 
 
-def scene(kind: str, arm: str, number: int = 1) -> tuple[mujoco.MjModel, mujoco.MjData, Arms]:
-    """Arms and an object that lies out of reach."""
+def scene(
+    kind: str, arm: str, number: int = 1, action: str = "position"
+) -> tuple[mujoco.MjModel, mujoco.MjData, Arms]:
+    """Arms, acting as `action` says, and an object that lies out of reach."""
     target = Cloth(dims=(20, 20), fidelity="fast") if kind == "cloth" else Rope("fast")
-    arena, arms = Arena(), Arms(ARMS[arm], number)
+    arena, arms = Arena(), Arms(ARMS[arm], number, action=action)
     arena.attach(target)
     arms.join(arena)
     arms.manipulate(target)

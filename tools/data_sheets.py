@@ -75,7 +75,9 @@ def actions(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> Ite
         yield (
             f"A gripper is a picker or the hand of an arm. The workspace of a picker's centre is "
             f"{numbers(high[0] - low[0])} m long (X), {numbers(high[1] - low[1])} m wide (Y) and "
-            f"reaches from Z = {numbers(low[2])} to {numbers(high[2])} m.\n"
+            f"reaches from Z = {numbers(low[2])} to {numbers(high[2])} m. These are the actions of "
+            'arms with `action="position"`; with `"pose"` hands turn, too, with `"joints"` their '
+            "joints are told what to do ([entries](../robots.md#actions)).\n"
         )
     groups: dict[tuple, list[str]] = {}
     for name, task in tasks.items():

@@ -34,6 +34,7 @@ def dataset_name(
     policy: str,
     actor: str | None = None,
     grasp: str | None = None,
+    action: str | None = None,
     noise: float = 0.0,
     *,
     format: str = "minari",
@@ -43,10 +44,10 @@ def dataset_name(
     Args:
         task: task name, without a module.
         policy: as in `record`.
-        actor, grasp: of the task; None, which the id does not mention, for its own.
+        actor, grasp, action: of the task; None, which the id does not mention, for its own.
         noise: as in `record`; 0.05 is "noise0-05", as ids have no points.
         format: of `FORMATS`; "lerobot" has "softgym_mj/fold_cloth-scripted-franka", as ids of
             Hugging Face have two parts.
     """
-    words = letters(policy, actor, grasp, f"noise{noise:g}" if noise else None)
+    words = letters(policy, actor, grasp, action, f"noise{noise:g}" if noise else None)
     return make_format(format).default_id.format(task=task, words=words)

@@ -73,8 +73,8 @@ def record(
         task: task name, or "module:name" as in `registry.find`.
         variations: indices, in the order of the episodes.
         policy: of `policies.factory`.
-        dataset: id of the dataset; None for `dataset_name` of task, policy, actor, grasp and
-            noise.
+        dataset: id of the dataset; None for `dataset_name` of task, policy, actor, grasp,
+            action and noise.
         format: "minari" or "lerobot", as in `recording.formats`.
         codec: of LeRobot's films, "libsvtav1" (AV1; its own choice), "h264", "hevc" or "auto";
             Minari's images are kept without loss.
@@ -115,8 +115,8 @@ def record(
     signed = author, author_email, code_permalink
     kind.check_signed(*signed)
     if dataset is None:
-        acts = settings.get("actor"), settings.get("grasp")
-        dataset = dataset_name(found.name, policy, *acts, noise, format=format)
+        acts = settings.get("actor"), settings.get("grasp"), settings.get("action")
+        dataset = dataset_name(found.name, policy, *acts, noise=noise, format=format)
     kind.check_id(dataset)
     named = task if isinstance(task, str) and ":" in task else _with_module(found)
     split = next(name for name, own in SPLITS.items() if set(variations) <= set(own))

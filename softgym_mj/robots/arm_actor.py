@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from softgym_mj.robots.arm_action import ArmAction
 from softgym_mj.robots.base import BodyActor
 from softgym_mj.robots.cartesian import CartesianController
 from softgym_mj.robots.command_filter import CommandFilter
@@ -12,7 +13,7 @@ from softgym_mj.robots.models import Arm
 class ArmActor(BodyActor):
     """Robot arms whose joints follow a filtered command, whatever that is.
 
-    A subclass's `_build` sets `_mjcf_root`, the attributes and `_filter`.
+    A subclass's `_build` sets `_mjcf_root`, the attributes and `_lead`, what leads the joints.
 
     Attributes:
         arm: the kind of arm.
@@ -24,7 +25,7 @@ class ArmActor(BodyActor):
 
     arm: Arm
     servos: JointServos
-    _filter: CommandFilter
+    _lead: CommandFilter | ArmAction
 
     @property
     def controller(self) -> CartesianController:
@@ -49,9 +50,9 @@ class ArmActor(BodyActor):
         return {**super().diagnostics(), "ik_failures": self.controller.failures}
 
     def get_state(self) -> dict[str, np.ndarray]:
-        return {**super().get_state(), **self._filter.get_state(), **self.servos.get_state()}
+        return {**super().get_state(), **self._lead.get_state(), **self.servos.get_state()}
 
     def set_state(self, state: dict[str, np.ndarray]) -> None:
         super().set_state(state)  # type: ignore[safe-super]  # Of what it is mixed with.
-        self._filter.set_state(state)
+        self._lead.set_state(state)
         self.servos.set_state(state)

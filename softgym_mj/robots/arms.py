@@ -9,28 +9,34 @@ from collections.abc import Sequence
 import numpy as np
 from dm_control import mjcf
 
-from softgym_mj.exceptions import check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.robots import arm_bodies
+from softgym_mj.robots.arm_action import ArmAction
 from softgym_mj.robots.arm_actor import ArmActor
-from softgym_mj.robots.command_filter import CommandFilter
 from softgym_mj.robots.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, Grasp
 from softgym_mj.robots.gripper import Gripper
+from softgym_mj.robots.joint_action import JointAction
 from softgym_mj.robots.joint_servos import JointServos
 from softgym_mj.robots.models import ARMS, Arm
 from softgym_mj.robots.mounts import Mount, facing_each_other
+from softgym_mj.robots.pose_action import PoseAction
+from softgym_mj.robots.position_action import PositionAction
 from softgym_mj.robots.workspace import Workspace
 
+ACTIONS: dict[str, type[ArmAction]] = {
+    kind.name: kind for kind in (PositionAction, PoseAction, JointAction)
+}
 START_OFFSET = 0.1  # [m] Of the tools from the reset point along Y, each on the side of its base.
 
 
 class Arms(ArmActor, Gripper):
     """One or two arms of a kind that hold vertices of an object.
 
-    The action is that of pickers: (dx, dy, dz) of the commanded tool point and grip. A commanded
-    point stays within the workspace and the arm's reach. The arm follows as fast as its joints can,
-    and no nearer to the other arm than some centimetres; the commanded point waits where the arm
-    falls behind. Grips are those of the `Grasp`. Hands and open fingers push the object; the links
-    of the arms pass through it.
+    The action is one of `ACTIONS`; that of pickers, (dx, dy, dz) of the commanded tool point and
+    grip, is usual. A commanded point stays within the workspace and the arm's reach. The arm
+    follows as fast as its joints can, and no nearer to the other arm than some centimetres; what is
+    commanded waits where the arm falls behind. Grips are those of the `Grasp`. Hands and open
+    fingers push the object; the links of the arms pass through it.
 
     Attributes:
         mounts: where each arm stands.
@@ -41,6 +47,7 @@ class Arms(ArmActor, Gripper):
     least_distance = 0.15  # Measured: 0.14 m side by side (Franka), 0.08 m face to face.
     pick_distance = PICK_DISTANCE
     _holding: Grasp
+    _lead: ArmAction
 
     def _build(
         self,
@@ -50,6 +57,7 @@ class Arms(ArmActor, Gripper):
         mounts: Sequence[Mount] | None = None,
         grasp: str = "attach",
         visual: str = "primitive",
+        action: str = PositionAction.name,
     ):
         """Builds the arms.
 
@@ -60,17 +68,23 @@ class Arms(ArmActor, Gripper):
             mounts: where the arms stand, instead of these.
             grasp: how they hold: "attach" or "friction".
             visual: "primitive" or "menagerie", as in `arm_bodies.add_arms`.
+            action: what its entries are: "position", "pose" or "joints".
 
         Raises:
-            InvalidArgumentError: for another number of arms; if there is no such grasp or look.
+            InvalidArgumentError: for another number of arms; if there is no such grasp, look or
+                action.
             UnavailableError: as in `arm_bodies.add_arms`.
         """
         check_count("arms", num_arms, 1, 2)
         check_name("grasp", grasp, GRASPS)
+        check_name("action", action, ACTIONS)
         if mounts is None:
             mounts = facing_each_other(num_arms, arm.distance, *arm.reach, height=base_height)
         self.arm, self.mounts = arm, tuple(mounts)
-        self.name, self.wrists = f"{arm.name}/{grasp}", arm_bodies.wrists(num_arms)
+        self.name = f"{arm.name}/{grasp}"
+        if action != PositionAction.name:
+            self.name += f"/{action}"
+        self.wrists = arm_bodies.wrists(num_arms)
         self._mjcf_root = mjcf.RootElement(model="arms")
         self._holding = GRASPS[grasp](num_arms)
         self.hold_height = self._holding.hold_height
@@ -79,8 +93,10 @@ class Arms(ArmActor, Gripper):
             self._holding.least_pad, visual,
         )  # fmt: skip
         tips = AttachGrasp.tip_clearance - self._holding.tip_clearance
+        kind = ACTIONS[action]
         self.servos = JointServos(arm, self.mounts, arm_bodies.home(arm), tips)
-        self._filter = CommandFilter(num_arms)
+        self._lead = kind(self.servos, self._clip)
+        self.actions, self.displaces = self._lead.actions, kind.displaces
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     def after_compile(self, physics, random_state):
@@ -96,10 +112,13 @@ class Arms(ArmActor, Gripper):
         """
         return self.mounts[i].clip(np.clip(point, self._low, self._high))
 
+    def _clip(self, points: np.ndarray) -> np.ndarray:
+        return np.array([self.within_reach(i, point) for i, point in enumerate(points)])
+
     @property
     def at_reach(self) -> int:
         """How many commanded points lie at the end of an arm's reach, and so may be clipped."""
-        points = zip(self.mounts, self._filter.commanded, strict=True)
+        points = zip(self.mounts, self._lead.commanded, strict=True)
         return sum(mount.at_end(point) for mount, point in points)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
@@ -117,9 +136,7 @@ class Arms(ArmActor, Gripper):
     def place(self, positions: np.ndarray, workspace: Workspace) -> None:
         self._holding.reset()
         self._set_workspace(workspace)
-        reached = np.array([self.within_reach(i, point) for i, point in enumerate(positions)])
-        self.controller.reset(reached)
-        self._filter.start(self.controller.within_lead(reached))
+        self._lead.start(self._clip(positions))
         self.servos.reset()
 
     def _set_workspace(self, workspace: Workspace):
@@ -133,25 +150,24 @@ class Arms(ArmActor, Gripper):
 
     # ------------------------------------------------------------------ motion
 
-    def plan(self) -> None:
-        """Moves the commanded points by the action, as far as they may go, and the arms after."""
-        wanted = np.clip(self._filter.commanded + self._command.displacement, self._low, self._high)
-        for i, mount in enumerate(self.mounts):
-            wanted[i] = mount.clip(wanted[i])
-        self._filter.advance(wanted, self.controller.within_lead)
-        self._holding.plan(self._command.closed, self.positions())
-        self.servos.plan(self._follow)
+    def command(self, action: np.ndarray) -> None:
+        self._closed = self._lead.command(action)
 
-    def _follow(self, steps: int) -> None:
-        # The filter is taken to go on as it does until the controller's next solution.
-        self.controller.follow(self._filter.points + steps * self._filter.step)
+    def displacing(self, fractions: np.ndarray, grips: Sequence[bool] | np.ndarray) -> np.ndarray:
+        return self._lead.displacing(fractions, np.asarray(grips))
+
+    def plan(self) -> None:
+        """Moves what is commanded by the action, as far as it may go, and the arms after."""
+        self._lead.advance()
+        self._holding.plan(self._closed, self.positions())
+        self.servos.plan(self._lead.follow)
 
     def move(self, fraction: float, timestep: float) -> None:
         super().move(fraction, timestep)
         self._holding.move(self._ahead, timestep)
 
     def after_substep(self, physics, random_state):
-        self._holding.sense(self._command.closed, self.positions)
+        self._holding.sense(self._closed, self.positions)
 
     def _ahead(self, timestep: float) -> np.ndarray:
         """Where the tool points (num_grippers, 3) [m] will be after `timestep` [s].
@@ -166,23 +182,32 @@ class Arms(ArmActor, Gripper):
 
     def commanded_positions(self) -> np.ndarray:
         """Commanded tool points (num_grippers, 3) [m]."""
-        return self._filter.commanded.copy()
+        return self._lead.commanded
+
+    def commanded_quaternions(self) -> np.ndarray:
+        """Orientations (num_grippers, 4) that tools are told to have, as (w, x, y, z).
+
+        Raises:
+            InvalidArgumentError: unless `action` is "pose".
+        """
+        if not isinstance(self._lead, PoseAction):
+            raise InvalidArgumentError("action", self._lead.name, (PoseAction.name,))
+        return self._lead.orientations
 
     def remembered(self) -> np.ndarray:
-        """As of all grippers, then the commanded tool points (x, y, z each) [m]: (7 n,)."""
-        return np.concatenate([super().remembered(), self._filter.commanded.ravel()])
+        """As of all grippers, then what is commanded."""
+        return np.concatenate([super().remembered(), self._lead.remembered()])
 
     @property
     def remembers(self) -> dict[str, int]:
-        commands = {f"arm {i}, commanded (x, y, z) [m]": 3 for i in range(self.num_grippers)}
-        return super().remembers | commands
+        return super().remembers | self._lead.remembers
 
     def reference_positions(self) -> np.ndarray:
         """Tool points (num_grippers, 3) [m] that the joints are led along.
 
         They go after the commanded ones, see `CommandFilter`.
         """
-        return self._filter.points.copy()
+        return self._lead.leading
 
     def diagnostics(self) -> dict[str, float | int]:
         return {**super().diagnostics(), "at_reach": self.at_reach}

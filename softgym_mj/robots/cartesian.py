@@ -80,6 +80,8 @@ class CartesianController:
         posture = mink.PostureTask(model, POSTURE_COST, gain=POSTURE_GAIN)
         posture.set_target(self.home)
         self._tasks = [Summed(task) for task in (*self._frames, posture)]
+        self._angles = mink.PostureTask(model, cost=1.0)
+        self._bending = [Summed(self._angles)]
         self._limits: list[mink.Limit] = [
             mink.ConfigurationLimit(model, gain=LIMIT_GAIN),
             mink.VelocityLimit(model, dict(velocity_limits)),
@@ -101,6 +103,11 @@ class CartesianController:
                 collision_detection_distance=distance + AWARE,
             )
         )
+
+    @property
+    def range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest joint angles (nq,) [rad] of the reference."""
+        return self._low, self._high
 
     @property
     def configuration(self) -> np.ndarray:
@@ -145,9 +152,20 @@ class CartesianController:
         """
         for frame, rotation, point in zip(self._frames, self._rotations, points, strict=True):
             frame.set_target(mink.SE3.from_rotation_and_translation(rotation, point))
+        self._go(self._tasks, duration)
+
+    def bend(self, angles: np.ndarray) -> None:
+        """Moves the reference for a period so that its joints reach `angles` (nq,) [rad].
+
+        They get as far as the limits of joints and speeds allow, and what they keep apart from.
+        """
+        self._angles.set_target(angles)
+        self._go(self._bending, PERIOD)
+
+    def _go(self, tasks: Sequence[Summed], duration: float) -> None:
         try:
             self._velocity = mink.solve_ik(
-                self._configuration, self._tasks, duration, "daqp", DAMPING, limits=self._limits
+                self._configuration, tasks, duration, "daqp", DAMPING, limits=self._limits
             )
         except mink.NoSolutionFound:
             self._velocity = np.zeros_like(self._velocity)

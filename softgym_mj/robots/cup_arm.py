@@ -46,9 +46,12 @@ class CupArm(ArmActor, CupMover):
 
     The action is that of `CupMover`. The cup is fixed to the hand, which follows the commanded pose
     as fast as its joints can; where it falls behind, or cannot get to, the commanded pose waits.
+    The handle is beside the cup: dtheta is a turn of the wrist about the way the hand points.
     Water pushes the cup, hence the joints.
     Nothing of the arm collides with anything.
     """
+
+    _lead: CommandFilter
 
     def __init__(self, arm: Arm, tool: CupTool, visual: str = "primitive"):
         """Builds the arm around a cup.
@@ -68,7 +71,7 @@ class CupArm(ArmActor, CupMover):
         arm_bodies.add_arms(self._mjcf_root, arm, [mount], visual=visual)
         home = np.array(arm.home_cup)
         self.servos = JointServos(arm, [mount], home, orientation_cost=ORIENTATION_COST)
-        self._filter = CommandFilter(1, clipped)
+        self._lead = CommandFilter(1, clipped)
         (name,) = arm_bodies.names(arm, 1)
         tcp = self._mjcf_root.find("site", f"{name}/{arm.tcp_site}")
         site = tcp.parent.add("site", name="grip", pos=tcp.pos, quat=_grip_quaternion(tcp))
@@ -76,7 +79,7 @@ class CupArm(ArmActor, CupMover):
 
     @property
     def commanded_pose(self) -> np.ndarray:
-        return self._filter.commanded[0] / TURNS_AS
+        return self._lead.commanded[0] / TURNS_AS
 
     @property
     def reference_pose(self) -> np.ndarray:
@@ -91,7 +94,7 @@ class CupArm(ArmActor, CupMover):
         self._rejected = 0
         self._aim(pose)
         self.controller.reset(self._tool(pose)[None])
-        self._filter.start((pose * TURNS_AS)[None])
+        self._lead.start((pose * TURNS_AS)[None])
         self.servos.reset()
         self.servos.fingers.put(0, HALF_HANDLE, HALF_HANDLE)
 
@@ -111,7 +114,7 @@ class CupArm(ArmActor, CupMover):
         return {"commanded x, z [m]": 2, "commanded theta [rad]": 1}
 
     def plan(self) -> None:
-        self._filter.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
+        self._lead.advance((self._wanted() * TURNS_AS)[None], self._within_lead)
         self.servos.plan(self._follow)
 
     def _within_lead(self, points: np.ndarray) -> np.ndarray:
@@ -119,7 +122,7 @@ class CupArm(ArmActor, CupMover):
 
     def _follow(self, steps: int) -> None:
         # The filter is taken to go on as it does until the controller's next solution.
-        pose = (self._filter.points + steps * self._filter.step)[0] / TURNS_AS
+        pose = (self._lead.points + steps * self._lead.step)[0] / TURNS_AS
         self._aim(pose)
         self.controller.follow(self._tool(pose)[None])
 

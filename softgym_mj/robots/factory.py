@@ -26,6 +26,7 @@ def make_actor(
     arms: int | None = None,
     grasp: str | None = None,
     visual: str | None = None,
+    action: str | None = None,
 ) -> Any:
     """Builds an actor.
 
@@ -37,10 +38,12 @@ def make_actor(
         arms: number of arms, 1 or 2; None for 2. Only for arms.
         grasp: how arms hold: "attach" or "friction"; None for "attach". Only for arms.
         visual: what arms look like: "primitive" (as with None) or "menagerie". Only for arms.
+        action: what the entries of arms' actions are: "position" (as with None), "pose" or
+            "joints". Only for arms; those that hold a cup have one kind.
 
     Raises:
-        InvalidArgumentError: if there is no such actor, kind, grasp or look; if there cannot be as
-            many, or for a setting of other actors.
+        InvalidArgumentError: if there is no such actor, kind, grasp, look or action; if there
+            cannot be as many, or for a setting of other actors.
         UnavailableError: if Menagerie's model cannot be had.
     """
     look = "primitive" if visual is None else visual
@@ -48,6 +51,7 @@ def make_actor(
         check_name("actor", actor, CUP_ACTORS)
         others = {"num_pickers": num_pickers, "arms": arms, "grasp": grasp}
         _refuse(others, "None: one actor moves the cup")
+        _refuse({"action": action}, "None: a cup moves along X and Z and turns about Y")
         if actor in ARMS:
             from softgym_mj.robots.cup_arm import CupArm
 
@@ -61,8 +65,10 @@ def make_actor(
         from softgym_mj.robots.arms import Arms  # mink takes a quarter of a second to import.
 
         number, grasp = 2 if arms is None else arms, "attach" if grasp is None else grasp
-        return Arms(ARMS[actor], number, base_height, grasp=grasp, visual=look)
-    _refuse({"arms": arms, "grasp": grasp, "visual": visual}, f"None with actor={actor!r}")
+        action = "position" if action is None else action
+        return Arms(ARMS[actor], number, base_height, grasp=grasp, visual=look, action=action)
+    others = {"arms": arms, "grasp": grasp, "visual": visual, "action": action}
+    _refuse(others, f"None with actor={actor!r}")
     if num_pickers is None:
         num_pickers = 1 if actor == "pixel_pick_and_place" else 2
     return PICKERS[actor](geometry=_GEOMETRY[kind], num_pickers=num_pickers)

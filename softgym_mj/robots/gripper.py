@@ -20,21 +20,26 @@ MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1)
 CLEARANCE = 0.06
 
 
-def gripper_actions(number: int, way: str, ends: str) -> ActionSpace:
-    """For each of `number` grippers a way along X, Y and Z, and grip.
+DISPLACEMENTS = tuple(
+    (f"d{axis}", "m", f"±1 is {MAX_DISPLACEMENT:g} m in a sim step") for axis in "xyz"
+)
+
+
+def gripper_actions(number: int, moves: Sequence[tuple[str, str, str]]) -> ActionSpace:
+    """For each of `number` grippers its moves, and grip.
 
     Args:
         number: of grippers.
-        way: what comes before the name of an axis.
-        ends: what the ends of a way mean.
+        moves: name, unit and what the ends mean, of each.
     """
-    entries = []
-    for i in range(number):
-        entries += [(f"gripper {i}, {way}{axis}", "m", ends) for axis in "xyz"]
-        entries.append((f"gripper {i}, grip", "", "above 0 closes, else opens"))
-    return ActionSpace(
-        tuple(entries), f"{number} gripper(s) x 4", switches=tuple(range(3, 4 * number, 4))
-    )
+    entries = [
+        (f"gripper {i}, {name}", unit, ends)
+        for i in range(number)
+        for name, unit, ends in (*moves, ("grip", "", "above 0 closes, else opens"))
+    ]
+    size = len(moves) + 1
+    switches = tuple(range(size - 1, size * number, size))
+    return ActionSpace(tuple(entries), f"{number} gripper(s) x {size}", switches)
 
 
 class Gripper(BodyActor):
@@ -49,6 +54,8 @@ class Gripper(BodyActor):
 
     # [m] Of a gripper's centre above a vertex that hangs from it.
     hold_height = 0.05
+    # Whether an action says by how much grippers move, see `displacing`.
+    displaces = True
     # [m] From which two grippers do not get into each other's way, whatever side they come from.
     least_distance = 0.0
 
@@ -63,8 +70,7 @@ class Gripper(BodyActor):
 
     @functools.cached_property
     def actions(self) -> ActionSpace:
-        ends = f"±1 is {MAX_DISPLACEMENT:g} m in a sim step"
-        return gripper_actions(self.num_grippers, "d", ends)
+        return gripper_actions(self.num_grippers, DISPLACEMENTS)
 
     @property
     def held(self) -> np.ndarray:
@@ -124,6 +130,15 @@ class Gripper(BodyActor):
     def command(self, action: np.ndarray) -> None:
         action = action.reshape(-1, 4)
         self._command = GripCommand(MAX_DISPLACEMENT * action[:, :3], action[:, 3] > 0.0)
+
+    def displacing(self, fractions: np.ndarray, grips: Sequence[bool] | np.ndarray) -> np.ndarray:
+        """The action (action_size,) that moves grippers and nothing else, where it `displaces`.
+
+        Args:
+            fractions: of `MAX_DISPLACEMENT` along X, Y and Z in a sim step (num_grippers, 3).
+            grips: whether each gripper closes (num_grippers,).
+        """
+        return np.column_stack([fractions, np.where(grips, 1.0, -1.0)]).ravel()
 
     @abc.abstractmethod
     def positions(self) -> np.ndarray:

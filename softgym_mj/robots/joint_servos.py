@@ -21,6 +21,8 @@ class JointServos:
 
     Attributes:
         number: of the arms.
+        joints: names (joints,) of the joints of an arm.
+        velocity_limits: largest joint speeds (n joints,) [rad/s].
         controller: what leads them.
         motors: their actuators in the scene (n joints,).
         positions_at, speeds_at: addresses (n joints,) of the joints in qpos and qvel.
@@ -45,7 +47,8 @@ class JointServos:
             orientation_cost: as in `CartesianController`.
         """
         number = len(mounts)
-        self._arm, self.number = arm, number
+        self._arm, self.number, self.joints = arm, number, arm.joints
+        self.velocity_limits = np.tile(arm.velocity_limits, number)
         self._names = names = arm_bodies.names(arm, number)
         tools = [f"{name}/{arm.tcp_site}" for name in names]
         limits = zip(arm.joints, arm.velocity_limits, strict=True)
@@ -124,7 +127,11 @@ class JointServos:
 
     def points(self) -> np.ndarray:
         """Where the tools are (n, 3) [m]."""
-        self._posture.qpos[:] = self._data.qpos[self.positions_at]
+        return self.points_at(self._data.qpos[self.positions_at])
+
+    def points_at(self, angles: np.ndarray) -> np.ndarray:
+        """Where the tools are with joints at `angles` (n joints,) [rad]: (n, 3) [m]."""
+        self._posture.qpos[:] = angles
         mujoco.mj_kinematics(self._kinematics, self._posture)
         return self._posture.site_xpos[self._sites]
 

@@ -27,6 +27,7 @@ class RoutePicker(Picker):
 
     horizon = 20
     sim_steps = 0
+    displaces = False
 
     def _build(self, *args, **kwargs):
         super()._build(*args, **kwargs)
@@ -81,7 +82,7 @@ class PickAndPlace(RoutePicker):
     @functools.cached_property
     def actions(self) -> ActionSpace:
         ends = "-1 and 1 are the ends of the workspace"
-        return gripper_actions(self.num_grippers, "target ", ends)
+        return gripper_actions(self.num_grippers, [(f"target {axis}", "m", ends) for axis in "xyz"])
 
     def command(self, action: np.ndarray) -> None:
         action = action.reshape(-1, 4)

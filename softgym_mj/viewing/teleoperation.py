@@ -116,8 +116,7 @@ class GripperTeleoperation(Teleoperation):
         distance = np.linalg.norm(way, axis=1, keepdims=True)
         largest = GRIPPER_SPEED * SIM_STEP * repeat
         way *= np.minimum(1.0, largest / np.maximum(distance, 1e-12))
-        grips = np.where(self.grips, 1.0, -1.0)
-        return np.column_stack([way / (MAX_DISPLACEMENT * repeat), grips]).ravel()
+        return self._actor.displacing(way / (MAX_DISPLACEMENT * repeat), self.grips)
 
 
 class CupTeleoperation(Teleoperation):
@@ -184,7 +183,7 @@ def teleoperate(env: Environment) -> Teleoperation:
     actor = env.task.actor
     if isinstance(actor, CupMover):
         return CupTeleoperation(env)
-    if isinstance(actor, Gripper) and not isinstance(actor, RoutePicker):
+    if isinstance(actor, Gripper) and actor.displaces:
         return GripperTeleoperation(env)
     displaced = [
         name

@@ -24,6 +24,7 @@ README = (ROOT / "README.md").read_text()
 MIGRATION = (ROOT / "docs" / "migration.md").read_text()
 DOMAIN = (ROOT / "docs" / "domain.md").read_text()
 ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
+ROBOTS = (ROOT / "docs" / "robots.md").read_text()
 CLOTH = (ROOT / "softgym_mj" / "cloth" / "plugin" / "README.md").read_text()
 
 
@@ -33,7 +34,11 @@ def blocks(language, text=README):
 
 @pytest.mark.parametrize(
     "code",
-    [code for page in (README, MIGRATION, DOMAIN, ARGUMENTS) for code in blocks("python", page)],
+    [
+        code
+        for page in (README, MIGRATION, DOMAIN, ARGUMENTS, ROBOTS)
+        for code in blocks("python", page)
+    ],
     ids=lambda code: code.splitlines()[0],
 )
 def test_python_blocks_run(code, monkeypatch):

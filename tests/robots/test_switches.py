@@ -7,19 +7,22 @@ import softgym_mj
 
 
 @pytest.mark.parametrize(
-    ("task", "actor"),
+    ("task", "actor", "action"),
     [
-        ("straighten_rope", "picker"),
-        ("straighten_rope", "pick_and_place"),
-        ("spread_cloth", "pixel_pick_and_place"),
-        ("straighten_rope", "franka"),
-        ("pour_water", None),
-        ("transport_water", None),
-        ("transport_water", "franka"),
+        ("straighten_rope", "picker", None),
+        ("straighten_rope", "pick_and_place", None),
+        ("spread_cloth", "pixel_pick_and_place", None),
+        ("straighten_rope", "franka", None),
+        ("straighten_rope", "franka", "pose"),
+        ("straighten_rope", "franka", "joints"),
+        ("pour_water", None, None),
+        ("transport_water", None, None),
+        ("transport_water", "franka", None),
     ],
 )
-def test_the_sign_alone_counts_of_switches(task, actor):
-    settings = {} if actor is None else {"actor": actor}
+def test_the_sign_alone_counts_of_switches(task, actor, action):
+    given = {"actor": actor, "action": action}
+    settings = {name: value for name, value in given.items() if value is not None}
     env = softgym_mj.load(task, split="all", fidelity="fast", **settings)
     env.reset(0)
     start, size = env.get_state(), env.task.actor.action_size

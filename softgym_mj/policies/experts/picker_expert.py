@@ -44,9 +44,12 @@ class PickerExpert(Expert):
             env: environment of the expert's task, with two pickers.
 
         Raises:
-            InvalidArgumentError: for another number of grippers.
+            InvalidArgumentError: for another number of grippers, or if actions are no ways.
         """
         self._actor, self._target = env.task.actor, env.task.objects[0]
+        if not self._actor.displaces:
+            valid = "an actor whose actions say by how much grippers move"
+            raise InvalidArgumentError("actor", self._actor.name, valid)
         if self._actor.num_grippers != 2:
             raise InvalidArgumentError("num_grippers", self._actor.num_grippers, "2")
         self._has_arms = self._actor.least_distance > 0.0
@@ -55,11 +58,11 @@ class PickerExpert(Expert):
         super().__init__(env)
 
     def _step(self, goals: np.ndarray, grips: Sequence[bool], speed: float = 1.0) -> np.ndarray:
-        """Action (8,) that moves the pickers straight towards `goals` (2, 3) [m] at `speed`."""
+        """Action that moves the pickers straight towards `goals` (2, 3) [m] at `speed`."""
         commanded = self._actor.commanded_positions()
         delta = (self._within_reach(goals) - commanded) / self._stride
         delta *= speed / max(np.abs(delta).max(), speed)
-        return np.column_stack([delta, np.where(grips, 1.0, -1.0)]).ravel()
+        return self._actor.displacing(delta, grips)
 
     def _within_reach(self, goals: np.ndarray) -> np.ndarray:
         """The points (2, 3) [m] nearest to `goals` (2, 3) that the grippers can go to."""

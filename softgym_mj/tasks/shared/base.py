@@ -121,7 +121,7 @@ class Task(composer.Task, abc.ABC):
             actor, observation, image_size, look, action_repeat, domain, count_intersections: as in
                 `ClothTaskSettings`. With several objects, the domain parameters of one have its
                 model name before theirs: "rope_friction".
-            **actor_settings: `num_pickers`, `arms`, `grasp` and `visual`, alike.
+            **actor_settings: `num_pickers`, `arms`, `grasp`, `visual` and `action`, alike.
 
         Raises:
             InvalidArgumentError: for an argument of a wrong type, a bad name or number.

@@ -45,11 +45,14 @@ class TaskSettings(CupTaskSettings, total=False):
     num_pickers: number of pickers; None for 2, or 1 for pixels. Not for arms.
     arms: number of arms, 1 or 2; None for 2. Only for arms.
     grasp: how arms hold: "attach" or "friction"; None for "attach". Only for arms.
+    action: what the entries of arms' actions are: "position", "pose" or "joints"; None for
+        "position". Only for arms.
     """
 
     num_pickers: int | None
     arms: int | None
     grasp: str | None
+    action: str | None
 
 
 class ClothTaskSettings(TaskSettings, total=False):

@@ -1,0 +1,97 @@
+"""`JointAction`: joints that turn as they are told to, without inverse kinematics."""
+
+import functools
+
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots import cartesian
+from softgym_mj.robots.arm_action import ArmAction, Clip
+from softgym_mj.robots.base import SIM_STEP, ActionSpace
+from softgym_mj.robots.command_filter import CommandFilter, drawn_in
+from softgym_mj.robots.gripper import gripper_actions
+from softgym_mj.robots.joint_servos import JointServos
+
+# [m/s] As what the largest speed of a joint counts where leads and accelerations are limited: it
+# gets there in 0.15 s. A Franka's joints then speed up by 14 to 17 rad/s^2.
+FASTEST_AS = 1.5
+
+
+class JointAction(ArmAction):
+    """A way of each joint, as a fraction of what its largest speed makes of a sim step, and grip.
+
+    Commanded joints stay within their limits, and wait where the arm falls behind. Nothing else
+    leads them: neither workspace nor reach bound the hands. They still keep away from the floor
+    and from each other.
+    """
+
+    name = "joints"
+    displaces = False
+
+    def __init__(self, servos: JointServos, clip: Clip):
+        super().__init__(servos, clip)
+        self._largest = servos.velocity_limits * SIM_STEP  # [rad] In a sim step.
+        self._scale = (FASTEST_AS / servos.velocity_limits)[:, None]  # [m/rad]
+        self._filter = CommandFilter(len(self._largest))
+
+    @functools.cached_property
+    def actions(self) -> ActionSpace:
+        names, number = self._servos.joints, self._servos.number
+        moves = tuple(
+            (f"change of {name}", "rad", f"±1 is {largest:.4g} rad in a sim step")
+            for name, largest in zip(names, self._largest[: len(names)], strict=True)
+        )
+        return gripper_actions(number, moves)
+
+    def start(self, points: np.ndarray) -> None:
+        self._controller.reset(points)
+        self._filter.start(self._scaled(self._controller.configuration))
+
+    def displacing(self, fractions: np.ndarray, grips: np.ndarray) -> np.ndarray:
+        raise InvalidArgumentError("action", self.name, "one that says where hands go")
+
+    def advance(self) -> None:
+        wanted = self.angles + self._largest * self._entries.ravel()
+        within = np.clip(wanted, *self._controller.range)
+        self._filter.advance(self._scaled(within), self._within_lead)
+
+    def follow(self, steps: int) -> None:
+        # The filter is taken to go on as it does until the controller's next solution.
+        self._controller.bend(self._unscaled(self._filter.points + steps * self._filter.step))
+
+    @property
+    def angles(self) -> np.ndarray:
+        """Commanded joint angles (n joints,) [rad], a fresh array."""
+        return self._unscaled(self._filter.commanded)
+
+    def _scaled(self, angles: np.ndarray) -> np.ndarray:
+        return angles[:, None] * self._scale
+
+    def _unscaled(self, points: np.ndarray) -> np.ndarray:
+        return (points / self._scale)[:, 0]
+
+    def _within_lead(self, points: np.ndarray) -> np.ndarray:
+        reference = self._scaled(self._controller.configuration)
+        return drawn_in(points, reference, cartesian.LEAD)
+
+    @property
+    def commanded(self) -> np.ndarray:
+        return self._servos.points_at(self.angles)
+
+    @property
+    def leading(self) -> np.ndarray:
+        return self._servos.points_at(self._unscaled(self._filter.points))
+
+    def remembered(self) -> np.ndarray:
+        return self.angles
+
+    @property
+    def remembers(self) -> dict[str, int]:
+        number, joints = self._servos.number, len(self._servos.joints)
+        return {f"arm {i}, commanded joint positions [rad]": joints for i in range(number)}
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        return self._filter.get_state()
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        self._filter.set_state(state)
