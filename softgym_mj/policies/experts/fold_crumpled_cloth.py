@@ -7,12 +7,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.cloth_expert import LAYER, LIFT, TRAVEL_HEIGHT
 from softgym_mj.policies.experts.heap_expert import HeapExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
 PACE = 0.05  # [m] Way of the pickers in an env step while the cloth is laid down.
 END_ROWS = 1, 4  # At either end of the middle column, where it may be taken.
+ASTRAY = 2  # Columns from there where arms may take it.
 HANGING = 4  # Env steps for the cloth to come to rest before it is laid down.
 
 
@@ -34,6 +36,17 @@ class FoldCrumpledCloth(HeapExpert):
             ]
             for number in END_ROWS
         ]
+
+    def _handles(self) -> list[int]:
+        rows, columns = self._env.task.cloth.shape
+        middle = columns // 2
+        vertices = np.arange(rows * columns).reshape(rows, columns)
+        return vertices[:, middle - ASTRAY : middle + ASTRAY + 1].ravel().tolist()
+
+    def _hold_worth(self, a: int, b: int) -> float:
+        flat, (rows, columns) = self._env.task.cloth.flat(), self._env.task.cloth.shape
+        middle = flat[columns // 2, 0]
+        return length(flat[a] - flat[b]) - float(np.abs(flat[[a, b], 0] - middle).sum())
 
     def _lay(self, grips: list[bool]) -> Iterator[np.ndarray]:
         """Stretches the held column along Y and lays the cloth down, from its edges on."""

@@ -2,14 +2,18 @@
 
 import abc
 import functools
+import itertools
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
+from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.cloth_expert import ClothExpert
 from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 
 RANKS = (0, 1, 2)  # Of the exposed vertices near the wanted ones, which is taken first.
+HOLDS, ALIKE = 4, 3  # How many holds arms try; grid steps up to which two are of a kind.
 POOR = 0.4  # Normalised performance up to which it is moved in any case.
 
 
@@ -20,6 +24,7 @@ class HeapExpert(ClothExpert, RehearsingExpert):
         redo: normalised performance up to which it may be laid out again.
     """
 
+    brakes = True
     redo: float
 
     @abc.abstractmethod
@@ -46,9 +51,9 @@ class HeapExpert(ClothExpert, RehearsingExpert):
 
     def _rounds(self) -> list[Plan]:
         """Ways to lay it out."""
-        # Hands of arms stay on their sides, away from what the other one lifts: they only mend.
+        # Hands of arms stay on their sides, away from what the other one lifts: both take at once.
         if self._has_arms:
-            return []
+            return [functools.partial(self._round_at_once, hold) for hold in self._holds()]
         return [
             functools.partial(self._round, pairs, rank) for pairs in self._pairs() for rank in RANKS
         ]
@@ -58,6 +63,39 @@ class HeapExpert(ClothExpert, RehearsingExpert):
         yield from self._take_pair(pairs, grips, rank)
         if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
             yield from self._lay(grips)
+
+    def _round_at_once(self, hold: tuple[int, int]) -> Iterator[np.ndarray]:
+        grips = [False, False]
+        yield from self._take(dict(enumerate(hold)), grips, math.inf)
+        if all(grips) and self._actor.held.min() >= 0:
+            yield from self._lay(grips)
+
+    def _holds(self) -> list[tuple[int, int]]:
+        """The best holds, each of another kind: vertices that both hands can take at once."""
+        able = [[v for v in self._handles() if self._clearance(i, v) > 0.0] for i in range(2)]
+        points = self._target.points()
+        holds = [
+            (a, b)
+            for a, b in itertools.product(*able)
+            if self._actor.order(points[[a, b]]) == [0, 1]
+            and length(points[a] - points[b]) > self._actor.least_distance
+        ]
+        holds.sort(key=lambda hold: -self._hold_worth(*hold))
+        chosen: list[tuple[int, int]] = []
+        for a, b in holds:
+            if all(max(self._steps(a, c), self._steps(b, d)) > ALIKE for c, d in chosen):
+                chosen.append((a, b))
+            if len(chosen) == HOLDS:
+                break
+        return chosen
+
+    @abc.abstractmethod
+    def _handles(self) -> list[int]:
+        """The vertices that it may be taken by."""
+
+    @abc.abstractmethod
+    def _hold_worth(self, a: int, b: int) -> float:
+        """How well [m] the cloth is laid out that is held by two vertices."""
 
     def _mends(self) -> list[Plan]:
         """Ways to put what lies far from its place there: two vertices or one of them."""

@@ -25,6 +25,20 @@ class SpreadCloth(HeapExpert):
         width, depth = self._env.task.cloth.size
         return [[(p1, p2, depth), (p3, p4, depth)], [(p1, p3, width), (p2, p4, width)]]
 
+    def _handles(self) -> list[int]:
+        rows, columns = self._env.task.cloth.shape
+        vertices = np.arange(rows * columns).reshape(rows, columns)
+        inner = vertices[1:-1, 1:-1]
+        return np.setdiff1d(vertices, inner).tolist()
+
+    def _hold_worth(self, a: int, b: int) -> float:
+        # What hangs on both sides of the hold hangs double.
+        flat = self._env.task.cloth.flat()[:, :2]
+        across = flat[b] - flat[a]
+        width = length(across)
+        sides = (flat - flat[a]) @ np.array([-across[1], across[0]]) / max(width, 1e-9)
+        return width - min(float(sides.max()), float(-sides.min()))
+
     def _places(self) -> np.ndarray:
         """The flat cloth (n, 3) [m], either side up, laid where most of the cloth is."""
         vertices = self._target.points()
@@ -66,6 +80,8 @@ class SpreadCloth(HeapExpert):
 
         way = -1.0 if tail_x() > 0.0 else 1.0
         edge = high[0] - centre[0]
+        while edge > PACE and not self._gets_to(line + centre + [way * edge, 0.0, low[2]]):
+            edge -= PACE / 2
         yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
         yield from self._move(pose(tail_x(), high[2]), grips, LIFT, PASSED / 2)
         # Carry the tail back so far that the spread cloth will lie in the middle of the workspace.
