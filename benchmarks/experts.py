@@ -63,12 +63,16 @@ def table(scores: Scores) -> str:
 
 
 def play(
-    tasks: Iterable[str], variations: Iterable[int], jobs: int, folder: pathlib.Path
+    tasks: Iterable[str],
+    actors: Iterable[str],
+    variations: Iterable[int],
+    jobs: int,
+    folder: pathlib.Path,
 ) -> Scores:
-    """The scores of tasks with every actor; plays those that `folder` lacks."""
+    """The scores of tasks with actors; plays those that `folder` lacks."""
     versions = {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__}
     store = Store(folder, versions, JSON)
-    keys = [(task, actor, v) for v in variations for task in tasks for actor in ACTORS]
+    keys = [(task, actor, v) for v in variations for task in tasks for actor in actors]
     with make_executor(jobs) as executor:
         found: dict[tuple[str, str, int], float] = {}
         store.run(keys, score, executor, found.__setitem__)
@@ -82,6 +86,7 @@ def play(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tasks", nargs="*", help="all if none is named")
+    parser.add_argument("--actors", nargs="+", choices=ACTORS, default=ACTORS)
     parser.add_argument("--every", type=int, default=3, help="play every n-th variation")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--folder", type=pathlib.Path, default=pathlib.Path("build/experts"))
@@ -90,7 +95,7 @@ def main() -> None:
     os.environ.setdefault("MUJOCO_GL", "disable")
     variations = range(FIRST, LAST + 1, arguments.every)
     tasks = arguments.tasks or list(softgym_mj.TASKS)
-    scores = play(tasks, variations, arguments.jobs, arguments.folder)
+    scores = play(tasks, arguments.actors, variations, arguments.jobs, arguments.folder)
     arguments.out.write_text(json.dumps(scores, indent=1))
     print(table(scores))
 

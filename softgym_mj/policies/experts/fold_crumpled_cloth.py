@@ -44,7 +44,8 @@ class FoldCrumpledCloth(HeapExpert):
         return vertices[:, middle - ASTRAY : middle + ASTRAY + 1].ravel().tolist()
 
     def _hold_worth(self, a: int, b: int) -> float:
-        flat, (rows, columns) = self._env.task.cloth.flat(), self._env.task.cloth.shape
+        # A cloth that hangs askew is folded askew.
+        flat, columns = self._env.task.cloth.flat(), self._env.task.cloth.shape[1]
         middle = flat[columns // 2, 0]
         return length(flat[a] - flat[b]) - float(np.abs(flat[[a, b], 0] - middle).sum())
 

@@ -4,13 +4,16 @@ import abc
 import functools
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.cloth_expert import ClothExpert
 from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
+
+# Takes what a round begins with, and sets the grips.
+Take = Callable[[list[bool]], Iterator[np.ndarray]]
 
 RANKS = (0, 1, 2)  # Of the exposed vertices near the wanted ones, which is taken first.
 HOLDS, ALIKE = 4, 3  # How many holds arms try; grid steps up to which two are of a kind.
@@ -51,23 +54,20 @@ class HeapExpert(ClothExpert, RehearsingExpert):
 
     def _rounds(self) -> list[Plan]:
         """Ways to lay it out."""
+        return [functools.partial(self._round, take) for take in self._takes()]
+
+    def _takes(self) -> list[Take]:
         # Hands of arms stay on their sides, away from what the other one lifts: both take at once.
         if self._has_arms:
-            return [functools.partial(self._round_at_once, hold) for hold in self._holds()]
-        return [
-            functools.partial(self._round, pairs, rank) for pairs in self._pairs() for rank in RANKS
-        ]
+            wanted = [dict(enumerate(hold)) for hold in self._holds()]
+            return [functools.partial(self._take, w, away=math.inf) for w in wanted]
+        choices = itertools.product(self._pairs(), RANKS)
+        return [functools.partial(self._take_pair, pairs, rank=rank) for pairs, rank in choices]
 
-    def _round(self, pairs: list[tuple[int, int, float]], rank: int) -> Iterator[np.ndarray]:
+    def _round(self, take: Take) -> Iterator[np.ndarray]:
         grips = [False, False]
-        yield from self._take_pair(pairs, grips, rank)
+        yield from take(grips)
         if all(grips) and self._actor.held.min() >= 0:  # One may have been torn away.
-            yield from self._lay(grips)
-
-    def _round_at_once(self, hold: tuple[int, int]) -> Iterator[np.ndarray]:
-        grips = [False, False]
-        yield from self._take(dict(enumerate(hold)), grips, math.inf)
-        if all(grips) and self._actor.held.min() >= 0:
             yield from self._lay(grips)
 
     def _holds(self) -> list[tuple[int, int]]:

@@ -15,9 +15,9 @@ OPEN, CLOSED = (False, False), (True, True)  # Grips of the two pickers.
 ARRIVED = 0.003  # [m] Distance along every axis at which a goal counts as reached.
 PASSED = 0.05  # [m] The same for a point on the way.
 SLOW = 0.5  # Fraction of full speed at which something held is moved gently.
-# Arms overshoot where a command ends at once, by 42 mm, and return; with these they do not (8 mm), and
-# arrive 1.4 env steps earlier: the share of the way left that they are told to go in an env step at
-# most, the way [m] that they go in any case, and the distance at which a goal counts as reached [m].
+# How arms come to rest where they ought to: the share of the way left and the way [m] that they go
+# in an env step at most, whichever is more, and the distance [m] at which a goal counts as reached.
+# Measured with a Franka and a Sawyer: 3.2 instead of 4.5 env steps, 8 mm too far instead of 42 mm.
 BRAKING, CREEP, STOPPED = 0.6, 0.02, 0.006
 PROGRESS = 0.002  # [m] By which a gripper that is on its way comes nearer in an env step at least.
 PATIENCE = 3  # Env steps without progress after which a goal is given up: something is in the way.
@@ -75,8 +75,8 @@ class PickerExpert(Expert):
         return np.array([self._actor.within_reach(i, goal) for i, goal in enumerate(clipped)])
 
     def _gets_to(self, goals: np.ndarray) -> bool:
-        """Whether the grippers can go to `goals` (2, 3) [m]."""
-        return np.allclose(self._within_reach(goals), goals)
+        """Whether the grippers can go to `goals` (2, 3) [m], as far as the workspace goes."""
+        return np.allclose(self._within_reach(goals), np.clip(goals, *self._actor.limits))
 
     def _can_reach(self, i: int, vertex: int) -> bool:
         """Whether gripper `i` gets to where a vertex is taken from."""

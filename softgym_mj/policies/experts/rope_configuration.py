@@ -26,8 +26,6 @@ ERROR_PRICE = 23.0  # [1/m] Normalised performance that a mean error of the vert
 class RopeConfiguration(RehearsingExpert):
     """Takes up to two vertices, carries them to their places, and again as long as it helps."""
 
-    brakes = True
-
     def _episode(self) -> Iterator[np.ndarray]:
         while plan := self._next():
             yield from plan()

@@ -36,7 +36,7 @@ class SpreadCloth(HeapExpert):
         flat = self._env.task.cloth.flat()[:, :2]
         across = flat[b] - flat[a]
         width = length(across)
-        sides = (flat - flat[a]) @ np.array([-across[1], across[0]]) / max(width, 1e-9)
+        sides = product(flat - flat[a], np.array([-across[1], across[0]])) / width
         return width - min(float(sides.max()), float(-sides.min()))
 
     def _places(self) -> np.ndarray:
