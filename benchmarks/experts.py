@@ -45,7 +45,10 @@ def score(task: str, actor: str, variation: int) -> float:
 
 
 def table(scores: Scores) -> str:
-    """Means, standard errors and smallest scores of the actors that have played, as Markdown."""
+    """Means, standard errors and smallest scores of the actors that have played, as Markdown.
+
+    And the number of variations.
+    """
     played = [actor for actor in ACTORS if any(actor in actors for actors in scores.values())]
     titles = ["abstract actor" if actor == "default" else f"`{actor}`" for actor in played]
     lines = [f"| task | {' | '.join(titles)} |", "|---" * (1 + len(played)) + "|"]
@@ -57,7 +60,8 @@ def table(scores: Scores) -> str:
                 continue
             values = list(actors[actor].values())
             error = statistics.stdev(values) / len(values) ** 0.5
-            cells.append(f"{statistics.mean(values):.3f} ± {error:.3f} ({min(values):.2f})")
+            mean, number = statistics.mean(values), len(values)
+            cells.append(f"{mean:.3f} ± {error:.3f} ({min(values):.2f}), {number}")
         lines.append(f"| `{task}` | {' | '.join(cells)} |")
     return "\n".join(lines)
 

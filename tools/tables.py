@@ -6,6 +6,7 @@ those of tools/gpu_tables.py and docs/results.
 
 import json
 import pathlib
+import statistics
 from collections.abc import Callable
 
 from benchmarks import experts
@@ -34,10 +35,17 @@ PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LE
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
+def score(values: dict[str, float]) -> str:
+    """Mean and smallest of scores."""
+    return f"{statistics.mean(values.values()):.2f} ({min(values.values()):.2f})"
+
+
 def cells(actors: dict[str, dict[str, float]]) -> list[str]:
-    """Mean and smallest score with each actor that has played."""
-    scores = [actors[actor].values() for actor in experts.ACTORS if actor in actors]
-    return [f"{sum(values) / len(values):.2f} ({min(values):.2f})" for values in scores]
+    """Mean and smallest score with each actor, and over how many variations."""
+    return [
+        f"{score(actors[actor])}, {len(actors[actor])}" if actor in actors else "not yet played"
+        for actor in experts.ACTORS
+    ]
 
 
 def budgets(results: list[dict]) -> str:
@@ -153,12 +161,12 @@ def overview(scores: experts.Scores) -> str:
     rates, on_gpus = measured("throughput")["tasks"], measured("gpu")["rates"]
     rows = []
     for name, record in TASKS.items():
-        score = cells(scores[name])[0] if name in scores else "not yet played"
+        played = score(scores[name]["default"]) if name in scores else "not yet played"
         rate = f"{rates[name]['env_steps_per_second']:.0f}" if name in rates else "not yet measured"
         page = f"[`{name}`](docs/tasks/{name}.md)"
         thousand = on_gpus.get(name, {}).get("1056")
         fast = f"{thousand['env_steps_per_s']:,.0f}" if thousand else "not yet measured"
-        row = page, record.tags[0], record.summary, score, rate, fast
+        row = page, record.tags[0], record.summary, played, rate, fast
         rows.append(f"| {' | '.join(row)} |")
     head = "| task | | goal | scripted expert | env steps/s, one core | on one H100 |"
     return table(head, rows)

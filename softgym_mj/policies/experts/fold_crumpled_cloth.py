@@ -38,13 +38,14 @@ class FoldCrumpledCloth(HeapExpert):
         ]
 
     def _handles(self) -> list[int]:
+        """The vertices of the columns in the middle."""
         rows, columns = self._env.task.cloth.shape
         middle = columns // 2
         vertices = np.arange(rows * columns).reshape(rows, columns)
         return vertices[:, middle - ASTRAY : middle + ASTRAY + 1].ravel().tolist()
 
     def _hold_worth(self, a: int, b: int) -> float:
-        # A cloth that hangs askew is folded askew.
+        """The distance of the vertices, less how far they are from the middle column [m]."""
         flat, columns = self._env.task.cloth.flat(), self._env.task.cloth.shape[1]
         middle = flat[columns // 2, 0]
         return length(flat[a] - flat[b]) - float(np.abs(flat[[a, b], 0] - middle).sum())

@@ -1,4 +1,9 @@
-"""`HeapExpert`: lays out a heap of cloth, then mends what lies wrong."""
+"""`HeapExpert`: lays out a heap of cloth, then mends what lies wrong.
+
+Pickers take two vertices of their choice, one after the other where the second one only shows when
+the cloth is lifted. Hands of arms keep to their sides: they take what shows on these, both at once,
+and lay out the cloth by that as well as it goes. The next time, more of it shows.
+"""
 
 import abc
 import functools
@@ -57,7 +62,7 @@ class HeapExpert(ClothExpert, RehearsingExpert):
         return [functools.partial(self._round, take) for take in self._takes()]
 
     def _takes(self) -> list[Take]:
-        # Hands of arms stay on their sides, away from what the other one lifts: both take at once.
+        """Ways to take it."""
         if self._has_arms:
             wanted = [dict(enumerate(hold)) for hold in self._holds()]
             return [functools.partial(self._take, w, away=math.inf) for w in wanted]
@@ -95,7 +100,7 @@ class HeapExpert(ClothExpert, RehearsingExpert):
 
     @abc.abstractmethod
     def _hold_worth(self, a: int, b: int) -> float:
-        """How well [m] the cloth is laid out that is held by two vertices."""
+        """How well the cloth can be laid out that is held by two vertices, as a length [m]."""
 
     def _mends(self) -> list[Plan]:
         """Ways to put what lies far from its place there: two vertices or one of them."""

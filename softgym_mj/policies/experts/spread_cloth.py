@@ -26,13 +26,15 @@ class SpreadCloth(HeapExpert):
         return [[(p1, p2, depth), (p3, p4, depth)], [(p1, p3, width), (p2, p4, width)]]
 
     def _handles(self) -> list[int]:
+        """The vertices on the edges."""
         rows, columns = self._env.task.cloth.shape
         vertices = np.arange(rows * columns).reshape(rows, columns)
         inner = vertices[1:-1, 1:-1]
         return np.setdiff1d(vertices, inner).tolist()
 
     def _hold_worth(self, a: int, b: int) -> float:
-        # What hangs on both sides of the hold hangs double.
+        """The distance of the vertices, less how far the cloth goes on behind them [m]."""
+        # What is behind them hangs in front of the rest, which it covers in the end.
         flat = self._env.task.cloth.flat()[:, :2]
         across = flat[b] - flat[a]
         width = length(across)
@@ -79,7 +81,7 @@ class SpreadCloth(HeapExpert):
             return goals
 
         way = -1.0 if tail_x() > 0.0 else 1.0
-        edge = high[0] - centre[0]
+        edge = high[0] - centre[0]  # Hands that are apart along Y get less far along X.
         while edge > PACE and not self._gets_to(line + centre + [way * edge, 0.0, low[2]]):
             edge -= PACE / 2
         yield from self._move(self._raised(high[2]), grips, LIFT, PASSED)
