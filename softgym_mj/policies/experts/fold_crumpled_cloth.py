@@ -21,7 +21,7 @@ HANGING = 4  # Env steps for the cloth to come to rest before it is laid down.
 class FoldCrumpledCloth(HeapExpert):
     """Takes both ends of the middle column, hangs the cloth up and lays it down towards +X."""
 
-    redo = 0.93
+    redo, holds = 0.93, 8
 
     def _pairs(self) -> list[list[tuple[int, int, float]]]:
         """The ends of the middle column, or vertices about them, and their distances [m]."""

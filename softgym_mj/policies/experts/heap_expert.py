@@ -21,7 +21,7 @@ from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 Take = Callable[[list[bool]], Iterator[np.ndarray]]
 
 RANKS = (0, 1, 2)  # Of the exposed vertices near the wanted ones, which is taken first.
-HOLDS, ALIKE = 4, 3  # How many holds arms try; grid steps up to which two are of a kind.
+ALIKE = 3  # Grid steps up to which two holds are of a kind.
 POOR = 0.4  # Normalised performance up to which it is moved in any case.
 
 
@@ -30,10 +30,12 @@ class HeapExpert(ClothExpert, RehearsingExpert):
 
     Attributes:
         redo: normalised performance up to which it may be laid out again.
+        holds: how many holds arms try each time.
     """
 
     brakes = True
     redo: float
+    holds: int
 
     @abc.abstractmethod
     def _pairs(self) -> list[list[tuple[int, int, float]]]:
@@ -90,7 +92,7 @@ class HeapExpert(ClothExpert, RehearsingExpert):
         for a, b in holds:
             if all(max(self._steps(a, c), self._steps(b, d)) > ALIKE for c, d in chosen):
                 chosen.append((a, b))
-            if len(chosen) == HOLDS:
+            if len(chosen) == self.holds:
                 break
         return chosen
 

@@ -17,7 +17,7 @@ TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pul
 class SpreadCloth(HeapExpert):
     """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
 
-    redo = 0.8
+    redo, holds = 0.8, 4
 
     def _pairs(self) -> list[list[tuple[int, int, float]]]:
         """The two sides of either direction, as (corner, corner, length [m])."""
