@@ -57,9 +57,16 @@ gallery: $(VENV)/.installed
 photos: $(VENV)/.installed-dev
 	$(BIN)/python -m tools.photos
 
+# The folder of the notebooks in the site: by default they are executed, minutes after a change to
+# them; `make docs NOTEBOOKS=notebooks` shows them as they are committed, without outputs.
+NOTEBOOKS ?= build/notebooks
+
 # Builds the documentation site into build/site; a warning is an error.
-docs: $(VENV)/.installed-dev
-	$(BIN)/mkdocs build --strict
+docs: $(VENV)/.installed-dev $(addprefix $(NOTEBOOKS)/,$(notdir $(wildcard notebooks/*.ipynb)))
+	NOTEBOOKS=$(NOTEBOOKS) $(BIN)/mkdocs build --strict
+
+build/notebooks/%.ipynb: notebooks/%.ipynb
+	$(BIN)/jupyter nbconvert --to notebook --execute --output-dir $(@D) $<
 
 NATIVE = softgym_mj/native
 # Rebuilds the installed plugins after a change to their sources. It has no prerequisite: that would

@@ -1,17 +1,20 @@
-"""A hook of MkDocs: pages and files of the site that live outside docs/, with links adapted.
+"""A hook of MkDocs: pages of the site that live outside docs/, and links that hold there.
 
-Links between them stay as they are in the repository, where they are read as well.
+Links stay as they are in the repository, where they are read as well.
 """
 
 import os.path
 import pathlib
 import re
 
+import nbformat
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+from nbconvert import MarkdownExporter
 
 ROOT = pathlib.Path(__file__).parent.parent
+NOTEBOOKS = sorted(path.name for path in (ROOT / "notebooks").glob("*.ipynb"))
 # Files of the repository and the pages they become.
 PAGES = {
     "README.md": "index.md",
@@ -19,60 +22,63 @@ PAGES = {
     "softgym_mj/fluid/plugin/README.md": "fluid.md",
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
+    **{f"notebooks/{name}": f"notebooks/{name.removesuffix('.ipynb')}.md" for name in NOTEBOOKS},
 }
-# Files that pages link to and that are copied as they are.
-COPIES = [
-    "CITATION.cff",
-    *(f"notebooks/{path.name}" for path in sorted((ROOT / "notebooks").glob("*.ipynb"))),
-]
+_SOURCES = {page: source for source, page in PAGES.items()}
+COPIES = ["CITATION.cff"]  # Files that pages link to and that are copied as they are.
 _LINK = re.compile(r"(\]\()(?!https?:|#)([^)#\s]+)")
 
 
-def page(source: str) -> str:
-    """A file as a page of the site.
+def notebook_page(file: pathlib.Path) -> tuple[str, dict[str, bytes]]:
+    """A notebook as Markdown, and its pictures by name.
 
     Args:
-        source: path within the repository, one of `PAGES`.
+        file: the notebook, with or without outputs.
     """
-    folder = os.path.dirname(source)
-
-    def adapted(link: re.Match) -> str:
-        target = os.path.normpath(os.path.join(folder, link[2]))
-        if target in PAGES:
-            return link[1] + PAGES[target]
-        if target in COPIES:
-            return link[1] + target
-        return link[1] + os.path.relpath(target, "docs")  # Anything else is in docs/.
-
-    return _LINK.sub(adapted, (ROOT / source).read_text(encoding="utf-8"))
+    notebook = nbformat.read(file, as_version=4)
+    settings = {"unique_key": file.stem, "output_files_dir": "pictures"}
+    text, resources = MarkdownExporter().from_notebook_node(notebook, settings)
+    return text, resources["outputs"]
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Adds the data sheets to the contents."""
+    """Adds the data sheets and the notebooks to the contents."""
     sheets = [{path.stem: f"tasks/{path.name}"} for path in sorted((ROOT / "docs/tasks").iterdir())]
+    notebooks = [PAGES[f"notebooks/{name}"] for name in NOTEBOOKS]
     for entry in config.nav or []:
         if "Tasks" in entry:
             entry["Tasks"] = sheets
+        if "Notebooks" in entry:
+            entry["Notebooks"] = notebooks
     return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Adds the pages."""
+    """Adds the pages, with the notebooks of the folder that the settings name."""
     for source, target in PAGES.items():
-        files.append(File.generated(config, target, content=page(source)))
+        if source.endswith(".md"):
+            text = (ROOT / source).read_text(encoding="utf-8")
+        else:
+            folder = ROOT / config.extra["notebooks"]
+            text, pictures = notebook_page(folder / os.path.basename(source))
+            for name, content in pictures.items():
+                files.append(File.generated(config, f"notebooks/{name}", content=content))
+        files.append(File.generated(config, target, content=text))
     for source in COPIES:
         files.append(File.generated(config, source, abs_src_path=str(ROOT / source)))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Makes links of docs/ to files outside of it lead to the pages they have become."""
-    if page.file.src_uri in PAGES.values():
-        return markdown  # Adapted when it was added.
-    folder = os.path.dirname(page.file.src_uri)
+    """Makes links to files of the repository lead to what they are in the site."""
+    here = page.file.src_uri
+    source = _SOURCES.get(here, f"docs/{here}")
 
     def adapted(link: re.Match) -> str:
-        target = os.path.normpath(os.path.join("docs", folder, link[2]))
-        return link[1] + os.path.relpath(PAGES[target], folder) if target in PAGES else link[0]
+        target = os.path.normpath(os.path.join(os.path.dirname(source), link[2]))
+        if not (ROOT / target).exists():  # MkDocs says so, or it is a picture of a notebook.
+            return link[0]
+        there = PAGES.get(target, target.removeprefix("docs/"))
+        return link[1] + os.path.relpath(there, os.path.dirname(here))
 
     return _LINK.sub(adapted, markdown)

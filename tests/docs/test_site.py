@@ -1,9 +1,14 @@
 """The documentation site builds without a warning and has every public module."""
 
+import base64
 import pathlib
 import re
 import subprocess
 import sys
+
+import nbformat
+
+from tools import site_pages
 
 ROOT = pathlib.Path(__file__).parents[2]
 # Modules that are commands or their output, not an interface.
@@ -17,9 +22,25 @@ def test_the_site_builds_without_warnings(tmp_path):
     home = (tmp_path / "index.html").read_text()
     for part in ('href="validation/"', 'href="fluid/"', 'src="films/tasks.webp"'):
         assert part in home
-    assert (tmp_path / "notebooks" / "01_quickstart.ipynb").is_file()
+    for source in (ROOT / "notebooks").glob("*.ipynb"):
+        page = (tmp_path / "notebooks" / source.stem / "index.html").read_text()
+        assert f'href="notebooks/{source.stem}/"' in home and "find_spec" in page
+    arguments = 'href="../../arguments/"'  # It is ../docs/arguments.md in the notebook.
+    assert arguments in (tmp_path / "notebooks" / "01_quickstart" / "index.html").read_text()
     robots = (tmp_path / "reference" / "robots" / "index.html").read_text()
     assert 'id="softgym_mj.robots.arms.Arms.commanded_positions"' in robots
+
+
+def test_pictures_of_a_notebook_are_files_of_its_page(tmp_path):
+    picture = b"\x89PNG of nothing"
+    data = {"image/png": base64.b64encode(picture).decode(), "text/plain": "<Figure>"}
+    cell = nbformat.v4.new_code_cell("show()")
+    cell.outputs = [nbformat.v4.new_output("display_data", data)]
+    nbformat.write(nbformat.v4.new_notebook(cells=[cell]), tmp_path / "own.ipynb")
+    text, pictures = site_pages.notebook_page(tmp_path / "own.ipynb")
+    ((name, content),) = pictures.items()
+    assert content == picture and name.startswith("pictures/own")
+    assert f"]({name})" in text and "show()" in text
 
 
 def test_the_reference_has_every_public_module():

@@ -1,0 +1,62 @@
+"""Writes Colab's badges into the notebooks and the README's list of them.
+
+    python -m tools.badges OWNER/NAME
+
+of the repository on GitHub from which Colab reads them; those of another one are replaced.
+"""
+
+import pathlib
+import re
+import sys
+
+import nbformat
+
+ROOT = pathlib.Path(__file__).parent.parent
+BRANCH = "main"
+PICTURE = "https://colab.research.google.com/assets/colab-badge.svg"
+_BADGE = re.compile(r"\s*\[!\[Open in Colab\]\([^)]*\)\]\([^)]*\)")
+_LISTED = re.compile(r"\[\w+\]\((notebooks/\w+\.ipynb)\)")
+
+
+def badge(repository: str, path: str) -> str:
+    """Markdown that opens a notebook in Colab.
+
+    Args:
+        repository: "owner/name".
+        path: of the notebook within it.
+    """
+    address = f"https://colab.research.google.com/github/{repository}/blob/{BRANCH}/{path}"
+    return f"[![Open in Colab]({PICTURE})]({address})"
+
+
+def titled(text: str, repository: str, path: str) -> str:
+    """The first cell of a notebook, with its badge below the title."""
+    title, *rest = _BADGE.sub("", text).split("\n")
+    return "\n".join([title, "", badge(repository, path), *rest])
+
+
+def listed(text: str, repository: str) -> str:
+    """A README, with a badge behind each link to a notebook in the rows of a table."""
+    rows = [
+        _LISTED.sub(lambda link: f"{link[0]} {badge(repository, link[1])}", line)
+        if line.startswith("| [")
+        else line
+        for line in _BADGE.sub("", text).split("\n")
+    ]
+    return "\n".join(rows)
+
+
+def main(repository: str) -> None:
+    if not re.fullmatch(r"[\w.-]+/[\w.-]+", repository):
+        raise SystemExit(f"{repository!r} is no OWNER/NAME")
+    for file in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        notebook = nbformat.read(file, as_version=4)
+        first = notebook.cells[0]
+        first.source = titled(first.source, repository, f"notebooks/{file.name}")
+        nbformat.write(notebook, file)
+    readme = ROOT / "README.md"
+    readme.write_text(listed(readme.read_text(encoding="utf-8"), repository), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
