@@ -35,22 +35,26 @@ class TaskRecord:
     Attributes:
         name: snake_case name.
         class_name: "SpreadCloth" for "spread_cloth".
+        version: scores of another one do not compare.
         gymnasium_id: "softgym_mj/SpreadCloth-v0" for "spread_cloth".
         is_custom: whether it is registered by somebody else than this package.
     """
 
-    def __init__(self, name: str, task_class: "type[Task] | None" = None, **overrides):
+    def __init__(
+        self, name: str, task_class: "type[Task] | None" = None, version: int = 0, **overrides
+    ):
         """A record.
 
         Args:
             name: snake_case name.
             task_class: what builds the task from keyword arguments; None for the class of this name
                 in `softgym_mj.tasks`.
+            version: that of its numbers, 0 or more.
             **overrides: instead of attributes of the class, where not None.
         """
-        self.name, self.is_custom = name, task_class is not None
+        self.name, self.is_custom, self.version = name, task_class is not None, version
         self.class_name = "".join(word.title() for word in name.split("_"))
-        self.gymnasium_id = f"softgym_mj/{self.class_name}-v0"
+        self.gymnasium_id = f"softgym_mj/{self.class_name}-v{version}"
         self._class = task_class
         self._overrides = {key: value for key, value in overrides.items() if value is not None}
 
@@ -143,9 +147,17 @@ def _unpacked(parameter: inspect.Parameter) -> type:
     return typing.get_args(parameter.annotation)[0]
 
 
+# Tasks of the package whose numbers have changed so that scores do not compare, as CONTRIBUTING.md
+# says; others have version 0. Here, as ids are known before the tasks are imported.
+VERSIONS: dict[str, int] = {}
+
 # Files, each with a class of its name.
 _FILES = pkgutil.iter_modules([str(pathlib.Path(__file__).parent / "tasks")])
-TASKS = {file.name: TaskRecord(file.name) for file in _FILES if not file.ispkg}
+TASKS = {
+    file.name: TaskRecord(file.name, version=VERSIONS.get(file.name, 0))
+    for file in _FILES
+    if not file.ispkg
+}
 
 
 _NAME = re.compile("[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -159,6 +171,7 @@ def register(
     tags: Sequence[str] | None = None,
     action_repeat: int | None = None,
     summary: str | None = None,
+    version: int = 0,
 ) -> TaskRecord:
     """Adds a custom task to `TASKS`, Gymnasium's registry and dm_control's suite.
 
@@ -173,12 +186,13 @@ def register(
         tags: words to find it by in dm_control's suite; its difficulty and material.
         action_repeat: sim steps of 0.01 s per env step.
         summary: what is to be done.
+        version: 0 or more, of the Gymnasium id; to raise when its scores no longer compare.
 
     Returns:
         Its record.
 
     Raises:
-        InvalidArgumentError: for a bad name, class, horizon or action_repeat.
+        InvalidArgumentError: for a bad name, class, horizon, action_repeat or version.
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         valid = "lower-case words joined by underscores, such as 'soak_cloth'"
@@ -193,15 +207,19 @@ def register(
     for argument, value in (("horizon", horizon), ("action_repeat", action_repeat)):
         if value is not None:
             check_count(argument, value, 1)
+    check_count("version", version, 0)
     record = TaskRecord(
         name,
         task_class,
+        version,
         horizon=horizon,
         tags=None if tags is None else tuple(tags),
         action_repeat=action_repeat,
         summary=summary,
     )
     _ = record.arguments  # Fails if they have no names.
+    if name in TASKS:
+        gymnasium.registry.pop(TASKS[name].gymnasium_id, None)
     TASKS[name] = record
     add_gymnasium_id(record)
     return record

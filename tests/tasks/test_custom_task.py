@@ -213,6 +213,18 @@ def test_what_is_registered_is_everywhere(register):
         softgym_mj.load("straight", sizes=3)
 
 
+@pytest.mark.filterwarnings("ignore:.*out of date")
+def test_a_version_is_part_of_the_id(register):
+    register("straight", Straight, horizon=5)
+    record = register("straight", Straight, horizon=5, version=2)
+    assert record.gymnasium_id == "softgym_mj/Straight-v2"
+    assert gymnasium.spec("softgym_mj/Straight-v2").max_episode_steps == 5
+    with pytest.raises(gymnasium.error.DeprecatedEnv, match="v0"):
+        gymnasium.make("softgym_mj/Straight-v0")
+    with pytest.raises(InvalidArgumentError, match="version=-1"):
+        register("straight", Straight, version=-1)
+
+
 def test_a_registered_task_runs_in_other_processes(register):
     register("straight", Straight, horizon=5)
     # These know nothing of what this one has registered.
