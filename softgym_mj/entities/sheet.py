@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from softgym_mj.cloth import fabrics
 from softgym_mj.entities.flex import FLEX, Color, Flex
 from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.entities.room import add_material
@@ -74,6 +75,31 @@ class Fabric:
         for name, value in dataclasses.asdict(self).items():
             if not (value > 0.0 or (name in ("drag", "added_mass") and value == 0.0)):
                 raise InvalidArgumentError(name, value, "finite and above 0")
+
+    @classmethod
+    def named(cls, name: str) -> "Fabric":
+        """A fabric that others measured, as far as a sheet can be made of it.
+
+        A sheet is alike in all directions, so stretch and bending are means of theirs. `shear`,
+        dampings and thickness are those of the default: what is published is softer than a mesh can
+        follow, or missing.
+
+        Args:
+            name: of `softgym_mj.cloth.fabrics.FABRICS`.
+
+        Raises:
+            InvalidArgumentError: if there is none of this name.
+        """
+        data = fabrics.named(name)
+        return cls(
+            stretch_stiffness=data.mean_stretch,
+            bend_stiffness=data.mean_bending,
+            density=data.density,
+            friction=data.friction,
+            layer_friction=data.layer_friction,
+            drag=data.drag,
+            added_mass=data.added_mass,
+        )
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

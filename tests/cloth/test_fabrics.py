@@ -1,0 +1,56 @@
+"""Published fabrics: their numbers, against what else is published of them, and in a model."""
+
+import dataclasses
+
+import mujoco
+import pytest
+
+from softgym_mj.cloth import fabrics
+from softgym_mj.cloth.fabrics import ASSUMED, FABRICS, FITTED, MEASURED
+from softgym_mj.entities import Fabric
+from softgym_mj.entities.cloth import Cloth
+from softgym_mj.exceptions import InvalidArgumentError
+
+# [mm] Gravity bending lengths as tabulated for each fabric, independently of `gravity_length`.
+GRAVITY_LENGTHS = {
+    "gray_interlock": 14.1, "ivory_rib_knit": 14.9, "pink_ribbon": 21.4, "white_dots": 20.2,
+    "navy_sparkle": 17.7, "camel_ponte": 14.7, "black_denim": 18.3, "white_swim": 19.2,
+    "red_jet_set": 16.2, "royal_target": 24.0, "rgbench_t_shirt": 7.7, "rgbench_hoodie": 10.9,
+    "rgbench_coat": 18.1, "rgbench_pleated_skirt": 8.2, "rgbench_sun_jacket": 9.2,
+    "rgbench_blazer": 9.6, "rgbench_cake_skirt": 9.1, "rgbench_shirt": 9.7, "flex_nominal": 8.6,
+}  # fmt: skip
+
+
+def test_fabrics_drape_by_the_lengths_that_are_known_of_them():
+    assert list(FABRICS) == list(GRAVITY_LENGTHS)
+    found = {name: 1e3 * fabric.gravity_length for name, fabric in FABRICS.items()}
+    # Those of the ten fabrics are of a mean of five directions, ours of three.
+    assert found == pytest.approx(GRAVITY_LENGTHS, rel=0.01)
+
+
+def test_every_number_says_where_it_comes_from():
+    numbers = {f.name for f in dataclasses.fields(fabrics.FabricData)}
+    numbers -= {"name", "summary", "origin", "source", "licence"}
+    for fabric in FABRICS.values():
+        assert set(fabric.origin) == numbers
+        assert set(fabric.origin.values()) <= {MEASURED, FITTED, ASSUMED}
+        assert fabric.source and fabric.licence
+
+
+def test_a_sheet_is_made_of_a_named_fabric():
+    cloth = Cloth(fabric=Fabric.named("gray_interlock"))
+    model = mujoco.MjModel.from_xml_string(
+        cloth.mjcf_model.to_xml_string(), cloth.mjcf_model.get_assets()
+    )
+    # 0.59375 m by 0.35625 m of 0.187 kg/m^2.
+    assert model.body_mass.sum() == pytest.approx(0.59375 * 0.35625 * 0.187, rel=1e-6)
+    (instance,) = cloth.mjcf_model.extension.plugin[0].instance
+    material = {config.key: float(config.value) for config in instance.config}
+    assert material["stretch"] == 51.0  # (33 + 69) / 2
+    assert material["bend"] == pytest.approx(5.2e-6)  # (5.8 + 6.2 + 3.6) / 3 uN m
+
+
+@pytest.mark.parametrize("name", ["silk", None, 3])
+def test_an_unknown_fabric_lists_those_that_there_are(name):
+    with pytest.raises(InvalidArgumentError, match=r"fabric=.*'gray_interlock'.*'flex_nominal'"):
+        Fabric.named(name)
