@@ -17,7 +17,7 @@ FLOORS = [
     {"vector"},
     {"__init__"},
     {"policies", "compat"},
-    {"evaluation", "viewing"},
+    {"evaluation", "viewing", "reality"},
     {"recording"},
     {"learning"},
     {"cli"},

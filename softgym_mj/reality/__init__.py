@@ -1,0 +1,1 @@
+"""How real it is: distances from recordings of real cloth, and what reads such recordings."""

@@ -1,0 +1,151 @@
+"""How far simulated points are from real clouds, by the conventions of published benchmarks.
+
+All distances are in metres; clouds have no order and may differ in size. "Sim to real" looks for
+the nearest real point of each simulated one, "real to sim" the other way round: what a camera did
+not see counts in the first only, what the simulation lacks in the second only.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from softgym_mj.exceptions import InvalidArgumentError
+
+MANHATTAN, EUCLID = 1, 2  # Orders of the norm.
+
+
+@dataclasses.dataclass(frozen=True)
+class RagDistances:
+    """Those of Blanco-Mulero et al. (RA-L 9(3), 2024), of one frame.
+
+    Attributes:
+        chamfer: mean over simulated vertices of the Manhattan distance to the nearest real point.
+        hausdorff: largest over simulated vertices of the Euclidean distance to the nearest one.
+    """
+
+    chamfer: float
+    hausdorff: float
+
+
+@dataclasses.dataclass(frozen=True)
+class GarmentDistances:
+    """Those of RGBench (AAAI 2026), of one frame.
+
+    Attributes:
+        chamfer: mean over real points of the Manhattan distance to the nearest simulated vertex;
+            the benchmark's primary measure.
+        sim_to_real_manhattan, sim_to_real_euclid: means over simulated vertices.
+        hausdorff_real_to_sim, hausdorff_sim_to_real: largest Euclidean distances to the nearest
+            point of the other cloud.
+        height: absolute difference of the mean heights.
+    """
+
+    chamfer: float
+    sim_to_real_manhattan: float
+    sim_to_real_euclid: float
+    hausdorff_real_to_sim: float
+    hausdorff_sim_to_real: float
+    height: float
+
+
+def rag_distances(simulated: np.ndarray, real: np.ndarray) -> RagDistances:
+    """Distances of simulated vertices (n, 3) from a real cloud (m, 3) [m], as for rags.
+
+    Raises:
+        InvalidArgumentError: if a cloud is empty, not finite or of another shape.
+    """
+    simulated, real = _cloud("simulated", simulated), _cloud("real", real)
+    return RagDistances(
+        chamfer=float(np.mean(_nearest(simulated, real, MANHATTAN))),
+        hausdorff=float(np.max(_nearest(simulated, real, EUCLID))),
+    )
+
+
+def garment_distances(simulated: np.ndarray, real: np.ndarray) -> GarmentDistances:
+    """Distances of simulated vertices (n, 3) from a real cloud (m, 3) [m], as for garments.
+
+    The benchmark rounds points to single precision before; this does not.
+
+    Raises:
+        InvalidArgumentError: if a cloud is empty, not finite or of another shape.
+    """
+    simulated, real = _cloud("simulated", simulated), _cloud("real", real)
+    away = _nearest(simulated, real, EUCLID)
+    return GarmentDistances(
+        chamfer=float(np.mean(_nearest(real, simulated, MANHATTAN))),
+        sim_to_real_manhattan=float(np.mean(_nearest(simulated, real, MANHATTAN))),
+        sim_to_real_euclid=float(np.mean(away)),
+        hausdorff_real_to_sim=float(np.max(_nearest(real, simulated, EUCLID))),
+        hausdorff_sim_to_real=float(np.max(away)),
+        height=float(abs(np.mean(simulated[:, 2]) - np.mean(real[:, 2]))),
+    )
+
+
+def symmetric_distance(first: np.ndarray, second: np.ndarray) -> float:
+    """Half the sum of the mean Euclidean distances [m] to the nearest point, both ways.
+
+    Args:
+        first, second: (n, 3) and (m, 3) [m].
+
+    Raises:
+        InvalidArgumentError: if a cloud is empty, not finite or of another shape.
+    """
+    first, second = _cloud("first", first), _cloud("second", second)
+    there, back = _nearest(first, second, EUCLID), _nearest(second, first, EUCLID)
+    return float(np.mean(there) + np.mean(back)) / 2
+
+
+def marker_error(simulated: np.ndarray, real: np.ndarray) -> float:
+    """Root of the mean squared distance [m] of points that are known to belong together.
+
+    Args:
+        simulated, real: (..., 3) [m], of the same shape.
+
+    Raises:
+        InvalidArgumentError: if they are empty, not finite or of different shapes.
+    """
+    simulated, real = np.asarray(simulated, float), np.asarray(real, float)
+    if simulated.shape != real.shape:
+        raise InvalidArgumentError("simulated", simulated.shape, f"the shape {real.shape} of real")
+    away = _cloud("simulated", simulated.reshape(-1, 3)) - _cloud("real", real.reshape(-1, 3))
+    return float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
+
+
+def jitter(positions: np.ndarray, step: float) -> float:
+    """Mean norm of the second difference of positions over time [m/s^2].
+
+    It is what restless vertices have when they ought to lie still; what moves has the acceleration
+    of its motion besides.
+
+    Args:
+        positions: (frames, n, 3) [m], at least 3 frames, the same points in each.
+        step: time between frames [s].
+
+    Raises:
+        InvalidArgumentError: if there are too few frames, or numbers that are none.
+    """
+    positions = np.asarray(positions, float)
+    if positions.ndim != 3 or positions.shape[2] != 3 or positions.shape[0] < 3:
+        raise InvalidArgumentError("positions", positions.shape, "a shape (3 or more, n, 3)")
+    if not step > 0.0 or not np.isfinite(step):
+        raise InvalidArgumentError("step", step, "a finite number of seconds above 0")
+    _cloud("positions", positions.reshape(-1, 3))
+    second = np.diff(positions, n=2, axis=0) / step**2
+    return float(np.mean(np.linalg.norm(second, axis=2)))
+
+
+def _nearest(points: np.ndarray, cloud: np.ndarray, order: int) -> np.ndarray:
+    """Distance (n,) [m] of each of points (n, 3) from the nearest of a cloud (m, 3)."""
+    return cKDTree(cloud).query(points, p=order)[0]
+
+
+def _cloud(argument: str, points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) as they can be measured."""
+    points = np.asarray(points, float)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+        raise InvalidArgumentError(argument, points.shape, "a shape (1 or more, 3)")
+    if not np.isfinite(points).all():
+        wrong = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+        raise InvalidArgumentError(f"{argument}[{wrong}]", points[wrong].tolist(), "finite numbers")
+    return points

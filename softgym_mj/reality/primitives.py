@@ -1,0 +1,143 @@
+"""How the rags of Blanco-Mulero et al. were moved: two primitives as functions of time.
+
+Both grippers move alike, in Y and Z, by quintic polynomials one after the other, each from the end
+of the last to a position, velocity and acceleration that are given.
+"""
+
+import math
+
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError, check_name
+
+GRIPPER_X = (0.020, 0.498)  # [m] The left and the right one.
+START = (0.0, 1.0)  # [m] Y and Z.
+
+# Duration [s], and position [m], velocity [m/s] and acceleration [m/s^2] at the end; None: at rest
+# where the last one ended, whatever acceleration it ended with.
+Piece = tuple[float, tuple[float, float, float] | None]
+PIECES: dict[str, tuple[tuple[Piece, ...], tuple[Piece, ...]]] = {
+    "dynamic": (
+        (
+            (1.1, (-0.25, -0.7, 3.0)),
+            (1.5, (0.30, 0.0, -1.0)),
+            (1.3, (0.15, -0.3, -0.5)),
+            (0.5, (-0.10, 0.0, 0.0)),
+        ),
+        (
+            (1.1, (1.06, 0.0, 0.0)),
+            (1.5, None),
+            (1.3, (0.48949, 0.0, 0.02)),
+            (0.5, None),
+        ),
+    ),
+    "quasi_static": (
+        ((1.0, None), (1.0, None), (12.0, (-0.60, 0.0, 0.0))),
+        ((1.0, (0.95, 0.0, 0.0)), (1.0, None), (6.0, (0.68949, 0.0, 0.02)), (6.0, None)),
+    ),
+}
+
+
+def duration(primitive: str) -> float:
+    """How long a primitive takes [s]."""
+    check_name("primitive", primitive, PIECES)
+    return math.fsum(length for length, _ in PIECES[primitive][0])
+
+
+def gripper_positions(primitive: str, times: np.ndarray) -> np.ndarray:
+    """Where both grippers are (n, 2, 3) [m] at times (n,) [s] after the start.
+
+    Before the start and after the end they stand still.
+
+    Args:
+        primitive: "dynamic", a fling onto the table, or "quasi_static", lowered and dragged.
+        times: any finite ones.
+
+    Raises:
+        InvalidArgumentError: for another primitive, or times that are no numbers.
+    """
+    check_name("primitive", primitive, PIECES)
+    times = np.asarray(times, float)
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InvalidArgumentError("times", times.shape, "finite, of a shape (n,)")
+    times = np.clip(times, 0.0, duration(primitive))
+    values = [_along(*axis, times) for axis in zip(START, PIECES[primitive], strict=True)]
+    return _both(*values)
+
+
+def published_positions(primitive: str, step: float = 0.01) -> np.ndarray:
+    """The list of positions (n, 2, 3) [m] that the benchmark's own script makes, a step [s] each.
+
+    Pieces are sampled one by one, and the last sample of each but the last piece is left out. By
+    rounding a piece may have one too many, and then a position is there twice: with steps of 10 ms
+    the dynamic primitive stands still for a step at 1.1 s, at 0.7 m/s, and takes 4.42 s instead of
+    4.40 s.
+
+    Raises:
+        InvalidArgumentError: for another primitive, or a step that is none.
+    """
+    check_name("primitive", primitive, PIECES)
+    if not 0.0 < step < math.inf:
+        raise InvalidArgumentError("step", step, "a finite number of seconds above 0")
+    columns = []
+    for start, pieces in zip(START, PIECES[primitive], strict=True):
+        state, parts = (start, 0.0, 0.0), []
+        for length, end in pieces:
+            # As there: what is one too many by rounding is so here.
+            local = np.arange(0.0, length + step, step)
+            parts.append(_piece(state, end, length, local))
+            state = _after(state, end)
+        columns.append(np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]]))
+    number = min(map(len, columns))  # Of Z a piece more is left out when it is quasi-static.
+    return _both(*(column[:number] for column in columns))
+
+
+def _along(start: float, pieces: tuple[Piece, ...], times: np.ndarray) -> np.ndarray:
+    """Positions (n,) [m] on one axis at times (n,) [s] within its pieces."""
+    values, begin, state = np.full(len(times), start), 0.0, (start, 0.0, 0.0)
+    for length, end in pieces:
+        later = times >= begin
+        values[later] = _piece(state, end, length, np.minimum(times[later] - begin, length))
+        begin, state = begin + length, _after(state, end)
+    return values
+
+
+def _piece(
+    state: tuple[float, float, float],
+    end: tuple[float, float, float] | None,
+    length: float,
+    times: np.ndarray,
+) -> np.ndarray:
+    """Positions (n,) [m] of a piece, from a state to its end, at times (n,) [s] after its start."""
+    if end is None:
+        return np.full(len(times), state[0])
+    powers = length ** np.arange(3, 6.0)
+    known = np.array([state[0], state[1], state[2] / 2.0])
+    reached = np.array(
+        [
+            known @ [1.0, length, length**2],
+            known @ [0.0, 1.0, 2.0 * length],
+            known @ [0.0, 0.0, 2.0],
+        ]
+    )
+    orders = np.arange(3, 6.0)
+    matrix = np.array(
+        [powers, orders * powers / length, orders * (orders - 1) * powers / length**2]
+    )
+    rest = np.linalg.solve(matrix, np.array(end) - reached)
+    return np.polynomial.polynomial.polyval(times, np.concatenate([known, rest]))
+
+
+def _after(
+    state: tuple[float, float, float], end: tuple[float, float, float] | None
+) -> tuple[float, float, float]:
+    """The state at the end of a piece."""
+    return (state[0], 0.0, 0.0) if end is None else end
+
+
+def _both(y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Positions (n, 2, 3) of both grippers of their Y and Z (n,)."""
+    positions = np.empty((len(y), len(GRIPPER_X), 3))
+    positions[..., 0] = GRIPPER_X
+    positions[..., 1], positions[..., 2] = y[:, None], z[:, None]
+    return positions
