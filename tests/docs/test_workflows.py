@@ -30,6 +30,27 @@ def test_workflows_name_what_exists(path):
         assert extra in extras
 
 
+def test_a_release_waits_for_its_demo():
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "wheels.yml").read_text())["jobs"]
+    publish = jobs["publish"]
+    assert set(publish["needs"]) == set(jobs) - {"publish"}
+    assert publish["if"] == "startsWith(github.ref, 'refs/tags/v')"
+    assert publish["permissions"] == {"id-token": "write"}
+    kept = jobs["demo"]["steps"][1]["with"]["name"].removeprefix("wheel-")
+    assert kept in jobs["wheel"]["strategy"]["matrix"]["os"]
+
+
+def test_the_image_is_made_of_what_is_there():
+    kept = re.findall(r"^!(.*)$", (ROOT / ".dockerignore").read_text(), re.MULTILINE)
+    assert all((ROOT / name).exists() for name in kept)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert {project["readme"], *project["license-files"], "pyproject.toml"} <= set(kept)
+    image = (ROOT / "Dockerfile").read_text()
+    libraries = "libegl1 libgl1-mesa-dri"
+    assert libraries in image and libraries in (ROOT / "tools" / "setup.sh").read_text()
+    assert f'["{next(iter(project["scripts"]))}"]' in image
+
+
 def test_all_say_the_same_of_python():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     listed = [text.split()[-1] for text in project["classifiers"] if "Python ::" in text]
@@ -37,7 +58,13 @@ def test_all_say_the_same_of_python():
     above = f"{last.split('.')[0]}.{int(last.split('.')[1]) + 1}"
     assert project["requires-python"] == f">={first},<{above}"
     workflows = {path.stem: yaml.safe_load(path.read_text()) for path in WORKFLOWS}
-    assert workflows["ci"]["jobs"]["test"]["strategy"]["matrix"]["python"] == listed
+    for workflow, job in (("ci", "test"), ("wheels", "demo")):
+        assert workflows[workflow]["jobs"][job]["strategy"]["matrix"]["python"] == listed
+    assert all(
+        f"python:{last}-slim" in line
+        for line in (ROOT / "Dockerfile").read_text().splitlines()
+        if line.startswith("FROM")
+    )
     built = (ROOT / ".github" / "workflows" / "wheels.yml").read_text()
     assert " ".join(f"cp{name.replace('.', '')}-*" for name in listed) in built
     assert f"Python {first} or {last}" in (ROOT / "README.md").read_text()
