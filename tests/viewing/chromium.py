@@ -50,6 +50,7 @@ class Chromium:
             (page,) = [tab for tab in json.load(answer) if tab["type"] == "page"]
         self._socket = connect(page["webSocketDebuggerUrl"], max_size=None)
         self._number = 0
+        self.events = []  # What the browser told of its own accord, as far as it was asked to.
 
     def call(self, method, **parameters):
         """Calls a method of the protocol; its result."""
@@ -60,9 +61,24 @@ class Chromium:
             answer = json.loads(self._socket.recv(timeout=60))
             if answer.get("id") == self._number:
                 return answer["result"]
+            self.events.append(answer)
 
     def open(self, address):
         self.call("Page.navigate", url=address)
+
+    def errors(self):
+        """Texts of errors of the console since `Runtime` and `Log` were enabled; forgets them."""
+        found = []
+        for event in self.events:
+            told = event.get("params", {})
+            if event.get("method") == "Runtime.exceptionThrown":
+                found.append(told["exceptionDetails"]["text"])
+            elif event.get("method") == "Runtime.consoleAPICalled" and told["type"] == "error":
+                found.append(" ".join(str(part.get("value")) for part in told["args"]))
+            elif event.get("method") == "Log.entryAdded" and told["entry"]["level"] == "error":
+                found.append(f"{told['entry']['text']} {told['entry'].get('url', '')}")
+        self.events.clear()
+        return found
 
     def hide(self, selector):
         """Hides what a CSS selector finds now or later."""
