@@ -82,23 +82,39 @@ def test_dead_links_are_found(tmp_path):
     assert found == [f"x:/a/: {link}" for link in bad]
 
 
-def test_every_page_is_whole(site, tmp_path):
+@pytest.fixture(name="browser", scope="module")
+def _browser(tmp_path_factory):
+    browser = chromium.Chromium(tmp_path_factory.mktemp("profile"), width=1280, height=900)
+    for domain in ("Page", "Runtime", "Log"):
+        browser.call(f"{domain}.enable")
+    yield browser
+    browser.close()
+
+
+def opened(browser, page):
+    """Opens a page and waits for it; what is wrong with it, as texts."""
+    browser.open(page)
+    chromium.wait_until(lambda: browser.evaluate(LOADED) == page, LOAD_TIME)
+    browser.evaluate(EAGER)
+    chromium.wait_until(lambda: browser.evaluate(COMPLETE), LOAD_TIME)
+    return [f"{page}: {what}" for what in browser.errors() + browser.evaluate(BROKEN)]
+
+
+def test_what_is_broken_is_found(browser, tmp_path):
+    page = tmp_path / "index.html"
+    page.write_text("<p>Whole.</p>")
+    assert opened(browser, page.as_uri()) == []
+    page.write_text("<img src='none.png'><script>console.error('says'); throw Error('no')</script>")
+    wrong = "\n".join(opened(browser, page.as_uri()))
+    assert all(word in wrong for word in ("none.png", "says", "Uncaught"))
+
+
+def test_every_page_is_whole(site, browser):
     folder, address = site
-    browser = chromium.Chromium(tmp_path / "profile", width=1280, height=900)
     wrong, links, names = [], {}, {}
-    try:
-        for domain in ("Page", "Runtime", "Log"):
-            browser.call(f"{domain}.enable")
-        for file in sorted(folder.rglob("*.html")):
-            page = address + file.relative_to(folder).as_posix().removesuffix("index.html")
-            browser.open(page)
-            loaded = functools.partial(browser.evaluate, LOADED)
-            chromium.wait_until(lambda loaded=loaded, page=page: loaded() == page, LOAD_TIME)
-            browser.evaluate(EAGER)
-            chromium.wait_until(lambda: browser.evaluate(COMPLETE), LOAD_TIME)
-            wrong += [f"{page}: {what}" for what in browser.errors() + browser.evaluate(BROKEN)]
-            links[page], names[page] = browser.evaluate(LINKS), browser.evaluate(NAMES)
-    finally:
-        browser.close()
+    for file in sorted(folder.rglob("*.html")):
+        page = address + file.relative_to(folder).as_posix().removesuffix("index.html")
+        wrong += opened(browser, page)
+        links[page], names[page] = browser.evaluate(LINKS), browser.evaluate(NAMES)
     assert len(links) > 40  # Data sheets, notebooks, reference and what nav lists.
     assert not wrong + dead(links, names, folder, address)
