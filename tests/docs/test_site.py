@@ -31,16 +31,23 @@ def test_the_site_builds_without_warnings(tmp_path):
     assert 'id="softgym_mj.robots.arms.Arms.commanded_positions"' in robots
 
 
-def test_pictures_of_a_notebook_are_files_of_its_page(tmp_path):
+def test_a_notebook_is_shown_with_what_it_printed_pictures_and_videos(tmp_path):
     picture = b"\x89PNG of nothing"
     data = {"image/png": base64.b64encode(picture).decode(), "text/plain": "<Figure>"}
     cell = nbformat.v4.new_code_cell("show()")
-    cell.outputs = [nbformat.v4.new_output("display_data", data)]
+    film = {"text/html": '<video src="data:,"></video>', "text/plain": "Video(...)"}
+    cell.outputs = [
+        nbformat.v4.new_output("stream", text="reward -0.5\n"),
+        nbformat.v4.new_output("display_data", data),
+        nbformat.v4.new_output("display_data", film),
+    ]
     nbformat.write(nbformat.v4.new_notebook(cells=[cell]), tmp_path / "own.ipynb")
     text, pictures = site_pages.notebook_page(tmp_path / "own.ipynb")
     ((name, content),) = pictures.items()
     assert content == picture and name.startswith("pictures/own")
     assert f"]({name})" in text and "show()" in text
+    assert "\n    reward -0.5\n" in text and f"\n{film['text/html']}\n" in text
+    assert film["text/plain"] not in text
 
 
 def test_the_reference_has_every_public_module():
