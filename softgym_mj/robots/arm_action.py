@@ -53,7 +53,7 @@ class ArmAction(abc.ABC):
 
     @abc.abstractmethod
     def displacing(self, fractions: np.ndarray, grips: np.ndarray) -> np.ndarray:
-        """The action that moves tool points and nothing else, as `Gripper.displacing`."""
+        """The action (action_size,) that moves tool points alone, as `Gripper.displacing`."""
 
     @abc.abstractmethod
     def advance(self) -> None:

@@ -195,7 +195,7 @@ class Arms(ArmActor, Gripper):
         return self._lead.orientations
 
     def remembered(self) -> np.ndarray:
-        """As of all grippers, then what is commanded."""
+        """As of all grippers, then what is commanded (4 * num_grippers + k,)."""
         return np.concatenate([super().remembered(), self._lead.remembered()])
 
     @property
