@@ -25,6 +25,7 @@ MIGRATION = (ROOT / "docs" / "migration.md").read_text()
 DOMAIN = (ROOT / "docs" / "domain.md").read_text()
 ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
 ROBOTS = (ROOT / "docs" / "robots.md").read_text()
+REALITY = (ROOT / "docs" / "reality.md").read_text()
 CLOTH = (ROOT / "softgym_mj" / "cloth" / "plugin" / "README.md").read_text()
 
 
@@ -36,7 +37,7 @@ def blocks(language, text=README):
     "code",
     [
         code
-        for page in (README, MIGRATION, DOMAIN, ARGUMENTS, ROBOTS)
+        for page in (README, MIGRATION, DOMAIN, ARGUMENTS, ROBOTS, REALITY)
         for code in blocks("python", page)
     ],
     ids=lambda code: code.splitlines()[0],
