@@ -5,6 +5,7 @@ tasks: only theirs. Names of policies in docs/results/policies, such as straight
 was learned. And `tasks.webp`: all tasks side by side, made of the others.
 """
 
+import json
 import pathlib
 import sys
 from collections.abc import Sequence
@@ -69,10 +70,17 @@ def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
     return frames, duration
 
 
+def seen_by(name: str) -> str:
+    """The observation of the policy of a film: what was learned says it in its card."""
+    if name in TASKS:
+        return "reduced"
+    return str(json.loads((LEARNED / f"{name}.json").read_text())["training"]["observation"])
+
+
 def main(names: Sequence[str]) -> None:
     for name in names or names_of_all():
         policy = "scripted" if name in TASKS else str(LEARNED / f"{name}.pt2")
-        env = load(name.split("-")[0], split="all", look="paper", observation="reduced")
+        env = load(name.split("-")[0], split="all", look="paper", observation=seen_by(name))
         variation = env.task.example_variation
         episode = play(env, policy, variation, trust=name not in TASKS, size=SIZE, passes=PASSES)
         frames = until_rest(episode.frames)
