@@ -1,7 +1,7 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, docs/sac.json,
-those of tools/gpu_tables.py and docs/results.
+That is docs/cameras.json, docs/experts.json, docs/experts_before.json, docs/throughput.json,
+docs/vector.json, docs/sac.json, those of tools/gpu_tables.py and docs/results.
 """
 
 import json
@@ -35,17 +35,46 @@ PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LE
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
-def score(values: dict[str, float]) -> str:
+def score(played: experts.Played) -> str:
     """Mean and smallest of scores."""
-    return f"{statistics.mean(values.values()):.2f} ({min(values.values()):.2f})"
+    values = played["scores"].values()
+    return f"{statistics.mean(values):.2f} ({min(values):.2f})"
 
 
-def cells(actors: dict[str, dict[str, float]]) -> list[str]:
+def cells(actors: dict[str, experts.Played]) -> list[str]:
     """Mean and smallest score with each actor, and over how many variations."""
     return [
-        f"{score(actors[actor])}, {len(actors[actor])}" if actor in actors else "not yet played"
+        f"{score(actors[actor])}, {len(actors[actor]['scores'])}"
+        if actor in actors
+        else "not yet played"
         for actor in experts.ACTORS
     ]
+
+
+def progress(before: experts.Scores, after: experts.Scores) -> str:
+    """Mean scores of arms before and after, and the least share of the pickers' on the same.
+
+    Shares compare with what the abstract actor has on the variations that the arm has played.
+    """
+    rows = []
+    for task, actors in after.items():
+        row, shares = [f"`{task}`"], []
+        usual = actors["default"]["scores"]
+        for arm in ARMS:
+            old, new = before.get(task, {}).get(arm), actors.get(arm)
+            texts = [
+                f"{statistics.mean(p['scores'].values()):.2f} ({len(p['scores'])})" if p else "none"
+                for p in (old, new)
+            ]
+            row.append(" → ".join(texts))
+            both = usual.keys() & new["scores"].keys() if new else set()
+            if new and both:
+                own = sum(new["scores"][v] for v in both)
+                shares.append(own / sum(usual[v] for v in both))
+        row.append(f"{min(shares):.0%}" if shares else "none")
+        rows.append(f"| {' | '.join(row)} |")
+    titles = " | ".join(f"`{arm}`" for arm in ARMS)
+    return table(f"| task | {titles} | least share of the abstract actor's |", rows)
 
 
 def budgets(results: list[dict]) -> str:
@@ -211,6 +240,8 @@ def pages() -> dict[pathlib.Path, str]:
         pattern = rf"\| `{task}` \| [.\d]+ / [.\d]+ \| .* \|\n"
         texts[ROBOTS] = replaced(texts[ROBOTS], pattern, f"{row} |\n")
     texts[ROBOTS] = between(texts[ROBOTS], "speed", on(rates["machine"]))
+    arms = progress(measured("experts_before"), scores)
+    texts[ROBOTS] = between(texts[ROBOTS], "progress", arms)
     texts[README] = between(texts[README], "learned", learned.overview())
     texts[README] = between(texts[README], "tasks", overview(scores))
     texts[README] = between(texts[README], "speed", materials())
