@@ -140,7 +140,7 @@ class Cloth(Sheet):
             np.linspace(-width / 2, width / 2, columns), np.linspace(depth / 2, -depth / 2, rows)
         )
         points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-        self._set_mesh(points, _alternating_triangles(rows, columns))
+        self._set_mesh(points, alternating_triangles(rows, columns))
         half = dims[0] // 2
         self.arrays = {
             "size": np.array(self.size),
@@ -170,7 +170,7 @@ class Cloth(Sheet):
         u, v = np.meshgrid(u, rows / rows[-1])
         weights = np.kron(spline(self.shape[0], rows), spline(self.shape[1], columns))
         # Its front is below when its grid is seen from above.
-        faces = _alternating_triangles(len(rows), len(columns))[:, ::-1]
+        faces = alternating_triangles(len(rows), len(columns))[:, ::-1]
         inset = PAD + (1.0 - 2.0 * PAD) * np.column_stack([u.ravel(), v.ravel()])
         return weights, faces, inset
 
@@ -190,7 +190,7 @@ def _interpolation(particles: int, vertices: int) -> np.ndarray:
     return np.maximum(1.0 - np.abs(place[:, None] - np.arange(vertices)), 0.0)
 
 
-def _alternating_triangles(rows: int, columns: int) -> np.ndarray:
+def alternating_triangles(rows: int, columns: int) -> np.ndarray:
     """Triangles (m, 3) of a grid whose diagonals alternate, so that no direction bends easier."""
     triangles = []
     for row in range(rows - 1):

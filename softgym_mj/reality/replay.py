@@ -1,0 +1,387 @@
+"""A sheet whose held vertices go where hands went: what a recording of real cloth is compared with.
+
+    mesh = rectangle(0.6, 0.6, 0.03)
+    hold = Hold((0, 20), lambda times: np.array(...))  # (n,) [s] to (n, 2, 3) [m].
+    replay(mesh, Fabric.named("black_denim"), [hold], times=np.arange(0.0, 4.4, 1 / 30))
+
+`Recorder` makes a `Replay` of the steps of any engine.
+"""
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+from dm_control import mjcf
+
+from softgym_mj.cloth import fabrics, solver
+from softgym_mj.entities.sheet import Fabric
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.reality.meshes import Mesh
+from softgym_mj.reality.sheets import BareSheet
+
+# What counts as a failure.
+MOST_STRAIN = 0.5  # Of any edge.
+DEEPEST = 0.01  # [m] Of a vertex under the floor.
+NOT_FINITE, STRAIN, UNDER_FLOOR = "not finite", "strain", "under the floor"
+
+PERCENTILE = 99.0  # Of the strain of edges.
+REACH = 0.05  # [m] From which a held vertex may start beside its way.
+# [bytes] That a step may take; MuJoCo's default is too little for thousands of vertices.
+_MEMORY_OF_VERTEX, _LEAST_MEMORY = 2**14, 2**24
+_FLOOR_SIZE = 10.0  # [m] Of what is drawn; it has no end.
+_ROUNDING = 1e-9  # [s]
+# MuJoCo starts anew when numbers are bad, and says so.
+_BAD = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
+
+Path = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Hold:
+    """Vertices that go where they are told to while they are held.
+
+    Attributes:
+        vertices: (k,) indices.
+        path: where they are (n, k, 3) [m] at times (n,) [s].
+        begin, end: when they are held [s]; afterwards they are let go of.
+        follows: whether vertices keep their distances from the path, as when it is that of a hand
+            which holds them; else they are on it.
+    """
+
+    vertices: tuple[int, ...]
+    path: Path
+    begin: float = -math.inf
+    end: float = math.inf
+    follows: bool = False
+
+
+def recorded_path(times: np.ndarray, positions: np.ndarray) -> Path:
+    """A path through positions (n, k, 3) [m] at increasing times (n,) [s], straight in between.
+
+    Before the first and after the last of them it stands still.
+
+    Raises:
+        InvalidArgumentError: if shapes do not belong together, times do not increase or anything is
+            not finite.
+    """
+    times, positions = np.asarray(times, float), np.asarray(positions, float)
+    if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
+        raise InvalidArgumentError("times", times.shape, "finite, of a shape (n,), n > 0")
+    if not (np.diff(times) > 0.0).all():
+        raise InvalidArgumentError("times", times, "increasing")
+    if positions.ndim != 3 or positions.shape[::2] != (len(times), 3):
+        raise InvalidArgumentError("positions", positions.shape, f"a shape ({len(times)}, k, 3)")
+    if not np.isfinite(positions).all():
+        raise InvalidArgumentError("positions", positions.shape, "finite numbers")
+
+    def path(at: np.ndarray) -> np.ndarray:
+        after = np.clip(np.searchsorted(times, at, side="right"), 1, max(len(times) - 1, 1))
+        first, last = after - 1, np.minimum(after, len(times) - 1)
+        way = np.where(last > first, times[last] - times[first], 1.0)
+        share = np.clip((at - times[first]) / way, 0.0, 1.0)[:, None, None]
+        return (1.0 - share) * positions[first] + share * positions[last]
+
+    return path
+
+
+@dataclasses.dataclass(frozen=True)
+class Failure:
+    """What went wrong.
+
+    Attributes:
+        kind: "not finite", "strain" (an edge longer than 1.5 times its length at rest) or "under
+            the floor" (a vertex deeper than 1 cm).
+        time: when it did first [s].
+        value: the strain or the height over the floor [m] then.
+    """
+
+    kind: str
+    time: float
+    value: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Steps:
+    """How it was after each step.
+
+    Attributes:
+        times: (s,) [s] at their ends.
+        strain_99: (s,) 99th percentile of the edges' elongation.
+        strain_max: (s,) the largest.
+        lowest: (s,) height [m] of the lowest vertex over the floor.
+        milliseconds: (s,) of the CPU that each took.
+    """
+
+    times: np.ndarray
+    strain_99: np.ndarray
+    strain_max: np.ndarray
+    lowest: np.ndarray
+    milliseconds: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Replay:
+    """What a sheet did.
+
+    Attributes:
+        times: (f,) [s] that were asked for.
+        positions: (f, n, 3) [m] of the vertices at these; not a number after numbers were not
+            finite.
+        steps: how it was after each step, from the beginning on.
+        failures: the first of each kind, in the order in which they came.
+    """
+
+    times: np.ndarray
+    positions: np.ndarray
+    steps: Steps
+    failures: tuple[Failure, ...]
+
+    @property
+    def strain_99(self) -> float:
+        """Largest over all steps of the 99th percentile of the edges' elongation."""
+        return float(self.steps.strain_99.max())
+
+    @property
+    def lowest(self) -> float:
+        """Least height [m] of any vertex over the floor."""
+        return float(self.steps.lowest.min())
+
+    @property
+    def milliseconds(self) -> float:
+        """CPU time of a step, on average."""
+        return float(self.steps.milliseconds.mean())
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds in a second of CPU time."""
+        times = self.steps.times
+        step = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 0.0
+        return float(1e3 * step / self.milliseconds)
+
+
+class Recorder:
+    """Takes down the steps of a simulation of a mesh, and makes a `Replay` of them."""
+
+    def __init__(self, mesh: Mesh, times: np.ndarray, floor: float | None = 0.0):
+        """Of a mesh that is asked for at some times.
+
+        Args:
+            mesh: at rest.
+            times: (f,) [s] in order.
+            floor: its height [m]; None for none.
+
+        Raises:
+            InvalidArgumentError: for times that are not finite or in no order.
+        """
+        self._mesh, self._floor = mesh, floor
+        self._times = np.asarray(times, float)
+        if self._times.ndim != 1 or not np.isfinite(self._times).all():
+            raise InvalidArgumentError("times", self._times.shape, "finite, of a shape (f,)")
+        if (np.diff(self._times) < 0.0).any():
+            raise InvalidArgumentError("times", times, "in order")
+        self._positions = np.full((len(self._times), *mesh.points.shape), np.nan)
+        self._steps: list[tuple[float, float, float, float, float]] = []
+        self._failures: dict[str, Failure] = {}
+        self._before: tuple[float, np.ndarray] | None = None
+        self._next = 0
+
+    def start(self, when: float, positions: np.ndarray) -> None:
+        """Takes down where vertices (n, 3) [m] are before the first step, at a time [s]."""
+        if len(self._times) and when > self._times[0] + _ROUNDING:
+            raise InvalidArgumentError("times", self._times[0], f"{when} s or later")
+        self._pass(when, positions)
+
+    def add(self, when: float, positions: np.ndarray, milliseconds: float) -> bool:
+        """Takes down a step: where vertices (n, 3) [m] are at its end [s], what it took.
+
+        Returns:
+            Whether all numbers are finite, so that it makes sense to go on.
+        """
+        if not np.isfinite(positions).all():
+            self._fail(NOT_FINITE, when, math.nan)
+            return False
+        strain = self._mesh.strain(positions)
+        largest = float(strain.max())
+        lowest = math.inf if self._floor is None else float(positions[:, 2].min() - self._floor)
+        percentile = float(np.percentile(strain, PERCENTILE))
+        self._steps.append((when, percentile, largest, lowest, milliseconds))
+        if largest > MOST_STRAIN:
+            self._fail(STRAIN, when, largest)
+        if lowest < -DEEPEST:
+            self._fail(UNDER_FLOOR, when, lowest)
+        self._pass(when, positions)
+        return True
+
+    def fail(self, when: float) -> None:
+        """Takes down that an engine gave up at a time [s], as if its numbers were not finite."""
+        self._fail(NOT_FINITE, when, math.nan)
+
+    def replay(self) -> Replay:
+        """What was taken down."""
+        columns = np.array(self._steps, float).reshape(-1, 5).T
+        return Replay(self._times, self._positions, Steps(*columns), tuple(self._failures.values()))
+
+    def _fail(self, kind: str, when: float, value: float) -> None:
+        self._failures.setdefault(kind, Failure(kind, when, value))
+
+    def _pass(self, when: float, positions: np.ndarray) -> None:
+        """Notes where vertices were at the times up to this one, straight between steps."""
+        while self._next < len(self._times) and self._times[self._next] <= when + _ROUNDING:
+            earlier, before = (when, positions) if self._before is None else self._before
+            way = when - earlier
+            share = 1.0 if way <= 0.0 else min((self._times[self._next] - earlier) / way, 1.0)
+            self._positions[self._next] = (1.0 - share) * before + share * positions
+            self._next += 1
+        self._before = when, np.array(positions)
+
+
+def check_holds(holds: Sequence[Hold], start: np.ndarray, begin: float) -> None:
+    """Raises `InvalidArgumentError` unless vertices at `start` (n, 3) [m] can be held like that.
+
+    A vertex has to exist, to be held once at a time, and to be within 5 cm of its way at the start
+    unless it keeps its distance from it.
+    """
+    taken: list[tuple[int, float, float]] = []
+    for number, hold in enumerate(holds):
+        name = f"holds[{number}]"
+        if not hold.begin < hold.end:
+            raise InvalidArgumentError(f"{name}.end", hold.end, f"later than {hold.begin} s")
+        path = np.asarray(hold.path(np.array([max(hold.begin, begin)])))
+        shape = (1, len(hold.vertices), 3)
+        if path.shape != shape or not np.isfinite(path).all():
+            raise InvalidArgumentError(f"{name}.path", path.shape, f"finite, of a shape {shape}")
+        for vertex, place in zip(hold.vertices, path[0], strict=True):
+            if not 0 <= vertex < len(start):
+                valid = f"indices of {len(start)} vertices"
+                raise InvalidArgumentError(f"{name}.vertices", vertex, valid)
+            for other, first, last in taken:
+                if other == vertex and first < hold.end and hold.begin < last:
+                    raise InvalidArgumentError(f"{name}.vertices", vertex, "held once at a time")
+            taken.append((vertex, hold.begin, hold.end))
+            away = float(np.linalg.norm(place - start[vertex]))
+            if hold.begin <= begin and not hold.follows and away > REACH:
+                valid = f"within {REACH} m of vertex {vertex}, at {start[vertex].tolist()}"
+                raise InvalidArgumentError(f"{name}.path", place.tolist(), valid)
+
+
+def replay(
+    mesh: Mesh,
+    fabric: Fabric,
+    holds: Sequence[Hold],
+    times: np.ndarray,
+    *,
+    start: np.ndarray | None = None,
+    begin: float = 0.0,
+    floor: float | None = 0.0,
+    step: float = solver.TIMESTEP,
+) -> Replay:
+    """Simulates a sheet whose held vertices follow their paths.
+
+    Between steps vertices go straight. It is the same, bit for bit, whenever it is called.
+
+    Args:
+        mesh: the sheet at rest.
+        fabric: what it is made of.
+        holds: of vertices, none of which is held twice at a time.
+        times: (f,) [s] in order, from `begin` on, at which vertices are asked for.
+        start: where vertices are (n, 3) [m] at `begin`, at rest; None for where the mesh is.
+        begin: when it starts [s]; before 0 for what is to happen before a recording starts.
+        floor: height [m] of a plane without an end; None for none. Vertices lie half the fabric's
+            thickness over it.
+        step: of the physics [s]; the solver makes 25 of each.
+
+    Returns:
+        Positions at `times`, what steps took and how they were, failures. After numbers that are
+        not finite it stops.
+
+    Raises:
+        InvalidArgumentError: for shapes, times or holds that make no sense.
+    """
+    start = mesh.points if start is None else np.asarray(start, float)
+    if start.shape != mesh.points.shape or not np.isfinite(start).all():
+        raise InvalidArgumentError("start", start.shape, f"finite, of a shape {mesh.points.shape}")
+    if not 0.0 < step < math.inf:
+        raise InvalidArgumentError("step", step, "a finite number of seconds above 0")
+    check_holds(holds, start, begin)
+    recorder = Recorder(mesh, times, floor)
+    sheet, model, data = _compiled(mesh, fabric, floor, step)
+    sheet.set_points(start)
+    mujoco.mj_forward(model, data)
+    recorder.start(begin, start)
+    number = math.ceil((np.max(times, initial=begin) - begin) / step - _ROUNDING)
+    ends = begin + step * np.arange(1, number + 1)
+    hands = [_Hand(sheet, hold, begin, ends) for hold in holds]
+    for i, end in enumerate(ends):
+        for hand in hands:
+            hand.let_go(end - step / 2)
+        for hand in hands:
+            hand.move(i, end - step / 2, step)
+        before = time.thread_time()
+        mujoco.mj_step(model, data)
+        took = 1e3 * (time.thread_time() - before)
+        if any(data.warning[kind].number for kind in _BAD):
+            recorder.fail(float(end))
+            break
+        if not recorder.add(float(end), sheet.points(), took):
+            break
+    return recorder.replay()
+
+
+class _Hand:
+    """What makes a `Hold` of a sheet's vertices."""
+
+    def __init__(self, sheet: BareSheet, hold: Hold, begin: float, ends: np.ndarray):
+        self._sheet, self._hold, self._holds = sheet, hold, False
+        self._path = np.asarray(hold.path(ends), float)
+        self._first = np.asarray(hold.path(np.array([max(hold.begin, begin)])), float)[0]
+        self._apart = np.zeros_like(self._first)
+
+    def let_go(self, when: float) -> None:
+        """Opens if it is to, before a step whose middle is at a time [s]."""
+        if self._holds and when >= self._hold.end:
+            self._holds = False
+            for vertex in self._hold.vertices:
+                self._sheet.release(vertex)
+
+    def move(self, i: int, when: float, step: float) -> None:
+        """Goes where it is to be after the step i, whose middle is at a time [s]."""
+        if not self._hold.begin <= when < self._hold.end:
+            return
+        vertices = self._hold.vertices
+        if not self._holds:
+            self._holds = True
+            for vertex in vertices:
+                self._sheet.hold(vertex)
+            if self._hold.follows:
+                self._apart = self._sheet.points()[list(vertices)] - self._first
+        for vertex, target in zip(vertices, self._path[i] + self._apart, strict=True):
+            self._sheet.drive(vertex, target, step)
+
+
+def _compiled(
+    mesh: Mesh, fabric: Fabric, floor: float | None, step: float
+) -> tuple[BareSheet, mujoco.MjModel, mujoco.MjData]:
+    """A sheet over a floor, and nothing else."""
+    root = mjcf.RootElement(model="replay")
+    root.option.gravity = [0.0, 0.0, -fabrics.GRAVITY]
+    sheet = BareSheet(mesh, fabric)
+    memory = max(_MEMORY_OF_VERTEX * len(mesh.points), _LEAST_MEMORY)
+    for part in (root, sheet.mjcf_model):
+        part.size.memory, part.option.timestep = str(memory), step
+    if floor is not None:
+        # The larger of both coefficients of friction counts: that of the sheet.
+        root.worldbody.add(
+            "geom", type="plane", pos=[0, 0, floor], size=[_FLOOR_SIZE, _FLOOR_SIZE, 0.1],
+            friction=[1e-3],
+        )  # fmt: skip
+    root.attach(sheet.mjcf_model)
+    physics = mjcf.Physics.from_mjcf_model(root)
+    sheet.after_compile(physics, None)
+    return sheet, physics.model.ptr, physics.data.ptr
