@@ -3,6 +3,7 @@
 import abc
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -101,6 +102,10 @@ class Fabric:
             added_mass=data.added_mass,
         )
 
+    def material(self) -> dict[str, float]:
+        """What the solver is told of it, by the names of `solver.Material`."""
+        return solver_material(dataclasses.asdict(self))
+
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Domain parameters of a sheet that is made of it."""
@@ -134,6 +139,20 @@ class Fabric:
             ),
             chosen("pattern", FABRICS, 3, "of the front, fainter on the back"),
         )  # fmt: skip
+
+
+def solver_material(values: Mapping[str, float]) -> dict[str, float]:
+    """The attributes of `solver.Material`, by name, for those of a `Fabric`, by name."""
+    return {
+        "stretch": values["stretch_stiffness"],
+        "shear": values["shear"],
+        "bend": values["bend_stiffness"],
+        "stretch_damping": values["stretch_damping"],
+        "bend_damping": values["bend_damping"],
+        "friction": values["layer_friction"],
+        "drag": values["drag"],
+        "added_mass": values["added_mass"],
+    }
 
 
 class Sheet(Flex):
@@ -208,16 +227,7 @@ class Sheet(Flex):
         flexcomp.mass = self._mass(values["density"])
         flexcomp.radius = self.radius = values["thickness"] / 2.0
         flexcomp.contact.friction = [values["friction"]]
-        self._set_material(
-            stretch=values["stretch_stiffness"],
-            shear=values["shear"],
-            bend=values["bend_stiffness"],
-            stretch_damping=values["stretch_damping"],
-            bend_damping=values["bend_damping"],
-            friction=values["layer_friction"],
-            drag=values["drag"],
-            added_mass=values["added_mass"],
-        )
+        self._set_material(**solver_material(values))
         front, back = (
             tinted(color[:3], values["hue"], brightness=values["brightness"])
             for color in self._colors

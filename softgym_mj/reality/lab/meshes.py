@@ -1,0 +1,93 @@
+"""Strips along X with their mesh turned, or without any order, to be clamped and hung."""
+
+import numpy as np
+import scipy.spatial
+
+from softgym_mj.exceptions import check_name
+
+# How the mesh lies in a strip: grids by the angle [deg] between their lines and the strip.
+MESHES = ("grid_0", "grid_45", "grid_90", "unstructured")
+
+
+def strip(mesh: str, cells: int, width: int, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) [m] and triangles (m, 3) of a flat strip along X, from x = 0 on.
+
+    Args:
+        mesh: one of `MESHES`.
+        cells: about how many `spacing` long.
+        width: about how many `spacing` wide.
+        spacing: between vertices [m].
+    """
+    check_name("mesh", mesh, MESHES)
+    if mesh == "grid_45":
+        diagonals = max(1, round(cells / np.sqrt(2.0))), max(1, round(width / np.sqrt(2.0)))
+        places, triangles = _bias(*diagonals)
+    elif mesh == "unstructured":
+        places, triangles = _unstructured(cells, width)
+    else:
+        places, triangles = _grid(cells, width)
+        if mesh == "grid_90":  # The other lines of the same pattern run along it.
+            places, triangles = _grid(width, cells)
+            places, triangles = places[:, ::-1] * [1.0, 1.0], triangles[:, ::-1]
+    places = places - [places[:, 0].min(), places[:, 1].mean()]
+    return np.column_stack([spacing * places, np.zeros(len(places))]), triangles
+
+
+def _square(i: int, j: int) -> list[list[tuple[int, int]]]:
+    """The two triangles of a cell; diagonals alternate, as in `Cloth`."""
+    a, b, c, d = (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)
+    return [[a, b, d], [a, d, c]] if (i + j) % 2 == 0 else [[a, b, c], [b, d, c]]
+
+
+def _numbered(nodes: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (n, 2) and the triangles (m, 3) of all cells that lie between them."""
+    number = {node: n for n, node in enumerate(nodes)}
+    corners = [triangle for i, j in nodes for triangle in _square(i, j)]
+    found = [[number[c] for c in t] for t in corners if all(c in number for c in t)]
+    return np.array(nodes, float), np.array(found)
+
+
+def _grid(cells: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    return _numbered([(i, j) for i in range(cells + 1) for j in range(width + 1)])
+
+
+def _bias(length: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cut at 45 degrees; sides are diagonals of cells, of even parity: none is cut otherwise."""
+    size = length + width
+    nodes = [
+        (i, j)
+        for i in range(size + 1)
+        for j in range(-width, size + 1)
+        if 0 <= i + j <= 2 * length and 0 <= i - j <= 2 * width
+    ]
+    places, triangles = _numbered(nodes)
+    turned = np.column_stack([places.sum(axis=1), places[:, 1] - places[:, 0]]) / np.sqrt(2.0)
+    return turned, triangles
+
+
+_SHARE = 0.25  # Of the spacing by which inner vertices are out of line.
+_SEED = 0
+
+
+def _unstructured(cells: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Delaunay's triangles of rows that are shifted, and vertices that are out of line."""
+    rows = max(2, round(width * 2.0 / np.sqrt(3.0)))
+    random = np.random.default_rng(_SEED)
+    places = []
+    for row in range(rows + 1):
+        x = np.arange(cells + 1.0)
+        if row % 2:
+            x = np.concatenate([[0.0], x[:-1] + 0.5, [float(cells)]])
+        y = np.full(len(x), width * row / rows)
+        moves = random.uniform(-_SHARE, _SHARE, (len(x), 2))
+        moves[x <= 1.0, 0] = 0.0  # Straight where it is clamped, and at its end.
+        moves[x >= cells - 1e-9, 0] = 0.0
+        if row in (0, rows):
+            moves[:, 1] = 0.0
+        places.append(np.column_stack([x, y]) + moves)
+    points = np.concatenate(places)
+    triangles = scipy.spatial.Delaunay(points).simplices
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    triangles = np.where(area[:, None] < 0.0, triangles[:, ::-1], triangles)
+    return points, triangles[np.abs(area) > 1e-6]

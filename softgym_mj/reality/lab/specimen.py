@@ -1,0 +1,140 @@
+"""`Specimen`: a sheet in plain MuJoCo, some of whose vertices are clamped."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from softgym_mj.cloth import solver
+from softgym_mj.entities.flex import HELD_MASS
+from softgym_mj.entities.sheet import Fabric
+from softgym_mj.exceptions import SimulationError
+from softgym_mj.native.library import CLOTH, load_plugin
+from softgym_mj.reality.lab.theory import GRAVITY
+
+_STILL = 2e-5  # Share of what has changed until then that a sheet at rest still changes by.
+_ROUNDING = 1e-8  # [m] Or by which it does so by rounding.
+_PEAKS = 3  # Times that the motion was stopped over which that is looked at.
+_MOST_STEPS = 200_000
+
+
+class Specimen:
+    """A sheet of a fabric, as entities make one of it, over a floor or not.
+
+    Attributes:
+        model, data: MuJoCo's.
+        start: where vertices were (n, 3) [m].
+        held: numbers of the vertices that are clamped.
+        steps: how many were made.
+    """
+
+    def __init__(
+        self,
+        points: np.ndarray,
+        triangles: np.ndarray,
+        fabric: Fabric,
+        *,
+        gravity: Sequence[float] = (0.0, 0.0, -GRAVITY),
+        floor: bool = False,
+        substeps: int = 25,
+        timestep: float = solver.TIMESTEP,
+    ):
+        """Makes it.
+
+        Args:
+            points: vertices (n, 3) [m], flat; over a floor half of the fabric's thickness high.
+            triangles: (m, 3).
+            fabric: what it is made of.
+            gravity: [m/s^2]
+            floor: whether there is one, at z = 0.
+            substeps: of a step.
+            timestep: [s]
+        """
+        load_plugin()
+        xml = _xml(points, triangles, fabric, gravity, floor, substeps, timestep)
+        self.model = mujoco.MjModel.from_xml_string(xml)
+        solver.forget_damping(self.model)
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_forward(self.model, self.data)
+        bodies = self.model.flex_vertbodyid
+        joints = self.model.jnt_qposadr[self.model.body_jntadr[bodies]]
+        self._qpos = np.array(joints)[:, None] + np.arange(3)
+        self._qvel = np.array(self.model.body_dofadr[bodies])[:, None] + np.arange(3)
+        self._origin = np.array(self.model.body_pos[bodies])
+        self.start, self.held, self.steps = self.positions(), np.zeros(0, int), 0
+
+    def positions(self) -> np.ndarray:
+        """Of all vertices (n, 3) [m]."""
+        return self.data.qpos[self._qpos] + self._origin
+
+    def velocities(self) -> np.ndarray:
+        """Of all vertices (n, 3) [m/s]."""
+        return self.data.qvel[self._qvel]
+
+    def place(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
+        """Puts vertices (n, 3) [m] somewhere, with velocities alike [m/s]."""
+        self.data.qpos[self._qpos] = positions - self._origin
+        self.data.qvel[self._qvel] = velocities
+
+    def hold(self, vertices: np.ndarray) -> None:
+        """Clamps vertices (k,) where they are."""
+        self.held = np.asarray(vertices)
+        self.model.dof_M0[self._qvel[self.held]] = HELD_MASS
+
+    def step(self, count: int = 1) -> None:
+        """Steps; what is clamped stays."""
+        for _ in range(count):
+            self.data.qvel[self._qvel[self.held]] = 0.0
+            mujoco.mj_step(self.model, self.data)
+        self.steps += count
+
+    def settle(self) -> None:
+        """Steps until it hangs still.
+
+        The motion is stopped whenever it begins to slow down: each time it was nearest to rest
+        (Cundall's kinetic damping of dynamic relaxation).
+
+        Raises:
+            SimulationError: if it does not come to rest.
+        """
+        before, last, heights = self.positions(), 0.0, []
+        for _ in range(_MOST_STEPS):
+            self.step()
+            energy = float((self.velocities() ** 2).sum())
+            if energy >= last:
+                last = energy
+                continue
+            self.data.qvel[self._qvel] = 0.0
+            last = 0.0
+            heights.append(self.positions())
+            if len(heights) > _PEAKS:
+                change = np.abs(heights[-1] - heights[-1 - _PEAKS]).max()
+                if change <= max(_STILL * np.abs(heights[-1] - before).max(), _ROUNDING):
+                    return
+        raise SimulationError(f"a sheet of {len(self.start)} vertices does not come to rest")
+
+
+def _xml(points, triangles, fabric, gravity, floor, substeps, timestep) -> str:
+    config = "".join(
+        f'<config key="{key}" value="{value!r}"/>'
+        for key, value in {**fabric.material(), "substeps": substeps}.items()
+    )
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    mass = fabric.density * float(np.linalg.norm(normals, axis=1).sum()) / 2.0
+    numbers = " ".join(f"{x:.12g}" for x in points.ravel())
+    elements = " ".join(map(str, triangles.ravel()))
+    plane = '<geom type="plane" size="9 9 .1" friction="1e-3"/>' if floor else ""
+    return f"""<mujoco>
+    <option timestep="{timestep!r}" gravity="{" ".join(map(str, gravity))}" integrator="Euler"/>
+    <size memory="64M"/>
+    <extension><plugin plugin="{CLOTH}"><instance name="fabric">{config}</instance></plugin>
+    </extension>
+    <worldbody>{plane}
+      <flexcomp name="sheet" type="direct" dim="2" mass="{mass!r}"
+        radius="{fabric.thickness / 2.0!r}" point="{numbers}" element="{elements}">
+        <contact selfcollide="none" contype="0" conaffinity="0" friction="{fabric.friction!r}"/>
+        <edge equality="false" damping="1e-12"/>
+        <plugin plugin="{CLOTH}" instance="fabric"/>
+      </flexcomp>
+    </worldbody></mujoco>"""
