@@ -29,7 +29,7 @@ def test_a_beam_hangs_as_the_solution_of_its_boundary_value_problem(load):
         return np.array([start[0], end[1], start[2], start[3]])
 
     s = np.linspace(0.0, 1.0, 101)
-    found = scipy.integrate.solve_bvp(slope, ends, np.vstack([s, 1 - s, s**2 / 2, s]), tol=1e-8)
+    found = scipy.integrate.solve_bvp(slope, ends, s, np.vstack([s, 1 - s, s**2 / 2, s]), tol=1e-8)
     assert theory.drop_over_width(load) == pytest.approx(found.y[2, -1] / found.y[3, -1], rel=1e-3)
 
 
