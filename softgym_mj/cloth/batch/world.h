@@ -91,13 +91,18 @@ struct World {
 
 inline int Blocks(int rows, int levels) { return (rows + kBlock - 1) / kBlock + levels; }
 
-// Memory for at most so many rows, in at most so many levels.
+// Memory for at most so many rows, in at most so many levels; `rows`: null if it is only counted. What is taken is
+// written by itself: NVRTC 13.0 loses what is written through a pointer to either of two places.
 inline void TakeRows(Memory* memory, int most, int corners, int levels, Rows* rows) {
+  Key* key;
+  int *vertex, *level, *order;
+  memory->Take(&key, most);
+  memory->Take(&vertex, corners * most);
+  memory->Take(&level, most);
+  memory->Take(&order, kBlock * Blocks(most, levels));
+  if (!rows) return;
   rows->room = levels;
-  memory->Take(&rows->key, most);
-  memory->Take(&rows->vertex, corners * most);
-  memory->Take(&rows->level, most);
-  memory->Take(&rows->order, kBlock * Blocks(most, levels));
+  rows->key = key, rows->vertex = vertex, rows->level = level, rows->order = order;
 }
 
 // What is kept from a step to the next.
@@ -170,16 +175,16 @@ inline void TakeMemory(const Model& model, Memory* memory, World* w) {
   memory->Take(&w->layers, Blocks(model.rows, kMostLevels));
   memory->Take(&w->best, model.padded);
   memory->Take(&w->taken, kMostLevels / 64 * model.padded);
-  Rows unused;
-  TakeRows(memory, model.rows, 4, kMostLevels, w->step ? &w->step->layers : &unused);
+  TakeRows(memory, model.rows, 4, kMostLevels, w->step ? &w->step->layers : nullptr);
   for (int g = 0; g < model.grippers; ++g) {
-    Touch of_none;
-    Touch* touch = w->touch ? w->touch + g : &of_none;
+    Touch* touch = w->touch ? w->touch + g : nullptr;
     const int elements = model.is_surface ? model.triangles : model.edges;
-    TakeRows(memory, n, 3, kMeshLevels, &touch->points);
-    TakeRows(memory, elements, 3, kMeshLevels, &touch->triangles);
-    memory->Take(&touch->point_blocks, Blocks(n, kMeshLevels));
-    memory->Take(&touch->triangle_blocks, Blocks(elements, kMeshLevels));
+    TakeRows(memory, n, 3, kMeshLevels, touch ? &touch->points : nullptr);
+    TakeRows(memory, elements, 3, kMeshLevels, touch ? &touch->triangles : nullptr);
+    SolidBlock *point_blocks, *triangle_blocks;
+    memory->Take(&point_blocks, Blocks(n, kMeshLevels));
+    memory->Take(&triangle_blocks, Blocks(elements, kMeshLevels));
+    if (touch) touch->point_blocks = point_blocks, touch->triangle_blocks = triangle_blocks;
   }
 }
 
