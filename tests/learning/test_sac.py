@@ -108,6 +108,22 @@ def test_losses_are_those_of_the_paper():
         assert alpha[k].item() == pytest.approx(of_alpha, rel=1e-4)
 
 
+def test_losses_that_are_compiled_teach_the_same():
+    """As `fused` has it on a GPU; here without kernels, whose making takes a minute."""
+    seeds = [0, 1]
+    eager, fused = (SAC(SMALL, seeds, OBSERVATION, ACTION) for _ in range(2))
+    fused._critic_loss, fused._actor_losses = (
+        torch.compile(loss, dynamic=False, fullgraph=True, backend="aot_eager")
+        for loss in (fused.critic_loss, fused.actor_losses)
+    )
+    for k in range(4):
+        found = [sac.update(_batch(seeds, seed=k)) for sac in (eager, fused)]
+        for name, losses in found[0].items():
+            torch.testing.assert_close(found[1][name], losses, rtol=1e-4, atol=1e-5)
+    for one, other in zip(eager.actor.parameters(), fused.actor.parameters(), strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-5)
+
+
 def test_seeds_together_learn_what_each_learns_alone():
     seeds = [5, 6, 7]
     together = SAC(SMALL, seeds, OBSERVATION, ACTION)

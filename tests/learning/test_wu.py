@@ -155,8 +155,14 @@ def test_losses_are_those_of_the_paper(monkeypatch):
     monkeypatch.setattr(
         "softgym_mj.learning.methods.sac.step", lambda adam, loss: calls.append(loss)
     )
+    separate, losses = [], wu._actor_losses
+    monkeypatch.setattr(
+        wu, "_actor_losses", lambda *of: separate.append(losses(*of)) or separate[0]
+    )
     wu.update(batch)  # No step is taken, so that all losses are of the same networks.
-    critic, actor, alpha = calls
+    critic, both = calls
+    actor, alpha = separate[0]
+    torch.testing.assert_close(both, actor + alpha)
     assert (before - 1.0).abs().min() > 1e-4
     for k in range(2):
         expected, of_actor, surplus = 0.0, 0.0, 0.0

@@ -75,9 +75,12 @@ class StateSACSettings(SACSettings):
 
     Attributes:
         standard: whether networks see observations by means and deviations of the random steps.
+        fused: whether, on a GPU, losses are compiled to kernels that read and write hidden layers
+            less often (`torch.compile`, which takes about a minute at first).
     """
 
     standard: bool = False
+    fused: bool = False
 
 
 class SAC:
@@ -119,6 +122,10 @@ class SAC:
         self._critic_adam = adam(self.critics.parameters(), rates[1])
         self._alpha_adam = adam([self.log_alpha], settings.alpha_rate, settings.alpha_beta)
         self.updates, self.period = 0, math.lcm(settings.actor_every, settings.target_every)
+        self._critic_loss, self._actor_losses = self.critic_loss, self.actor_losses
+        if getattr(settings, "fused", False) and torch.device(device).type == "cuda":
+            self._critic_loss = torch.compile(self.critic_loss, dynamic=False)
+            self._actor_losses = torch.compile(self.actor_losses, dynamic=False)
 
     @property
     def number_of_critics(self) -> int:
@@ -199,16 +206,17 @@ class SAC:
         size = batch.action.shape[1:]
         if self.settings.halved_every:
             self._halve()
-        loss = self.critic_loss(batch, self._noise(*size))
+        loss = self._critic_loss(batch, self._noise(*size))
         step(self._critic_adam, loss)
         found = {"critic_loss": loss.detach(), "alpha": self.alpha}
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
             self.critics.requires_grad_(False)
-            actor, alpha = self.actor_losses(batch, self._noise(*size))
-            step(self._actor_adam, actor)
+            actor, alpha = self._actor_losses(batch, self._noise(*size))
+            self._alpha_adam.zero_grad(set_to_none=True)
+            step(self._actor_adam, actor + alpha)  # Each has weights of its own.
+            self._alpha_adam.step()
             self.critics.requires_grad_(True)
-            step(self._alpha_adam, alpha)
             found["actor_loss"] = actor.detach()
         if self.updates % self.settings.target_every == 0:
             self._follow()
