@@ -18,7 +18,16 @@ import typer
 import typer.core
 
 import softgym_mj
-from softgym_mj.cli import data, devices, evaluation, learning, photo, training, validation, view
+from softgym_mj.cli import (
+    data,
+    devices,
+    evaluation,
+    learning,
+    photo,
+    recordings,
+    training,
+    view,
+)
 from softgym_mj.cli.console import (
     Actor,
     Grasp,
@@ -66,7 +75,7 @@ app.command("compile")(devices.compile_programs)
 app.command()(devices.bench)
 app.command()(training.train)
 app.add_typer(learning.app, name="learning")
-app.add_typer(validation.app, name="validate")
+app.add_typer(recordings.app, name="validate")
 
 _VIDEO_SIZE = 480  # Side of a video [pixels].
 

@@ -18,7 +18,10 @@ FRONT, BACK, CLOUD, HAND = (192, 57, 84), (226, 196, 140), (52, 96, 150), (30, 3
 GROUND = (222, 222, 218)
 _AMBIENT = 0.35  # Share of light that comes from everywhere.
 _GROUND_SPACING = 0.012  # [m]
-_HAND_SIZE = 0.012  # [m] Half the side of a marker of what is held.
+_GROUND_HALF, _GROUND_FAR = 1.2, 2.5  # [m] Half its side; how far away it is at most.
+_POINT = 0.005  # [m] Of a cloud or a surface.
+_HAND_SIZE = 0.012  # [m] Of a marker of what is held.
+_NEAREST = 0.05  # [m] From the camera.
 
 
 def camera_at(
@@ -63,7 +66,8 @@ class Painter:
         owners: (n,) the triangle of each point, for its shade.
         calibration: of the camera.
         size: (height, width) of pictures [pixels].
-        floor: height [m] of what is drawn as ground; None for none.
+        background: a picture of what is behind, (height, width, 3) uint8.
+        depth: of that (height, width) [m]; infinite where nothing is.
     """
 
     triangles: np.ndarray
@@ -71,7 +75,8 @@ class Painter:
     owners: np.ndarray
     calibration: Calibration
     size: tuple[int, int]
-    floor: float | None
+    background: np.ndarray
+    depth: np.ndarray
 
     @classmethod
     def of(
@@ -83,7 +88,15 @@ class Painter:
         floor: float | None,
         spacing: float = 0.004,
     ) -> "Painter":
-        """For a mesh at rest, with points of its surface so far apart [m]."""
+        """For a mesh at rest.
+
+        Args:
+            points, triangles: (n, 3) [m] and (m, 3) of the mesh.
+            calibration: of the camera.
+            size: (height, width) of pictures [pixels].
+            floor: height [m] of what is drawn as ground; None for none.
+            spacing: of points of its surface [m].
+        """
         samples = sample_surface(points, triangles, spacing)
         number = {}
         for i, triangle in enumerate(np.sort(triangles, axis=1).tolist()):
@@ -92,7 +105,13 @@ class Painter:
                 number.setdefault(tuple(triangle[:k] + triangle[k + 1 :]), i)
                 number.setdefault((triangle[k],), i)
         owners = np.array([number[tuple(sorted(set(c)))] for c in samples.corners.tolist()])
-        return cls(triangles, samples, owners, calibration, size, floor)
+        background = np.tile(np.array(BACKGROUND, np.uint8), (*size, 1))
+        depth = np.full(size, np.inf)
+        if floor is not None:
+            ground = _ground(calibration, floor)
+            colors = np.tile(GROUND, (len(ground), 1))
+            _splat(background, depth, calibration, ground, colors, _GROUND_SPACING)
+        return cls(triangles, samples, owners, calibration, size, background, depth)
 
     def sheet(self, positions: np.ndarray, held: np.ndarray | None = None) -> np.ndarray:
         """A picture (height, width, 3) uint8 of vertices (n, 3) [m] and places held (k, 3) [m]."""
@@ -116,61 +135,58 @@ class Painter:
     def _picture(
         self, layers: list[tuple[np.ndarray, np.ndarray]], held: np.ndarray | None
     ) -> np.ndarray:
-        picture = np.tile(np.array(BACKGROUND, np.uint8), (*self.size, 1))
-        depth = np.full(self.size, np.inf)
-        if self.floor is not None:
-            ground = self._ground()
-            self._splat(picture, depth, ground, np.tile(GROUND, (len(ground), 1)), _GROUND_SPACING)
+        picture, depth = self.background.copy(), self.depth.copy()
         for points, colors in layers:
-            self._splat(picture, depth, points, colors, 0.005)
+            _splat(picture, depth, self.calibration, points, colors, _POINT)
         if held is not None:
             colors = np.tile(HAND, (len(held), 1))
-            self._splat(picture, depth, held, colors, _HAND_SIZE, nearer=_HAND_SIZE)
+            _splat(picture, depth, self.calibration, held, colors, _HAND_SIZE, _HAND_SIZE)
         return picture
 
-    def _ground(self) -> np.ndarray:
-        """Points of the ground about where the camera looks."""
-        turn, place = self.calibration.extrinsics[:3, :3], self.calibration.extrinsics[:3, 3]
-        eye, forward = -turn.T @ place, turn[2]
-        assert self.floor is not None
-        way = (self.floor - eye[2]) / forward[2] if forward[2] < 0.0 else 2.0
-        middle = eye + min(way, 2.5) * forward
-        line = np.arange(-1.2, 1.2, _GROUND_SPACING)
-        x, y = np.meshgrid(middle[0] + line, middle[1] + line)
-        return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, self.floor)])
 
-    def _splat(
-        self,
-        picture: np.ndarray,
-        depth: np.ndarray,
-        points: np.ndarray,
-        colors: np.ndarray,
-        diameter: float,
-        nearer: float = 0.0,
-    ) -> None:
-        """Paints points (n, 3) of a diameter [m] as squares where nothing is nearer."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            places, depths = self.calibration.project(points)
-        depths = depths - nearer
-        good = np.isfinite(places).all(axis=1) & (depths > 0.05)
-        places, depths, colors = places[good], depths[good], colors[good]
-        focal = self.calibration.intrinsics[0, 0]
-        half = (
-            math.ceil(0.5 * focal * diameter / max(np.median(depths), 1e-3)) if len(depths) else 0
-        )
-        order = np.argsort(-depths, kind="stable")
-        places, depths, colors = np.rint(places[order]).astype(int), depths[order], colors[order]
-        height, width = self.size
-        for row in range(-half, half + 1):
-            for column in range(-half, half + 1):
-                x, y = places[:, 0] + column, places[:, 1] + row
-                inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-                x, y, d, c = x[inside], y[inside], depths[inside], colors[inside]
-                nearest = np.full(self.size, np.inf)
-                np.minimum.at(nearest, (y, x), d)
-                wins = (d <= nearest[y, x]) & (d < depth[y, x])
-                picture[y[wins], x[wins]] = np.clip(c[wins], 0, 255).astype(np.uint8)
-                depth[y[wins], x[wins]] = d[wins]
+def _ground(calibration: Calibration, floor: float) -> np.ndarray:
+    """Points (n, 3) [m] of the ground about where the camera looks."""
+    turn, place = calibration.extrinsics[:3, :3], calibration.extrinsics[:3, 3]
+    eye, forward = -turn.T @ place, turn[2]
+    way = (floor - eye[2]) / forward[2] if forward[2] < 0.0 else _GROUND_FAR
+    middle = eye + min(way, _GROUND_FAR) * forward
+    line = np.arange(-_GROUND_HALF, _GROUND_HALF, _GROUND_SPACING)
+    x, y = np.meshgrid(middle[0] + line, middle[1] + line)
+    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, floor)])
+
+
+def _splat(
+    picture: np.ndarray,
+    depth: np.ndarray,
+    calibration: Calibration,
+    points: np.ndarray,
+    colors: np.ndarray,
+    diameter: float,
+    nearer: float = 0.0,
+) -> None:
+    """Paints points (n, 3) of a diameter [m] as squares where nothing is nearer than they are.
+
+    They count as `nearer` [m] than they are.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places, depths = calibration.project(points)
+    depths = depths - nearer
+    good = np.isfinite(places).all(axis=1) & (depths > _NEAREST)
+    if not good.any():
+        return
+    places, depths, colors = np.rint(places[good]).astype(int), depths[good], colors[good]
+    paint = np.clip(colors, 0, 255).astype(np.uint8)
+    half = math.ceil(0.5 * calibration.intrinsics[0, 0] * diameter / np.median(depths))
+    height, width = depth.shape
+    for row in range(-half, half + 1):
+        for column in range(-half, half + 1):
+            x, y = places[:, 0] + column, places[:, 1] + row
+            inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+            pixel, d = y[inside] * width + x[inside], depths[inside]
+            best = depth.ravel()
+            np.minimum.at(best, pixel, d)
+            wins = d <= best[pixel]
+            picture.reshape(-1, 3)[pixel[wins]] = paint[inside][wins]
 
 
 def beside(pictures: list[np.ndarray], gap: int = 4) -> np.ndarray:
