@@ -84,6 +84,45 @@ def rags(
     _report(cases, rag_cases.PRIMARY, RAGS, settings, missing, out, film, rag_scene.TABLE)
 
 
+@app.command()
+def markers(
+    folder: Folder,
+    fabric: FabricName = "white_dots",
+    parameters: Parameters = None,
+    unit: Annotated[float, typer.Option(help="Metres in a unit of the files.")] = 1.0,
+    held: Annotated[
+        list[int] | None,
+        typer.Option(help="Number of a marker that is held, from 1; else the two upper corners."),
+    ] = None,
+    after: Annotated[
+        float, typer.Option(help="Seconds of each recording that do not count.")
+    ] = 0.0,
+    floor: Annotated[float | None, typer.Option(help="Height of a plane [m]; else none.")] = None,
+    spacing: Annotated[float, typer.Option(help="Of the mesh, at most [m].")] = 0.025,
+    out: Out = None,
+    film: Film = True,
+) -> None:
+    """Cloths by motion capture: Coltraro et al., IJRR 2025. Nothing is downloaded."""
+    from softgym_mj.reality.validation import marker_cases
+    from softgym_mj.reality.validation.baselines import MARKERS
+
+    made_of = _fabric(fabric, parameters)
+    files = marker_cases.check(folder)
+    numbers = tuple(number - 1 for number in held) if held else None
+    cases = marker_cases.run(
+        folder, files, made_of, unit=unit, held=numbers, spacing=spacing, after=after, floor=floor
+    )
+    settings = {
+        "fabric": dataclasses.asdict(made_of),
+        "unit": unit,
+        "held": held,
+        "after": after,
+        "floor": floor,
+        "spacing": spacing,
+    }
+    _report(cases, marker_cases.PRIMARY, MARKERS, settings, [], out, film, floor)
+
+
 def _fabric(name: str, parameters: pathlib.Path | None) -> Fabric:
     """The named fabric with some attributes replaced."""
     found = Fabric.named(name)

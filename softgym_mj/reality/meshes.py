@@ -82,6 +82,11 @@ def rectangle(width: float, depth: float, spacing: float) -> Mesh:
         if not 0.0 < value < math.inf:
             raise InvalidArgumentError(name, value, "a finite number of metres above 0")
     columns, rows = (max(round(side / spacing), 1) + 1 for side in (width, depth))
+    return grid(width, depth, rows, columns)
+
+
+def grid(width: float, depth: float, rows: int, columns: int) -> Mesh:
+    """As `rectangle`, of so many vertices along Y (rows) and X (columns), each 2 or more."""
     x, y = np.meshgrid(
         np.linspace(-width / 2, width / 2, columns), np.linspace(depth / 2, -depth / 2, rows)
     )
