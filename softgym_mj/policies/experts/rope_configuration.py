@@ -13,6 +13,8 @@ from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 
 TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centres, with open grips and holding.
 LAID = 0.045  # [m] The same where a vertex is let go.
+# [m] The same of hands above the lowest that they get: what they hold is in the tool point itself.
+ARM_TRAVEL, ARM_CARRY, ARM_LAID = 0.045, 0.02, 0.006
 PUTTING = 0.4  # Fraction of full speed at which vertices are carried.
 WORST = 8  # Vertices of which one or two are carried at a time.
 NEXT, APART = 3, 6  # Least numbers of segments between them, and between two that are carried.
@@ -26,10 +28,20 @@ ERROR_PRICE = 23.0  # [1/m] Normalised performance that a mean error of the vert
 class RopeConfiguration(RehearsingExpert):
     """Takes up to two vertices, carries them to their places, and again as long as it helps."""
 
+    brakes = True
+
+    def _begin(self):
+        super()._begin()
+        heights = TRAVEL, CARRY, LAID
+        if self._has_arms:
+            low = float(self._actor.limits[0][2])
+            heights = low + ARM_TRAVEL, low + ARM_CARRY, low + ARM_LAID
+        self._travel, self._carry, self._laid = heights
+
     def _episode(self) -> Iterator[np.ndarray]:
         while plan := self._next():
             yield from plan()
-        yield from self._move(self._raised(TRAVEL), OPEN)
+        yield from self._move(self._raised(self._travel), OPEN)
 
     def _next(self) -> Plan | None:
         """What brings the rope nearest to the letter, at once or by what can follow."""
@@ -97,33 +109,33 @@ class RopeConfiguration(RehearsingExpert):
 
     def _can_carry(self, i: int, vertex: int, place: np.ndarray) -> bool:
         """Whether gripper `i` reaches both a vertex and where it belongs (3,) [m]."""
-        above = place * [1.0, 1.0, 0.0] + [0.0, 0.0, LAID]
+        above = place * [1.0, 1.0, 0.0] + [0.0, 0.0, self._laid]
         return self._can_reach(i, vertex) and np.allclose(self._actor.within_reach(i, above), above)
 
     def _put(
         self, places: dict[int, tuple[int, np.ndarray]], beyond: float
     ) -> Iterator[np.ndarray]:
         """Takes vertices from above and puts them down at their places, or further by a factor."""
-        goals = self._raised(TRAVEL)
+        goals = self._raised(self._travel)
         for i, (vertex, _) in places.items():
             goals[i, :2] = self._grasp(vertex)[0][:2]
         idle = [i for i in range(2) if i not in places]
         for i in idle:
             goals = self._aside(goals, i)
-        yield from self._move(self._raised(TRAVEL), OPEN, near=PASSED / 2)
+        yield from self._move(self._raised(self._travel), OPEN, near=PASSED / 2)
         yield from self._move(goals, OPEN, near=PASSED / 5)
         for i, (vertex, _) in places.items():
             goals[i] = self._grasp(vertex)[0]
         yield from self._move(goals, OPEN)
         grips = [i in places for i in range(2)]
         yield self._step(self._actor.positions(), grips)
-        goals = self._raised(CARRY)
+        goals = self._raised(self._carry)
         for i, (vertex, place) in places.items():
             goals[i] += beyond * (place - self._target.vertex(vertex)) * [1.0, 1.0, 0.0]
         for i in idle:
             goals = self._aside(goals, i)
         yield from self._move(goals, grips, PUTTING, near=PASSED / 5)
         for i in places:
-            goals[i, 2] = LAID
+            goals[i, 2] = self._laid
         yield from self._move(goals, grips, PUTTING, near=ARRIVED)
         yield self._rest(OPEN)
