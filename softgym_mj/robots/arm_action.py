@@ -21,10 +21,12 @@ class ArmAction(abc.ABC):
     Attributes:
         name: key in `arms.ACTIONS`.
         displaces: whether an action says by how much tool points move.
+        turns: whether it then has a rotation vector, which says by how much tools turn.
     """
 
     name: str
     displaces = True
+    turns = False
 
     def __init__(self, servos: JointServos, clip: Clip):
         """Binds it to what it leads, at home; `start` has to be called before anything else.

@@ -96,7 +96,7 @@ class Arms(ArmActor, Gripper):
         kind = ACTIONS[action]
         self.servos = JointServos(arm, self.mounts, arm_bodies.home(arm), tips)
         self._lead = kind(self.servos, self._clip)
-        self.actions, self.displaces = self._lead.actions, kind.displaces
+        self.actions, self.displaces, self.turns = self._lead.actions, kind.displaces, kind.turns
         self._set_workspace(Workspace((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
 
     def after_compile(self, physics, random_state):
@@ -190,9 +190,28 @@ class Arms(ArmActor, Gripper):
         Raises:
             InvalidArgumentError: unless `action` is "pose".
         """
+        return self._poses.orientations
+
+    def posing(
+        self, fractions: np.ndarray, turned: np.ndarray, grips: Sequence[bool] | np.ndarray
+    ) -> np.ndarray:
+        """The action (action_size,) that moves and turns tools.
+
+        Args:
+            fractions: of `MAX_DISPLACEMENT` along X, Y and Z in a sim step (num_grippers, 3).
+            turned: rotation vectors about these, of `MAX_TURN` in a sim step (num_grippers, 3).
+            grips: whether each gripper closes (num_grippers,).
+
+        Raises:
+            InvalidArgumentError: unless `action` is "pose".
+        """
+        return self._poses.posing(fractions, turned, np.asarray(grips))
+
+    @property
+    def _poses(self) -> PoseAction:
         if not isinstance(self._lead, PoseAction):
             raise InvalidArgumentError("action", self._lead.name, (PoseAction.name,))
-        return self._lead.orientations
+        return self._lead
 
     def remembered(self) -> np.ndarray:
         """As of all grippers, then what is commanded (4 * num_grippers + k,)."""

@@ -56,6 +56,8 @@ class Gripper(BodyActor):
     hold_height = 0.05
     # Whether an action says by how much grippers move, see `displacing`.
     displaces = True
+    # Whether it also says by how much they turn, see `Arms.posing`.
+    turns = False
     # [m] From which two grippers do not get into each other's way, whatever side they come from.
     least_distance = 0.0
 

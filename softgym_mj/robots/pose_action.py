@@ -31,6 +31,7 @@ class PoseAction(PositionAction):
     """
 
     name = "pose"
+    turns = True
 
     def __init__(self, servos: JointServos, clip: Clip):
         super().__init__(servos, clip)
@@ -52,8 +53,17 @@ class PoseAction(PositionAction):
         self._turns.start(np.zeros_like(points))
 
     def displacing(self, fractions: np.ndarray, grips: np.ndarray) -> np.ndarray:
-        turns_none = np.zeros_like(fractions)
-        return np.column_stack([fractions, turns_none, np.where(grips, 1.0, -1.0)]).ravel()
+        return self.posing(fractions, np.zeros_like(fractions), grips)
+
+    def posing(self, fractions: np.ndarray, turned: np.ndarray, grips: np.ndarray) -> np.ndarray:
+        """The action (action_size,) that also turns tools.
+
+        Args:
+            fractions: as of `displacing` (n, 3).
+            turned: rotation vectors (n, 3) as fractions of `MAX_TURN` in a sim step.
+            grips: which hands close (n,) bool.
+        """
+        return np.column_stack([fractions, turned, np.where(grips, 1.0, -1.0)]).ravel()
 
     def advance(self) -> None:
         super().advance()

@@ -1,4 +1,9 @@
-"""The expert of FoldCloth: takes the corners of column 0 and swings them over to their mirrors."""
+"""The expert of FoldCloth: takes the corners of column 0 and swings them over to their mirrors.
+
+Hands that turn (`action="pose"`) lean over the edge that they carry, first from outside over where
+it lies, in the end from outside over where it comes to lie: they turn with it, though not as far.
+Near the floor they lean no further than their open fingers have room for.
+"""
 
 import math
 from collections.abc import Iterator
@@ -7,6 +12,8 @@ import numpy as np
 
 from softgym_mj.policies.experts.cloth_expert import TRAVEL_HEIGHT, ClothExpert
 from softgym_mj.policies.experts.picker_expert import ARRIVED, CLOSED, OPEN, PASSED
+from softgym_mj.robots import turns
+from softgym_mj.robots.pose_action import MAX_TURN
 
 ARC = 12  # Points of the half circle in which the corners are carried.
 # [m] By which the corners are let down early, as the bend takes up as much, and the height above
@@ -14,14 +21,46 @@ ARC = 12  # Points of the half circle in which the corners are carried.
 SHORT, LANDING = 0.04, 0.03
 ARM_SHORT, ARM_LANDING = 0.05, 0.025
 SPEED = 0.25  # Fraction of full speed.
+TILT = math.radians(40.0)  # Of hands against the vertical, where they take and where they let go.
+HALF_SPAN = 0.05  # [m] From the tool point to the outer side of an open finger.
 
 
 class FoldCloth(ClothExpert):
     """Takes two corners, carries them over in a half circle and lays them down."""
 
+    def _begin(self):
+        super()._begin()
+        self._leaning = np.zeros((2, 3))  # [rad] Rotation vectors of the hands from straight down.
+        self._down: np.ndarray | None = None  # Their orientations (2, 4) there.
+
+    def _step(self, goals, grips, speed=1.0):
+        action = super()._step(goals, grips, speed)
+        if not self._actor.turns:
+            return action
+        commanded = self._actor.commanded_quaternions()
+        if self._down is None:
+            self._down = commanded
+        wanted = turns.compose(turns.quaternions(self._leaning * self._room(goals)), self._down)
+        fractions = turns.between(commanded, wanted) / (MAX_TURN * self._env.task.action_repeat)
+        fractions /= np.maximum(np.abs(fractions).max(axis=1, keepdims=True), 1.0)
+        moves = action.reshape(2, -1)
+        return self._actor.posing(moves[:, :3], fractions, moves[:, -1] > 0.0)
+
+    def _room(self, goals: np.ndarray) -> np.ndarray:
+        """Shares (2, 1) of `TILT` by which hands can lean whose tool points are at goals (2, 3)."""
+        above = np.maximum(goals[:, 2:] - self._actor.limits[0][2], 0.0)
+        return np.minimum(np.arcsin(np.minimum(above / HALF_SPAN, 1.0)) / TILT, 1.0)
+
+    def _lean(self, ways: np.ndarray, share: float) -> None:
+        """Has hands lean back by a share of `TILT` from where ways (2, 3) [m] lead."""
+        across = np.column_stack([-ways[:, 1], ways[:, 0], np.zeros(2)])
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        self._leaning = -share * TILT * across
+
     def _episode(self) -> Iterator[np.ndarray]:
         cloth, grips = self._env.task.cloth, [False, False]
         wanted, mirrors = self._pairs()
+        self._lean(cloth.points()[mirrors] - cloth.points()[wanted], 1.0)
         yield from self._take(dict(enumerate(wanted)), grips)
         ends = cloth.points()[mirrors]
         ways = ends - cloth.points()[wanted]
@@ -57,6 +96,7 @@ class FoldCloth(ClothExpert):
         for angle in np.linspace(0.0, np.pi, ARC)[1:]:
             goals = middle - math.cos(angle) * half
             goals[:, 2] += math.sin(angle) * np.linalg.norm(half[:, :2], axis=1)
+            self._lean(half, math.cos(angle))
             last = angle == np.pi
             yield from self._move(goals, CLOSED, SPEED, near=ARRIVED if last else PASSED / 2)
         yield self._rest(OPEN)
