@@ -50,9 +50,20 @@ class Mesh:
     @functools.cached_property
     def area(self) -> float:
         """Of all triangles [m^2], at rest."""
+        return float(self.triangle_areas.sum())
+
+    @functools.cached_property
+    def triangle_areas(self) -> np.ndarray:
+        """Of each triangle (m,) [m^2], at rest."""
         corners = self.points[self.triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return float(np.linalg.norm(normals, axis=1).sum() / 2.0)
+        return np.linalg.norm(normals, axis=1) / 2.0
+
+    @functools.cached_property
+    def vertex_areas(self) -> np.ndarray:
+        """Of each vertex (n,) [m^2]: a third of the triangles around it."""
+        shares = np.repeat(self.triangle_areas / 3.0, 3)
+        return np.bincount(self.triangles.ravel(), shares, len(self.points))
 
     def edge_lengths(self, positions: np.ndarray) -> np.ndarray:
         """Lengths (e,) [m] of the edges when vertices are at `positions` (n, 3) [m]."""

@@ -1,0 +1,88 @@
+"""Intervals of what searches found: from the loss's curvature and from how searches differ.
+
+Near the least loss a quadratic is fitted to the evaluations that searches made, and its minimum is
+one estimate. It is made again and again with other frames (blocks of neighbours, drawn with
+replacement) and other evaluations (likewise): what the minimum varies by is what noise and the
+roughness of the loss leave open. To it comes the variance between searches. What no frame shows,
+an error of the model that all have in common, is not in it.
+"""
+
+import numpy as np
+
+from softgym_mj.reality.identification.search import Found
+
+BLOCK = 5  # Neighbouring frames that count as one: their errors are alike.
+_REPEATS = 200
+_PER_COEFFICIENT = 4  # Evaluations for each coefficient of the quadratic.
+_TWO_SIDED = 1.96  # Standard deviations of 95 % of a normal distribution.
+
+
+def intervals(
+    searches: list[Found], estimate: np.ndarray, bounds: np.ndarray, frames: list[int]
+) -> np.ndarray:
+    """95 % intervals (unknowns, 2) of coordinates, within bounds.
+
+    Args:
+        searches: what they have looked at, at least one.
+        estimate: (unknowns,) coordinates.
+        bounds: (unknowns, 2).
+        frames: how many each recording has.
+    """
+    points = np.concatenate([found.points for found in searches])
+    losses = np.concatenate([found.losses for found in searches])
+    distances = np.concatenate([found.frames for found in searches])
+    coefficients = 1 + len(estimate) + len(estimate) * (len(estimate) + 1) // 2
+    best = np.argsort(losses, kind="stable")[: _PER_COEFFICIENT * coefficients]
+    minima = _minima(points[best] - estimate, distances[best], bounds - estimate[:, None], frames)
+    variance = minima.var(axis=0)
+    if len(searches) > 1:
+        variance = variance + np.var([found.estimate for found in searches], axis=0, ddof=1)
+    reach = _TWO_SIDED * np.sqrt(variance)
+    wide = np.column_stack([estimate - reach, estimate + reach])
+    return np.clip(wide, bounds[:, :1], bounds[:, 1:])
+
+
+def _minima(
+    points: np.ndarray, distances: np.ndarray, bounds: np.ndarray, frames: list[int]
+) -> np.ndarray:
+    """Minima (repeats, unknowns) of quadratics through points (n, unknowns) as frames are drawn."""
+    random = np.random.default_rng(0)
+    scale = np.maximum(points.std(axis=0), 1e-9)
+    x = points / scale
+    first, second = np.triu_indices(x.shape[1])
+    design = np.column_stack([np.ones(len(x)), x, x[:, first] * x[:, second]])
+    found = []
+    for _ in range(_REPEATS):
+        rows = random.integers(0, len(x), len(x))
+        values = distances[rows] @ _weights(frames, random)
+        solution = np.linalg.lstsq(design[rows], values, rcond=None)[0]
+        gradient, hessian = solution[1 : 1 + x.shape[1]], np.zeros((x.shape[1],) * 2)
+        hessian[first, second] += solution[1 + x.shape[1] :]
+        hessian = hessian + hessian.T
+        found.append(_minimum(gradient, hessian, bounds / scale[:, None]) * scale)
+    return np.array(found)
+
+
+def _weights(frames: list[int], random: np.random.Generator) -> np.ndarray:
+    """How much each frame counts (all frames,) when blocks of each recording are drawn anew."""
+    weights = []
+    for number in frames:
+        block = np.arange(number) // BLOCK
+        most = block[-1] + 1
+        drawn = np.bincount(random.integers(0, most, most), minlength=most)
+        counts = drawn[block].astype(float)
+        weights.append(counts / max(counts.sum(), 1.0) / len(frames))
+    return np.concatenate(weights)
+
+
+def _minimum(gradient: np.ndarray, hessian: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Where a quadratic is least within bounds (unknowns, 2); where it falls, at their edge."""
+    values, vectors = np.linalg.eigh(hessian)
+    slopes = vectors.T @ gradient
+    width = np.linalg.norm(bounds[:, 1] - bounds[:, 0])
+    way = np.where(
+        values > np.abs(slopes) / width,
+        -slopes / np.where(values > 0.0, values, 1.0),
+        -np.sign(slopes) * width,
+    )
+    return np.clip(vectors @ way, bounds[:, 0], bounds[:, 1])

@@ -1,0 +1,118 @@
+"""The rags' recordings for a search: repeat 0 to fit, the others to be held out.
+
+A rag is taken to be taut between its grippers: a pinch holds it within its corners, and with slack
+a sheet hangs in one of several shapes, which even the step of the simulation may decide.
+"""
+
+import pathlib
+
+import numpy as np
+
+from softgym_mj.cloth import solver
+from softgym_mj.exceptions import StoreError
+from softgym_mj.reality import primitives, rags
+from softgym_mj.reality.identification.recordings import (
+    FIT,
+    HELD_OUT,
+    Clouds,
+    Motion,
+    Recording,
+    Scene,
+    looking,
+    spread,
+)
+from softgym_mj.reality.meshes import rectangle
+from softgym_mj.reality.rag_scene import TABLE, corners, hung
+from softgym_mj.reality.replay import Hold, replay
+
+GAP = primitives.GRIPPER_X[1] - primitives.GRIPPER_X[0]  # [m]
+SIZE = (GAP, 0.63)  # [m] Between the grippers, and down.
+SPACING = 0.0263  # [m] 19 x 25 vertices.
+_SETTLE, _TOGETHER = 1.0, 1.0  # [s] Before the primitive; the latter only if it is slack.
+_GRID = 0.01  # [s] Of what is kept of a motion.
+_AFTER = 0.1  # [s] That is simulated after the last frame: clocks may run early.
+
+
+class RagScene(Scene):
+    """A rag under a primitive."""
+
+    def __init__(
+        self,
+        primitive: str,
+        end: float,
+        size: tuple[float, float] = SIZE,
+        spacing: float = SPACING,
+        table: float = TABLE,
+        step: float = solver.TIMESTEP,
+    ):
+        """Of a rag of some size [m] (between the grippers, down), until so many seconds."""
+        self.mesh = rectangle(*size, spacing)
+        self._primitive, self._end, self._table, self._step = primitive, end, table, step
+        self._slack = size[0] - GAP
+
+    def motion(self, fabric):
+        is_slack = abs(self._slack) > 1e-6
+        begin = -_SETTLE - (2.0 * _TOGETHER if is_slack else 0.0)
+
+        def path(times: np.ndarray) -> np.ndarray:
+            positions = primitives.gripper_positions(self._primitive, times)
+            apart = np.interp(times, [-2.0 * _TOGETHER, -_TOGETHER], [self._slack / 2.0, 0.0])
+            positions[:, 0, 0] -= apart
+            positions[:, 1, 0] += apart
+            return positions
+
+        times = np.arange(round(self._end / _GRID) + 1) * _GRID
+        done = replay(
+            self.mesh, fabric, [Hold(corners(self.mesh), path)], times, start=hung(self.mesh),
+            begin=begin, floor=self._table, step=self._step, by_area=True,
+        )  # fmt: skip
+        return Motion(times, done.positions)
+
+
+def read_rags(
+    folder: pathlib.Path,
+    cloth: str,
+    size: tuple[float, float] = SIZE,
+    spacing: float = SPACING,
+    table: float = TABLE,
+    camera: tuple[float, float, float] | None = None,
+) -> tuple[dict[str, Scene], list[Recording]]:
+    """Scenes by name, and all recordings of a cloth; of "dynamic" the frames before contact.
+
+    Args:
+        folder: that the archive was unpacked in.
+        cloth: of `rags.CLOTHS`.
+        size: of the rag between the grippers, and down [m].
+        spacing: of the mesh's vertices [m].
+        table: its height [m].
+        camera: where it was [m]; None if unknown.
+
+    Raises:
+        StoreError: if repeat 0 is not there, or files are damaged.
+    """
+    scenes: dict[str, Scene] = {}
+    found = []
+    for repeat in rags.REPEATS:
+        for primitive in rags.FRAMES:
+            if not rags.sequence_folder(folder, cloth, repeat, primitive).is_dir():
+                continue
+            frames = rags.counted_frames(cloth, repeat, primitive)
+            clouds = rags.read_sequence(folder, cloth, repeat, primitive)
+            chosen = spread(frames)
+            points = [clouds[i].points for i in chosen]
+            end = (frames - 1) / rags.FRAME_RATE + _AFTER
+            scene = scenes.setdefault(primitive, RagScene(primitive, end, size, spacing, table))
+            seen_from = None if camera is None else looking(camera, points)
+            found.append(
+                Recording(
+                    f"{cloth}_{repeat}/{primitive}",
+                    FIT if repeat == 0 else HELD_OUT,
+                    primitive,
+                    chosen / rags.FRAME_RATE,
+                    Clouds(points, scene.mesh, seen_from),
+                )
+            )
+    if not any(recording.role == FIT for recording in found):
+        lacking = rags.sequence_folder(folder, cloth, 0, "dynamic")
+        raise StoreError(f"{lacking}: repeat 0 is missing, and so is quasi_static")
+    return scenes, found

@@ -1,0 +1,165 @@
+"""Recordings as searches see them: what moves, which frames of it were seen, how far one is off."""
+
+import abc
+import dataclasses
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from softgym_mj.entities.sheet import Fabric
+from softgym_mj.reality.meshes import Mesh
+from softgym_mj.reality.nearest import SurfaceDistance
+from softgym_mj.reality.surfaces import seen
+from softgym_mj.rendering.calibration import Calibration
+
+FIT, HELD_OUT = "fit", "held out"
+MOST_FRAMES = 40  # Of a recording that are looked at, spread over it: neighbours tell the same.
+_POINTS = 400  # Of a cloud whose distance from the surface is taken: as many say no more.
+_MOST_POINTS = 4000  # Of a cloud among which vertices look for the nearest.
+MISSED = 1.0  # [m] Distance of what is no number: a simulation that failed.
+# Of the image in which a camera that only has a place sees: 100 degrees across.
+_IMAGE, _FOCAL = (1000, 1000), 420.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """What a sheet did.
+
+    Attributes:
+        times: (s,) [s], evenly spaced.
+        positions: (s, n, 3) [m].
+    """
+
+    times: np.ndarray
+    positions: np.ndarray
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Vertices (f, n, 3) [m] at times (f,) [s]; beyond the first and last, as then."""
+        step = self.times[1] - self.times[0]
+        places = np.clip((times - self.times[0]) / step, 0.0, len(self.times) - 1)
+        first = np.minimum(places.astype(int), len(self.times) - 2)
+        share = (places - first)[:, None, None]
+        return (1.0 - share) * self.positions[first] + share * self.positions[first + 1]
+
+
+class Scene(abc.ABC):
+    """What is simulated for one or several recordings of the same motion.
+
+    Attributes:
+        mesh: of the sheet.
+    """
+
+    mesh: Mesh
+
+    @abc.abstractmethod
+    def motion(self, fabric: Fabric) -> Motion:
+        """What a sheet of a fabric does in it."""
+
+
+class Observation(abc.ABC):
+    """What was seen in some frames."""
+
+    @abc.abstractmethod
+    def distances(self, positions: np.ndarray, chosen: slice = slice(None)) -> np.ndarray:
+        """How far vertices (f, n, 3) [m] are from what was seen in each frame: (f,) [m].
+
+        Args:
+            positions: of the mesh.
+            chosen: which of the frames these are.
+        """
+
+
+@dataclasses.dataclass(frozen=True)
+class Recording:
+    """One recording.
+
+    Attributes:
+        name: of its own.
+        role: "fit" or "held out".
+        scene: name of what is simulated.
+        times: (f,) of its frames [s], by its own clock; 0 when the scene's motion starts.
+        observation: of these frames.
+    """
+
+    name: str
+    role: str
+    scene: str
+    times: np.ndarray
+    observation: Observation
+
+    def distances(self, motion: Motion, latency: float, chosen: slice = slice(None)) -> np.ndarray:
+        """How far a motion is off in each frame (f,) [m] if frames show what was `latency` ago."""
+        positions = motion.at(self.times[chosen] - latency)
+        finite = np.isfinite(positions).all(axis=(1, 2))
+        found = self.observation.distances(np.where(finite[:, None, None], positions, 0.0), chosen)
+        return np.where(finite, np.minimum(found, MISSED), MISSED)
+
+
+class Clouds(Observation):
+    """Point clouds of what a camera saw: the mean of two mean distances.
+
+    One is of real points from the simulated surface, the other of vertices that the camera would
+    see from the nearest real point. Without a camera only the first is taken: the second counts
+    what no camera saw.
+    """
+
+    def __init__(self, clouds: list[np.ndarray], mesh: Mesh, camera: Calibration | None):
+        """Keeps clouds (k, 3) [m] of frames of a mesh, in the frame of the simulation."""
+        random = np.random.default_rng(0)  # Which points: the same for every evaluation.
+        self._clouds = []
+        for cloud in clouds:
+            some = min(len(cloud), _MOST_POINTS)
+            self._clouds.append(random.permutation(cloud)[:some].astype(np.float32))
+        self._mesh, self._camera = mesh, camera
+
+    def distances(self, positions, chosen=slice(None)):
+        surface = SurfaceDistance(self._mesh.triangles)
+        found = []
+        for vertices, cloud in zip(positions, self._clouds[chosen], strict=True):
+            there = surface(cloud[:_POINTS].astype(float), vertices).mean()
+            back = there if self._camera is None else self._back(vertices, cloud)
+            found.append((there + back) / 2.0)
+        return np.array(found)
+
+    def _back(self, vertices: np.ndarray, cloud: np.ndarray) -> float:
+        assert self._camera is not None
+        if self._camera.project(vertices)[1].min() <= 0.0:
+            return MISSED  # It flew past the camera.
+        visible = seen(vertices, vertices, self._mesh.triangles, self._camera, _IMAGE)
+        if not visible.any():
+            return MISSED
+        return float(cKDTree(cloud).query(vertices[visible])[0].mean())
+
+
+class MarkerPlaces(Observation):
+    """Markers, whose places on the mesh are known: root of the mean squared distance."""
+
+    def __init__(self, markers: np.ndarray, weights: np.ndarray):
+        """Keeps markers (f, k, 3) [m], which lie at `weights` (k, n) of the vertices."""
+        self._markers, self._weights = markers, weights
+
+    def distances(self, positions, chosen=slice(None)):
+        away = np.einsum("kn,fnx->fkx", self._weights, positions) - self._markers[chosen]
+        return np.sqrt((away**2).sum(axis=2).mean(axis=1))
+
+
+def looking(place: tuple[float, float, float], clouds: list[np.ndarray]) -> Calibration:
+    """A camera at a place [m] that looks at what it saw: clouds (k, 3) [m]; its image is wide."""
+    middle = np.mean([cloud.mean(axis=0) for cloud in clouds], axis=0)
+    forward = middle - np.asarray(place, float)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    if np.linalg.norm(right) < 1e-6:  # It looks straight down or up.
+        right = np.array([1.0, 0.0, 0.0])
+    right /= np.linalg.norm(right)
+    extrinsics = np.eye(4)
+    extrinsics[:3, :3] = right, np.cross(forward, right), forward
+    extrinsics[:3, 3] = -extrinsics[:3, :3] @ place
+    intrinsics = np.diag([_FOCAL, _FOCAL, 1.0])
+    intrinsics[:2, 2] = (_IMAGE[1] - 1) / 2, (_IMAGE[0] - 1) / 2
+    return Calibration(intrinsics, extrinsics)
+
+
+def spread(frames: int, most: int = MOST_FRAMES) -> np.ndarray:
+    """Which of a number of frames to look at: (at most `most`,), first and last included."""
+    return np.unique(np.round(np.linspace(0, frames - 1, min(frames, most))).astype(int))

@@ -1,0 +1,101 @@
+"""Recordings of rags that were simulated, in the layout of real ones: their parameters are known.
+
+Points are spread over the side that a camera sees, with noise; frames show what was a latency ago.
+"""
+
+import dataclasses
+import pathlib
+from collections.abc import Mapping
+
+import numpy as np
+
+from softgym_mj.cloth import solver
+from softgym_mj.entities.sheet import Fabric
+from softgym_mj.reality import rags
+from softgym_mj.reality.clouds import Cloud
+from softgym_mj.reality.identification.rag_data import SIZE, SPACING, RagScene
+from softgym_mj.reality.identification.recordings import Motion, looking
+from softgym_mj.reality.surfaces import sample_surface, seen
+
+CAMERA = (0.26, -2.0, 1.2)  # [m] In front of the table.
+_SAMPLES = 0.006  # [m] Between which points are drawn.
+_POINTS = 1500  # Of a cloud: one in 2 cm^2 of a rag.
+_GRAY = 128
+_IMAGE = (1000, 1000)
+
+
+@dataclasses.dataclass(frozen=True)
+class Sensor:
+    """What sees, and how well.
+
+    Attributes:
+        latency: [s] of frames.
+        noise: standard deviation along each axis [m].
+        place: of the camera [m].
+        is_one_sided: whether only what the camera sees is in a cloud.
+    """
+
+    latency: float = 0.033
+    noise: float = 0.005
+    place: tuple[float, float, float] = CAMERA
+    is_one_sided: bool = True
+
+
+def write_rags(
+    folder: pathlib.Path,
+    cloth: str,
+    fabric: Fabric,
+    sensor: Sensor | None = None,
+    spacing: float = SPACING / 2.0,
+    step: float = solver.TIMESTEP / 2.0,
+    repeats: tuple[int, ...] = rags.REPEATS,
+    slips: Mapping[tuple[int, str], float] | None = None,
+    seed: int = 0,
+) -> None:
+    """Writes both primitives of a simulated rag as `rags.read_sequence` reads them.
+
+    Args:
+        folder: to write into.
+        cloth: of `rags.CLOTHS`, whose name it is to have.
+        fabric: what it is made of.
+        sensor: what sees it; None for the default.
+        spacing, step: of the simulation [m], [s]; the defaults are half of those of a search.
+        repeats: that there are to be; the motion is the same, noise is not.
+        slips: by which time stamps are late [s] beyond the latency, by repeat and primitive.
+        seed: of noise.
+    """
+    sensor = Sensor() if sensor is None else sensor
+    for primitive, frames in rags.FRAMES.items():
+        end = frames / rags.FRAME_RATE
+        scene = RagScene(primitive, end, SIZE, spacing, step=step)
+        motion = scene.motion(fabric)
+        for repeat in repeats:
+            late = sensor.latency + (slips or {}).get((repeat, primitive), 0.0)
+            random = np.random.default_rng([seed, repeat, list(rags.FRAMES).index(primitive)])
+            times = np.arange(frames) / rags.FRAME_RATE - late
+            clouds = _clouds(scene, motion, times, sensor, random)
+            rags.write_sequence(folder, cloth, repeat, primitive, clouds)
+
+
+def _clouds(
+    scene: RagScene,
+    motion: Motion,
+    times: np.ndarray,
+    sensor: Sensor,
+    random: np.random.Generator,
+) -> list[Cloud]:
+    """What is seen at times (f,) [s] of a motion."""
+    mesh = scene.mesh
+    samples = sample_surface(mesh.points, mesh.triangles, _SAMPLES)
+    clouds = []
+    for vertices in motion.at(times):
+        # A few points among all: whether these are seen is asked of them alone.
+        points = samples.points(vertices)
+        points = points[random.permutation(len(points))[: 2 * _POINTS]]
+        if sensor.is_one_sided:
+            camera = looking(sensor.place, [vertices])
+            points = points[seen(points, vertices, mesh.triangles, camera, _IMAGE)]
+        points = points[:_POINTS]
+        points = points + sensor.noise * random.standard_normal(points.shape)
+        clouds.append(Cloud(points, np.full(points.shape, _GRAY, np.uint8)))
+    return clouds

@@ -1,0 +1,115 @@
+"""What is looked for: ratios to the density, as nothing else shows in how given hands move cloth.
+
+With grippers that go where they are told a sheet of twice the mass, stiffness and drag moves alike.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from softgym_mj.entities.sheet import Fabric
+from softgym_mj.exceptions import InvalidArgumentError
+
+# Of density: where a search starts if a fabric has none, of whose logarithm there is no start.
+# About a third of what a strip of 0.5 m in the open has over 0.2 kg/m^2.
+_FIRST_ADDED_MASS = 0.7
+
+
+@dataclasses.dataclass(frozen=True)
+class Unknown:
+    """A number that is looked for.
+
+    Attributes:
+        name, unit: of the number.
+        summary: what it is.
+        low, high: beyond which it is not looked for.
+        scale: by which searches spread at first: of its natural logarithm, or of itself.
+        is_logarithmic: whether searches go by its logarithm.
+    """
+
+    name: str
+    unit: str
+    summary: str
+    low: float
+    high: float
+    scale: float
+    is_logarithmic: bool = True
+
+    def coordinate(self, value: float) -> float:
+        """Where searches see a value."""
+        return (math.log(value) if self.is_logarithmic else value) / self.scale
+
+    def value(self, coordinate: float) -> float:
+        """The value of a coordinate."""
+        seen = coordinate * self.scale
+        return math.exp(seen) if self.is_logarithmic else seen
+
+
+LATENCY = "latency"
+UNKNOWNS = (
+    # Gravity bending lengths of 5 to 45 mm: wider than those of 618 fabrics (Feng et al., 2022).
+    Unknown("bending", "m^4/s^2", "bending stiffness B / density", 1.2e-6, 9e-4, 0.8),
+    Unknown("drag", "m^2/kg", "drag coefficient C_d / density", 0.3, 60.0, 0.6),
+    Unknown("added_mass", "", "air taken along / density", 0.02, 10.0, 0.8),
+    Unknown("friction", "", "friction on the floor", 0.05, 2.0, 0.5),
+    Unknown("layer_friction", "", "friction between layers", 0.05, 2.0, 0.5),
+    # Above, substeps do not follow; of it only what is too soft shows.
+    Unknown("stretch", "m^2/s^2", "stretch stiffness / density", 300.0, 1e4, 0.8),
+    Unknown(LATENCY, "s", "time of a frame - that of what it shows", -1.0, 1.0, 0.03, False),
+)
+NAMES = tuple(unknown.name for unknown in UNKNOWNS)
+
+
+def values_of(fabric: Fabric, latency: float) -> dict[str, float]:
+    """The numbers, by name, of a fabric and a latency [s], moved into where they are looked for."""
+    rho = fabric.density
+    found = {
+        "bending": fabric.bend_stiffness / rho,
+        "drag": fabric.drag / rho,
+        "added_mass": fabric.added_mass / rho or _FIRST_ADDED_MASS,
+        "friction": fabric.friction,
+        "layer_friction": fabric.layer_friction,
+        "stretch": fabric.stretch_stiffness / rho,
+        LATENCY: latency,
+    }
+    return {u.name: min(max(found[u.name], u.low), u.high) for u in UNKNOWNS}
+
+
+def fabric_of(values: Mapping[str, float], base: Fabric) -> Fabric:
+    """A fabric of numbers by name; density and what is not looked for are those of another one."""
+    rho = base.density
+    return dataclasses.replace(
+        base,
+        bend_stiffness=values["bending"] * rho,
+        drag=values["drag"] * rho,
+        added_mass=values["added_mass"] * rho,
+        friction=values["friction"],
+        layer_friction=values["layer_friction"],
+        stretch_stiffness=values["stretch"] * rho,
+    )
+
+
+def coordinates_of(values: Mapping[str, float]) -> np.ndarray:
+    """Where searches see numbers by name: (unknowns,)."""
+    missing = [name for name in NAMES if name not in values]
+    if missing:
+        raise InvalidArgumentError("values", sorted(values), f"also {', '.join(missing)}")
+    return np.array([unknown.coordinate(values[unknown.name]) for unknown in UNKNOWNS])
+
+
+def values_at(coordinates: Sequence[float] | np.ndarray) -> dict[str, float]:
+    """The numbers by name at coordinates (unknowns,)."""
+    return {u.name: u.value(float(x)) for u, x in zip(UNKNOWNS, coordinates, strict=True)}
+
+
+def bounds(latency: float, reach: float) -> np.ndarray:
+    """Between which coordinates to search: (unknowns, 2); latencies within a reach of one [s]."""
+    rows = []
+    for unknown in UNKNOWNS:
+        low, high = unknown.low, unknown.high
+        if unknown.name == LATENCY:
+            low, high = max(low, latency - reach), min(high, latency + reach)
+        rows.append([unknown.coordinate(low), unknown.coordinate(high)])
+    return np.array(rows)
