@@ -28,7 +28,8 @@ SEEDS = 3
 FACTOR = 2.0  # Upper over lower end of an interval, above which a number is not identified.
 WIDEST = 0.033  # [s] The same of latency: a frame.
 REACH = 0.1  # [s] Of latency around where a first look finds it.
-SLIPPED = 0.015  # [s] From the common latency, above which a recording's clock is off.
+SLIPPED = 0.015  # [s] From the common latency, above which a recording's clock is off,
+_NOTICED = 0.95  # if its loss is at most this share of that at the common one.
 _AS_GOOD = 1.01  # Searches whose loss is at most so many times the least are averaged.
 
 
@@ -98,8 +99,8 @@ def report(
         "parameters": by name "value", "low" and "high" (95 %), "start", "unit", "is_identified"
             and, for numbers that recordings only bound, "at_least" or "at_most"; "fit", "held_out":
             losses [m] "found", "start" (the fabric to start from, at its first latency) and by
-            recording; "clocks": by recording the latency [s] at which it fits best, and whether
-            that is `SLIPPED` from the common one; "searches": the loss [m] and values of each.
+            recording; "clocks": by recording the latency [s] at which it fits best, its loss there,
+            and whether that is `SLIPPED` from the common one and noticed; "searches": the loss [m] and values of each.
     """
     fitted = task.only_fitted()
     ends = [tuple(map(float, found.estimate)) for found in searches]
@@ -172,13 +173,17 @@ def _losses(task: Task, moved, latency: float, before, first: float) -> dict[str
 
 
 def _clocks(task: Task, moved, latency: float) -> dict[str, Any]:
+    """As of `report`: a clock is off if it is by enough, and losses notice."""
     found = {}
     for recording in task.recordings:
-        best = slip(recording, moved[recording.scene])
+        motion = moved[recording.scene]
+        best = slip(recording, motion)
+        there, here = (float(recording.distances(motion, t).mean()) for t in (best, latency))
         found[recording.name] = {
             "latency": best,
             "slip": best - latency,
-            "has_slipped": bool(abs(best - latency) > SLIPPED),
+            "loss": there,
+            "has_slipped": abs(best - latency) > SLIPPED and there < _NOTICED * here,
         }
     return found
 
