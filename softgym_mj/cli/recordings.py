@@ -12,7 +12,7 @@ import typer
 from softgym_mj.cli.console import console
 from softgym_mj.cli.validation import app
 from softgym_mj.entities.sheet import Fabric
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.jobs.files import make_folder, read_json
 
 Folder = Annotated[pathlib.Path, typer.Argument(help="Where the data set is.")]
@@ -85,6 +85,76 @@ def rags(
 
 
 @app.command()
+def garments(
+    folder: Folder,
+    fabric: Annotated[
+        str | None, typer.Option(help="Name of a fabric; else what the benchmark says.")
+    ] = None,
+    parameters: Parameters = None,
+    garment: Annotated[
+        list[str] | None, typer.Option(help="Name of a garment, once for each; else all.")
+    ] = None,
+    action: Annotated[
+        list[str] | None, typer.Option(help="fling, fold or grasp, once for each; else all.")
+    ] = None,
+    mesh: Annotated[
+        pathlib.Path | None, typer.Option(help="An OBJ; else the benchmark's in DIR/meshes.")
+    ] = None,
+    held: Annotated[
+        list[int] | None,
+        typer.Option(help="Vertex of the OBJ that the left, then the right arm holds."),
+    ] = None,
+    window: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="Delay of the camera, begin and end [s]; else the benchmark's."),
+    ] = None,
+    swapped: Annotated[
+        bool, typer.Option(help="Whether the left arm's base is at Y = -0.25 m.")
+    ] = False,
+    place: Annotated[
+        tuple[float, float], typer.Option(help="X and Y of the origin of meshes [m].")
+    ] = (0.1, 0.0),
+    sampled: Annotated[float, typer.Option(help="Spacing of points on surfaces [m].")] = 0.005,
+    out: Out = None,
+    film: Film = True,
+) -> None:
+    """Garments in two arms' hands: RGBench, AAAI 2026. Nothing is downloaded."""
+    from softgym_mj.reality import garment_scene
+    from softgym_mj.reality import garments as data
+    from softgym_mj.reality.garment_windows import Window
+    from softgym_mj.reality.validation import garment_cases
+    from softgym_mj.reality.validation.baselines import GARMENTS
+
+    for name in garment or ():
+        check_name("garment", name, data.GARMENTS)
+    for name in action or ():
+        check_name("action", name, data.ACTIONS)
+    if fabric is None and parameters is not None:
+        raise InvalidArgumentError("fabric", None, "the name of a fabric beside parameters")
+    made_of = None
+    if fabric is not None:
+        thin = dataclasses.replace(Fabric.named(fabric), thickness=garment_scene.THICKNESS)
+        made_of = _replaced(thin, parameters)
+    found = garment_cases.check(folder, garment or data.GARMENTS, action or data.ACTIONS)
+    _say_missing(found.missing, garment_cases.WHERE)
+    cases = garment_cases.run(
+        folder, found, fabric=made_of, mesh=mesh, held=tuple(held) if held else None,
+        window=Window(*window) if window else None, swapped=swapped, place=place, sampled=sampled,
+    )  # fmt: skip
+    settings = {
+        "fabric": dataclasses.asdict(made_of) if made_of else garment_cases.FABRICS,
+        "mesh": str(mesh) if mesh else "the benchmark's",
+        "held": held,
+        "window": window,
+        "swapped": swapped,
+        "place": place,
+        "sampled": sampled,
+    }
+    missing = found.missing
+    _report(cases, garment_cases.PRIMARY, GARMENTS, settings, missing, out, film, 0.0)
+
+
+@app.command()
 def markers(
     folder: Folder,
     fabric: FabricName = "white_dots",
@@ -125,15 +195,19 @@ def markers(
 
 def _fabric(name: str, parameters: pathlib.Path | None) -> Fabric:
     """The named fabric with some attributes replaced."""
-    found = Fabric.named(name)
+    return _replaced(Fabric.named(name), parameters)
+
+
+def _replaced(fabric: Fabric, parameters: pathlib.Path | None) -> Fabric:
+    """A fabric with the attributes of a file."""
     if parameters is None:
-        return found
+        return fabric
     values = read_json(parameters)
     valid = [field.name for field in dataclasses.fields(Fabric)]
     for key in values:
         if key not in valid:
             raise InvalidArgumentError(str(parameters), key, valid)
-    return dataclasses.replace(found, **values)
+    return dataclasses.replace(fabric, **values)
 
 
 def _say_missing(missing: Sequence[str], where: str) -> None:

@@ -3,6 +3,9 @@
 Hugging Face, `RGBench/RGBench-Cloth-Sim2Real-v1`, CC-BY 4.0; nothing is downloaded here. A capture
 is a folder `<garment>/<garment>_<action>_<stamp>` with a transform, joints of both arms and clouds.
 
+The documentation describes joints by stamps and lists, the code writes and reads them in
+columns of their own, with the pose of the end effector: both are read here.
+
 A cloud's name says when it was taken; in the simulation that is this time minus the first stamp of
 the joints plus the delay of the camera. No known slip of the data is repaired here.
 """
@@ -36,6 +39,13 @@ ACTIONS = ("fling", "fold", "grasp")
 ARMS = ("left", "right")
 STAMP = ("header.stamp.secs", "header.stamp.nsecs")
 JOINTS = ("name", "position")
+WIDE, END = "time", ("pos_x", "pos_y", "pos_z")  # Columns of the other layout.
+# Folders that are called otherwise than their garment.
+OTHER_NAMES = {
+    "blazer": "khaki_blazer",
+    "sunwear": "grey_sunwear",
+    "white_dress": "white_cakeskirt",
+}
 TRANSFORM = "calibration/world_to_camera_transform.json"
 _CLOUD = re.compile(r"pointcloud_(\d+(?:\.\d+)?)_segmented\.pcd")
 _RIGID = 1e-4  # By how much a rotation may be none; files have some six digits.
@@ -49,11 +59,14 @@ class JointStates:
         names: of the joints.
         times: (n,) [s], increasing.
         positions: (n, joints) [rad], of the gripper [m].
+        ends: (n, 3) [m] where the end effector was, in the frame of the arm's base; None if the
+            file does not say.
     """
 
     names: tuple[str, ...]
     times: np.ndarray
     positions: np.ndarray
+    ends: np.ndarray | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,13 +93,18 @@ class Capture:
         turn, place = self.camera[:3, :3], self.camera[:3, 3]
         return [np.linalg.solve(turn, (cloud - place).T).T for cloud in self.clouds]
 
+    @property
+    def first_stamp(self) -> float:
+        """When the joints' recording starts [s]."""
+        return min(float(arm.times[0]) for arm in self.arms.values())
+
     def simulated_times(self, delay: float) -> np.ndarray:
         """When the clouds were taken (n,) [s] after the start of the joints' recording.
 
         Args:
             delay: of the camera [s], about one frame.
         """
-        return self.times - min(arm.times[0] for arm in self.arms.values()) + delay
+        return self.times - self.first_stamp + delay
 
 
 def read_capture(folder: pathlib.Path) -> Capture:
@@ -96,7 +114,7 @@ def read_capture(folder: pathlib.Path) -> Capture:
         StoreError: with the name of the file, if it is of an unknown garment or action, or if
             anything in it is missing or damaged.
     """
-    garment, action = _case(folder)
+    garment, action = case(folder)
     camera = _transform(folder / TRANSFORM)
     arms = {arm: _joints(_joints_file(folder, arm)) for arm in ARMS}
     stamps = {}
@@ -114,14 +132,21 @@ def read_capture(folder: pathlib.Path) -> Capture:
 
 
 def write_capture(folder: pathlib.Path, capture: Capture) -> None:
-    """Writes a capture as `read_capture` reads it; times of joints to the nanosecond.
+    """Writes a capture as `read_capture` reads it.
+
+    Of arms with ends it writes columns, with all bits; of others stamps to the nanosecond and
+    lists.
 
     Raises:
         InvalidArgumentError: if the folder's name is of another case.
     """
     check_name("garment", capture.garment, GARMENTS)
     check_name("action", capture.action, ACTIONS)
-    if not folder.name.startswith(f"{capture.garment}_{capture.action}_"):
+    try:
+        named = case(folder)
+    except StoreError:
+        named = None
+    if named != (capture.garment, capture.action):
         valid = f"{capture.garment}_{capture.action}_<stamp>"
         raise InvalidArgumentError("folder", folder.name, valid)
     for part in ("calibration", "joints", "segment_pcds"):
@@ -131,6 +156,11 @@ def write_capture(folder: pathlib.Path, capture: Capture) -> None:
         states = capture.arms[arm]
         with _joints_file(folder, arm).open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
+            if states.ends is not None:
+                writer.writerow([WIDE, *(f"pos_{name}" for name in states.names), *END])
+                rows = np.column_stack([states.times, states.positions, states.ends])
+                writer.writerows([map(repr, row) for row in rows.tolist()])
+                continue
             writer.writerow([*STAMP, *JOINTS])
             for time, row in zip(states.times, states.positions, strict=True):
                 seconds = math.floor(time)  # Apart: nanoseconds of an epoch are no double.
@@ -140,11 +170,15 @@ def write_capture(folder: pathlib.Path, capture: Capture) -> None:
         write_pcd(folder / "segment_pcds" / f"pointcloud_{float(time)!r}_segmented.pcd", cloud)
 
 
-def _case(folder: pathlib.Path) -> tuple[str, str]:
-    """Garment and action of a folder, by its name."""
-    for garment in GARMENTS:
+def case(folder: pathlib.Path) -> tuple[str, str]:
+    """Garment and action of the folder of a capture, by its name.
+
+    Raises:
+        StoreError: for an unknown garment or action.
+    """
+    for name, garment in (OTHER_NAMES | {garment: garment for garment in GARMENTS}).items():
         for action in ACTIONS:
-            if folder.name.startswith(f"{garment}_{action}_"):
+            if folder.name.startswith(f"{name}_{action}_"):
                 return garment, action
     raise StoreError(
         f"{folder}: unknown garment or action; garments: {', '.join(GARMENTS)}; "
@@ -173,6 +207,8 @@ def _joints_file(folder: pathlib.Path, arm: str) -> pathlib.Path:
 def _joints(path: pathlib.Path) -> JointStates:
     """Columns are found by their names: there are others, and their order is not published."""
     columns, rows = read_rows(path)
+    if WIDE in columns:
+        return _wide(path, columns, rows)
     missing = [name for name in (*STAMP, *JOINTS) if name not in columns]
     if missing:
         raise StoreError(f"{path}: lacks the columns {', '.join(missing)}; it has {columns}")
@@ -189,3 +225,17 @@ def _joints(path: pathlib.Path) -> JointStates:
         if name != names[0] or len(place) != len(name):
             raise StoreError(f"{path}: line {number} has other joints than the first")
     return JointStates(names[0], times, numbers(path, positions))
+
+
+def _wide(path: pathlib.Path, columns: list[str], rows: list[list[str]]) -> JointStates:
+    """Joints in columns of their own: time, pos_1, ..., pos_gripper, pos_x, pos_y, pos_z, ..."""
+    missing = [name for name in END if name not in columns]
+    joints = [name for name in columns if name.startswith("pos_") and name not in END]
+    if missing or not joints:
+        lacking = ", ".join([*missing, *([] if joints else ["pos_1"])])
+        raise StoreError(f"{path}: lacks the columns {lacking}; it has {columns}")
+    places = [columns.index(name) for name in (WIDE, *joints, *END)]
+    values = numbers(path, [[row[place] for place in places] for row in rows])
+    check_increasing(path, values[:, 0])
+    names = tuple(name.removeprefix("pos_") for name in joints)
+    return JointStates(names, values[:, 0], values[:, 1 : 1 + len(names)], values[:, -3:])

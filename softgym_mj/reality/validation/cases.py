@@ -68,8 +68,14 @@ class Case:
     held: tuple[int, ...]
 
     def mean(self, column: str) -> float:
-        """Mean of a column over the frames that count; NaN if one of these has no number."""
-        return float(np.mean(self.columns[column][self.counted]))
+        """Mean of a column over the frames that count; NaN if one of these has no number.
+
+        Between recordings it is the mean over the frames that another one has, too.
+        """
+        values = self.columns[column][self.counted]
+        if column.startswith(REAL):
+            values = values[np.isfinite(values)]
+        return float(np.mean(values)) if len(values) else np.nan
 
 
 def of_simulation(found: Replay) -> dict[str, np.ndarray]:
