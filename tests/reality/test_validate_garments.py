@@ -145,7 +145,7 @@ def test_what_was_simulated_is_found_again(data):
         assert case.mean("sim_to_real_euclid") < 1e-3
         # Vertices alone have a floor: points of the lattice between them are up to 10 mm away.
         assert 3e-3 < case.mean("chamfer") < 15e-3
-        assert case.mean("height") < 1e-3
+        assert case.mean("height") < 5e-3  # Of vertices, and of points of the lattice.
         assert not case.failures
     assert cases[FLING].group == "green_tshirt/fling"
     # It hangs from the file's vertices, in 0.3 m.
