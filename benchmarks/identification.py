@@ -158,7 +158,7 @@ def run(
     begin = time.time()
 
     def progress(best: dict) -> None:
-        said = ", ".join(f"{names[k]}/{seed} {1e3 * v:.2f}" for (k, seed), v in best.items())
+        said = ", ".join(f"{names[k]}/{seed} {1e3 * v[1]:.2f}" for (k, seed), v in best.items())
         print(f"{time.time() - begin:.0f} s [mm]: {said}", flush=True)
 
     together(searches, lambda k, x: (fitted[k[0]], x), evaluate, executor, journals, progress)

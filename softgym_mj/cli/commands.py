@@ -76,6 +76,7 @@ app.command()(devices.bench)
 app.command()(training.train)
 app.add_typer(learning.app, name="learning")
 app.add_typer(recordings.app, name="validate")
+app.add_typer(identification.app, name="identify")
 
 _VIDEO_SIZE = 480  # Side of a video [pixels].
 

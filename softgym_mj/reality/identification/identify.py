@@ -2,7 +2,7 @@
 
 import dataclasses
 import pathlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.reality.identification.confidence import intervals
 from softgym_mj.reality.identification.recordings import HELD_OUT
-from softgym_mj.reality.identification.search import EVALUATIONS, Found, Search, together
+from softgym_mj.reality.identification.search import EVALUATIONS, Found, Progress, Search, together
 from softgym_mj.reality.identification.tasks import Task, evaluate, loss, motions, slip
 from softgym_mj.reality.identification.unknowns import (
     LATENCY,
@@ -60,7 +60,7 @@ def identify(
     seeds: Sequence[int] = tuple(range(SEEDS)),
     evaluations: int = EVALUATIONS,
     store: Store | None = None,
-    progress: Callable[[dict[Any, float]], None] = lambda best: None,
+    progress: Progress = lambda made: None,
 ) -> dict[str, Any]:
     """Looks for the parameters with which a task's recordings are met best.
 
@@ -70,7 +70,7 @@ def identify(
         seeds: of the searches, one each.
         evaluations: of a search.
         store: for journals of the searches, so that they go on where they were stopped.
-        progress: told of the least loss [m] of each search after every generation.
+        progress: as of `together`.
 
     Returns:
         As of `report`.
@@ -100,7 +100,8 @@ def report(
             and, for numbers that recordings only bound, "at_least" or "at_most"; "fit", "held_out":
             losses [m] "found", "start" (the fabric to start from, at its first latency) and by
             recording; "clocks": by recording the latency [s] at which it fits best, its loss there,
-            and whether that is `SLIPPED` from the common one and noticed; "searches": the loss [m] and values of each.
+            and whether that is `SLIPPED` from the common one and noticed; "searches": the loss [m]
+            and values of each.
     """
     fitted = task.only_fitted()
     ends = [tuple(map(float, found.estimate)) for found in searches]

@@ -28,6 +28,8 @@ from softgym_mj.reality.replay import Hold, replay
 GAP = primitives.GRIPPER_X[1] - primitives.GRIPPER_X[0]  # [m]
 SIZE = (GAP, 0.63)  # [m] Between the grippers, and down.
 SPACING = 0.0263  # [m] 19 x 25 vertices.
+# Not part of the data: where the benchmark's own script puts a virtual one.
+CAMERA = (-0.05, 1.774, 0.808)  # [m]
 _SETTLE, _TOGETHER = 1.0, 1.0  # [s] Before the primitive; the latter only if it is slack.
 _GRID = 0.01  # [s] Of what is kept of a motion.
 _AFTER = 0.1  # [s] That is simulated after the last frame: clocks may run early.

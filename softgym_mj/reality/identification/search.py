@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -11,6 +12,8 @@ from softgym_mj.exceptions import check_count, import_extra
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.journal import Journal
 from softgym_mj.reality.identification.tasks import loss
+
+Progress = Callable[[dict[Any, tuple[int, float]]], None]
 
 POPULATION = 12
 EVALUATIONS = 480
@@ -69,6 +72,11 @@ class Search:
         """Whether it asks for nothing more."""
         return self._left == 0
 
+    @property
+    def made(self) -> tuple[int, float]:
+        """How many evaluations it has been told of, and their least loss [m]."""
+        return len(self._losses), min(self._losses, default=math.inf)
+
     def ask(self) -> list[np.ndarray]:
         """Coordinates (unknowns,) of the next generation; the same until it is told of them."""
         if len(self._points) == len(self._losses):
@@ -101,7 +109,7 @@ def together(
     function: Callable[..., list[list[float]]],
     executor: Executor,
     journals: Mapping[Any, Journal] | None = None,
-    progress: Callable[[dict[Any, float]], None] = lambda best: None,
+    progress: Progress = lambda made: None,
 ) -> None:
     """Advances searches to their ends, a generation of all of them at a time.
 
@@ -111,7 +119,8 @@ def together(
         function: gives distances of frames of recordings.
         executor: that makes these calls.
         journals: of the same keys; generations that they have are not made again.
-        progress: told of the least loss [m] of each search after every generation.
+        progress: told, after every generation, of each search how many evaluations it has made and
+            their least loss [m].
     """
     journals = journals or {}
     for key, journal in journals.items():
@@ -127,4 +136,4 @@ def together(
             if key in journals:
                 journals[key].append(generation)
             running[key].tell(generation)
-        progress({key: float(search.found().losses.min()) for key, search in searches.items()})
+        progress({key: search.made for key, search in searches.items()})

@@ -1,0 +1,187 @@
+"""The commands `softgym-mj identify ...`: parameters of a fabric from recordings of it."""
+
+import contextlib
+import dataclasses
+import pathlib
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+import rich.box
+import rich.progress
+import rich.table
+import typer
+
+from softgym_mj.cli.console import Ray, console, progress_bar
+from softgym_mj.cli.recordings import FabricName, Folder, Parameters, made_of
+from softgym_mj.jobs.files import make_folder, write_json
+
+app = typer.Typer(help="Parameters of a fabric from recordings of it.", no_args_is_help=True)
+
+Density = Annotated[
+    float | None,
+    typer.Option(help="Mass of a unit of area [kg/m^2], from scales; else the fabric's."),
+]
+Seeds = Annotated[int, typer.Option(help="How many searches.", min=1)]
+Evaluations = Annotated[int, typer.Option(help="Of each search.", min=12)]
+Jobs = Annotated[int, typer.Option(help="Processes; what is found does not depend on them.")]
+Out = Annotated[
+    pathlib.Path,
+    typer.Option(help="Folder for identification.json, fabric.json and what a new start needs."),
+]
+_OUT = pathlib.Path("identification")
+_MM = 1e3
+
+
+@app.callback()
+def identify() -> None:
+    """Parameters of a fabric from recordings of it: values, 95 % intervals, and what stays open.
+
+    A search by CMA-ES for each seed; it may be killed and run again.
+    """
+
+
+@app.command()
+def rags(
+    folder: Folder,
+    cloth: Annotated[str, typer.Option(help="chequered, cotton or linen.")] = "linen",
+    fabric: FabricName = "white_dots",
+    parameters: Parameters = None,
+    density: Density = None,
+    width: Annotated[float, typer.Option(help="Of the rag between the grippers [m].")] = 0.478,
+    length: Annotated[float, typer.Option(help="Of the rag, down [m].")] = 0.63,
+    table: Annotated[float, typer.Option(help="Height of its top [m].")] = 0.2,
+    spacing: Annotated[float, typer.Option(help="Of the mesh [m].")] = 0.0263,
+    camera: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="Its place [m]; else that of a picture, which is assumed."),
+    ] = None,
+    blind: Annotated[
+        bool, typer.Option("--blind", help="Without a camera: from real points only.")
+    ] = False,
+    seeds: Seeds = 3,
+    evaluations: Evaluations = 480,
+    jobs: Jobs = 1,
+    ray: Ray = None,
+    out: Out = _OUT,
+) -> None:
+    """From clouds of a rag: fitted to repeat 0 of both primitives, reported on the others."""
+    from softgym_mj.reality.identification import rag_data
+
+    base = _base(fabric, parameters, density)
+    place = None if blind else camera or rag_data.CAMERA
+    scenes, recordings = rag_data.read_rags(folder, cloth, (width, length), spacing, table, place)
+    settings = {
+        "layout": "rags", "folder": str(folder), "cloth": cloth, "size": (width, length),
+        "table": table, "spacing": spacing, "camera": place,
+    }  # fmt: skip
+    _identify(scenes, recordings, base, settings, seeds, evaluations, jobs, ray, out)
+
+
+@app.command()
+def markers(
+    folder: Folder,
+    fabric: FabricName = "white_dots",
+    parameters: Parameters = None,
+    density: Density = None,
+    unit: Annotated[float, typer.Option(help="Metres in a unit of the files.")] = 1.0,
+    held: Annotated[
+        list[int] | None,
+        typer.Option(help="Number of a marker that is held, from 1; else the two upper corners."),
+    ] = None,
+    floor: Annotated[float | None, typer.Option(help="Height of a plane [m]; else none.")] = None,
+    spacing: Annotated[float, typer.Option(help="Of the mesh, at most [m].")] = 0.025,
+    fit: Annotated[str, typer.Option(help="Part of the names of files that are fitted.")] = "shake",
+    seeds: Seeds = 3,
+    evaluations: Evaluations = 480,
+    jobs: Jobs = 1,
+    ray: Ray = None,
+    out: Out = _OUT,
+) -> None:
+    """From markers of motion capture: fitted to shaking, reported on all other files."""
+    from softgym_mj.reality.identification import marker_data
+
+    base = _base(fabric, parameters, density)
+    numbers = tuple(number - 1 for number in held) if held else None
+    scenes, recordings = marker_data.read_marker_folder(folder, unit, numbers, spacing, floor, fit)
+    settings = {
+        "layout": "markers", "folder": str(folder), "unit": unit, "held": held, "floor": floor,
+        "spacing": spacing, "fit": fit,
+    }  # fmt: skip
+    _identify(scenes, recordings, base, settings, seeds, evaluations, jobs, ray, out)
+
+
+def _base(name: str, parameters: pathlib.Path | None, density: float | None):
+    found = made_of(name, parameters)
+    return found if density is None else dataclasses.replace(found, density=density)
+
+
+def _identify(
+    scenes, recordings, base, settings: Mapping[str, Any], seeds: int, evaluations: int,
+    jobs: int, ray: str | None, out: pathlib.Path,
+) -> None:  # fmt: skip
+    """Searches, writes and shows what was found."""
+    from softgym_mj.jobs.executors import make_executor
+    from softgym_mj.reality.identification.identify import identify, open_store
+    from softgym_mj.reality.identification.tasks import Task
+    from softgym_mj.reality.identification.unknowns import fabric_of
+
+    make_folder(out)
+    settings = {**settings, "base": dataclasses.asdict(base), "evaluations": evaluations}
+    store = open_store(out / "searches", settings)
+    task = Task(scenes, tuple(recordings), base)
+    try:
+        with _progress(seeds * evaluations) as progress, make_executor(jobs, ray) as executor:
+            found = identify(task, executor, tuple(range(seeds)), evaluations, store, progress)
+    except KeyboardInterrupt:
+        message = f"{out} keeps what is done: the same command goes on from it"
+        raise KeyboardInterrupt(message) from None
+    write_json(out / "identification.json", {**found, "settings": {**settings, "seeds": seeds}})
+    values = {name: entry["value"] for name, entry in found["parameters"].items()}
+    write_json(out / "fabric.json", dataclasses.asdict(fabric_of(values, base)))
+    _show(found)
+    console.print(f"wrote {out / 'identification.json'} and {out / 'fabric.json'}")
+
+
+@contextlib.contextmanager
+def _progress(total: int) -> Iterator[Any]:
+    """Shows how many evaluations are made, and the least loss."""
+    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as bar:
+        shown = bar.add_task("evaluations", total=total, note="")
+
+        def on_generation(best: dict[Any, tuple[int, float]]) -> None:
+            made = sum(number for number, _ in best.values())
+            least = min(loss for _, loss in best.values())
+            bar.update(shown, completed=made, note=f"{_MM * least:.2f} mm")
+
+        yield on_generation
+        bar.update(shown, completed=total)
+
+
+def _show(found: dict[str, Any]) -> None:
+    table = rich.table.Table(box=rich.box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
+    for title in ("parameter", "unit"):
+        table.add_column(title, no_wrap=True)
+    for title in ("start", "value", "95 %"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("", overflow="fold")
+    for name, entry in found["parameters"].items():
+        numbers = (f"{entry[key]:.3g}" for key in ("start", "value"))
+        interval = f"{entry['low']:.3g} to {entry['high']:.3g}"
+        table.add_row(name, entry["unit"], *numbers, interval, _remark(entry))
+    console.print(table)
+    for title, name in (("fitted", "fit"), ("held out", "held_out")):
+        if found[name]["found"] is not None:
+            here, start = (_MM * found[name][key] for key in ("found", "start"))
+            console.print(f"{title}: {here:.2f} mm, before {start:.2f} mm")
+    for name, clock in found["clocks"].items():
+        if clock["has_slipped"]:
+            console.print(f"{name}: its clock is off by {_MM * clock['slip']:+.0f} ms")
+
+
+def _remark(entry: Mapping[str, Any]) -> str:
+    if entry["is_identified"]:
+        return ""
+    for key, words in (("at_least", "at least"), ("at_most", "at most")):
+        if key in entry:
+            return f"not identified: {words} {entry[key]:.3g}"
+    return "not identified"
