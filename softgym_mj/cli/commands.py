@@ -22,6 +22,7 @@ from softgym_mj.cli import (
     data,
     devices,
     evaluation,
+    identification,
     learning,
     photo,
     recordings,

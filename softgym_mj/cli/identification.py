@@ -13,13 +13,14 @@ import typer
 
 from softgym_mj.cli.console import Ray, console, progress_bar
 from softgym_mj.cli.recordings import FabricName, Folder, Parameters, made_of
+from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.jobs.files import make_folder, write_json
 
 app = typer.Typer(help="Parameters of a fabric from recordings of it.", no_args_is_help=True)
 
 Density = Annotated[
     float | None,
-    typer.Option(help="Mass of a unit of area [kg/m^2], from scales; else the fabric's."),
+    typer.Option(help="Mass of a unit of area, from scales, in kg/m^2; else the fabric's."),
 ]
 Seeds = Annotated[int, typer.Option(help="How many searches.", min=1)]
 Evaluations = Annotated[int, typer.Option(help="Of each search.", min=12)]
@@ -47,13 +48,15 @@ def rags(
     fabric: FabricName = "white_dots",
     parameters: Parameters = None,
     density: Density = None,
-    width: Annotated[float, typer.Option(help="Of the rag between the grippers [m].")] = 0.478,
-    length: Annotated[float, typer.Option(help="Of the rag, down [m].")] = 0.63,
-    table: Annotated[float, typer.Option(help="Height of its top [m].")] = 0.2,
-    spacing: Annotated[float, typer.Option(help="Of the mesh [m].")] = 0.0263,
+    width: Annotated[
+        float, typer.Option(help="Of the rag between the grippers, in metres.")
+    ] = 0.478,
+    length: Annotated[float, typer.Option(help="Of the rag, down, in metres.")] = 0.63,
+    table: Annotated[float, typer.Option(help="Height of its top, in metres.")] = 0.2,
+    spacing: Annotated[float, typer.Option(help="Of the mesh, in metres.")] = 0.0263,
     camera: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(help="Its place [m]; else that of a picture, which is assumed."),
+        typer.Option(help="Its place, in metres; else an assumed one."),
     ] = None,
     blind: Annotated[
         bool, typer.Option("--blind", help="Without a camera: from real points only.")
@@ -78,6 +81,66 @@ def rags(
 
 
 @app.command()
+def garments(
+    folder: Folder,
+    garment: Annotated[str, typer.Option(help="Name of a garment.")] = "green_tshirt",
+    action: Annotated[
+        list[str] | None, typer.Option(help="fling, fold or grasp, once for each; else all.")
+    ] = None,
+    fabric: Annotated[
+        str | None, typer.Option(help="Name of a fabric; else what the benchmark says.")
+    ] = None,
+    parameters: Parameters = None,
+    density: Density = None,
+    mesh: Annotated[
+        pathlib.Path | None, typer.Option(help="An OBJ; else the benchmark's in DIR/meshes.")
+    ] = None,
+    held: Annotated[
+        list[int] | None,
+        typer.Option(help="Vertex of the OBJ that the left, then the right arm holds."),
+    ] = None,
+    window: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="Delay of the camera, begin and end, in s; else the benchmark's."),
+    ] = None,
+    swapped: Annotated[
+        bool, typer.Option(help="Whether the left arm's base is at Y = -0.25 m.")
+    ] = False,
+    seeds: Seeds = 3,
+    evaluations: Evaluations = 480,
+    jobs: Jobs = 1,
+    ray: Ray = None,
+    out: Out = _OUT,
+) -> None:
+    """From clouds of a garment: fitted to two of three captures, reported on the third.
+
+    An evaluation takes as long as all fitted captures: take a coarse mesh, and many jobs.
+    """
+    from softgym_mj.reality import garment_scene
+    from softgym_mj.reality import garments as data
+    from softgym_mj.reality.garment_windows import Window
+    from softgym_mj.reality.identification import garment_data
+    from softgym_mj.reality.validation.garment_cases import FABRICS
+
+    check_name("garment", garment, data.GARMENTS)
+    for name in action or ():
+        check_name("action", name, data.ACTIONS)
+    if fabric is None and garment not in FABRICS:
+        raise InvalidArgumentError("fabric", None, f"a name: nothing is known of {garment}")
+    base = _base(fabric or FABRICS[garment], parameters, density)
+    base = dataclasses.replace(base, thickness=garment_scene.THICKNESS)
+    scenes, recordings = garment_data.read_garments(
+        folder, garment, action or data.ACTIONS, mesh=mesh, held=tuple(held) if held else None,
+        window=Window(*window) if window else None, swapped=swapped,
+    )  # fmt: skip
+    settings = {
+        "layout": "garments", "folder": str(folder), "garment": garment, "actions": action,
+        "mesh": str(mesh) if mesh else None, "held": held, "window": window, "swapped": swapped,
+    }  # fmt: skip
+    _identify(scenes, recordings, base, settings, seeds, evaluations, jobs, ray, out)
+
+
+@app.command()
 def markers(
     folder: Folder,
     fabric: FabricName = "white_dots",
@@ -88,8 +151,10 @@ def markers(
         list[int] | None,
         typer.Option(help="Number of a marker that is held, from 1; else the two upper corners."),
     ] = None,
-    floor: Annotated[float | None, typer.Option(help="Height of a plane [m]; else none.")] = None,
-    spacing: Annotated[float, typer.Option(help="Of the mesh, at most [m].")] = 0.025,
+    floor: Annotated[
+        float | None, typer.Option(help="Height of a plane, in metres; else none.")
+    ] = None,
+    spacing: Annotated[float, typer.Option(help="Of the mesh, at most, in metres.")] = 0.025,
     fit: Annotated[str, typer.Option(help="Part of the names of files that are fitted.")] = "shake",
     seeds: Seeds = 3,
     evaluations: Evaluations = 480,

@@ -62,7 +62,7 @@ def rags(
     from softgym_mj.reality.validation import rag_cases
     from softgym_mj.reality.validation.baselines import RAGS
 
-    made_of = _fabric(fabric, parameters)
+    sheet = made_of(fabric, parameters)
     found = rag_cases.check(
         folder, cloth or data.CLOTHS, primitive or tuple(data.FRAMES), repeat or data.REPEATS
     )
@@ -71,11 +71,11 @@ def rags(
     missing = ["/".join((f"{c}_{i}", name)) for c, i, name in found.missing]
     _say_missing(missing, rag_cases.WHERE)
     cases = rag_cases.run(
-        folder, found, made_of, frames=frames, spacing=spacing, sampled=sampled,
+        folder, found, sheet, frames=frames, spacing=spacing, sampled=sampled,
         published=published,
     )  # fmt: skip
     settings = {
-        "fabric": dataclasses.asdict(made_of),
+        "fabric": dataclasses.asdict(sheet),
         "spacing": spacing,
         "sampled": sampled,
         "published_samples": published,
@@ -131,18 +131,18 @@ def garments(
         check_name("action", name, data.ACTIONS)
     if fabric is None and parameters is not None:
         raise InvalidArgumentError("fabric", None, "the name of a fabric beside parameters")
-    made_of = None
+    sheet = None
     if fabric is not None:
         thin = dataclasses.replace(Fabric.named(fabric), thickness=garment_scene.THICKNESS)
-        made_of = _replaced(thin, parameters)
+        sheet = _replaced(thin, parameters)
     found = garment_cases.check(folder, garment or data.GARMENTS, action or data.ACTIONS)
     _say_missing(found.missing, garment_cases.WHERE)
     cases = garment_cases.run(
-        folder, found, fabric=made_of, mesh=mesh, held=tuple(held) if held else None,
+        folder, found, fabric=sheet, mesh=mesh, held=tuple(held) if held else None,
         window=Window(*window) if window else None, swapped=swapped, place=place, sampled=sampled,
     )  # fmt: skip
     settings = {
-        "fabric": dataclasses.asdict(made_of) if made_of else garment_cases.FABRICS,
+        "fabric": dataclasses.asdict(sheet) if sheet else garment_cases.FABRICS,
         "mesh": str(mesh) if mesh else "the benchmark's",
         "held": held,
         "window": window,
@@ -176,14 +176,14 @@ def markers(
     from softgym_mj.reality.validation import marker_cases
     from softgym_mj.reality.validation.baselines import MARKERS
 
-    made_of = _fabric(fabric, parameters)
+    sheet = made_of(fabric, parameters)
     files = marker_cases.check(folder)
     numbers = tuple(number - 1 for number in held) if held else None
     cases = marker_cases.run(
-        folder, files, made_of, unit=unit, held=numbers, spacing=spacing, after=after, floor=floor
+        folder, files, sheet, unit=unit, held=numbers, spacing=spacing, after=after, floor=floor
     )
     settings = {
-        "fabric": dataclasses.asdict(made_of),
+        "fabric": dataclasses.asdict(sheet),
         "unit": unit,
         "held": held,
         "after": after,
@@ -193,7 +193,7 @@ def markers(
     _report(cases, marker_cases.PRIMARY, MARKERS, settings, [], out, film, floor)
 
 
-def _fabric(name: str, parameters: pathlib.Path | None) -> Fabric:
+def made_of(name: str, parameters: pathlib.Path | None) -> Fabric:
     """The named fabric with some attributes replaced."""
     return _replaced(Fabric.named(name), parameters)
 

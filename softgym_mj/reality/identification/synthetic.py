@@ -13,11 +13,10 @@ from softgym_mj.cloth import solver
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.reality import rags
 from softgym_mj.reality.clouds import Cloud
-from softgym_mj.reality.identification.rag_data import SIZE, SPACING, RagScene
+from softgym_mj.reality.identification.rag_data import CAMERA, SIZE, SPACING, RagScene
 from softgym_mj.reality.identification.recordings import Motion, looking
 from softgym_mj.reality.surfaces import sample_surface, seen
 
-CAMERA = (0.26, -2.0, 1.2)  # [m] In front of the table.
 _SAMPLES = 0.006  # [m] Between which points are drawn.
 _POINTS = 1500  # Of a cloud: one in 2 cm^2 of a rag.
 _GRAY = 128
