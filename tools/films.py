@@ -2,7 +2,8 @@
 
 `python -m tools.films` (`make films`) writes them; a quarter of an hour without a GPU. Names of
 tasks: only theirs. Names of policies in docs/results/policies, such as straighten_rope-sac: what
-was learned. And `tasks.webp`: all tasks side by side, made of the others.
+was learned. Names of `ARMS`: the expert with an arm that uses its wrist. And `tasks.webp`:
+all tasks side by side, made of the others.
 """
 
 import json
@@ -26,11 +27,16 @@ COLUMNS = 5  # Of the film of all tasks.
 HOLD = 1200  # Of the end, before it starts anew [ms].
 STILL = 0.3  # Mean difference of two pictures without motion [of 255].
 REST = 6  # Pictures kept after the last motion.
+# Arguments of films of arms that turn what they hold.
+ARMS: dict[str, dict[str, str]] = {
+    "fold_cloth-tilted": {"actor": "franka", "action": "pose"},
+    "pour_water-wrist": {"actor": "ur5e"},
+}
 
 
 def names_of_all() -> list[str]:
-    """Of films: tasks, and policies that were learned."""
-    return [*TASKS, *sorted(file.stem for file in LEARNED.glob("*.pt2"))]
+    """Of films: tasks, arms that use their wrists, and policies that were learned."""
+    return [*TASKS, *ARMS, *sorted(file.stem for file in LEARNED.glob("*.pt2"))]
 
 
 def until_rest(frames: np.ndarray) -> np.ndarray:
@@ -70,26 +76,35 @@ def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
     return frames, duration
 
 
+def is_learned(name: str) -> bool:
+    """Whether a film shows a policy that was learned."""
+    return name not in TASKS and name not in ARMS
+
+
 def seen_by(name: str) -> str:
     """The observation of the policy of a film: what was learned says it in its card."""
-    if name in TASKS:
+    if not is_learned(name):
         return "reduced"
     return str(json.loads((LEARNED / f"{name}.json").read_text())["training"]["observation"])
 
 
 def main(names: Sequence[str]) -> None:
     for name in names or names_of_all():
-        policy = "scripted" if name in TASKS else str(LEARNED / f"{name}.pt2")
-        env = load(name.split("-")[0], split="all", look="paper", observation=seen_by(name))
+        learned, settings = is_learned(name), ARMS.get(name, {})
+        policy = str(LEARNED / f"{name}.pt2") if learned else "scripted"
+        env = load(
+            name.split("-")[0], split="all", look="paper", observation=seen_by(name), **settings
+        )
         variation = env.task.example_variation
-        episode = play(env, policy, variation, trust=name not in TASKS, size=SIZE, passes=PASSES)
+        episode = play(env, policy, variation, trust=learned, size=SIZE, passes=PASSES)
         frames = until_rest(episode.frames)
         file = FOLDER / f"{name}.webp"
         write_film(frames, round(1000 / episode.fps), file)
         score = episode.info["normalized_performance"][-1]
         print(f"{file.name}: {len(frames)} pictures, {file.stat().st_size / 1e3:.0f} kB, "
               f"normalised performance {score:.2f}")  # fmt: skip
-    write_film(*all_tasks(FOLDER), FOLDER / "tasks.webp")
+    if not names or set(names) & set(TASKS):
+        write_film(*all_tasks(FOLDER), FOLDER / "tasks.webp")
 
 
 if __name__ == "__main__":
