@@ -298,8 +298,8 @@ def replay(
             thickness over it.
         step: of the physics [s]; the solver makes 25 of each.
         by_area: whether a vertex has the mass of the area around it. Else all have the same, as
-            MuJoCo shares the mass of a flex: the rim is twice as heavy as the inside, and how a
-            hem swings depends on the mesh.
+            MuJoCo shares the mass of a flex: that of a grid's rim is twice that of its area, and a
+            hem is too heavy, the more so the coarser the mesh is.
 
     Returns:
         Positions at `times`, what steps took and how they were, failures. After numbers that are

@@ -1,0 +1,267 @@
+"""Identification: searches with known minima, clocks with known slips, sheets of known fabrics."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from softgym_mj.cli import commands
+from softgym_mj.entities.sheet import Fabric
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.jobs.executors import SerialExecutor
+from softgym_mj.reality import rag_scene, rags
+from softgym_mj.reality.identification import confidence, identify, rag_data, synthetic, unknowns
+from softgym_mj.reality.identification.recordings import (
+    FIT,
+    Clouds,
+    MarkerPlaces,
+    Motion,
+    Recording,
+    looking,
+    spread,
+)
+from softgym_mj.reality.identification.search import Search, together
+from softgym_mj.reality.identification.tasks import slip
+from softgym_mj.reality.markers import FRAME_RATE, Markers, write_markers
+from softgym_mj.reality.meshes import grid, rectangle
+from softgym_mj.reality.primitives import gripper_positions
+from softgym_mj.reality.replay import Hold, replay
+
+FABRIC = Fabric(density=0.2, drag=1.0, added_mass=0.1)
+# Of the fake loss: where it is least, and how it rises with each coordinate; the last not at all.
+LEAST, RISE = np.array([0.5, -0.4, 1.0]), np.array([0.02, 0.005, 0.0])
+BOUNDS = np.array([[-3.0, 3.0]] * 3)
+
+
+def fake(coordinates):
+    """Distances [m] of 40 frames with a known least mean; each frame's own minimum is near it."""
+    own = 0.05 * np.random.default_rng(5).standard_normal((40, 3))
+    away = np.asarray(coordinates) - LEAST - (own - own.mean(axis=0))
+    return [(0.006 + away**2 @ RISE).tolist()]
+
+
+def searched(folder=None, seeds=(0, 1), function=fake):
+    searches = {seed: Search(np.zeros(3), BOUNDS, seed, 300) for seed in seeds}
+    journals = {}
+    if folder is not None:
+        store = identify.open_store(folder, {"what": "a test"})
+        journals = {seed: store.journal(seed) for seed in seeds}
+    together(searches, lambda seed, x: (x,), function, SerialExecutor(), journals)
+    return [search.found() for search in searches.values()]
+
+
+def test_searches_find_the_least_and_intervals_say_what_is_flat():
+    found = searched()
+    for each in found:
+        np.testing.assert_allclose(each.estimate[:2], LEAST[:2], atol=0.1)
+        assert each.losses.min() < 0.006 + 2e-4
+    ranges = confidence.intervals(found, found[0].estimate, BOUNDS, [40])
+    assert np.all(ranges[:2, 0] < LEAST[:2]) and np.all(LEAST[:2] < ranges[:2, 1])
+    # Frames differ by 0.05, and there are 8 blocks of 5 of them.
+    widths = ranges[:, 1] - ranges[:, 0]
+    assert np.all(widths[:2] < 0.5)
+    assert widths[2] > 1.0
+
+
+def test_a_search_goes_on_from_its_journal_with_the_same_bits(tmp_path):
+    whole = searched(tmp_path / "whole")
+    calls = []
+
+    def stopped(coordinates):
+        calls.append(coordinates)
+        if len(calls) > 60:
+            raise KeyboardInterrupt
+        return fake(coordinates)
+
+    with pytest.raises(KeyboardInterrupt):
+        searched(tmp_path / "parts", function=stopped)
+    calls.clear()
+
+    def counted(coordinates):
+        calls.append(coordinates)
+        return fake(coordinates)
+
+    parts = searched(tmp_path / "parts", function=counted)
+    for first, second in zip(whole, parts, strict=True):
+        np.testing.assert_array_equal(first.estimate, second.estimate)
+        np.testing.assert_array_equal(first.points, second.points)
+    # Two generations of both searches, of 12 each, were there.
+    assert len(calls) == sum(len(each.losses) for each in whole) - 48
+    with pytest.raises(StoreError, match="what"):
+        identify.open_store(tmp_path / "parts", {"what": "another"})
+
+
+def test_coordinates_and_values_belong_to_each_other():
+    values = unknowns.values_of(FABRIC, 0.033)
+    assert values["bending"] == pytest.approx(FABRIC.bend_stiffness / 0.2)
+    back = unknowns.values_at(unknowns.coordinates_of(values))
+    assert back == pytest.approx(values)
+    sheet = unknowns.fabric_of(values, dataclasses.replace(FABRIC, drag=0.3, bend_stiffness=1e-6))
+    assert dataclasses.asdict(sheet) == pytest.approx(dataclasses.asdict(FABRIC))
+    with pytest.raises(InvalidArgumentError, match="latency"):
+        unknowns.coordinates_of({"bending": 1e-5})
+
+
+def test_only_ratios_to_the_density_show():
+    scene = rag_data.RagScene("dynamic", 0.8, spacing=0.08)
+    values = unknowns.values_of(FABRIC, 0.0)
+    heavy = dataclasses.replace(FABRIC, density=0.3)
+    light, same = (
+        scene.motion(unknowns.fabric_of(values, base)).positions for base in (FABRIC, heavy)
+    )
+    other = scene.motion(dataclasses.replace(FABRIC, density=0.3)).positions
+    assert np.abs(light - same).max() < 1e-4
+    assert np.abs(light - other).max() > 3e-3
+
+
+def hem(spacing, by_area):
+    """Where the middle of a rag's hem is (10, 3) [m] while it is flung, for some mesh."""
+    mesh = rag_data.RagScene("dynamic", 1.0, spacing=spacing).mesh
+    hold = Hold(rag_scene.corners(mesh), lambda t: gripper_positions("dynamic", t))
+    times, start = np.arange(1.5, 2.5, 0.1), rag_scene.hung(mesh)
+    done = replay(mesh, FABRIC, [hold], times, start=start, by_area=by_area)
+    return done.positions[:, np.isclose(mesh.points[:, 1], mesh.points[:, 1].min())].mean(axis=1)
+
+
+def test_with_masses_by_area_a_coarse_mesh_swings_as_a_fine_one():
+    """Else its rim is too heavy, the more so the coarser it is."""
+    fine = hem(0.0263, by_area=True)
+    by_area, alike = (
+        np.linalg.norm(hem(0.05, by_area=each) - fine, axis=1).mean() for each in (True, False)
+    )
+    assert by_area < 0.6 * alike
+
+
+class Swinging:
+    """A sheet of three points that swing, and what markers on it saw."""
+
+    def __init__(self, late):
+        times = np.arange(0.0, 3.0, 0.01)
+        self.motion = Motion(times, self.places(times))
+        frames = np.arange(0.0, 2.9, 1 / 30)
+        seen = MarkerPlaces(self.places(np.maximum(frames - late, 0.0)), np.eye(3))
+        self.recording = Recording("swinging", FIT, "swing", frames, seen)
+
+    @staticmethod
+    def places(times):
+        way = 0.2 * np.sin(4.0 * times)[:, None] + 0.1 * np.sin(7.0 * times + 1.0)[:, None]
+        across = way + [0.0, 0.1, 0.2]
+        return np.stack([across, 0.3 * across, 0.0 * across], axis=2)
+
+
+@pytest.mark.parametrize("late", [0.033, 0.474, -0.2])
+def test_a_clock_that_is_off_is_found(late):
+    case = Swinging(max(late, 0.0))
+    if late < 0.0:  # Its frames are early.
+        shown = case.places(case.recording.times - late)
+        case.recording = dataclasses.replace(
+            case.recording, observation=MarkerPlaces(shown, np.eye(3))
+        )
+    assert slip(case.recording, case.motion) == pytest.approx(late, abs=1.5e-3)
+    least = case.recording.distances(case.motion, late)[12:-12].max()
+    assert least < 1e-3
+
+
+def test_distances_from_clouds_are_of_what_a_camera_sees():
+    mesh = rectangle(0.4, 0.4, 0.02)
+    lower, upper = mesh.points + [0.0, 0.0, 0.1], mesh.points + [0.0, 0.0, 0.3]
+    random = np.random.default_rng(1)
+    cloud = random.uniform([-0.2, -0.2, 0.3], [0.2, 0.2, 0.3], (3000, 3))
+    above = looking((0.0, 0.0, 2.0), [cloud])
+    near = Clouds([cloud], mesh, above).distances(upper[None])[0]
+    assert near < 0.5 * 0.007  # Half the way from a vertex to the nearest of so many points.
+    assert Clouds([cloud], mesh, None).distances(upper[None])[0] < 1e-6
+    assert Clouds([cloud], mesh, above).distances(lower[None])[0] == pytest.approx(0.2, abs=2e-3)
+    # Half of the sheet is folded under: what the camera does not see does not count.
+    folded = upper.copy()
+    under = folded[:, 0] > 0.0
+    folded[under, 0] *= -1.0
+    folded[under, 2] -= 0.05
+    half = cloud[cloud[:, 0] < 0.0]
+    seen = Clouds([half], mesh, above).distances(folded[None])[0]
+    assert seen < 0.007
+    np.testing.assert_array_equal(spread(5), np.arange(5))
+    assert list(spread(100, 3)) in ([0, 49, 99], [0, 50, 99])
+
+
+def test_synthetic_rags_are_read_as_they_were_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(rags, "FRAMES", {"dynamic": 6})
+    monkeypatch.setattr(rags, "FRAMES_BEFORE_CONTACT", {"linen": (5, 5, 5)})
+    sensor = synthetic.Sensor(latency=0.0, noise=0.0)
+    synthetic.write_rags(
+        tmp_path, "linen", FABRIC, sensor, 0.08, 0.01, (0, 1), {(1, "dynamic"): 0.1}
+    )
+    scenes, found = rag_data.read_rags(tmp_path, "linen", spacing=0.08, camera=synthetic.CAMERA)
+    assert [(r.name, r.role) for r in found] == [
+        ("linen_0/dynamic", "fit"),
+        ("linen_1/dynamic", "held out"),
+    ]
+    motion = scenes["dynamic"].motion(FABRIC)
+    first, second = (r.distances(motion, 0.0) for r in found)
+    assert np.all(first < 0.007)  # What clouds of some points have of vertices between them.
+    np.testing.assert_allclose(found[0].times, np.arange(5) / 30)
+    assert second.mean() == pytest.approx(first.mean(), rel=0.1)  # It hardly moves at first.
+    with pytest.raises(StoreError, match="repeat 0 is missing"):
+        rag_data.read_rags(tmp_path, "cotton")
+
+
+ROWS, COLUMNS, APART, FINER = 3, 4, 0.12, 2
+
+
+def shaken(fabric, seconds, way):
+    """Twelve markers of a hanging sheet, two corners of which go along a way (n,) [m] of times."""
+    across = (COLUMNS - 1) * FINER + 1
+    sheet = grid((COLUMNS - 1) * APART, (ROWS - 1) * APART, (ROWS - 1) * FINER + 1, across)
+    start = sheet.points[:, [0, 2, 1]] + [0.0, 0.0, 1.0]
+    corners = (0, across - 1)
+
+    def hands(times):
+        return start[list(corners)] + way(np.asarray(times))[:, None, None] * [0.1, 1.0, 0.0]
+
+    times = np.arange(round(seconds * FRAME_RATE)) / FRAME_RATE
+    found = replay(
+        sheet, fabric, [Hold(corners, hands)], times, start=start, floor=None, by_area=True
+    )
+    chosen = [i * FINER * across + j * FINER for i in range(ROWS) for j in range(COLUMNS)]
+    return Markers(np.arange(len(times)), times, found.positions[:, chosen])
+
+
+@pytest.mark.long
+def test_drag_is_recovered_from_markers_by_the_command(tmp_path):
+    secret = dataclasses.replace(Fabric.named("black_denim"), drag=2.0, added_mass=0.2)
+    folder = tmp_path / "data"
+    folder.mkdir()
+    write_markers(
+        folder / "shake_slow.csv", shaken(secret, 1.2, lambda t: 0.1 * (1 - np.cos(6.0 * t)))
+    )
+    write_markers(folder / "twist.csv", shaken(secret, 1.0, lambda t: 0.15 * (1 - np.cos(4.0 * t))))
+    out = tmp_path / "out"
+    arguments = [
+        "identify", "markers", str(folder), "--fabric", "black_denim", "--spacing", "0.06",
+        "--seeds", "1", "--evaluations", "360", "--out", str(out),
+    ]  # fmt: skip
+    result = CliRunner().invoke(commands.app, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    found = json.loads((out / "identification.json").read_text())
+    drag = found["parameters"]["drag"]
+    assert drag["value"] == pytest.approx(2.0 / secret.density, rel=0.05)
+    assert drag["is_identified"]
+    assert "friction" in found["not_identified"]  # Nothing touched a floor.
+    assert list(found["held_out"]["recordings"]) == ["twist"]
+    assert found["held_out"]["found"] < 0.2 * found["held_out"]["start"]
+    assert not any(clock["has_slipped"] for clock in found["clocks"].values())
+    assert json.loads((out / "fabric.json").read_text())["drag"] == pytest.approx(
+        drag["value"] * secret.density
+    )
+
+
+def test_what_is_missing_is_said(tmp_path):
+    (tmp_path / "twist.csv").write_text("Frame,Time,X1,Y1,Z1\n0,0.0,0,0,0\n")
+    runner = CliRunner()
+    result = runner.invoke(commands.app, ["identify", "markers", str(tmp_path)])
+    assert isinstance(result.exception, StoreError)
+    assert "1 markers" in str(result.exception)
+    result = runner.invoke(commands.app, ["identify", "rags", str(tmp_path / "none")])
+    assert "repeat 0 is missing" in str(result.exception)
