@@ -14,12 +14,13 @@ from softgym_mj.policies.experts.rehearsing import GAIN, Plan, RehearsingExpert
 TRAVEL, CARRY = 0.1, 0.07  # [m] Heights of the picker centres, with open grips and holding.
 LAID = 0.045  # [m] The same where a vertex is let go.
 # [m] The same of hands above the lowest that they get: what they hold is in the tool point itself.
-ARM_TRAVEL, ARM_CARRY, ARM_LAID = 0.045, 0.02, 0.006
+ARM_TRAVEL, ARM_CARRY, ARM_LAID = 0.045, 0.012, 0.001
 PUTTING = 0.4  # Fraction of full speed at which vertices are carried.
 WORST = 8  # Vertices of which one or two are carried at a time.
 NEXT, APART = 3, 6  # Least numbers of segments between them, and between two that are carried.
 BEYOND = 1.0, 1.2  # Shares of the way to its place that a vertex is carried; the rope springs back.
 ROOM = 0.05  # [m] Least distance of the two pickers.
+SHARES = 0.7, 1.0, 1.4  # The same of arms, where that helps no more.
 GOOD = 0.004  # [m] Error of a vertex that is left alone.
 BEAM = 4  # Plans whose sequels are tried where none helps at once.
 ERROR_PRICE = 23.0  # [1/m] Normalised performance that a mean error of the vertices costs.
@@ -52,7 +53,24 @@ class RopeConfiguration(RehearsingExpert):
             sequels = [self._outcome(plans[i], value=self._best_put) for i in best]
             outcomes[best] = sequels
             best = best[[int(np.argmax(sequels))]]
-        return plans[best[0]] if len(best) and outcomes[best[0]] >= value + GAIN else None
+        if len(best) and outcomes[best[0]] >= value + GAIN:
+            return plans[best[0]]
+        return self._last_resort(value) if self._has_arms else None
+
+    def _last_resort(self, value: float) -> Plan | None:
+        """The best of all ways to carry any one vertex, if it brings the rope nearer."""
+        goal = self._goal()
+        error = np.linalg.norm(goal - self._target.points(), axis=1)
+        plans = [
+            functools.partial(self._put, {i: (v, goal[v])}, share)
+            for v in np.flatnonzero(error >= GOOD).tolist()
+            if self._grasp(v)[2] > 0.0
+            for i in self._takers([v], goal)
+            for share in SHARES
+        ]
+        outcomes = self._outcomes(plans)
+        best = int(outcomes.argmax()) if plans else 0
+        return plans[best] if plans and outcomes[best] >= value + GAIN else None
 
     def _best_put(self) -> float:
         return self._outcomes(self._puts()).max(initial=-math.inf)
