@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from dm_control import mjcf
 
+from softgym_mj.exceptions import UnavailableError
 from softgym_mj.native.library import CLOTH, load_plugin, open_library
 
 TIMESTEP = 0.01  # [s]: a sim step. Of which the plugin makes 25.
@@ -27,6 +28,8 @@ class Material:
         stretch: force per width and strain [N/m]; of a cord [N].
         shear: stiffness of a mesh's diagonals as a share of that of its other edges.
         bend: moment per width and curvature [N m]; of a cord [N m^2].
+        bend_weft: if above 0, a sheet is a plate, with `bend` along its rest shape's X, this across
+            it and `bend_bias` between them, or if that is 0 the mean of both [N m].
         stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
         friction: between layers.
         drag: coefficient of the air's drag on what moves along its normal.
@@ -44,6 +47,12 @@ class Material:
     added_mass: float = 0.0
     contype: int = 1
     conaffinity: int = 1
+    bend_weft: float = 0.0
+    bend_bias: float = 0.0
+
+
+# What models say only if it is not 0: as those that were made before these were known.
+_OPTIONAL = ("bend_weft", "bend_bias")
 
 
 def add_instance(root: mjcf.RootElement) -> mjcf.Element:
@@ -51,12 +60,40 @@ def add_instance(root: mjcf.RootElement) -> mjcf.Element:
     load_plugin()
     instance = root.extension.add("plugin", plugin=CLOTH).add("instance", name=_INSTANCE)
     for field in dataclasses.fields(Material):
-        instance.add("config", key=field.name)
+        if field.name not in _OPTIONAL:
+            instance.add("config", key=field.name)
     return instance
 
 
+@functools.cache
+def _check_knows_plates() -> None:
+    """Raises `UnavailableError` if the plugin was built before sheets could be plates."""
+    load_plugin()
+    config = f'<config key="{_OPTIONAL[0]}" value="0"/>'
+    instance = f'<plugin plugin="{CLOTH}"><instance name="a">{config}</instance></plugin>'
+    try:
+        mujoco.MjModel.from_xml_string(f"<mujoco><extension>{instance}</extension></mujoco>")
+    except ValueError as error:  # In any case: no flex carries it.
+        if "unrecognized" in str(error):
+            raise UnavailableError(
+                f"the engine plugins are older than this package and do not know {_OPTIONAL[0]!r}: "
+                "build them again, with `make native` or as they were built."
+            ) from error
+
+
 def set_material(instance: mjcf.Element, material: Material) -> None:
-    """Says what the flex of an instance is made of."""
+    """Says what the flex of an instance is made of.
+
+    Raises:
+        UnavailableError: if it is a plate, and the plugin is too old to know of these.
+    """
+    for config in list(instance.config):
+        if config.key in _OPTIONAL:
+            config.remove()
+    for name in _OPTIONAL:
+        if getattr(material, name) > 0.0:
+            _check_knows_plates()
+            instance.add("config", key=name)
     for config in instance.config:
         config.value = repr(getattr(material, config.key))
 

@@ -33,6 +33,13 @@ FRONT_COLOR = (0.80, 0.14, 0.33, 1.0)  # Raspberry and cream: as far apart as So
 BACK_COLOR = (0.93, 0.79, 0.56, 1.0)  # pink and orange, and in tone, too.
 SKIN_OFFSET = 0.0015  # [m] Of each drawn side from the mid-surface.
 
+# Of a grid of squares whose inner diagonals, one in each, are springs of stretch / 1.2 times a half
+# times `shear`: sheared by an angle g they get longer by l g / sqrt 2, so that the sheet resists
+# with stretch times shear / 4.8 per width and angle.
+_SHEAR = 4.8
+_LEAST_SHEAR = 1e-3  # That the solver takes.
+_MAY_BE_NONE = ("drag", "added_mass", "bend_weft", "bend_bias")  # Of a fabric's numbers.
+
 
 @typed
 @dataclasses.dataclass(frozen=True)
@@ -43,6 +50,10 @@ class Fabric:
         stretch_stiffness: force per width and strain [N/m].
         shear: stiffness along the mesh's diagonals as a share of that along its other edges.
         bend_stiffness: moment per width and curvature [N m].
+        bend_weft: of a sheet that bends as a plate the same along Y, where `bend_stiffness` is
+            along X, of the sheet when it is built; 0 for one whose edges resist alike: that is what
+            the tasks' cloth does, and it is stiffer than it says where it bends sharply.
+        bend_bias: of a plate at 45 degrees between them; 0 for the mean of both.
         stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
         density: mass of a unit of area [kg/m^2].
         thickness: that layers keep; on the floor, vertices are half as high [m].
@@ -53,7 +64,7 @@ class Fabric:
             width w in the open pi/4 w 1.2 kg/m^3. It needs time: folds are slow in it.
 
     Raises:
-        InvalidArgumentError: unless all are finite and above 0.
+        InvalidArgumentError: unless all are finite and above 0, or 0 where that is allowed.
     """
 
     # A tenth of the real one, about what a sheet so light can have in substeps of 0.4 ms. Strain
@@ -71,30 +82,44 @@ class Fabric:
     layer_friction: float = 0.75
     drag: float = 1.2  # Of a plate across the flow.
     added_mass: float = 0.0
+    bend_weft: float = 0.0
+    bend_bias: float = 0.0
 
     def __post_init__(self):
         for name, value in dataclasses.asdict(self).items():
-            if not (value > 0.0 or (name in ("drag", "added_mass") and value == 0.0)):
+            if not (value > 0.0 or (name in _MAY_BE_NONE and value == 0.0)):
                 raise InvalidArgumentError(name, value, "finite and above 0")
 
     @classmethod
-    def named(cls, name: str) -> "Fabric":
+    def named(
+        cls, name: str, *, anisotropic: bool = False, measured_shear: bool = False
+    ) -> "Fabric":
         """A fabric that others measured, as far as a sheet can be made of it.
 
-        A sheet is alike in all directions, so stretch and bending are means of theirs. `shear`,
-        dampings and thickness are those of the default: what is published is softer than a mesh can
-        follow, or missing.
+        It bends as a plate: a strip of it hangs as one of the fabric does, whatever its mesh
+        (`softgym-mj validate lab`). Stretch is the mean of both directions. Dampings and thickness
+        are those of the default, and so is `shear`: what is published is softer than a mesh of 3 cm
+        can follow, and folds keep their shape badly with it.
 
         Args:
             name: of `softgym_mj.cloth.fabrics.FABRICS`.
+            anisotropic: whether it bends along warp (X of the sheet when it is built), bias and
+                weft as was measured; else alike, by the mean of these.
+            measured_shear: whether `shear` is such that the sheet resists shear as was measured, as
+                far as that goes.
 
         Raises:
             InvalidArgumentError: if there is none of this name.
         """
         data = fabrics.named(name)
+        warp, bias, weft = data.bending if anisotropic else (data.mean_bending,) * 3
+        shear = min(max(_SHEAR * data.shear / data.mean_stretch, _LEAST_SHEAR), 1.0)
         return cls(
             stretch_stiffness=data.mean_stretch,
-            bend_stiffness=data.mean_bending,
+            shear=shear if measured_shear else cls.shear,
+            bend_stiffness=warp,
+            bend_weft=weft,
+            bend_bias=bias,
             density=data.density,
             friction=data.friction,
             layer_friction=data.layer_friction,
@@ -119,6 +144,8 @@ class Fabric:
                 "bend_stiffness", "N m", self.bend_stiffness, 2.0, 5.0,
                 "moment per width and curvature",
             ),
+            _of_plates("bend_weft", self.bend_weft, "the same along Y; 0 is alike"),
+            _of_plates("bend_bias", self.bend_bias, "the same at 45 degrees; 0 is their mean"),
             scaled("stretch_damping", "s", self.stretch_damping, 2.0, 5.0, "dashpot to stiffness"),
             scaled("bend_damping", "s", self.bend_damping, 2.0, 5.0, "dashpot to stiffness"),
             scaled("density", "kg/m^2", self.density, 1.4, 2.0, "mass of a unit of area"),
@@ -141,12 +168,24 @@ class Fabric:
         )  # fmt: skip
 
 
+_MOST_BEND = 1e-3  # [N m] Stiffer than any fabric.
+
+
+def _of_plates(name: str, nominal: float, summary: str) -> Parameter:
+    """A stiffness that presets leave alone, unless the sheet is nominally a plate."""
+    if nominal > 0.0:
+        return scaled(name, "N m", nominal, 2.0, 5.0, summary)
+    return Parameter(name, "N m", 0.0, (0.0, 0.0), (0.0, _MOST_BEND), summary)
+
+
 def solver_material(values: Mapping[str, float]) -> dict[str, float]:
     """The attributes of `solver.Material`, by name, for those of a `Fabric`, by name."""
     return {
         "stretch": values["stretch_stiffness"],
         "shear": values["shear"],
         "bend": values["bend_stiffness"],
+        "bend_weft": values["bend_weft"],
+        "bend_bias": values["bend_bias"],
         "stretch_damping": values["stretch_damping"],
         "bend_damping": values["bend_damping"],
         "friction": values["layer_friction"],

@@ -32,7 +32,8 @@ class Parameter:
         name: its name.
         unit: its unit.
         nominal: its value unless a domain says otherwise.
-        usual: range of the preset "in_distribution".
+        usual: range of the preset "in_distribution"; if that is the nominal value alone, presets
+            leave it there.
         valid: range within which it is accepted and the simulation was tried.
         summary: what it is.
         kind: of which of the `KINDS` it is.
@@ -60,6 +61,8 @@ class Parameter:
             if setting == "nominal":
                 return ((self.nominal, self.nominal),)
             if setting == "in_distribution":
+                return (self.usual,)
+            if self.usual == (self.nominal, self.nominal):  # Only what is named varies.
                 return (self.usual,)
             outside = ((self.valid[0], self.usual[0]), (self.usual[1], self.valid[1]))
             return tuple((low, high) for low, high in outside if low < high)

@@ -47,7 +47,17 @@ def test_a_sheet_is_made_of_a_named_fabric():
     (instance,) = cloth.mjcf_model.extension.plugin[0].instance
     material = {config.key: float(config.value) for config in instance.config}
     assert material["stretch"] == 51.0  # (33 + 69) / 2
-    assert material["bend"] == pytest.approx(5.2e-6)  # (5.8 + 6.2 + 3.6) / 3 uN m
+    for bend in ("bend", "bend_weft", "bend_bias"):
+        assert material[bend] == pytest.approx(5.2e-6)  # (5.8 + 6.2 + 3.6) / 3 uN m
+
+
+def test_a_fabric_bends_and_shears_as_was_measured_if_it_is_asked_to():
+    fabric = Fabric.named("black_denim", anisotropic=True, measured_shear=True)
+    bends = fabric.bend_stiffness, fabric.bend_bias, fabric.bend_weft
+    assert bends == pytest.approx((16.0e-6, 18.3e-6, 24.2e-6))
+    # Half of the cells' diagonals, of springs of stretch / 1.2 / 2 each, resist 27 N/m.
+    assert fabric.shear * fabric.stretch_stiffness / 4.8 == pytest.approx(27.0)
+    assert Fabric.named("gray_interlock", measured_shear=True).shear == 1.0  # As far as that goes.
 
 
 @pytest.mark.parametrize("name", ["silk", None, 3])

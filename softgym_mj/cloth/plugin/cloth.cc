@@ -18,9 +18,10 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr const char* kAttributes[] = {
-    "stretch",    "shear",   "bend",        "stretch_damping", "bend_damping", "friction",          "drag",
-    "added_mass", "contype", "conaffinity", "substeps",        "sweeps",       "contact_stiffness", "contact_damping"};
+constexpr const char* kAttributes[] = {"stretch",         "shear",        "bend",     "bend_weft", "bend_bias",
+                                       "stretch_damping", "bend_damping", "friction", "drag",      "added_mass",
+                                       "contype",         "conaffinity",  "substeps", "sweeps",    "contact_stiffness",
+                                       "contact_damping"};
 
 // Of those that lead. Called by the compiler, before it knows the flexes but for their sizes.
 int NumState(const mjModel* m, int instance) {

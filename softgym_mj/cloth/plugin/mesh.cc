@@ -6,6 +6,8 @@
 #include <map>
 #include <utility>
 
+#include "cloth/plugin/plates.h"
+
 namespace softgym_mj::cloth {
 namespace {
 
@@ -182,8 +184,13 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vecto
                             0});
     }
     if (m->flex_dim[f] == 2) {
+      const int first_triangle = static_cast<int>(mesh.triangles.size());
       AddTriangles(m, f, first, &mesh);
-      AddHinges(materials[p], first_edge, &mesh);
+      if (materials[p].bend_weft > 0) {
+        AddPlate(materials[p], first_edge, first_triangle, &mesh);
+      } else {
+        AddHinges(materials[p], first_edge, &mesh);
+      }
     } else {
       AddChains(materials[p], first_edge, &mesh);
     }

@@ -13,9 +13,12 @@ namespace softgym_mj::cloth {
 
 // What a flex is made of. Of a cord, forces are not per metre of width, and moments not either.
 struct Material {
-  double stretch = 1000;             // [N/m] Force per width and strain; of a cord [N].
-  double shear = 0.3;                // Stiffness of diagonals as a share of that of other edges.
-  double bend = 1e-5;                // [N m] Moment per width and curvature; of a cord [N m^2].
+  double stretch = 1000;  // [N/m] Force per width and strain; of a cord [N].
+  double shear = 0.3;     // Stiffness of diagonals as a share of that of other edges.
+  double bend = 1e-5;     // [N m] Moment per width and curvature; of a cord [N m^2].
+  // [N m] If above 0, a sheet is a plate (see plates.h) that has `bend` along the rest shape's X, or the lines of its
+  // grid that are nearest to that; this across them; and at 45 degrees bend_bias, or if that is 0 the mean of both.
+  double bend_weft = 0, bend_bias = 0;
   double stretch_damping = 1e-3;     // [s] Dashpots as a multiple of the stiffness.
   double bend_damping = 0.05;        // [s]
   double friction = 0.75;            // Between layers.

@@ -79,6 +79,8 @@ std::string ParseMaterial(const mjModel* m, int instance, Material* out) {
   read.Numbers("stretch", &out->stretch, 1, 1e-3, 1e6);
   read.Numbers("shear", &out->shear, 1, 1e-3, 1);
   read.Numbers("bend", &out->bend, 1, 0, 1);
+  read.Numbers("bend_weft", &out->bend_weft, 1, 0, 1);
+  read.Numbers("bend_bias", &out->bend_bias, 1, 0, 1);
   read.Numbers("stretch_damping", &out->stretch_damping, 1, 0, 1);
   read.Numbers("bend_damping", &out->bend_damping, 1, 0, 1);
   read.Numbers("friction", &out->friction, 1, 0, 10);

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from softgym_mj.cloth import solver
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality.lab import theory
@@ -12,10 +13,73 @@ from softgym_mj.reality.lab.meshes import strip
 from softgym_mj.reality.lab.specimen import Specimen
 
 # Greatest share by which a measured number may be off, by experiment.
-BOUNDS = {"cantilever": 0.10, "hanging": 0.05, "falling": 0.05, "tilting": 0.02, "sliding": 0.02}
+BOUNDS = {
+    "cantilever": 0.10, "cantilever_sheet": 0.10, "hanging": 0.05, "hanging_sheet": 0.05,
+    "falling": 0.05, "tilting": 0.02, "sliding": 0.02,
+}  # fmt: skip
+SPACING = 0.03  # [m] Between the vertices of sheets.
 
-_WIDTH = 4  # Cells across a strip.
+_WIDTH = 8  # Cells across a strip,
+_CLAMPED = 2  # and that are clamped, about.
+_THIN = 0.05  # Of the spacing: thickness of what hangs.
 _FLAT = 1e-2  # [N m] Bending stiffness with which a small sheet stays flat.
+# Rows of the solver that are this much softer than their vertices are light need no more than their
+# one turn: stiffness times substep^2 over mass, of edges and of hinges.
+_SOFT_EDGE, _SOFT_HINGE = 0.3, 0.1
+_HINGE_MASSES = 16.0  # Sum of squares of a hinge's weights, at most.
+_MOST_SUBSTEPS = 100  # Displacements within a step are in single precision.
+_STEPS_OF_PERIOD = 50.0  # At least: when it begins to slow down is seen at the end of a step.
+_DAMPED = 5.0  # Substeps that dampings may last: slower ones creep for long.
+
+
+@dataclasses.dataclass(frozen=True)
+class Timing:
+    """How fine time is: `substeps` of a step of `timestep` [s], and how long dampings last [s]."""
+
+    timestep: float
+    substeps: int
+    damping: float
+
+    @property
+    def substep(self) -> float:
+        """[s]"""
+        return self.timestep / self.substeps
+
+    def applied(self, fabric: Fabric) -> Fabric:
+        """The fabric with dampings of at most `damping`: what hangs still does not feel them."""
+        return dataclasses.replace(
+            fabric,
+            stretch_damping=min(fabric.stretch_damping, self.damping),
+            bend_damping=min(fabric.bend_damping, self.damping),
+        )
+
+
+USUAL = Timing(solver.TIMESTEP, 25, math.inf)  # Of the tasks.
+
+
+def _loose(fabric: Fabric, spacing: float) -> Fabric:
+    """What hangs freely: without air, and so thin that it never touches itself."""
+    return dataclasses.replace(fabric, drag=0.0, thickness=_THIN * spacing)
+
+
+def _period(fabric: Fabric, length: float) -> float:
+    """Of the slowest swing of a cantilever so long [m], in seconds."""
+    return 1.79 * length**2 * math.sqrt(fabric.density / fabric.bend_stiffness)
+
+
+def converged(fabric: Fabric, spacing: float, period: float = math.inf) -> Timing:
+    """So fine that a mesh with so much between its vertices [m] resists as the fabric says.
+
+    Steps are no longer than a share of `period` [s], too.
+    """
+    mass = fabric.density * spacing**2
+    edge = math.sqrt(_SOFT_EDGE * mass / fabric.stretch_stiffness)
+    stiffest = max(fabric.bend_stiffness, fabric.bend_weft, fabric.bend_bias)
+    hinge = spacing * math.sqrt(_SOFT_HINGE * mass / (_HINGE_MASSES * stiffest))
+    substep = min(edge, hinge, USUAL.substep)
+    longest = min(USUAL.timestep, period / _STEPS_OF_PERIOD)
+    substeps = min(math.ceil(longest / substep), _MOST_SUBSTEPS)
+    return Timing(min(longest, substeps * substep), substeps, _DAMPED * substep)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,13 +126,12 @@ def cantilever(
     mesh: str = "grid_0",
     cells: int = 12,
     load: float = 5.0,
-    spacing: float = 0.03,
-    substeps: int = 25,
+    spacing: float | None = None,
 ) -> Measurement:
     """A strip, clamped at one end, hangs under its weight: effective bending stiffness.
 
-    That is the one of the elastica with the same drop over width. Weight is chosen such that the
-    load, weight per area times length^3 over bending stiffness, is what is asked for.
+    That is the one of the elastica with the same drop over width. The load is weight per area times
+    length^3 over bending stiffness.
 
     Args:
         fabric: what it is made of.
@@ -76,58 +139,73 @@ def cantilever(
         mesh: one of `meshes.MESHES`.
         cells: spacings that it is long, 3 or more.
         load: 0.01..5000.
-        spacing: between vertices [m].
-        substeps: of a step of 10 ms.
+        spacing: between vertices [m]; gravity is such that the load is right, and time as fine as
+            in tasks. None: as long as it is under the Earth's gravity with this load, and in
+            substeps so fine that the solver converges.
     """
     if cells < 3:
         raise InvalidArgumentError("cells", cells, "3 or more")
-    points, triangles = strip(mesh, cells + 1, _WIDTH, spacing)
-    columns = np.unique(points[:, 0].round(9))
-    clamped = columns[1] if mesh != "unstructured" else spacing
-    # Half of what is clamped last bends, too: its hinges fold on both sides of it.
-    clamp = (clamped + columns[0]) / 2.0
-    length = columns[-1] - clamp
+    timing = USUAL
+    if spacing is None:
+        size = (fabric.bend_stiffness / (fabric.density * theory.GRAVITY)) ** (1.0 / 3.0)
+        spacing = size * load ** (1.0 / 3.0) / (cells + 0.5)
+        timing = converged(fabric, spacing, _period(fabric, size * load ** (1.0 / 3.0)))
+        experiment = "cantilever"
+    else:
+        experiment = "cantilever_sheet"
+    points, triangles = strip(mesh, cells + _CLAMPED, _WIDTH, spacing)
+    rows = np.unique(points[:, 0].round(9))
+    rows = rows[rows <= _CLAMPED * spacing + 1e-9]
+    # Half of what is clamped last bends, too: hinges fold at the last row that is held.
+    clamp = (rows[-1] + rows[-2]) / 2.0
+    length = points[:, 0].max() - clamp
     gravity = load * fabric.bend_stiffness / (fabric.density * length**3)
-    still = dataclasses.replace(fabric, drag=0.0)
-    specimen = Specimen(points, triangles, still, gravity=(0.0, 0.0, -gravity), substeps=substeps)
-    specimen.hold(np.flatnonzero(points[:, 0] <= clamped + 1e-9))
+    specimen = Specimen(
+        points, triangles, timing.applied(_loose(fabric, spacing)),
+        gravity=(0.0, 0.0, -gravity), substeps=timing.substeps, timestep=timing.timestep,
+    )  # fmt: skip
+    specimen.weigh_by_area()
+    specimen.hold(np.flatnonzero(points[:, 0] <= rows[-1] + 1e-9))
     specimen.settle()
-    tip = points[:, 0] >= columns[-1] - 1e-9
+    tip = points[:, 0] >= points[:, 0].max() - 1e-9
     place = specimen.positions()[tip].mean(axis=0)
     found = load / theory.load_of(-place[2] / (place[0] - clamp))
     settings = {
         "cells": cells, "load": load, "spacing_m": spacing, "gravity_m_s2": gravity,
-        "substeps": substeps, "steps": specimen.steps,
+        "substep_s": timing.substep, "steps": specimen.steps,
     }  # fmt: skip
     return Measurement(
-        "cantilever", name, mesh, "bending stiffness [N m]", found * fabric.bend_stiffness,
+        experiment, name, mesh, "bending stiffness [N m]", found * fabric.bend_stiffness,
         fabric.bend_stiffness, settings,
     )  # fmt: skip
 
 
-def hanging(
-    fabric: Fabric, name: str, cells: int = 12, spacing: float = 0.03, substeps: int = 25
-) -> Measurement:
+def hanging(fabric: Fabric, name: str, cells: int = 12, is_fine: bool = True) -> Measurement:
     """A strip hangs from its upper edge: mean strain under its own weight.
 
     Args:
-        fabric, name, cells, spacing, substeps: as of `cantilever`.
+        fabric, name, cells: as of `cantilever`.
+        is_fine: whether substeps are so fine that the solver converges; else those of tasks.
     """
-    points, triangles = strip("grid_0", cells, _WIDTH, spacing)
-    still = dataclasses.replace(fabric, drag=0.0)
+    points, triangles = strip("grid_0", cells, _WIDTH, SPACING)
+    timing = converged(fabric, SPACING) if is_fine else USUAL
     down = (theory.GRAVITY, 0.0, 0.0)  # Along the strip: it lies as it would hang.
-    specimen = Specimen(points, triangles, still, gravity=down, substeps=substeps)
+    specimen = Specimen(
+        points, triangles, timing.applied(_loose(fabric, SPACING)),
+        gravity=down, substeps=timing.substeps, timestep=timing.timestep,
+    )  # fmt: skip
     specimen.hold(np.flatnonzero(points[:, 0] <= 1e-9))
     specimen.settle()
-    length = cells * spacing
+    length = cells * SPACING
     tip = points[:, 0] >= length - 1e-9
     strain = float((specimen.positions() - points)[tip, 0].mean()) / length
     expected = theory.hanging_strain(fabric.density, fabric.stretch_stiffness, length)
-    settings = {"cells": cells, "spacing_m": spacing, "substeps": substeps}
-    return Measurement("hanging", name, "grid_0", "mean strain", strain, expected, settings)
+    settings = {"cells": cells, "spacing_m": SPACING, "substep_s": timing.substep}
+    experiment = "hanging" if is_fine else "hanging_sheet"
+    return Measurement(experiment, name, "grid_0", "mean strain", strain, expected, settings)
 
 
-def falling(fabric: Fabric, name: str, spacing: float = 0.03) -> Measurement:
+def falling(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
     """A small flat sheet falls along its normal: its speed after 3 s.
 
     It has a bending stiffness of 1e-2 N m, as a limp one does not stay flat.
@@ -138,7 +216,7 @@ def falling(fabric: Fabric, name: str, spacing: float = 0.03) -> Measurement:
     if fabric.drag <= 0.0:
         raise InvalidArgumentError("drag", fabric.drag, "above 0, to fall at an even speed")
     points, triangles = strip("grid_0", 2, 2, spacing)
-    flat = dataclasses.replace(fabric, bend_stiffness=_FLAT)
+    flat = dataclasses.replace(fabric, bend_stiffness=_FLAT, bend_weft=0.0, bend_bias=0.0)
     specimen = Specimen(points, triangles, flat)
     specimen.step(300)
     speed = -float(specimen.velocities()[:, 2].mean())
@@ -147,18 +225,18 @@ def falling(fabric: Fabric, name: str, spacing: float = 0.03) -> Measurement:
     return Measurement("falling", name, "grid_0", "speed [m/s]", speed, expected, settings)
 
 
-_TILT_SPEED = 0.05  # By which a slope's tangent grows in a second.
-_SLIPPED = 1e-3  # [m] What has moved by this slides.
+_TILT_SPEED = 0.02  # By which a slope's tangent grows in a second.
+_SLIPPED = 1e-4  # [m] What has moved by this slides.
 
 
-def tilting(fabric: Fabric, name: str, spacing: float = 0.03) -> Measurement:
+def tilting(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
     """A sheet on a floor that is tilted slowly: the slope at which it slips.
 
     Args:
         fabric, name, spacing: as of `cantilever`.
     """
     specimen = _lying(fabric, spacing)
-    slope = 0.8 * fabric.friction
+    slope = 0.9 * fabric.friction
     while float((specimen.positions() - specimen.start)[:, 0].mean()) < _SLIPPED:
         slope += _TILT_SPEED * specimen.model.opt.timestep * fabric.friction
         if slope > 2.0 * fabric.friction:
@@ -172,7 +250,7 @@ def tilting(fabric: Fabric, name: str, spacing: float = 0.03) -> Measurement:
 
 
 def sliding(
-    fabric: Fabric, name: str, steepness: float = 1.3, spacing: float = 0.03
+    fabric: Fabric, name: str, steepness: float = 1.3, spacing: float = SPACING
 ) -> Measurement:
     """A sheet slides down a slope for a second: friction, of the way that it gets.
 

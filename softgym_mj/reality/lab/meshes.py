@@ -42,7 +42,8 @@ def _square(i: int, j: int) -> list[list[tuple[int, int]]]:
 def _numbered(nodes: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (n, 2) and the triangles (m, 3) of all cells that lie between them."""
     number = {node: n for n, node in enumerate(nodes)}
-    corners = [triangle for i, j in nodes for triangle in _square(i, j)]
+    cells = sorted({cell for i, j in nodes for cell in ((i, j), (i - 1, j), (i, j - 1))})
+    corners = [triangle for i, j in cells for triangle in _square(i, j)]
     found = [[number[c] for c in t] for t in corners if all(c in number for c in t)]
     return np.array(nodes, float), np.array(found)
 
@@ -65,27 +66,17 @@ def _bias(length: int, width: int) -> tuple[np.ndarray, np.ndarray]:
     return turned, triangles
 
 
-_SHARE = 0.25  # Of the spacing by which inner vertices are out of line.
+_SHARE = 0.3  # Of the spacing by which inner vertices are out of line.
 _SEED = 0
 
 
 def _unstructured(cells: int, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Delaunay's triangles of rows that are shifted, and vertices that are out of line."""
-    rows = max(2, round(width * 2.0 / np.sqrt(3.0)))
-    random = np.random.default_rng(_SEED)
-    places = []
-    for row in range(rows + 1):
-        x = np.arange(cells + 1.0)
-        if row % 2:
-            x = np.concatenate([[0.0], x[:-1] + 0.5, [float(cells)]])
-        y = np.full(len(x), width * row / rows)
-        moves = random.uniform(-_SHARE, _SHARE, (len(x), 2))
-        moves[x <= 1.0, 0] = 0.0  # Straight where it is clamped, and at its end.
-        moves[x >= cells - 1e-9, 0] = 0.0
-        if row in (0, rows):
-            moves[:, 1] = 0.0
-        places.append(np.column_stack([x, y]) + moves)
-    points = np.concatenate(places)
+    """Delaunay's triangles of vertices that are out of line, but where it is clamped and ends."""
+    x, y = np.meshgrid(np.arange(cells + 1.0), np.arange(width + 1.0), indexing="ij")
+    moves = np.random.default_rng(_SEED).uniform(-_SHARE, _SHARE, (*x.shape, 2))
+    moves[:3, :, 0] = moves[-1, :, 0] = 0.0
+    moves[:, [0, -1], 1] = 0.0
+    points = (np.stack([x, y], axis=-1) + moves).reshape(-1, 2)
     triangles = scipy.spatial.Delaunay(points).simplices
     a, b, c = (points[triangles[:, k]] for k in range(3))
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
