@@ -207,7 +207,8 @@ def _replaced(fabric: Fabric, parameters: pathlib.Path | None) -> Fabric:
     for key in values:
         if key not in valid:
             raise InvalidArgumentError(str(parameters), key, valid)
-    return dataclasses.replace(fabric, **values)
+    bent = fabric.bent(values.get("bend_stiffness", fabric.bend_stiffness))
+    return dataclasses.replace(bent, **values)
 
 
 def _say_missing(missing: Sequence[str], where: str) -> None:

@@ -127,6 +127,16 @@ class Fabric:
             added_mass=data.added_mass,
         )
 
+    def bent(self, stiffness: float) -> "Fabric":
+        """The same one with another `bend_stiffness` [N m], and those of a plate in proportion."""
+        factor = stiffness / self.bend_stiffness
+        return dataclasses.replace(
+            self,
+            bend_stiffness=stiffness,
+            bend_weft=factor * self.bend_weft,
+            bend_bias=factor * self.bend_bias,
+        )
+
     def material(self) -> dict[str, float]:
         """What the solver is told of it, by the names of `solver.Material`."""
         return solver_material(dataclasses.asdict(self))

@@ -240,8 +240,9 @@ def compile_with(**material) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(model_xml(sheet(4, 4, material=material)))
 
 
-NUMBERS = ["stretch", "shear", "bend", "bend_weft", "bend_bias", "stretch_damping", "bend_damping", "friction", "drag",
-           "contype", "conaffinity", "substeps", "sweeps", "contact_stiffness",
+NUMBERS = ["stretch", "shear", "bend", "bend_weft", "bend_bias", "stretch_damping",
+           "bend_damping", "friction", "drag", "contype", "conaffinity",
+           "substeps", "sweeps", "contact_stiffness",
            "contact_damping"]  # fmt: skip
 
 

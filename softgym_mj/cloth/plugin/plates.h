@@ -5,10 +5,10 @@
 // strong that edges would have to stretch for it. On a grid these rows are second differences along its lines at every
 // vertex, and one of each cell's diagonals: of a smooth bend k they store exactly
 //   (Bx kxx^2 + By kyy^2 + 2 Bxy kxy^2) / 2
-// per area, and no vertex has to give way for it. The stiffness at 45 degrees is (Bx + By + 2 Bxy) / 4. On any other mesh they
-// are hinges of its inner edges (Bergou et al., 2006), as stiff as the plate is across them, all scaled such that the
-// mesh resists as the plate would: in the mean over all directions and of wide sheets and narrow strips, once vertices
-// have given way.
+// per area, and no vertex has to give way for it. The stiffness at 45 degrees is (Bx + By + 2 Bxy) / 4. On any other
+// mesh they are hinges of its inner edges (Bergou et al., 2006), as stiff as the plate is across them, all scaled such
+// that the mesh resists as the plate would: in the mean over all directions and of wide sheets and narrow strips, once
+// vertices have given way.
 
 #ifndef SOFTGYM_MJ_CLOTH_PLATES_H_
 #define SOFTGYM_MJ_CLOTH_PLATES_H_

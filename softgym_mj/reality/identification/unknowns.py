@@ -81,8 +81,7 @@ def fabric_of(values: Mapping[str, float], base: Fabric) -> Fabric:
     """A fabric of numbers by name; density and what is not looked for are those of another one."""
     rho = base.density
     return dataclasses.replace(
-        base,
-        bend_stiffness=values["bending"] * rho,
+        base.bent(values["bending"] * rho),
         drag=values["drag"] * rho,
         added_mass=values["added_mass"] * rho,
         friction=values["friction"],
