@@ -16,14 +16,17 @@ import pathlib
 from collections.abc import Iterator
 from typing import Any
 
+import imageio.v3 as iio
 import mujoco
 import numpy as np
 
 from benchmarks import stock_flex
 from benchmarks.cloth import machine, measure_yardstick
 from softgym_mj.entities.sheet import Fabric
+from softgym_mj.jobs.files import write_whole
 from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.reality import primitives, rag_scene
+from softgym_mj.reality.pictures import Painter, beside, camera_at
 from softgym_mj.reality.rags import FRAME_RATE
 from softgym_mj.reality.replay import Hold, Replay
 
@@ -47,6 +50,18 @@ FITS = {
     ("cotton", "quasi_static"): (10.644597, 10846.91, 1.238478e-3, 0.414071, 0.692711),
     ("linen", "quasi_static"): (8.231356, 60525.59, 1.190599e-3, 0.429802, 0.458924),
 }
+# The picture: this package, stock MuJoCo with the fabric's stretch, and as the benchmark fitted it,
+# at the fitted and at a true mass.
+SHOWN = (
+    ("ours_woven", "black_denim", 200, "dynamic"),
+    ("shell_10ms", "black_denim", 200, "dynamic"),
+    ("fitted", "chequered", 8105, "dynamic"),
+    ("fitted", "chequered", 200, "dynamic"),
+)
+MOMENTS = (0.0, 1.1, 2.0, 2.6, 3.3, 3.8, 4.3)  # [s]
+CAMERA = (np.array([1.36, 1.5, 1.0]), np.array([0.259, 0.02, 0.62]))  # [m] Its place, what it sees.
+SIZE, FIELD_OF_VIEW = (240, 240), 42.0  # [pixels], [deg]
+
 KEY = ("engine", "fabric", "grams_per_m2", "primitive")
 
 Row = dict[str, Any]
@@ -117,11 +132,28 @@ def figures(found: Replay) -> Row:
     }
 
 
+def strip(extension: str) -> bytes:
+    """A picture: a row for each of `SHOWN` at some moments of the fling."""
+    mesh = rag_scene.rag()
+    camera = camera_at(*CAMERA, SIZE, FIELD_OF_VIEW)
+    painter = Painter.of(mesh.points, mesh.triangles, camera, SIZE, rag_scene.TABLE)
+    held = [*rag_scene.corners(mesh)]
+    rows = []
+    for key in SHOWN:
+        positions = replayed(*key).positions[[round(t * FRAME_RATE) for t in MOMENTS]]
+        rows.append(beside([painter.sheet(vertices, vertices[held]) for vertices in positions]))
+    return iio.imwrite("<bytes>", np.concatenate(rows), extension=extension)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--folder", type=pathlib.Path, required=True, help="of what is done")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("docs/rags.json"))
+    parser.add_argument("--strip", type=pathlib.Path, help="draw this picture, and nothing else")
     arguments = parser.parse_args()
+    if arguments.strip:
+        write_whole(arguments.strip, strip(arguments.strip.suffix))
+        return
     specification = {
         "mujoco": mujoco.__version__,
         "spacing_m": rag_scene.SPACING,
