@@ -16,15 +16,18 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import imageio.v3 as iio
 import mujoco
 import numpy as np
 
 from benchmarks.cloth import machine, measure_yardstick
 from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.entities.sheet import Fabric
+from softgym_mj.jobs.files import write_whole
 from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.reality.garment_scene import THICKNESS
 from softgym_mj.reality.meshes import Mesh
+from softgym_mj.reality.pictures import Painter, beside, camera_at
 from softgym_mj.reality.primitives import duration, gripper_positions
 from softgym_mj.reality.replay import Hold, Replay, replay
 
@@ -38,6 +41,19 @@ FINER = {"5k": 4, "20k": 8}  # Edges in a unit.
 GAP = 0.00308  # [m] Of both layers, as in RGBench's T-shirts.
 STRETCHES = {"published": 230.0, "woven": 1000.0}  # [N/m]
 REST = 1.0  # [s] At the beginning, and after hands have opened.
+
+# The picture: moments of each action [s], the camera's place and what it sees [m].
+MOMENTS = {
+    "fling": (0.0, 3.0, 5.0, 7.0, 8.0, 10.4),
+    "fold": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+    "grasp": (1.0, 1.8, 2.4, 3.0, 4.0, 5.0),
+}
+CAMERAS = {
+    "fling": (np.array([1.3, 2.3, 1.5]), np.array([0.0, 0.2, 0.55])),
+    "fold": (np.array([0.7, -1.2, 1.2]), np.array([0.0, 0.35, 0.1])),
+    "grasp": (np.array([0.7, -1.2, 1.2]), np.array([0.0, 0.35, 0.25])),
+}
+SIZE, FIELD_OF_VIEW = (260, 260), 40.0  # [pixels], [deg]
 
 Row = dict[str, Any]
 Path = Callable[[np.ndarray], np.ndarray]
@@ -167,11 +183,27 @@ def run(size: str, stretch: str, action: str) -> Row:
     }
 
 
+def strip(extension: str) -> bytes:
+    """A picture: a row for each action of the 5k shirt, at some moments."""
+    rows = []
+    for action, moments in MOMENTS.items():
+        mesh, found = replayed("5k", "published", action)
+        camera = camera_at(*CAMERAS[action], SIZE, FIELD_OF_VIEW)
+        painter = Painter.of(mesh.points, mesh.triangles, camera, SIZE, 0.0)
+        frames = [found.positions[np.argmin(np.abs(found.times - t))] for t in moments]
+        rows.append(beside([painter.sheet(vertices) for vertices in frames]))
+    return iio.imwrite("<bytes>", np.concatenate(rows), extension=extension)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--folder", type=pathlib.Path, required=True, help="of what is done")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("docs/shirts.json"))
+    parser.add_argument("--strip", type=pathlib.Path, help="draw this picture, and nothing else")
     arguments = parser.parse_args()
+    if arguments.strip:
+        write_whole(arguments.strip, strip(arguments.strip.suffix))
+        return
     specification = {"mujoco": mujoco.__version__, "unit_m": UNIT, "stretches": STRETCHES}
     store = Store(arguments.folder, specification, JSON)
     rows: list[Row] = []

@@ -1,4 +1,4 @@
-"""Tables of docs/reality.md, of what was measured: docs/rags.json."""
+"""Tables of docs/reality.md, of what was measured: docs/rags.json and docs/shirts.json."""
 
 import json
 import pathlib
@@ -38,12 +38,7 @@ def rags() -> str:
         "| engine | kg/m^2 | runs | failures | strain over 5 % | strain, settling [%] "
         "| strain, moving [%] | lowest vertex [mm] | ms a step | times real time |"
     )
-    machine = found["machine"]
-    on = (
-        f"{machine['processor']}; dm_control's humanoid makes "
-        f"{machine['humanoid_mj_steps_per_second']:,.0f} mj_steps/s on a core."
-    )
-    return f"{table(head, rows)}\n\n{on}"
+    return f"{table(head, rows)}\n\n{_on(found['machine'])}"
 
 
 def fabrics() -> str:
@@ -64,6 +59,37 @@ def fabrics() -> str:
         "| failures of 6 |"
     )
     return table(head, rows)
+
+
+def shirts() -> str:
+    """A T-shirt in two hands."""
+    found = json.loads((DOCS / "shirts.json").read_text())
+    rows = []
+    for run in found["runs"]:
+        stretch = found["stretches"][run["stretch"]]
+        cells = (
+            f"{run['vertices']:,}",
+            f"{stretch:,.0f}",
+            run["action"],
+            str(run["intersections"]),
+            str(len(run["failures"])),
+            f"{100 * run['strain_99']:.1f}",
+            f"{1e3 * run['lowest_m']:.1f}",
+            f"{run['milliseconds']:.1f}",
+            f"{run['real_time_factor']:.2f}",
+        )
+        rows.append(f"| {' | '.join(cells)} |")
+    head = (
+        "| vertices | stretch [N/m] | action | intersections at the end | failures | strain [%] "
+        "| lowest vertex [mm] | ms a step | times real time |"
+    )
+    return f"{table(head, rows)}\n\n{_on(found['machine'])}"
+
+
+def _on(machine: Row) -> str:
+    """What something was measured on, with the yardstick."""
+    rate = machine["humanoid_mj_steps_per_second"]
+    return f"{machine['processor']}; dm_control's humanoid makes {rate:,.0f} mj_steps/s on a core."
 
 
 def _row(title: str, density: str, runs: list[Row]) -> str:
@@ -98,4 +124,4 @@ def _range(values: Iterable[float]) -> str:
     return f"{low:.1f}..{high:.1f}" if low != high else f"{low:.1f}"
 
 
-TABLES: dict[str, Callable[[], str]] = {"rags": rags, "rag fabrics": fabrics}
+TABLES: dict[str, Callable[[], str]] = {"rags": rags, "rag fabrics": fabrics, "shirts": shirts}

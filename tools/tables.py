@@ -1,7 +1,8 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
 That is docs/cameras.json, docs/experts.json, docs/experts_before.json, docs/throughput.json,
-docs/vector.json, docs/sac.json, those of tools/gpu_tables.py and docs/results.
+docs/vector.json, docs/sac.json, those of tools/gpu_tables.py and tools/reality_tables.py, and
+docs/results.
 """
 
 import json
@@ -15,12 +16,12 @@ from softgym_mj.learning.results import planned_env_steps
 from softgym_mj.registry import TASKS
 from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.randomization import Parameter
-from tools import framing, gallery, gpu_tables, learned
+from tools import framing, gallery, gpu_tables, learned, reality_tables
 from tools.pages import between, replaced, table, with_table
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING = (
+README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, REALITY = (
     ROOT / "README.md",
     DOCS / "domain.md",
     DOCS / "robots.md",
@@ -30,8 +31,11 @@ README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING = 
     DOCS / "pictures.md",
     DOCS / "gpu.md",
     DOCS / "learning.md",
+    DOCS / "reality.md",
 )
-PAGES = (README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING)
+PAGES = (
+    README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, REALITY,
+)  # fmt: skip
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
 
@@ -250,6 +254,8 @@ def pages() -> dict[pathlib.Path, str]:
     texts[RECIPES] = with_table(texts[RECIPES], learning())
     for name, of in gpu_tables.TABLES.items():
         texts[GPU] = between(texts[GPU], name, of())
+    for name, of in reality_tables.TABLES.items():
+        texts[REALITY] = between(texts[REALITY], name, of())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
