@@ -17,7 +17,6 @@ BACKGROUND = (246, 246, 244)
 FRONT, BACK, CLOUD, HAND = (192, 57, 84), (226, 196, 140), (52, 96, 150), (30, 30, 30)
 GROUND = (222, 222, 218)
 _AMBIENT = 0.35  # Share of light that comes from everywhere.
-_GROUND_SPACING = 0.012  # [m]
 _GROUND_HALF, _GROUND_FAR = 1.2, 2.5  # [m] Half its side; how far away it is at most.
 _POINT = 0.005  # [m] Of a cloud or a surface.
 _HAND_SIZE = 0.012  # [m] Of a marker of what is held.
@@ -108,9 +107,8 @@ class Painter:
         background = np.tile(np.array(BACKGROUND, np.uint8), (*size, 1))
         depth = np.full(size, np.inf)
         if floor is not None:
-            ground = _ground(calibration, floor)
-            colors = np.tile(GROUND, (len(ground), 1))
-            _splat(background, depth, calibration, ground, colors, _GROUND_SPACING)
+            depth = _ground(calibration, size, floor)
+            background[np.isfinite(depth)] = GROUND
         return cls(triangles, samples, owners, calibration, size, background, depth)
 
     def sheet(self, positions: np.ndarray, held: np.ndarray | None = None) -> np.ndarray:
@@ -144,15 +142,22 @@ class Painter:
         return picture
 
 
-def _ground(calibration: Calibration, floor: float) -> np.ndarray:
-    """Points (n, 3) [m] of the ground about where the camera looks."""
+def _ground(calibration: Calibration, size: tuple[int, int], floor: float) -> np.ndarray:
+    """Depth (height, width) [m] of the ground about where the camera looks; infinite beside it."""
     turn, place = calibration.extrinsics[:3, :3], calibration.extrinsics[:3, 3]
     eye, forward = -turn.T @ place, turn[2]
+    columns, rows = np.meshgrid(np.arange(size[1]), np.arange(size[0]))
+    middle, focal = calibration.intrinsics[:2, 2], calibration.intrinsics[[0, 1], [0, 1]]
+    across = (np.stack([columns, rows], axis=-1) - middle) / focal
+    rays = np.concatenate([across, np.ones((*size, 1))], axis=-1) @ turn  # A metre deep each.
+    with np.errstate(divide="ignore"):
+        depth = (floor - eye[2]) / rays[..., 2]
     way = (floor - eye[2]) / forward[2] if forward[2] < 0.0 else _GROUND_FAR
-    middle = eye + min(way, _GROUND_FAR) * forward
-    line = np.arange(-_GROUND_HALF, _GROUND_HALF, _GROUND_SPACING)
-    x, y = np.meshgrid(middle[0] + line, middle[1] + line)
-    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, floor)])
+    about = (eye + min(way, _GROUND_FAR) * forward)[:2]
+    with np.errstate(invalid="ignore"):
+        hit = eye[:2] + depth[..., None] * rays[..., :2]
+        near = np.abs(hit - about).max(axis=-1) <= _GROUND_HALF
+    return np.where((depth > 0.0) & near, depth, np.inf)
 
 
 def _splat(
