@@ -47,7 +47,7 @@ class MarkerScene:
 
     @property
     def free(self) -> np.ndarray:
-        """Numbers of the markers, from 0, that are not held."""
+        """Numbers (k,) of the markers, from 0, that are not held."""
         return np.setdiff1d(np.arange(len(self.vertices)), self.held)
 
     def start(self) -> np.ndarray:

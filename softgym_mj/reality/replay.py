@@ -29,8 +29,9 @@ NOT_FINITE, STRAIN, UNDER_FLOOR = "not finite", "strain", "under the floor"
 
 PERCENTILE = 99.0  # Of the strain of edges.
 REACH = 0.05  # [m] From which a held vertex may start beside its way.
-# [bytes] That a step may take; MuJoCo's default is too little for thousands of vertices.
-_MEMORY_OF_VERTEX, _LEAST_MEMORY = 2**14, 2**24
+# [bytes] That a step may take, of vertices and of pairs of them, which MuJoCo looks at as bodies;
+# its default is too little for thousands of vertices.
+_MEMORY_OF_VERTEX, _MEMORY_OF_PAIR, _LEAST_MEMORY = 2**14, 3, 2**24
 _FLOOR_SIZE = 10.0  # [m] Of what is drawn; it has no end.
 _ROUNDING = 1e-9  # [s]
 # MuJoCo starts anew when numbers are bad, and says so.
@@ -378,7 +379,8 @@ def _compiled(
     root = mjcf.RootElement(model="replay")
     root.option.gravity = [0.0, 0.0, -fabrics.GRAVITY]
     sheet = BareSheet(mesh, fabric)
-    memory = max(_MEMORY_OF_VERTEX * len(mesh.points), _LEAST_MEMORY)
+    number = len(mesh.points)
+    memory = _LEAST_MEMORY + _MEMORY_OF_VERTEX * number + _MEMORY_OF_PAIR * number**2
     for part in (root, sheet.mjcf_model):
         part.size.memory, part.option.timestep = str(memory), step
     if floor is not None:
