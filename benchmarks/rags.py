@@ -4,9 +4,9 @@
 
 Ten measured fabrics at 0.15, 0.2 and 0.3 kg/m^2 in this package's solver, with their published
 stretch at small strain and with that of a woven, 1 kN/m, at least; stock MuJoCo's flex of the same
-mesh with the latter, one in finer steps, too; and with the parameters that the benchmark fitted, at the
-masses that these have and at a true one. No recording is needed. The same command goes on where it
-was stopped, with what it has in `--folder`. `python -m tools.tables` shows docs/rags.json.
+mesh with the latter, one in finer steps, too; and with the parameters that the benchmark fitted, at
+the masses that these have and at a true one. No recording is needed. The same command goes on where
+it was stopped, with what it has in `--folder`. `python -m tools.tables` shows docs/rags.json.
 """
 
 import argparse

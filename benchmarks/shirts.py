@@ -199,6 +199,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--folder", type=pathlib.Path, required=True, help="of what is done")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("docs/shirts.json"))
+    parser.add_argument("--done", action="store_true", help="write what is done, and run nothing")
     parser.add_argument("--strip", type=pathlib.Path, help="draw this picture, and nothing else")
     arguments = parser.parse_args()
     if arguments.strip:
@@ -213,8 +214,8 @@ def main() -> None:
         rows.append(dict(zip(("size", "stretch", "action"), key, strict=True)) | value)
 
     keys = [("5k", stretch, action) for stretch in STRETCHES for action in ACTIONS]
-    keys += [("20k", "woven", action) for action in ACTIONS]
-    store.run(keys, run, progress=keep)
+    keys += [("20k", "published", action) for action in ("grasp", "fold", "fling")]
+    store.run([key for key in keys if store.has(key) or not arguments.done], run, progress=keep)
     rows.sort(key=lambda row: keys.index((row["size"], row["stretch"], row["action"])))
     result = {
         **specification,
