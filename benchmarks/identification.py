@@ -31,7 +31,7 @@ from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
 from softgym_mj.reality.identification.rag_data import CAMERA, SPACING, read_rags
 from softgym_mj.reality.identification.search import Search, together
-from softgym_mj.reality.identification.tasks import Task, evaluate, motions
+from softgym_mj.reality.identification.tasks import Task, evaluate, motions, weights
 
 DRAWS = tuple(range(10))
 EXACT = tuple(range(3))  # Draws that are also done without noise.
@@ -153,7 +153,9 @@ def run(
         store = identify.open_store(out / "journals" / names[key], {"evaluations": evaluations})
         for seed in range(seeds):
             start = starts[key]
-            searches[key, seed] = Search(start.coordinates, start.bounds, seed, evaluations)
+            searches[key, seed] = Search(
+                start.coordinates, start.bounds, weights(fitted[key]), seed, evaluations
+            )
             journals[key, seed] = store.journal(seed)
     begin = time.time()
 

@@ -7,6 +7,9 @@ roughness of the loss leave open. To it comes the variance between searches. Wha
 an error of the model that all have in common, is not in it.
 """
 
+import functools
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from softgym_mj.reality.identification.search import Found
@@ -18,7 +21,11 @@ _TWO_SIDED = 1.96  # Standard deviations of 95 % of a normal distribution.
 
 
 def intervals(
-    searches: list[Found], estimate: np.ndarray, bounds: np.ndarray, frames: list[int]
+    searches: list[Found],
+    estimate: np.ndarray,
+    bounds: np.ndarray,
+    frames: list[int],
+    shares: Sequence[float],
 ) -> np.ndarray:
     """95 % intervals (unknowns, 2) of coordinates, within bounds.
 
@@ -27,13 +34,15 @@ def intervals(
         estimate: (unknowns,) coordinates.
         bounds: (unknowns, 2).
         frames: how many each recording has.
+        shares: of recordings in the loss.
     """
     points = np.concatenate([found.points for found in searches])
     losses = np.concatenate([found.losses for found in searches])
     distances = np.concatenate([found.frames for found in searches])
     coefficients = 1 + len(estimate) + len(estimate) * (len(estimate) + 1) // 2
     best = np.argsort(losses, kind="stable")[: _PER_COEFFICIENT * coefficients]
-    minima = _minima(points[best] - estimate, distances[best], bounds - estimate[:, None], frames)
+    drawn = functools.partial(_weights, frames, shares)
+    minima = _minima(points[best] - estimate, distances[best], bounds - estimate[:, None], drawn)
     variance = minima.var(axis=0)
     if len(searches) > 1:
         variance = variance + np.var([found.estimate for found in searches], axis=0, ddof=1)
@@ -43,7 +52,10 @@ def intervals(
 
 
 def _minima(
-    points: np.ndarray, distances: np.ndarray, bounds: np.ndarray, frames: list[int]
+    points: np.ndarray,
+    distances: np.ndarray,
+    bounds: np.ndarray,
+    drawn: Callable[[np.random.Generator], np.ndarray],
 ) -> np.ndarray:
     """Minima (repeats, unknowns) of quadratics through points (n, unknowns) as frames are drawn."""
     random = np.random.default_rng(0)
@@ -54,7 +66,7 @@ def _minima(
     found = []
     for _ in range(_REPEATS):
         rows = random.integers(0, len(x), len(x))
-        values = distances[rows] @ _weights(frames, random)
+        values = distances[rows] @ drawn(random)
         solution = np.linalg.lstsq(design[rows], values, rcond=None)[0]
         gradient, hessian = solution[1 : 1 + x.shape[1]], np.zeros((x.shape[1],) * 2)
         hessian[first, second] += solution[1 + x.shape[1] :]
@@ -63,15 +75,15 @@ def _minima(
     return np.array(found)
 
 
-def _weights(frames: list[int], random: np.random.Generator) -> np.ndarray:
+def _weights(frames: list[int], shares: Sequence[float], random: np.random.Generator) -> np.ndarray:
     """How much each frame counts (all frames,) when blocks of each recording are drawn anew."""
     weights = []
-    for number in frames:
+    for number, share in zip(frames, shares, strict=True):
         block = np.arange(number) // BLOCK
         most = block[-1] + 1
         drawn = np.bincount(random.integers(0, most, most), minlength=most)
         counts = drawn[block].astype(float)
-        weights.append(counts / max(counts.sum(), 1.0) / len(frames))
+        weights.append(share * counts / max(counts.sum(), 1.0))
     return np.concatenate(weights)
 
 

@@ -13,7 +13,7 @@ from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.reality.identification.confidence import intervals
 from softgym_mj.reality.identification.recordings import HELD_OUT
 from softgym_mj.reality.identification.search import EVALUATIONS, Found, Progress, Search, together
-from softgym_mj.reality.identification.tasks import Task, evaluate, loss, motions, slip
+from softgym_mj.reality.identification.tasks import Task, evaluate, loss, motions, slip, weights
 from softgym_mj.reality.identification.unknowns import (
     LATENCY,
     UNKNOWNS,
@@ -49,7 +49,7 @@ class Start:
 def first_look(task: Task) -> Start:
     """Starts at the task's own fabric, and at the latency at which what is fitted fits it best."""
     moved = motions(task.only_fitted(), task.base)
-    latency = float(np.median([slip(r, moved[r.scene]) for r in task.fitted]))
+    latency = slip(task.fitted, [moved[recording.scene] for recording in task.fitted])
     start = coordinates_of(values_of(task.base, latency))
     return Start(start, bounds(latency, REACH))
 
@@ -80,10 +80,12 @@ def identify(
         StoreError: for journals of other work.
     """
     check_count("seeds", len(seeds), 1)
-    start = first_look(task)
-    searches = {seed: Search(start.coordinates, start.bounds, seed, evaluations) for seed in seeds}
+    start, fitted = first_look(task), task.only_fitted()
+    searches = {
+        seed: Search(start.coordinates, start.bounds, weights(fitted), seed, evaluations)
+        for seed in seeds
+    }
     journals = {} if store is None else {seed: store.journal(seed) for seed in seeds}
-    fitted = task.only_fitted()
     together(
         searches, lambda seed, x: (fitted, x), evaluate, executor, journals, progress
     )  # fmt: skip
@@ -106,11 +108,12 @@ def report(
     fitted = task.only_fitted()
     ends = [tuple(map(float, found.estimate)) for found in searches]
     made = (executor or SerialExecutor()).all(evaluate, [(fitted, x) for x in ends])
-    losses = [loss(frames) for frames in made]
+    shares = weights(fitted)
+    losses = [loss(frames, shares) for frames in made]
     good = [x for x, value in zip(ends, losses, strict=True) if value <= _AS_GOOD * min(losses)]
     estimate = np.mean(good, axis=0)
     lengths = [len(recording.times) for recording in fitted.recordings]
-    ranges = intervals(list(searches), estimate, start.bounds, lengths)
+    ranges = intervals(list(searches), estimate, start.bounds, lengths, shares)
     values = values_at(estimate)
     moved = motions(task, fabric_of(values, task.base))
     before = motions(task, task.base)
@@ -132,6 +135,8 @@ def report(
 
 def _is_identified(unknown, coordinates: np.ndarray) -> bool:
     low, high = (unknown.value(float(x)) for x in coordinates)
+    if unknown.is_only_bounded:
+        return False
     return high <= FACTOR * low if unknown.is_logarithmic else high - low <= WIDEST
 
 
@@ -145,7 +150,7 @@ def _parameters(estimate, ranges, first: Mapping[str, float], limits) -> dict[st
             "start": first[unknown.name], "unit": unknown.unit, "summary": unknown.summary,
             "is_identified": _is_identified(unknown, row),
         }  # fmt: skip
-        if row[0] > edge[0] and row[1] >= edge[1]:
+        if row[0] > edge[0] and (row[1] >= edge[1] or unknown.is_only_bounded):
             entry["at_least"] = low
         if row[0] <= edge[0] and row[1] < edge[1]:
             entry["at_most"] = high
@@ -178,7 +183,7 @@ def _clocks(task: Task, moved, latency: float) -> dict[str, Any]:
     found = {}
     for recording in task.recordings:
         motion = moved[recording.scene]
-        best = slip(recording, motion)
+        best = slip([recording], [motion])
         there, here = (float(recording.distances(motion, t).mean()) for t in (best, latency))
         found[recording.name] = {
             "latency": best,

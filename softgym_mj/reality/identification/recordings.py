@@ -13,7 +13,7 @@ from softgym_mj.reality.surfaces import seen
 from softgym_mj.rendering.calibration import Calibration
 
 FIT, HELD_OUT = "fit", "held out"
-MOST_FRAMES = 40  # Of a recording that are looked at, spread over it: neighbours tell the same.
+MOST_FRAMES = 80  # Of a recording that are looked at, spread over it: neighbours tell the same.
 _POINTS = 400  # Of a cloud whose distance from the surface is taken: as many say no more.
 _MOST_POINTS = 4000  # Of a cloud among which vertices look for the nearest.
 MISSED = 1.0  # [m] Distance of what is no number: a simulation that failed.
@@ -79,6 +79,7 @@ class Recording:
         scene: name of what is simulated.
         times: (f,) of its frames [s], by its own clock; 0 when the scene's motion starts.
         observation: of these frames.
+        weight: of its mean distance in the loss, among those of the others.
     """
 
     name: str
@@ -86,6 +87,7 @@ class Recording:
     scene: str
     times: np.ndarray
     observation: Observation
+    weight: float = 1.0
 
     def distances(self, motion: Motion, latency: float, chosen: slice = slice(None)) -> np.ndarray:
         """How far a motion is off in each frame (f,) [m] if frames show what was `latency` ago."""

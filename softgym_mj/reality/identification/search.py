@@ -46,11 +46,19 @@ class Search:
         self,
         start: np.ndarray,
         bounds: np.ndarray,
+        shares: Sequence[float],
         seed: int,
         evaluations: int = EVALUATIONS,
         population: int = POPULATION,
     ):
         """Starts at coordinates (unknowns,) within bounds (unknowns, 2).
+
+        Args:
+            start, bounds: coordinates.
+            shares: of recordings in the loss, as of `tasks.weights`.
+            seed: of its random numbers.
+            evaluations: how many it may ask for.
+            population: of a generation.
 
         Raises:
             InvalidArgumentError: for fewer evaluations than a generation.
@@ -62,6 +70,7 @@ class Search:
         self._cma = cmaes.CMA(
             mean=inside, sigma=_SIGMA, bounds=bounds, seed=seed, population_size=population
         )
+        self._shares = tuple(shares)
         self._left = evaluations // population
         self._points: list[np.ndarray] = []
         self._frames: list[list[float]] = []
@@ -85,7 +94,7 @@ class Search:
 
     def tell(self, frames: Sequence[list[list[float]]]) -> None:
         """Takes the distances [m] of frames of recordings at each of what was asked for."""
-        losses = [loss(each) for each in frames]
+        losses = [loss(each, self._shares) for each in frames]
         asked = self.ask()
         self._cma.tell(list(zip(asked, losses, strict=True)))
         self._losses += losses

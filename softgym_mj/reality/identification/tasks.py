@@ -1,7 +1,7 @@
 """A task of identification, and how far off parameters are: what searches call, in any process."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -53,21 +53,32 @@ def evaluate(task: Task, coordinates: tuple[float, ...]) -> list[list[float]]:
     return [r.distances(moved[r.scene], values[LATENCY]).tolist() for r in task.recordings]
 
 
-def loss(frames: list[list[float]]) -> float:
-    """The mean over recordings of their frames' mean distance [m]."""
-    return float(np.mean([np.mean(distances) for distances in frames]))
+def weights(task: Task) -> tuple[float, ...]:
+    """Of the mean distances of recordings in the loss; their sum is 1."""
+    total = sum(recording.weight for recording in task.recordings)
+    return tuple(recording.weight / total for recording in task.recordings)
 
 
-def slip(recording: Recording, motion: Motion) -> float:
-    """The latency [s] at which a recording fits a motion best, within 0.6 s of none."""
-    every = max(len(recording.times) // _FEW, 1)
-    coarse = slice(None, None, every)
+def loss(frames: list[list[float]], shares: Sequence[float]) -> float:
+    """The sum of recordings' mean distances [m], each with its share."""
+    return float(np.dot(shares, [np.mean(distances) for distances in frames]))
 
-    def far(latency: float, chosen: slice) -> float:
-        return float(recording.distances(motion, latency, chosen).mean())
 
-    best = float(min(_SLIPS, key=lambda latency: far(latency, coarse)))
+def slip(recordings: Sequence[Recording], motions: Sequence[Motion]) -> float:
+    """The latency [s] at which recordings fit their motions best, within 0.6 s of none."""
+
+    def far(latency: float, few: int | None = None) -> float:
+        return sum(
+            float(r.distances(motion, latency, _every(r, few)).mean())
+            for r, motion in zip(recordings, motions, strict=True)
+        )
+
+    best = float(min(_SLIPS, key=lambda latency: far(latency, _FEW)))
     for step in _FINER:
-        near = (best - step, best, best + step)
-        best = min(near, key=lambda latency: far(latency, slice(None)))
+        best = min((best - step, best, best + step), key=far)
     return best
+
+
+def _every(recording: Recording, few: int | None) -> slice:
+    """Some frames of a recording, spread over it, or all."""
+    return slice(None, None, 1 if few is None else max(len(recording.times) // few, 1))

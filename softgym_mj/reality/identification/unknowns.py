@@ -27,6 +27,7 @@ class Unknown:
         low, high: beyond which it is not looked for.
         scale: by which searches spread at first: of its natural logarithm, or of itself.
         is_logarithmic: whether searches go by its logarithm.
+        is_only_bounded: whether only the lower end of its interval is to be believed.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Unknown:
     high: float
     scale: float
     is_logarithmic: bool = True
+    is_only_bounded: bool = False
 
     def coordinate(self, value: float) -> float:
         """Where searches see a value."""
@@ -55,8 +57,9 @@ UNKNOWNS = (
     Unknown("added_mass", "", "air taken along / density", 0.02, 10.0, 0.8),
     Unknown("friction", "", "friction on the floor", 0.05, 2.0, 0.5),
     Unknown("layer_friction", "", "friction between layers", 0.05, 2.0, 0.5),
-    # Above, substeps do not follow; of it only what is too soft shows.
-    Unknown("stretch", "m^2/s^2", "stretch stiffness / density", 300.0, 1e4, 0.8),
+    # Above, substeps do not follow. What a rag sags by its own weight, rho g L^2 / 2 k, is a
+    # millimetre or two: no more than one knows of its length and of the camera's place.
+    Unknown("stretch", "m^2/s^2", "stretch stiffness / density", 300.0, 1e4, 0.8, True, True),
     Unknown(LATENCY, "s", "time of a frame - that of what it shows", -1.0, 1.0, 0.03, False),
 )
 NAMES = tuple(unknown.name for unknown in UNKNOWNS)
