@@ -31,9 +31,7 @@ class BulletSheet:
         self._say(pybullet.setTimeStep, TIMESTEP)
         if floor:
             half = [5.0, 5.0, _FLOOR / 2]
-            box = self._say(
-                pybullet.createCollisionShape, pybullet.GEOM_BOX, halfExtents=half
-            )
+            box = self._say(pybullet.createCollisionShape, pybullet.GEOM_BOX, halfExtents=half)
             plane = self._say(
                 pybullet.createMultiBody, 0, box, basePosition=[0.0, 0.0, -_FLOOR / 2]
             )

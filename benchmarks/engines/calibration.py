@@ -1,19 +1,20 @@
 """What numbers make an engine's sheet as stiff and as rough as the fabric says.
 
 Three experiments on small sheets of the study's own cells: a strip hangs from its end, another is
-clamped and bends, a square slides down a slope. What they give, compared with closed forms, corrects
-the numbers that the engine is given, until they agree.
+clamped and bends, a square slides down a slope. What they give, compared with closed forms,
+corrects the numbers that the engine is given, until they agree.
 """
 
 import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+import scipy.integrate
 
 from benchmarks.engines.sheets import FABRIC, GRAVITY, SPACING, STEP, Build, Simulation
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.reality.lab import theory
-from softgym_mj.reality.meshes import Mesh, rectangle
+from softgym_mj.reality.meshes import rectangle
 
 CLOSE = 0.02  # Share by which what is measured may be off.
 ROUNDS = 6
@@ -28,13 +29,13 @@ SLOPE = 1.5  # Tangent over friction.
 
 
 def hanging(build: Build, fabric: Fabric) -> float:
-    """Force per width and strain [N/m] of a strip that hangs, by `fabric`'s nominal density."""
+    """Force per width and strain [N/m] of a strip that hangs."""
     mesh = rectangle(STRIP * SPACING, WIDTH * SPACING, SPACING)
     weight = hanging_weight()
     simulation = build(mesh, fabric, mesh.points, np.array([weight, 0.0, 0.0]), False)
     order = np.argsort(mesh.points[:, 0], kind="stable").reshape(STRIP + 1, WIDTH + 1)
-    _clamped(simulation, mesh, order[0], 50)
-    places = [positions[order, 0].mean(axis=1) for positions in _kept(simulation, mesh, order[0])]
+    _clamped(simulation, order[0], 50)
+    places = [positions[order, 0].mean(axis=1) for positions in _kept(simulation, order[0])]
     simulation.close()
     strain = np.diff(np.mean(places, axis=0)) / SPACING - 1.0
     return stretch_of(strain, fabric.density, weight)
@@ -86,9 +87,9 @@ def bending(build: Build, fabric: Fabric) -> float:
     simulation = build(mesh, fabric, points, np.array([0.0, 0.0, -weight]), False)
     held = order[:2].ravel()
     period = 2.0 * np.pi / 3.516 * length**2 * np.sqrt(FABRIC.density / nominal)
-    _clamped(simulation, mesh, held, round(period / STEP / 2))
+    _clamped(simulation, held, round(period / STEP / 2))
     tips = []
-    for positions in _kept(simulation, mesh, held, round(period / STEP)):
+    for positions in _kept(simulation, held, round(period / STEP)):
         tips.append(positions[order[-1]].mean(axis=0))
     simulation.close()
     tip = np.mean(tips, axis=0)
@@ -100,10 +101,8 @@ def bending(build: Build, fabric: Fabric) -> float:
 def elastica(load: float, number: int = 400) -> tuple[np.ndarray, np.ndarray]:
     """Distance and drop (number,) of points of a clamped beam, evenly along it, over its length.
 
-    It is the chain of so many rigid links that is in equilibrium: a'' = -load (1 - s) cos a.
+    Its slope a obeys a'' = -load (1 - s) cos a, with a(0) = 0 and a'(1) = 0.
     """
-    import scipy.integrate
-
     s = np.linspace(0.0, 1.0, number)
 
     def slope(at, y):
@@ -130,7 +129,7 @@ def sliding(build: Build, fabric: Fabric) -> float:
     ways = []
     for _ in range(3):
         ways.append(simulation.positions()[:, 0].mean())
-        _clamped(simulation, mesh, np.zeros(0, int), 25)
+        _clamped(simulation, np.zeros(0, int), 25)
     ways.append(simulation.positions()[:, 0].mean())
     simulation.close()
     # Of the last half second: how it got there does not matter.
@@ -143,14 +142,14 @@ def friction_of(acceleration: float, slope: float) -> float:
     return float(slope - acceleration / (GRAVITY * np.cos(np.arctan(slope))))
 
 
-def _clamped(simulation: Simulation, mesh: Mesh, vertices: np.ndarray, steps: int) -> None:
+def _clamped(simulation: Simulation, vertices: np.ndarray, steps: int) -> None:
     simulation.hold(vertices)
     places = simulation.positions()[vertices]
     for _ in range(steps):
         simulation.step(places)
 
 
-def _kept(simulation: Simulation, mesh: Mesh, vertices: np.ndarray, steps: int = 50):
+def _kept(simulation: Simulation, vertices: np.ndarray, steps: int = 50):
     """Positions (n, 3) [m] after each of so many more steps."""
     places = simulation.positions()[vertices]
     for _ in range(steps):

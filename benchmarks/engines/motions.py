@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from benchmarks.engines import ours
-from benchmarks.engines.sheets import FABRIC, SIDE, SPACING, STEP, Engine, Simulation, down
+from benchmarks.engines.sheets import FABRIC, SHEET, SIDE, SPACING, STEP, Engine, Simulation, down
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.reality import primitives
 from softgym_mj.reality.meshes import Mesh
@@ -147,8 +147,6 @@ def folded(every: int = 1) -> np.ndarray:
 
     All engines start with the same vertices; a finer mesh with points between them.
     """
-    from benchmarks.engines.sheets import SHEET
-
     start = lying(SHEET).reshape(SIDE, SIDE, 3)
     half, gap = SIDE // 2, FABRIC.thickness
     # The cell in the bend is 3 cm long and rises by the layers' distance; the rest lies flat.

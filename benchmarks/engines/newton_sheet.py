@@ -136,7 +136,7 @@ def build_vbd(
     start: np.ndarray,
     gravity: np.ndarray,
     floor: bool,
-    settings: Settings = Settings(),  # noqa: B008  # Frozen.
+    settings: Settings = Settings(),  # Frozen.
 ) -> NewtonSheet:
     """A sheet that vertex block descent moves."""
     builder = newton.ModelBuilder()
@@ -167,7 +167,7 @@ def build_style3d(
     start: np.ndarray,
     gravity: np.ndarray,
     floor: bool,
-    settings: Settings = Settings(),  # noqa: B008  # Frozen.
+    settings: Settings = Settings(),  # Frozen.
 ) -> NewtonSheet:
     """A sheet that Style3D's projective solver moves."""
     builder = newton.ModelBuilder()

@@ -14,7 +14,7 @@ POISSON = 0.2
 TIMESTEP = 0.005  # [s]
 DAMPING = 1e-3  # [s] As ours along edges.
 ITERATIONS, TOLERANCE = 50, 1e-6
-# [s], damping ratio: contacts that are twice as fast as MuJoCo's default; the step allows no faster.
+# [s], damping ratio: twice as fast as MuJoCo's default, which is as fast as the step allows.
 SOLREF = (0.01, 1.0)
 
 

@@ -7,8 +7,8 @@ the fabric 10 % up and down, half the step, a mesh twice as fine, and a start th
     pip install -e .[engines]
     python -m benchmarks.engines.study --folder build/engines --out docs/engines.json
 
-It may be stopped and goes on where it was. `--engines` and `--cases` choose; what was played is what
-the file holds. `python -m tools.engine_tables` writes table and figure.
+It may be stopped and goes on where it was. `--engines` and `--cases` choose what is played; the file
+holds the cases that all engines have played. `make sheets` writes tables and figures.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.jobs.store import ARRAYS, JSON, Store
 from softgym_mj.reality.meshes import Mesh, rectangle
 
-# By name: module and attribute, as most are not installed; whether it plays all motions.
+# By name: module and attribute, as most of them may not be installed.
 ENGINES: dict[str, tuple[str, str]] = {
     "mujoco": ("benchmarks.engines.stock", "ENGINE"),
     "bullet": ("benchmarks.engines.bullet", "ENGINE"),

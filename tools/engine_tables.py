@@ -1,0 +1,266 @@
+"""Tables and figures of docs/engines.md: docs/engines.json and docs/demonstration.json."""
+
+import json
+import math
+import pathlib
+import statistics
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from tools.pages import table
+
+DOCS = pathlib.Path(__file__).parent.parent / "docs"
+ENGINES_FIGURE, DEMONSTRATION_FIGURE = DOCS / "engines.png", DOCS / "demonstration.png"
+# Moments of the kinds of cases, as the tables have them: the rags' are called otherwise.
+PLACED = ("lift", "carry", "place", "release")
+GROUPS = ("dynamic", "quasi_static", "flat", "folded")
+QUANTITIES = {
+    "stretch_stiffness": ("stretch [N/m]", 1.0),
+    "bend_stiffness": ("bending [µN m]", 1e6),
+    "friction": ("friction", 1.0),
+}
+DEMONSTRATED = {
+    "picker": "abstract picker", "sawyer": "simulated Sawyer, friction", "mujoco": "MuJoCo's flex",
+}  # fmt: skip
+
+
+def measured(name: str) -> Any:
+    """What docs/<name>.json says."""
+    return json.loads((DOCS / f"{name}.json").read_text())
+
+
+def root_mean_square(values: Iterable[float]) -> float:
+    """Of numbers."""
+    return math.sqrt(statistics.fmean(value**2 for value in values))
+
+
+def chosen(found: dict, group: str) -> list[str]:
+    """The cases of a group that were played."""
+    return [case for case in found["cases"] if case.split()[0] == group]
+
+
+def last(values: dict[str, list[float]], cases: Iterable[str]) -> float:
+    """Root mean square over cases of what is said of their last moments."""
+    return root_mean_square(values[case][-1] for case in cases)
+
+
+def calibration() -> str:
+    """What engines measure with the fabric's own numbers, what they are given, what then."""
+    found, rows = measured("engines"), []
+    for name, own in found["calibration"].items():
+        cells = [found["engines"][name]["title"]]
+        for quantity, (_, unit) in QUANTITIES.items():
+            rounds = own["measured"][quantity]
+            given = own["given"][quantity]
+            final = next(value for number, value in rounds if number == given)
+            first, number, final = (unit * value for value in (rounds[0][1], given, final))
+            cells.append(f"{first:.3g} | {number:.3g} | {final:.3g}")
+        rows.append(f"| {' | '.join(cells)} |")
+    heads = " | ".join(f"{title}: untouched | given | then" for title, _ in QUANTITIES.values())
+    return table(f"| | {heads} |", rows)
+
+
+def distances() -> str:
+    """Distances [mm] between engines at the end of a case, and of ours from itself."""
+    found, rows = measured("engines"), []
+    groups = [group for group in GROUPS if chosen(found, group)]
+    cases = list(found["cases"])
+    titles = {name: own["title"] for name, own in found["engines"].items()}
+    for pair, values in found["between"].items():
+        cells = [last(values, chosen(found, group)) for group in groups]
+        names = ", ".join(titles[name] for name in pair.split())
+        rows.append(_row(names, [*cells, last(values, cases)]))
+    for title, key in (
+        ("**all pairs of engines**", "between_all"),
+        ("**ours, all pairs**", "own_all"),
+    ):
+        cells = [last(found[key], chosen(found, group)) for group in groups]
+        rows.append(_row(title, [*cells, last(found[key], cases)]))
+    ratios = [
+        last(found["between_all"], some) / last(found["own_all"], some)
+        for some in (*(chosen(found, group) for group in groups), cases)
+    ]
+    rows.append(f"| **ratio** | {' | '.join(f'**{ratio:.1f}**' for ratio in ratios)} |")
+    heads = [f"{group} ({len(chosen(found, group))})" for group in groups]
+    return table(f"| | {' | '.join(heads)} | all |", rows)
+
+
+def moments() -> str:
+    """Spreads [mm] at the moments of picking and placing, and their ratios."""
+    found, rows = measured("engines"), []
+    for group in ("flat", "folded"):
+        cases = chosen(found, group)
+        for moment in PLACED:
+            engines, own = (
+                root_mean_square(
+                    found[key][case][found["cases"][case].index(moment)] for case in cases
+                )
+                for key in ("between_all", "own_all")
+            )
+            rows.append(f"| {group} | {moment} | {engines:.1f} | {own:.1f} | {engines / own:.1f} |")
+    return table("| | end of | engines [mm] | ours [mm] | ratio |", rows)
+
+
+def own_changes() -> str:
+    """By how much [mm] each change of ours moves the end of a case."""
+    found, rows = measured("engines"), []
+    groups = [group for group in GROUPS if chosen(found, group)]
+    for change, values in found["own"].items():
+        cells = [last(values, chosen(found, group)) for group in groups]
+        rows.append(_row(change.replace("_", " "), cells))
+    return table(f"| ours with | {' | '.join(groups)} |", rows)
+
+
+def costs() -> str:
+    """CPU time, strain, penetration and intersections of each engine, over the cases compared."""
+    found, rows = measured("engines"), []
+    for name, runs in found["runs"].items():
+        own = [runs[case] for case in found["cases"]]
+        milliseconds = statistics.fmean(run["milliseconds"] for run in own)
+        hits = sum(run["intersections"][-1] for run in own)
+        cells = [
+            f"{milliseconds:.1f}",
+            f"{10.0 / milliseconds:.2g}",
+            f"{100 * max(run['strain_99'] for run in own):.1f}",
+            f"{1e3 * min(run['lowest'] for run in own):.1f}",
+            str(hits),
+            str(sum(bool(run["failed"]) for run in own)),
+        ]
+        rows.append(f"| {found['engines'][name]['title']} | {' | '.join(cells)} |")
+    heads = (
+        "CPU ms for 10 ms | times real time | p99 strain [%] | lowest vertex [mm] | "
+        "intersections at the ends | cases with a failure"
+    )
+    return table(f"| | {heads} |", rows)
+
+
+def number() -> str:
+    """The one number."""
+    found = measured("engines")
+    cases = list(found["cases"])
+    engines, own = (last(found[key], cases) for key in ("between_all", "own_all"))
+    return (
+        f"Between engines {engines:.0f} mm, own uncertainty {own:.0f} mm: **{engines / own:.1f}** "
+        f"({len(cases)} cases, root mean squares over all pairs of "
+        f"{len({name for pair in found['between'] for name in pair.split()})} engines, and of "
+        f"{len(found['own']) + 1} runs of ours, at the ends)."
+    )
+
+
+def demonstration() -> str:
+    """Distances from the picker's cloth, and scores, of the rollouts."""
+    rows = []
+    for rollout, repeats in measured("demonstration")["rollouts"].items():
+        for column, title in DEMONSTRATED.items():
+            scores = [repeat[column]["score"] for repeat in repeats]
+            held = sum(repeat[column]["held"] for repeat in repeats)
+            cells = [f"{held} of {len(repeats)}"]
+            for moment in PLACED:
+                own = [r[column].get("distance_mm", {}).get(moment) for r in repeats]
+                cells.append("" if own[0] is None else _mean_and_deviation(own, ".0f"))
+            cells.append(_mean_and_deviation(scores, ".2f"))
+            rows.append(f"| {rollout} | {title} | {' | '.join(cells)} |".replace("|  |", "| |"))
+    heads = " | ".join(f"{moment} [mm]" for moment in PLACED)
+    return table(f"| | | held | {heads} | normalised performance |", rows)
+
+
+def _mean_and_deviation(values: list[float], form: str) -> str:
+    return f"{statistics.fmean(values):{form}} ± {statistics.stdev(values):{form}}"
+
+
+def _row(title: str, values: Iterable[float]) -> str:
+    return f"| {title} | {' | '.join(f'{value:.1f}' for value in values)} |"
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    "number": number,
+    "calibration": calibration,
+    "distances": distances,
+    "moments": moments,
+    "own": own_changes,
+    "costs": costs,
+    "demonstration": demonstration,
+}
+
+
+def draw() -> None:
+    """Both figures."""
+    _draw_engines()
+    _draw_demonstration()
+
+
+def _draw_engines() -> None:
+    """Sheets at one moment, a row for each case that is kept."""
+    import matplotlib.pyplot as plt
+
+    found = measured("engines")
+    shown, titles = found["shown"], found["engines"]
+    columns = max(len(own) for own in shown.values())
+    figure, grid = plt.subplots(
+        len(shown), columns, figsize=(3.0 * columns, 2.9 * len(shown)), squeeze=False,
+        subplot_kw={"projection": "3d"}, layout="constrained",
+    )  # fmt: skip
+    for row, (case, sheets) in zip(grid, shown.items(), strict=True):
+        points = {name: np.array(own) for name, own in sheets.items()}
+        low = np.min([own.min(axis=0) for own in points.values()], axis=0)
+        high = np.max([own.max(axis=0) for own in points.values()], axis=0)
+        side = round(math.sqrt(len(next(iter(points.values())))))
+        for axes, (name, own) in zip(row, points.items(), strict=False):
+            _surface(axes, own, _grid_triangles(side), low, high)
+            apart = 1e3 * math.sqrt(((own - points["ours"]) ** 2).sum(axis=1).mean())
+            beside = "" if name == "ours" else f": {apart:.0f} mm from ours"
+            axes.set_title(f"{titles[name]}\n{case.replace('_', ' ')}{beside}", fontsize="small")
+    figure.savefig(ENGINES_FIGURE, dpi=100)
+    plt.close(figure)
+
+
+def _draw_demonstration() -> None:
+    """The exact rollouts: columns beside each other, from the carry to the end."""
+    import matplotlib.pyplot as plt
+
+    found = measured("demonstration")
+    rollouts, triangles = found["shown"], np.array(found["triangles"])
+    rows = [(name, moment) for name in rollouts for moment in (1, 2)]
+    figure, grid = plt.subplots(
+        len(rows), len(DEMONSTRATED), figsize=(9.0, 2.7 * len(rows)), squeeze=False,
+        subplot_kw={"projection": "3d"}, layout="constrained",
+    )  # fmt: skip
+    for row, (rollout, moment) in zip(grid, rows, strict=True):
+        points = {name: np.array(own[moment]) for name, own in rollouts[rollout].items()}
+        low = np.min([own.min(axis=0) for own in points.values()], axis=0)
+        high = np.max([own.max(axis=0) for own in points.values()], axis=0)
+        for axes, (name, title) in zip(row, DEMONSTRATED.items(), strict=True):
+            _surface(axes, points[name], triangles, low, high)
+            when = "carried" if moment == 1 else "released"
+            axes.set_title(f"{title}\n{rollout}, {when}", fontsize="small")
+    figure.suptitle("Simulation only: no real robot")
+    figure.savefig(DEMONSTRATION_FIGURE, dpi=80)
+    plt.close(figure)
+
+
+def _surface(
+    axes, points: np.ndarray, triangles: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> None:
+    """A sheet (n, 3) [m] in axes that all sheets of a row share."""
+    from matplotlib.colors import LightSource
+
+    axes.plot_trisurf(
+        *points.T, triangles=triangles, color=(0.85, 0.3, 0.42), edgecolor=(0.3, 0.05, 0.1),
+        linewidth=0.15, lightsource=LightSource(azdeg=200, altdeg=50),
+    )  # fmt: skip
+    middle, half = (low + high) / 2, max((high - low).max() / 2, 0.1)
+    axes.set_xlim(middle[0] - half, middle[0] + half)
+    axes.set_ylim(middle[1] - half, middle[1] + half)
+    axes.set_zlim(low[2], low[2] + 2 * half)
+    axes.set_box_aspect((1, 1, 1), zoom=1.45)
+    axes.view_init(28, -125)
+    axes.set_axis_off()
+
+
+def _grid_triangles(side: int) -> np.ndarray:
+    """Triangles (m, 3) of a grid of `side` by `side` vertices."""
+    from softgym_mj.entities.cloth import alternating_triangles
+
+    return alternating_triangles(side, side)
