@@ -1,4 +1,4 @@
-"""Tables and figures of docs/engines.md: docs/engines.json and docs/demonstration.json."""
+"""Tables and the figure of docs/engines.md: docs/engines.json and docs/demonstration.json."""
 
 import json
 import math
@@ -9,10 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from softgym_mj.entities.cloth import alternating_triangles
+from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR
 from tools.pages import table
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
-ENGINES_FIGURE, DEMONSTRATION_FIGURE = DOCS / "engines.png", DOCS / "demonstration.png"
+FIGURE = DOCS / "engines.png"
+_VIEW = (35.0, -115.0)  # Elevation and azimuth [deg].
+_LIGHT = np.array([-0.3, -0.4, 0.87])
 # Moments of the kinds of cases, as the tables have them: the rags' are called otherwise.
 PLACED = ("lift", "carry", "place", "release")
 GROUPS = ("dynamic", "quasi_static", "flat", "folded")
@@ -57,9 +61,10 @@ def calibration() -> str:
             final = next(value for number, value in rounds if number == given)
             first, number, final = (unit * value for value in (rounds[0][1], given, final))
             cells.append(f"{first:.3g} | {number:.3g} | {final:.3g}")
+        cells.append(f"{1e6 * own['restarted']:.3g}")
         rows.append(f"| {' | '.join(cells)} |")
     heads = " | ".join(f"{title}: untouched | given | then" for title, _ in QUANTITIES.values())
-    return table(f"| | {heads} |", rows)
+    return table(f"| | {heads} | bending, from another start |", rows)
 
 
 def distances() -> str:
@@ -186,13 +191,7 @@ TABLES: dict[str, Callable[[], str]] = {
 
 
 def draw() -> None:
-    """Both figures."""
-    _draw_engines()
-    _draw_demonstration()
-
-
-def _draw_engines() -> None:
-    """Sheets at one moment, a row for each case that is kept."""
+    """The figure: sheets at one moment, a row for each case that is kept."""
     import matplotlib.pyplot as plt
 
     found = measured("engines")
@@ -208,59 +207,40 @@ def _draw_engines() -> None:
         high = np.max([own.max(axis=0) for own in points.values()], axis=0)
         side = round(math.sqrt(len(next(iter(points.values())))))
         for axes, (name, own) in zip(row, points.items(), strict=False):
-            _surface(axes, own, _grid_triangles(side), low, high)
+            _surface(axes, own, alternating_triangles(side, side), low, high)
             apart = 1e3 * math.sqrt(((own - points["ours"]) ** 2).sum(axis=1).mean())
             beside = "" if name == "ours" else f": {apart:.0f} mm from ours"
             axes.set_title(f"{titles[name]}\n{case.replace('_', ' ')}{beside}", fontsize="small")
-    figure.savefig(ENGINES_FIGURE, dpi=100)
-    plt.close(figure)
-
-
-def _draw_demonstration() -> None:
-    """The exact rollouts: columns beside each other, from the carry to the end."""
-    import matplotlib.pyplot as plt
-
-    found = measured("demonstration")
-    rollouts, triangles = found["shown"], np.array(found["triangles"])
-    rows = [(name, moment) for name in rollouts for moment in (1, 2)]
-    figure, grid = plt.subplots(
-        len(rows), len(DEMONSTRATED), figsize=(9.0, 2.7 * len(rows)), squeeze=False,
-        subplot_kw={"projection": "3d"}, layout="constrained",
-    )  # fmt: skip
-    for row, (rollout, moment) in zip(grid, rows, strict=True):
-        points = {name: np.array(own[moment]) for name, own in rollouts[rollout].items()}
-        low = np.min([own.min(axis=0) for own in points.values()], axis=0)
-        high = np.max([own.max(axis=0) for own in points.values()], axis=0)
-        for axes, (name, title) in zip(row, DEMONSTRATED.items(), strict=True):
-            _surface(axes, points[name], triangles, low, high)
-            when = "carried" if moment == 1 else "released"
-            axes.set_title(f"{title}\n{rollout}, {when}", fontsize="small")
-    figure.suptitle("Simulation only: no real robot")
-    figure.savefig(DEMONSTRATION_FIGURE, dpi=80)
+    figure.savefig(FIGURE, dpi=100)
     plt.close(figure)
 
 
 def _surface(
     axes, points: np.ndarray, triangles: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> None:
-    """A sheet (n, 3) [m] in axes that all sheets of a row share."""
-    from matplotlib.colors import LightSource
+    """A sheet (n, 3) [m] with two sides, in axes that all sheets of a row share."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    axes.plot_trisurf(
-        *points.T, triangles=triangles, color=(0.85, 0.3, 0.42), edgecolor=(0.3, 0.05, 0.1),
-        linewidth=0.15, lightsource=LightSource(azdeg=200, altdeg=50),
-    )  # fmt: skip
-    middle, half = (low + high) / 2, max((high - low).max() / 2, 0.1)
+    corners = points[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    elevation, azimuth = np.radians(_VIEW)
+    towards = np.array(
+        [
+            math.cos(elevation) * math.cos(azimuth),
+            math.cos(elevation) * math.sin(azimuth),
+            math.sin(elevation),
+        ]
+    )
+    colors = np.where((normals @ towards > 0.0)[:, None], BACK_COLOR[:3], FRONT_COLOR[:3])
+    colors = colors * (0.55 + 0.45 * np.abs(normals @ _LIGHT))[:, None]
+    sheet = Poly3DCollection(corners, facecolors=colors, edgecolors=0.8 * colors, linewidths=0.2)
+    axes.add_collection3d(sheet)
+    middle, half = (low + high) / 2, (high - low)[:2].max() / 2
+    tall = max(high[2] - low[2], 0.2 * half)
     axes.set_xlim(middle[0] - half, middle[0] + half)
     axes.set_ylim(middle[1] - half, middle[1] + half)
-    axes.set_zlim(low[2], low[2] + 2 * half)
-    axes.set_box_aspect((1, 1, 1), zoom=1.45)
-    axes.view_init(28, -125)
+    axes.set_zlim(low[2], low[2] + tall)
+    axes.set_box_aspect((1, 1, tall / (2 * half)), zoom=1.25)
+    axes.view_init(*_VIEW)
     axes.set_axis_off()
-
-
-def _grid_triangles(side: int) -> np.ndarray:
-    """Triangles (m, 3) of a grid of `side` by `side` vertices."""
-    from softgym_mj.entities.cloth import alternating_triangles
-
-    return alternating_triangles(side, side)

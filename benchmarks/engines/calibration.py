@@ -24,6 +24,8 @@ STRIP, WIDTH = 12, 4  # Cells along and across the strip that hangs.
 STRAIN = 0.01  # Mean of it; its weight is made such.
 BEAM = 4  # Cells that bend.
 LOAD = 5.0  # Of the beam: weight per length times length^3 over bending stiffness.
+OTHER_LOAD = 1.0  # Of the shape in which it starts again.
+SAME = 0.25  # Share by which what is measured may hang by the start.
 SQUARE = 7  # Cells a side of what slides.
 SLOPE = 1.5  # Tangent over friction.
 
@@ -60,11 +62,11 @@ def stretch_of(strain: np.ndarray, density: float, weight: float) -> float:
     return float(force[2:-2].sum() / strain[2:-2].sum())
 
 
-def bending(build: Build, fabric: Fabric) -> float:
+def bending(build: Build, fabric: Fabric, start: float = LOAD) -> float:
     """Moment per width and curvature [N m] of a strip that bends under its weight.
 
-    It starts as the elastica that it should be, so that it swings little, and is looked at over a
-    period of its first mode.
+    It is looked at over a period of its first mode. It starts as the elastica of the load `start`:
+    the one that it should be, so that it swings little, or another one, to see whether it moves.
     """
     mesh = rectangle((BEAM + 1) * SPACING, WIDTH * SPACING, SPACING)
     # Half a cell of what is clamped bends, too: the hinges of its second row.
@@ -72,7 +74,7 @@ def bending(build: Build, fabric: Fabric) -> float:
     nominal = FABRIC.bend_stiffness
     weight = LOAD * nominal / (FABRIC.density * length**3)
     order = np.argsort(mesh.points[:, 0], kind="stable").reshape(BEAM + 2, WIDTH + 1)
-    distance, drop = elastica(LOAD)
+    distance, drop = elastica(start)
     # Along it, from half a cell before the first vertex that is free.
     arc = SPACING * (np.arange(BEAM + 2) - 0.5)
     share = np.clip(arc / length, 0.0, 1.0)
@@ -173,10 +175,12 @@ class Calibration:
     Attributes:
         given: numbers that make it what it should be, by field of the fabric.
         measured: pairs of a number that was given and what was measured, in order, by experiment.
+        restarted: bending [N m] measured with the last of these from another start; None if not.
     """
 
     given: dict[str, float]
     measured: dict[str, list[tuple[float, float]]]
+    restarted: float | None = None
 
     def fabric(self, fabric: Fabric = FABRIC) -> Fabric:
         """A fabric with these numbers."""

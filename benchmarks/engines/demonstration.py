@@ -8,6 +8,7 @@ own flex, whose vertex goes the way of the picker's. Each rollout is repeated wi
 without air, the same in all columns.
 
     python -m benchmarks.engines.demonstration --folder build/engines --out docs/demonstration.json
+    python -m benchmarks.engines.demonstration --picture docs/demonstration.jpg
 """
 
 import argparse
@@ -15,6 +16,7 @@ import dataclasses
 import json
 import logging
 import pathlib
+from collections.abc import Callable
 
 import numpy as np
 
@@ -29,6 +31,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.reality.meshes import Mesh
 from softgym_mj.reality.replay import Hold, recorded_path
+from softgym_mj.rendering.offscreen import CameraView
 
 VARIATION = 804  # A cloth of 0.55 x 0.54 m, turned by 6 degrees only.
 REPEATS = 10
@@ -39,6 +42,7 @@ DRAWN = ("stretch_stiffness", "bend_stiffness", "density", "friction")  # From t
 ROLLOUTS = {"edge": ((12, 0), (0.5, 0.0)), "corner": ((17, 0), (0.2, 0.15))}
 LIFTED, LAID = 0.12, 0.03  # [m] Heights of the hand.
 LIFT_SPEED, CARRY_SPEED, LOWER_SPEED = 0.3, 0.3, 0.2  # [m/s]
+SHOWN, IMAGE = ("carry", "release"), (300, 360)  # In the picture; height and width [pixels].
 REST = 15  # Env steps after it is let go of.
 COLUMNS = {"picker": "abstract picker", "sawyer": "simulated Sawyer", "mujoco": "MuJoCo's flex"}
 MOMENTS = ("lift", "carry", "place", "release")
@@ -77,17 +81,24 @@ def draw(repeat: int) -> tuple[np.ndarray, Fabric]:
     return random.normal(0.0, PICK_NOISE, 2), fabric
 
 
-def scene(actor: str, fabric: Fabric) -> Environment:
+def scene(actor: str, fabric: Fabric, look: str = "fast") -> Environment:
     """The task with one gripper and a fabric."""
     numbers = {name: getattr(fabric, name) for name in (*DRAWN, "layer_friction", "drag")}
     kind = {"num_pickers": 1} if actor == "picker" else {"arms": 1, "grasp": "friction"}
-    env = softgym_mj.load("fold_cloth", actor=actor, split="evaluate", domain=numbers, **kind)
+    env = softgym_mj.load(
+        "fold_cloth", actor=actor, split="evaluate", domain=numbers, look=look, **kind
+    )
     env.reset(VARIATION)
     return env
 
 
-def act(env: Environment, rollout: str, off: np.ndarray) -> Rollout:
-    """Plays a rollout with whatever hand the environment has."""
+def act(
+    env: Environment,
+    rollout: str,
+    off: np.ndarray,
+    see: Callable[[str], None] = lambda moment: None,
+) -> Rollout:
+    """Plays a rollout with whatever hand the environment has; `see` is called at `MOMENTS`."""
     (row, column), way = ROLLOUTS[rollout]
     cloth, actor, data = env.task.cloth, env.task.actor, env.physics.data
     aim = cloth.vertex(cloth.index(row, column))
@@ -117,8 +128,9 @@ def act(env: Environment, rollout: str, off: np.ndarray) -> Rollout:
         ([*over[:2], LIFTED + offset], CARRY_SPEED),
         ([*over[:2], LAID + offset], LOWER_SPEED),
     )
-    for goal, speed in legs:
+    for moment, (goal, speed) in zip(MOMENTS, legs, strict=False):
         _carry(env, np.array([goal]), speed, note)
+        see(moment)
         moments.append(cloth.points())
         ends.append(times[-1])
     away = np.linalg.norm(cloth.vertex(vertex) - actor.positions()[0] - pinched)
@@ -127,6 +139,7 @@ def act(env: Environment, rollout: str, off: np.ndarray) -> Rollout:
     go(env, actor.commanded_positions() + [0.0, 0.0, 0.15], False, 0.4)
     while data.time - begin < ends[-1] + REST * ENV_STEP:
         wait(env, False, 1)
+    see(MOMENTS[-1])
     moments.append(cloth.points())
     ends.append(data.time - begin)
     return Rollout(np.array(moments), np.array(times), np.array(path), np.array(ends), vertex, held)
@@ -198,14 +211,55 @@ def summary(runs: dict[tuple[str, int], dict[str, np.ndarray]]) -> dict:
                 apart = study.distance(run[f"{name}_moments"], run["picker_moments"])
                 row[name]["distance_mm"] = dict(zip(MOMENTS, apart[1:].tolist(), strict=True))
         rows.setdefault(rollout, []).append(row)
-    shown = {
-        rollout: {name: runs[rollout, 0][f"{name}_moments"][[0, 2, 4]].round(3) for name in COLUMNS}
-        for rollout in ROLLOUTS
-        if (rollout, 0) in runs
-    }
-    triangles = next(iter(runs.values()))["triangles"]
-    result = {"rollouts": rows, "shown": shown, "triangles": triangles}
-    return json.loads(json.dumps(result, default=lambda value: np.asarray(value).tolist()))
+    return json.loads(
+        json.dumps({"rollouts": rows}, default=lambda value: np.asarray(value).tolist())
+    )
+
+
+def draw_picture(file: pathlib.Path, scale: dict[str, float]) -> None:
+    """Draws both rollouts, unperturbed, when the cloth is carried and at the end."""
+    import matplotlib.pyplot as plt
+
+    figure, grid = plt.subplots(
+        len(ROLLOUTS) * len(SHOWN), len(COLUMNS), figsize=(9.0, 2.6 * len(ROLLOUTS) * len(SHOWN)),
+        layout="constrained",
+    )  # fmt: skip
+    rows = iter(grid)
+    for rollout in ROLLOUTS:
+        images = photographs(rollout, scale)
+        for moment in SHOWN:
+            for axes, (name, title) in zip(next(rows), COLUMNS.items(), strict=True):
+                axes.imshow(images[name, moment])
+                axes.set_title(f"{title}: {rollout}, {moment}", fontsize="small")
+                axes.axis("off")
+    figure.suptitle("Simulation only: no real robot")
+    figure.savefig(file, dpi=90, pil_kwargs={"quality": 85})
+
+
+def photographs(rollout: str, scale: dict[str, float]) -> dict[tuple[str, str], np.ndarray]:
+    """Images (h, w, 3) of a rollout by column and moment."""
+    images = {}
+    off, fabric = draw(0)
+    camera = CameraView("task", *IMAGE)
+    for actor in ("picker", "sawyer"):
+        env = scene(actor, fabric, look="paper")
+
+        def see(moment, actor=actor, env=env):
+            if moment in SHOWN:
+                images[actor, moment] = camera.rgb(env.physics)
+
+        found = act(env, rollout, off, see)
+        if actor == "picker":
+            cloth = env.task.cloth
+            mesh = Mesh(cloth.flat() * [1.0, 1.0, 0.0], cloth.triangles)
+            given = {name: factor * getattr(fabric, name) for name, factor in scale.items()}
+            other = again(found, mesh, dataclasses.replace(fabric, **given))
+            for moment in SHOWN:  # The picker is where it ended, above.
+                cloth.set_points(other.moments[1 + MOMENTS.index(moment)])
+                env.physics.data.ptr.time += 1.0  # Something has changed: draw anew.
+                images["mujoco", moment] = camera.rgb(env.physics)
+        env.close()
+    return images
 
 
 def main() -> None:
@@ -213,10 +267,14 @@ def main() -> None:
     parser.add_argument("--folder", type=pathlib.Path, default="build/engines")
     parser.add_argument("--out", type=pathlib.Path)
     parser.add_argument("--repeats", type=int, default=REPEATS)
+    parser.add_argument("--picture", type=pathlib.Path, help="draw the first repeats, no more")
     arguments = parser.parse_args()
     logging.getLogger("absl").setLevel(logging.ERROR)  # Of flexes that are stiff.
     given = study.calibrated(arguments.folder, stock.ENGINE).given
     scale = {name: number / getattr(FABRIC, name) for name, number in given.items()}
+    if arguments.picture:
+        draw_picture(arguments.picture, scale)
+        return
     store = Store(arguments.folder / "demonstration", {"scale": scale, "version": 1}, ARRAYS)
     runs = {}
 
