@@ -210,7 +210,7 @@ def draw() -> None:
             _surface(axes, own, alternating_triangles(side, side), low, high)
             apart = 1e3 * math.sqrt(((own - points["ours"]) ** 2).sum(axis=1).mean())
             beside = "" if name == "ours" else f": {apart:.0f} mm from ours"
-            axes.set_title(f"{titles[name]}\n{case.replace('_', ' ')}{beside}", fontsize="small")
+            axes.set_title(f"{titles[name]['title']}\n{case.replace('_', ' ')}{beside}", fontsize="small")
     figure.savefig(FIGURE, dpi=100)
     plt.close(figure)
 
@@ -241,6 +241,6 @@ def _surface(
     axes.set_xlim(middle[0] - half, middle[0] + half)
     axes.set_ylim(middle[1] - half, middle[1] + half)
     axes.set_zlim(low[2], low[2] + tall)
-    axes.set_box_aspect((1, 1, tall / (2 * half)), zoom=1.25)
+    axes.set_box_aspect((1, 1, tall / (2 * half)), zoom=1.35)
     axes.view_init(*_VIEW)
     axes.set_axis_off()

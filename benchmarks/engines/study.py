@@ -225,7 +225,7 @@ def main() -> None:
                 lambda case, made=made, fabric=fabric: played(made, fabric, SHEET, 1, case),
             )  # fmt: skip
     if arguments.out:
-        arguments.out.write_text(json.dumps(summary(calibrations, engines, own), indent=1) + "\n")
+        arguments.out.write_text(json.dumps(summary(calibrations, engines, own)) + "\n")
 
 
 def calibrated(folder: pathlib.Path, made: Engine) -> Calibration:
