@@ -210,7 +210,8 @@ def draw() -> None:
             _surface(axes, own, alternating_triangles(side, side), low, high)
             apart = 1e3 * math.sqrt(((own - points["ours"]) ** 2).sum(axis=1).mean())
             beside = "" if name == "ours" else f": {apart:.0f} mm from ours"
-            axes.set_title(f"{titles[name]['title']}\n{case.replace('_', ' ')}{beside}", fontsize="small")
+            shown_case = f"{case.replace('_', ' ')}{beside}"
+            axes.set_title(f"{titles[name]['title']}\n{shown_case}", fontsize="small")
     figure.savefig(FIGURE, dpi=100)
     plt.close(figure)
 
