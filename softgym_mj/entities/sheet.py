@@ -51,8 +51,10 @@ class Fabric:
         shear: stiffness along the mesh's diagonals as a share of that along its other edges.
         bend_stiffness: moment per width and curvature [N m].
         bend_weft: of a sheet that bends as a plate the same along Y, where `bend_stiffness` is
-            along X, of the sheet when it is built; 0 for one whose edges resist alike: that is what
-            the tasks' cloth does, and it is stiffer than it says where it bends sharply.
+            along X, of the sheet when it is built; a grid also stretches by what it says then. 0
+            for one whose edges resist alike: that is what the tasks' cloth does, and it is stiffer
+            than it says where it bends sharply, and stretches more easily by an eighth where it is
+            soft.
         bend_bias: of a plate at 45 degrees between them; 0 for the mean of both.
         stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
         density: mass of a unit of area [kg/m^2].
@@ -188,10 +190,24 @@ def _of_plates(name: str, nominal: float, summary: str) -> Parameter:
     return Parameter(name, "N m", 0.0, (0.0, 0.0), (0.0, _MOST_BEND), summary)
 
 
+def _told(shear: float) -> float:
+    """What a grid has to be told of stretch for what it is to show, as a factor.
+
+    Its lines are springs of stretch / 1.2 a width. Of a cell its diagonal adds shear / 4 of that to
+    what it resists along the lines, and as much to what it pulls across them; a strip is free to
+    get narrower.
+    """
+    along, across = 1.0 + shear / 4.0, shear / 4.0
+    return 1.2 / (along - across**2 / along)
+
+
 def solver_material(values: Mapping[str, float]) -> dict[str, float]:
     """The attributes of `solver.Material`, by name, for those of a `Fabric`, by name."""
+    stretch = values["stretch_stiffness"]
+    if values["bend_weft"] > 0.0:
+        stretch *= _told(values["shear"])
     return {
-        "stretch": values["stretch_stiffness"],
+        "stretch": stretch,
         "shear": values["shear"],
         "bend": values["bend_stiffness"],
         "bend_weft": values["bend_weft"],

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.variations import fabric_statistics
 from softgym_mj.variations.indices import generator
 
 Range = tuple[float, float]
@@ -21,6 +22,7 @@ PRESETS = {
     "in_distribution": "every parameter within its usual range",
     "out_of_distribution": "every parameter outside of its usual range, within the valid one",
 }
+FABRICS = "fabrics"  # Instead of a preset: sheets of fabrics as they occur.
 KINDS = {"physics": "what is felt", "visual": "what is only seen, in images"}
 
 
@@ -179,6 +181,19 @@ class Prefixed:
         return self._part.adjust({own: values[name] for name, own in self._names.items()})
 
 
+def _sheets(named: Mapping[str, Parameter]) -> tuple[str, ...]:
+    """What the names of parameters begin with, of each sheet that has all of a fabric's.
+
+    Raises:
+        InvalidArgumentError: if there is no sheet.
+    """
+    starts = [name.removesuffix("bend_weft") for name in named if name.endswith("bend_weft")]
+    sheets = tuple(s for s in starts if all(s + own in named for own in fabric_statistics.RANGES))
+    if not sheets:
+        raise InvalidArgumentError("domain", FABRICS, f"of tasks with cloth; else {[*PRESETS]}")
+    return sheets
+
+
 class DomainRandomization:
     """Which parameters of the parts of a scene vary, and how far.
 
@@ -195,28 +210,47 @@ class DomainRandomization:
         Args:
             setting: one of `PRESETS` for all parameters, or a dict from names of parameters to a
                 number, a pair (low, high) or a preset, and from `KINDS` to a preset for those of
-                the kind that are not named; the others stay nominal.
+                the kind that are not named; the others stay nominal. "fabrics", or that for
+                "physics", draws the parameters of `fabric_statistics` together, of each sheet.
             parts: what has parameters.
 
         Raises:
-            InvalidArgumentError: for a bad name or value.
+            InvalidArgumentError: for a bad name or value; for fabrics without a sheet.
         """
         self._parts = tuple(parts)
         named = {p.name: p for part in parts for p in part.parameters}
+        if isinstance(setting, str) and setting == FABRICS:
+            setting = {"physics": FABRICS}
+        self._sheets: tuple[str, ...] = ()
         if isinstance(setting, Mapping):
             for name in setting:
                 check_name("domain parameter", name, (*named, *KINDS))
             kinds = {kind: setting.get(kind, "nominal") for kind in KINDS}
+            if kinds["physics"] == FABRICS:
+                kinds["physics"], self._sheets = "nominal", _sheets(named)
             for kind, preset in kinds.items():
-                check_name(kind, preset, PRESETS)
+                valid = (*PRESETS, FABRICS) if kind == "physics" else PRESETS
+                check_name(kind, preset, valid)
             settings = {name: setting.get(name, kinds[p.kind]) for name, p in named.items()}
         elif setting in PRESETS:
             settings = dict.fromkeys(named, setting)
         else:
-            choices = [*PRESETS, "a dict of " + ", ".join((*KINDS, *named))]
+            choices = [*PRESETS, FABRICS, "a dict of " + ", ".join((*KINDS, *named))]
             raise InvalidArgumentError("domain", setting, choices)
         self.parameters = tuple(named.values())
         self.ranges = {p.name: p.ranges(settings[p.name]) for p in self.parameters}
+        # What is named itself is drawn as it says.
+        self._drawn = {
+            sheet: {
+                own: sheet + own
+                for own in fabric_statistics.RANGES
+                if isinstance(setting, Mapping) and sheet + own not in setting
+            }
+            for sheet in self._sheets
+        }
+        for names in self._drawn.values():
+            for own, name in names.items():
+                self.ranges[name] = (fabric_statistics.RANGES[own],)
         self.varying = tuple(
             p.name for p in self.parameters if self.ranges[p.name] != ((p.nominal, p.nominal),)
         )
@@ -224,10 +258,14 @@ class DomainRandomization:
 
     def draw(self, variation: int) -> dict[str, float]:
         """The value of every parameter in a variation."""
-        return {
+        values = {
             p.name: p.at(generator(f"domain/{p.name}", variation).random(), self.ranges[p.name])
             for p in self.parameters
         }
+        for sheet, names in self._drawn.items():
+            fabric = fabric_statistics.draw(generator(f"domain/{sheet}{FABRICS}", variation))
+            values.update({name: fabric[own] for own, name in names.items()})
+        return values
 
     def apply(self, variation: int) -> bool:
         """Sets the parameters for a variation; True when the model must be recompiled."""

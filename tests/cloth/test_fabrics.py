@@ -46,7 +46,8 @@ def test_a_sheet_is_made_of_a_named_fabric():
     assert model.body_mass.sum() == pytest.approx(0.59375 * 0.35625 * 0.187, rel=1e-6)
     (instance,) = cloth.mjcf_model.extension.plugin[0].instance
     material = {config.key: float(config.value) for config in instance.config}
-    assert material["stretch"] == 51.0  # (33 + 69) / 2
+    # (33 + 69) / 2, of a grid that shows 0.8915 of it with diagonals of 0.3.
+    assert material["stretch"] == pytest.approx(51.0 / 0.8915, rel=1e-4)
     for bend in ("bend", "bend_weft", "bend_bias"):
         assert material[bend] == pytest.approx(5.2e-6)  # (5.8 + 6.2 + 3.6) / 3 uN m
 

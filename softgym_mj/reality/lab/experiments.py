@@ -7,7 +7,7 @@ import numpy as np
 
 from softgym_mj.cloth import solver
 from softgym_mj.entities.sheet import Fabric
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, SimulationError
 from softgym_mj.reality.lab import theory
 from softgym_mj.reality.lab.meshes import strip
 from softgym_mj.reality.lab.specimen import Specimen
@@ -15,7 +15,7 @@ from softgym_mj.reality.lab.specimen import Specimen
 # Greatest share by which a measured number may be off, by experiment.
 BOUNDS = {
     "cantilever": 0.10, "cantilever_sheet": 0.10, "hanging": 0.05, "hanging_sheet": 0.05,
-    "falling": 0.05, "tilting": 0.02, "sliding": 0.02,
+    "falling": 0.05, "swinging": 0.05, "tilting": 0.02, "sliding": 0.02,
 }  # fmt: skip
 SPACING = 0.03  # [m] Between the vertices of sheets.
 
@@ -25,7 +25,7 @@ _THIN = 0.05  # Of the spacing: thickness of what hangs.
 _FLAT = 1e-2  # [N m] Bending stiffness with which a small sheet stays flat.
 # Rows of the solver that are this much softer than their vertices are light need no more than their
 # one turn: stiffness times substep^2 over mass, of edges and of hinges.
-_SOFT_EDGE, _SOFT_HINGE = 0.3, 0.1
+_SOFT_EDGE, _SOFT_HINGE = 0.05, 0.1
 _HINGE_MASSES = 16.0  # Sum of squares of a hinge's weights, at most.
 _MOST_SUBSTEPS = 100  # Displacements within a step are in single precision.
 _STEPS_OF_PERIOD = 50.0  # At least: when it begins to slow down is seen at the end of a step.
@@ -223,6 +223,60 @@ def falling(fabric: Fabric, name: str, spacing: float = SPACING) -> Measurement:
     expected = theory.terminal_speed(fabric.density, fabric.drag)
     settings = {"drag": fabric.drag, "spacing_m": spacing}
     return Measurement("falling", name, "grid_0", "speed [m/s]", speed, expected, settings)
+
+
+_SWINGS = 6  # Half ones.
+_AMPLITUDE = 0.5  # [rad] From which a strip is let go.
+
+
+def swinging(fabric: Fabric, name: str, cells: int = 6) -> Measurement:
+    """A strip that hangs from one edge swings in the air: what is left of its amplitude.
+
+    After three swings, against the equation of a rigid plate in the same air. It has a bending
+    stiffness of 1e-2 N m, as a limp one does not stay flat.
+
+    Args:
+        fabric, name, cells: as of `cantilever`; with drag.
+    """
+    if fabric.drag <= 0.0:
+        raise InvalidArgumentError("drag", fabric.drag, "above 0, to swing ever less")
+    points, triangles = strip("grid_0", cells, 2, SPACING)
+    flat = dataclasses.replace(fabric, bend_stiffness=_FLAT, bend_weft=0.0, bend_bias=0.0)
+    specimen = Specimen(points, triangles, flat)
+    specimen.weigh_by_area()
+    specimen.hold(np.flatnonzero(points[:, 0] <= 1e-9))
+    start = np.column_stack(
+        [points[:, 0] * math.sin(_AMPLITUDE), points[:, 1], -points[:, 0] * math.cos(_AMPLITUDE)]
+    )
+    specimen.place(start)
+    tip = points[:, 0] >= cells * SPACING - 1e-9
+    angles = [_AMPLITUDE]
+    expected = theory.swing_amplitude(
+        fabric.density, fabric.drag, cells * SPACING, _AMPLITUDE, _SWINGS
+    )
+    peaks: list[float] = []
+    while len(peaks) < _SWINGS:
+        specimen.step()
+        place = specimen.positions()[tip].mean(axis=0)
+        angles.append(math.atan2(place[0], -place[2]))
+        if len(angles) > 2 and (angles[-2] - angles[-3]) * (angles[-1] - angles[-2]) <= 0.0:
+            peaks.append(_peak(angles[-3:]))
+        if len(angles) > _MOST_ANGLES:
+            raise SimulationError(f"a strip of {name} does not swing")
+    settings = {"drag": fabric.drag, "spacing_m": SPACING, "cells": cells, "half_swings": _SWINGS}
+    return Measurement(
+        "swinging", name, "grid_0", "amplitude [rad]", abs(peaks[-1]), expected, settings
+    )
+
+
+_MOST_ANGLES = 2000
+
+
+def _peak(angles: list[float]) -> float:
+    """The largest value of the parabola through three angles [rad]."""
+    before, middle, after = angles
+    bend = before - 2.0 * middle + after
+    return middle if bend == 0.0 else middle - (after - before) ** 2 / (8.0 * bend)
 
 
 _TILT_SPEED = 0.02  # By which a slope's tangent grows in a second.

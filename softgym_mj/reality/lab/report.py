@@ -1,45 +1,72 @@
 """Runs the experiments of the lab for fabrics, and writes what they measured."""
 
 import csv
+import itertools
 import pathlib
 from collections.abc import Callable, Iterator, Sequence
 
+from softgym_mj.cloth.fabrics import FABRICS
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import check_name
 from softgym_mj.jobs.files import whole, write_json
 from softgym_mj.reality.lab import experiments
 from softgym_mj.reality.lab.experiments import BOUNDS, Measurement
+from softgym_mj.reality.lab.meshes import MESHES
+
+LOADS = (0.5, 5.0, 50.0)
+# How many cells long cantilevers are, all of them and with the spacing of sheets.
+CELLS, ALL_CELLS, CELLS_OF_SHEETS = (12,), (6, 12, 40), (6, 12)
 
 
-def run(names: Sequence[str], chosen: Sequence[str] = tuple(BOUNDS)) -> Iterator[Measurement]:
+def run(
+    names: Sequence[str], chosen: Sequence[str] = tuple(BOUNDS), is_thorough: bool = False
+) -> Iterator[Measurement]:
     """Does experiments with fabrics, one after the other.
+
+    Strips of true size resist shear as was measured, others as sheets of the fabric do by default.
 
     Args:
         names: of fabrics, of `softgym_mj.cloth.fabrics.FABRICS`.
         chosen: which experiments, of `BOUNDS`.
+        is_thorough: whether cantilevers are 6, 12 and 40 cells long, and 6 and 12 with the spacing
+            of sheets; else 12.
 
     Raises:
         InvalidArgumentError: for a name that is none of these.
     """
     for experiment in chosen:
         check_name("experiment", experiment, BOUNDS)
-    made_of = {name: Fabric.named(name) for name in names}
-    return (m for name, fabric in made_of.items() for m in _run(fabric, name, chosen))
+    for name in names:
+        check_name("fabric", name, FABRICS)
+    return (m for name in names for m in _run(name, chosen, is_thorough))
 
 
-def _run(fabric: Fabric, name: str, chosen: Sequence[str]) -> Iterator[Measurement]:
+def _run(name: str, chosen: Sequence[str], is_thorough: bool) -> Iterator[Measurement]:
+    fabric = Fabric.named(name)
+    sheared = Fabric.named(name, measured_shear=True)
+    lengths: tuple[int, ...] = ALL_CELLS if is_thorough else CELLS
     if "cantilever" in chosen:
-        for load in (0.5, 5.0, 50.0):
-            yield experiments.cantilever(fabric, name, load=load)
+        for mesh, cells, load in itertools.product(MESHES, lengths, LOADS):
+            yield experiments.cantilever(sheared, name, mesh, cells, load)
+    if "cantilever_sheet" in chosen:
+        lengths = CELLS_OF_SHEETS if is_thorough else CELLS
+        for mesh, cells, load in itertools.product(MESHES, lengths, LOADS):
+            yield experiments.cantilever(fabric, name, mesh, cells, load, experiments.SPACING)
+    for experiment, is_fine in (("hanging", True), ("hanging_sheet", False)):
+        if experiment in chosen:
+            yield experiments.hanging(fabric, name, is_fine=is_fine)
     simple: dict[str, Callable[[Fabric, str], Measurement]] = {
-        "hanging": experiments.hanging,
         "falling": experiments.falling,
+        "swinging": experiments.swinging,
         "tilting": experiments.tilting,
         "sliding": experiments.sliding,
     }
     for experiment, do in simple.items():
-        if experiment in chosen and not (experiment == "falling" and fabric.drag == 0.0):
+        if experiment in chosen and not (experiment in _IN_AIR and fabric.drag == 0.0):
             yield do(fabric, name)
+
+
+_IN_AIR = ("falling", "swinging")  # Which need drag.
 
 
 def record(measurement: Measurement) -> dict[str, object]:
@@ -64,7 +91,7 @@ def write(measurements: Sequence[Measurement], folder: pathlib.Path) -> tuple[pa
     Raises:
         StoreError: if they cannot be written.
     """
-    rows = [record(m) for m in measurements]
+    rows = [_rounded(record(m)) for m in measurements]
     as_json, as_csv = folder / "lab.json", folder / "lab.csv"
     write_json(as_json, {"measurements": rows})
     names = list(dict.fromkeys(name for row in rows for name in row))
@@ -73,3 +100,8 @@ def write(measurements: Sequence[Measurement], folder: pathlib.Path) -> tuple[pa
         writer.writeheader()
         writer.writerows(rows)
     return as_json, as_csv
+
+
+def _rounded(row: dict[str, object]) -> dict[str, object]:
+    """A record whose numbers have so many digits as tell something."""
+    return {k: float(f"{v:.6g}") if isinstance(v, float) else v for k, v in row.items()}

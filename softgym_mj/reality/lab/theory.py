@@ -81,3 +81,34 @@ def terminal_speed(density: float, drag: float) -> float:
         drag: its coefficient.
     """
     return math.sqrt(2.0 * density * GRAVITY / (AIR_DENSITY * drag))
+
+
+def swing_amplitude(
+    density: float, drag: float, length: float, amplitude: float, half_swings: int
+) -> float:
+    """How far a flat plate that hangs from an edge swings out [rad] after some half swings.
+
+    Its angle obeys rho L^3/3 a'' = -rho g L^2/2 sin a - (1/2) rho_air C L^4/4 a' |a'|, per width.
+
+    Args:
+        density: rho [kg/m^2]
+        drag: C.
+        length: L [m]
+        amplitude: at which it is let go [rad].
+        half_swings: from one side to the other.
+    """
+
+    def slope(t, y):
+        weight = 1.5 * GRAVITY / length * math.sin(y[0])
+        air = 0.375 * AIR_DENSITY * drag * length / density * y[1] * abs(y[1])
+        return [y[1], -weight - air]
+
+    def stops(t, y):
+        return y[1]
+
+    longest = (half_swings + 2) * 2.0 * math.pi * math.sqrt(length / GRAVITY)
+    found = scipy.integrate.solve_ivp(
+        slope, (0.0, longest), [amplitude, 0.0], rtol=1e-9, atol=1e-11, events=stops
+    )
+    turns = found.y_events[0][found.t_events[0] > 1e-6]
+    return abs(float(turns[half_swings - 1, 0]))
