@@ -23,7 +23,8 @@ class CupTaskSettings(TypedDict, total=False):
         `rendering.look.LOOKS`. Nothing else depends on it.
     action_repeat: sim steps of 0.01 s per env step; None for the usual number.
     domain: what varies besides the initial state: "nominal" for nothing, "in_distribution",
-        "out_of_distribution", or a dict of parameters, as in `DomainRandomization`.
+        "out_of_distribution", "fabrics" as they occur, or a dict of parameters, as in
+        `DomainRandomization`.
 
     Those of the package name these themselves:
 
