@@ -39,6 +39,7 @@ CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))  # Of a cell, counter-clockwise.
 UNIT = 0.056  # [m] Of the outline: 0.56 m wide, 0.73 m long.
 FINER = {"5k": 4, "20k": 8}  # Edges in a unit.
 GAP = 0.00308  # [m] Of both layers, as in RGBench's T-shirts.
+FABRIC = "rgbench_t_shirt"
 STRETCHES = {"published": 230.0, "woven": 1000.0}  # [N/m]
 REST = 1.0  # [s] At the beginning, and after hands have opened.
 
@@ -154,7 +155,7 @@ def replayed(size: str, stretch: str, action: str, rate: float = 10.0) -> tuple[
     """A run, at so many frames a second."""
     mesh = shirt(FINER[size])
     fabric = dataclasses.replace(
-        Fabric.named("rgbench_t_shirt"), thickness=THICKNESS, stretch_stiffness=STRETCHES[stretch]
+        Fabric.named(FABRIC), thickness=THICKNESS, stretch_stiffness=STRETCHES[stretch]
     )
     start = mesh.points + [0.0, 0.0, GAP / 2.0 + THICKNESS / 2.0]
     holds, end = ACTIONS[action](mesh, start)
@@ -205,7 +206,12 @@ def main() -> None:
     if arguments.strip:
         write_whole(arguments.strip, strip(arguments.strip.suffix))
         return
-    specification = {"mujoco": mujoco.__version__, "unit_m": UNIT, "stretches": STRETCHES}
+    specification = {
+        "mujoco": mujoco.__version__,
+        "unit_m": UNIT,
+        "stretches": STRETCHES,
+        "fabric": dataclasses.asdict(Fabric.named(FABRIC)),
+    }
     store = Store(arguments.folder, specification, JSON)
     rows: list[Row] = []
 
@@ -213,8 +219,9 @@ def main() -> None:
         print(*key, json.dumps(value), flush=True)
         rows.append(dict(zip(("size", "stretch", "action"), key, strict=True)) | value)
 
-    keys = [("5k", stretch, action) for stretch in STRETCHES for action in ACTIONS]
+    keys = [("5k", "published", action) for action in ACTIONS]
     keys += [("20k", "published", action) for action in ("grasp", "fold", "fling")]
+    keys += [("5k", "woven", action) for action in ACTIONS]
     store.run([key for key in keys if store.has(key) or not arguments.done], run, progress=keep)
     rows.sort(key=lambda row: keys.index((row["size"], row["stretch"], row["action"])))
     result = {
