@@ -183,16 +183,16 @@ def _panel(
         if name.task != task:
             continue
         steps, median, low, high = points.T
-        (line,) = axes.plot(steps, median, label=" ".join(name[1:]))
+        (line,) = axes.plot(steps / 1000, median, label=" ".join(name[1:]))
         color = line.get_color()
-        axes.fill_between(steps, low, high, color=color, alpha=0.2, linewidth=0)
+        axes.fill_between(steps / 1000, low, high, color=color, alpha=0.2, linewidth=0)
         for r in known:
             if (r.task, r.method, r.observation) == name[:3] and r.bound == "is":
                 label = f"others: {r.value:g}"
                 axes.axhline(r.value, color=color, linewidth=0.8, linestyle="--", label=label)
     axes.set_title(task, fontsize="small")
-    axes.set_ylim(max(axes.get_ylim()[0], _LOWEST), 1.05)
-    axes.set_xlabel("env steps", fontsize="small")
+    axes.set_ylim(min(max(axes.get_ylim()[0], _LOWEST), 0.0), 1.05)
+    axes.set_xlabel("env steps [1000]", fontsize="small")
     axes.set_ylabel("normalised performance", fontsize="small")
     axes.tick_params(labelsize="x-small")
     axes.spines[["top", "right"]].set_visible(False)
