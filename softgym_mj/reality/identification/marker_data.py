@@ -46,7 +46,7 @@ class MarkersScene(Scene):
         times = begin + np.arange(round((end - begin) / _GRID) + 1) * _GRID
         done = replay(
             self.mesh, fabric, [hold], times, start=recorded.start(), begin=float(begin),
-            floor=self._floor, step=self._step, by_area=True,
+            floor=self._floor, step=self._step, by_area=True, watched=False,
         )  # fmt: skip
         return Motion(times, done.positions)
 

@@ -74,7 +74,7 @@ class RagScene(Scene):
         times = np.arange(round(self._end / _GRID) + 1) * _GRID
         done = replay(
             self.mesh, fabric, [Hold(corners(self.mesh), path)], times, start=hung(self.mesh),
-            begin=begin, floor=self._table, step=self._step, by_area=True,
+            begin=begin, floor=self._table, step=self._step, by_area=True, watched=False,
         )  # fmt: skip
         return Motion(times, done.positions)
 
