@@ -202,6 +202,9 @@ def summary(results: list[dict]) -> dict:
         "within": {n: sum(near(f, n, b) for f in noisy) for n, b in BOUNDS.items()},
         "all_within": sum(all(near(f, n, b) for n, b in BOUNDS.items()) for f in noisy),
         "bounds": BOUNDS,
+        "exact_bounds": exact_bounds,
+        "slip_bound": SLIP_BOUND,
+        "loss_bound": LOSS_BOUND,
         "in_interval": {n: sum(covered(f, n) for f in noisy) for n in names},
         "not_identified": {n: sum(n in f["not_identified"] for f in noisy) for n in names},
         "slips_found": sum(

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from softgym_mj.reality.identification.quadratic import coefficients, minimum
 from softgym_mj.reality.identification.search import Found
 
 BLOCK = 5  # Neighbouring frames that count as one: their errors are alike.
@@ -39,10 +40,10 @@ def intervals(
     points = np.concatenate([found.points for found in searches])
     losses = np.concatenate([found.losses for found in searches])
     distances = np.concatenate([found.frames for found in searches])
-    coefficients = 1 + len(estimate) + len(estimate) * (len(estimate) + 1) // 2
-    best = np.argsort(losses, kind="stable")[: _PER_COEFFICIENT * coefficients]
+    most = _PER_COEFFICIENT * coefficients(len(estimate))
+    best = np.argsort(losses, kind="stable")[:most]
     drawn = functools.partial(_weights, frames, shares)
-    minima = _minima(points[best] - estimate, distances[best], bounds - estimate[:, None], drawn)
+    minima = _minima(points[best], distances[best], bounds, drawn)
     variance = minima.var(axis=0)
     if len(searches) > 1:
         variance = variance + np.var([found.estimate for found in searches], axis=0, ddof=1)
@@ -59,19 +60,10 @@ def _minima(
 ) -> np.ndarray:
     """Minima (repeats, unknowns) of quadratics through points (n, unknowns) as frames are drawn."""
     random = np.random.default_rng(0)
-    scale = np.maximum(points.std(axis=0), 1e-9)
-    x = points / scale
-    first, second = np.triu_indices(x.shape[1])
-    design = np.column_stack([np.ones(len(x)), x, x[:, first] * x[:, second]])
     found = []
     for _ in range(_REPEATS):
-        rows = random.integers(0, len(x), len(x))
-        values = distances[rows] @ drawn(random)
-        solution = np.linalg.lstsq(design[rows], values, rcond=None)[0]
-        gradient, hessian = solution[1 : 1 + x.shape[1]], np.zeros((x.shape[1],) * 2)
-        hessian[first, second] += solution[1 + x.shape[1] :]
-        hessian = hessian + hessian.T
-        found.append(_minimum(gradient, hessian, bounds / scale[:, None]) * scale)
+        rows = random.integers(0, len(points), len(points))
+        found.append(minimum(points[rows], distances[rows] @ drawn(random), bounds))
     return np.array(found)
 
 
@@ -85,16 +77,3 @@ def _weights(frames: list[int], shares: Sequence[float], random: np.random.Gener
         counts = drawn[block].astype(float)
         weights.append(share * counts / max(counts.sum(), 1.0))
     return np.concatenate(weights)
-
-
-def _minimum(gradient: np.ndarray, hessian: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Where a quadratic is least within bounds (unknowns, 2); where it falls, at their edge."""
-    values, vectors = np.linalg.eigh(hessian)
-    slopes = vectors.T @ gradient
-    width = np.linalg.norm(bounds[:, 1] - bounds[:, 0])
-    way = np.where(
-        values > np.abs(slopes) / width,
-        -slopes / np.where(values > 0.0, values, 1.0),
-        -np.sign(slopes) * width,
-    )
-    return np.clip(vectors @ way, bounds[:, 0], bounds[:, 1])
