@@ -35,7 +35,7 @@ from softgym_mj.reality.identification.tasks import Task, evaluate, motions, wei
 
 DRAWS = tuple(range(10))
 EXACT = tuple(range(3))  # Draws that are also done without noise.
-SEEDS, EVALUATIONS = 2, 480
+SEEDS, EVALUATIONS = 2, 300
 CLOTH = "linen"  # Whose name and numbers of frames the data have.
 LATENCY = 0.033  # [s]
 NOISE = 0.005  # [m]

@@ -62,7 +62,7 @@ def rags(
         bool, typer.Option("--blind", help="Without a camera: from real points only.")
     ] = False,
     seeds: Seeds = 3,
-    evaluations: Evaluations = 480,
+    evaluations: Evaluations = 300,
     jobs: Jobs = 1,
     ray: Ray = None,
     out: Out = _OUT,
@@ -107,7 +107,7 @@ def garments(
         bool, typer.Option(help="Whether the left arm's base is at Y = -0.25 m.")
     ] = False,
     seeds: Seeds = 3,
-    evaluations: Evaluations = 480,
+    evaluations: Evaluations = 300,
     jobs: Jobs = 1,
     ray: Ray = None,
     out: Out = _OUT,
@@ -157,7 +157,7 @@ def markers(
     spacing: Annotated[float, typer.Option(help="Of the mesh, at most, in metres.")] = 0.025,
     fit: Annotated[str, typer.Option(help="Part of the names of files that are fitted.")] = "shake",
     seeds: Seeds = 3,
-    evaluations: Evaluations = 480,
+    evaluations: Evaluations = 300,
     jobs: Jobs = 1,
     ray: Ray = None,
     out: Out = _OUT,

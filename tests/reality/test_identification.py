@@ -12,7 +12,14 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.executors import SerialExecutor
 from softgym_mj.reality import rag_scene, rags
-from softgym_mj.reality.identification import confidence, identify, rag_data, synthetic, unknowns
+from softgym_mj.reality.identification import (
+    confidence,
+    identify,
+    quadratic,
+    rag_data,
+    synthetic,
+    unknowns,
+)
 from softgym_mj.reality.identification.recordings import (
     FIT,
     Clouds,
@@ -63,6 +70,20 @@ def test_searches_find_the_least_and_intervals_say_what_is_flat():
     widths = ranges[:, 1] - ranges[:, 0]
     assert np.all(widths[:2] < 0.5)
     assert widths[2] > 1.0
+
+
+def test_a_quadratic_is_least_where_it_is_or_at_the_edge_where_it_falls():
+    random = np.random.default_rng(2)
+    points = random.uniform(-1.0, 1.0, (60, 3))
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    least = np.array([0.3, -0.2, 0.5])
+    bounds = np.array([[-2.0, 2.0]] * 3)
+    values = ((points - least) @ turn) ** 2 @ [4.0, 1.0, 0.1]
+    np.testing.assert_allclose(quadratic.minimum(points, values, bounds), least, atol=2e-3)
+    falling = 3.0 * (points[:, 0] - 0.3) ** 2 - 0.5 * points[:, 1] + (points[:, 2] + 0.4) ** 2
+    found = quadratic.minimum(points, falling, bounds)
+    np.testing.assert_allclose(found, [0.3, 2.0, -0.4], atol=2e-2)
+    assert quadratic.coefficients(3) == 10
 
 
 def test_a_search_goes_on_from_its_journal_with_the_same_bits(tmp_path):
@@ -240,7 +261,7 @@ def test_drag_is_recovered_from_markers_by_the_command(tmp_path):
     out = tmp_path / "out"
     arguments = [
         "identify", "markers", str(folder), "--fabric", "black_denim", "--spacing", "0.06",
-        "--seeds", "1", "--evaluations", "360", "--out", str(out),
+        "--seeds", "1", "--evaluations", "180", "--out", str(out),
     ]  # fmt: skip
     result = CliRunner().invoke(commands.app, arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output

@@ -17,7 +17,7 @@ from softgym_mj.reality.identification.tasks import loss
 Progress = Callable[[dict[Any, tuple[int, float]]], None]
 
 POPULATION = 12
-EVALUATIONS = 480
+EVALUATIONS = 300
 # Of a generation that are least points of quadratics, once there are evaluations for them: where a
 # loss is smooth, some tens of these save hundreds of others (as in lq-CMA-ES; Hansen, 2019).
 _GUESSES = 6
