@@ -121,6 +121,11 @@ def test_coordinates_and_values_belong_to_each_other():
     assert back == pytest.approx(values)
     sheet = unknowns.fabric_of(values, dataclasses.replace(FABRIC, drag=0.3, bend_stiffness=1e-6))
     assert dataclasses.asdict(sheet) == pytest.approx(dataclasses.asdict(FABRIC))
+    plate = Fabric.named("black_denim", anisotropic=True)
+    other = unknowns.fabric_of(unknowns.values_of(plate.bent(1e-5), 0.0), plate)
+    assert dataclasses.asdict(other.bent(plate.bend_stiffness)) == pytest.approx(
+        dataclasses.asdict(plate) | {"added_mass": other.added_mass}
+    )
     with pytest.raises(InvalidArgumentError, match="latency"):
         unknowns.coordinates_of({"bending": 1e-5})
 
