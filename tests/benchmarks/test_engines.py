@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.engines import calibration, motions, ours, stock, study
+from benchmarks.engines import calibration, demonstration, motions, ours, stock, study
 from benchmarks.engines.sheets import FABRIC, SHEET, SIDE, SPACING, STEP, down
+from softgym_mj.entities.sheet import Fabric
 from softgym_mj.reality import primitives
 from softgym_mj.reality.lab import theory
 from softgym_mj.reality.meshes import rectangle
@@ -63,6 +64,34 @@ def test_calibration_keeps_the_best_of_what_it_tried(monkeypatch):
     assert len(found.measured["friction"]) == 3
     assert found.given["friction"] == found.given["layer_friction"] == FABRIC.friction
     assert found.fabric().stretch_stiffness == found.given["stretch_stiffness"]
+
+
+@pytest.mark.parametrize(("restarted", "kept"), [(1.2e-5, 2e-5), (1.4e-5, FABRIC.bend_stiffness)])
+def test_bending_is_left_alone_where_it_hangs_by_the_start(monkeypatch, tmp_path, restarted, kept):
+    """2e-5 measured 1e-5 from the usual start; a quarter more or less from another is allowed."""
+    given = {"stretch_stiffness": 300.0, "bend_stiffness": 2e-5}
+    made = calibration.Calibration(given, {"bend_stiffness": [[2e-5, 1e-5]]})
+    monkeypatch.setattr(study, "calibrate", lambda build: made)
+    monkeypatch.setattr(study, "bending", lambda build, fabric, start: restarted)
+    found = study.calibrated(tmp_path, ours.engine())
+    assert found.given == {"stretch_stiffness": 300.0, "bend_stiffness": kept}
+    assert found.restarted == restarted
+
+
+def test_repeats_are_drawn_from_the_usual_ranges():
+    usual = {parameter.name: parameter.usual for parameter in Fabric().parameters}
+    offs = []
+    for repeat in range(1, demonstration.REPEATS):
+        off, fabric = demonstration.draw(repeat)
+        offs.append(off)
+        for name in demonstration.DRAWN:
+            assert usual[name][0] <= getattr(fabric, name) <= usual[name][1]
+        assert fabric.layer_friction == fabric.friction
+        assert fabric.drag == 0.0
+    assert np.std(offs) == pytest.approx(demonstration.PICK_NOISE, rel=0.5)
+    exact, fabric = demonstration.draw(0)
+    assert (exact == 0.0).all()
+    assert fabric == FABRIC
 
 
 def test_distances_are_root_mean_squares():
