@@ -15,6 +15,7 @@ from tools.pages import table
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
 FIGURE = DOCS / "engines.png"
+_REACHED = 0.05  # Share by which a calibrated engine may measure something else.
 _VIEW = (35.0, -115.0)  # Elevation and azimuth [deg].
 _LIGHT = np.array([-0.3, -0.4, 0.87])
 # Moments of the kinds of cases, as the tables have them: the rags' are called otherwise.
@@ -150,8 +151,34 @@ def number() -> str:
         f"Between engines {engines:.0f} mm, own uncertainty {own:.0f} mm: **{engines / own:.1f}** "
         f"({len(cases)} cases, root mean squares over all pairs of "
         f"{len({name for pair in found['between'] for name in pair.split()})} engines, and of "
-        f"{len(found['own']) + 1} runs of ours, at the ends)."
+        f"{len(found['own']) + 1} runs of ours, at the ends). {_of_calibrated(found, own)}"
     )
+
+
+def _of_calibrated(found: dict, own: float) -> str:
+    """The same of the pairs of engines whose calibration reached all that it was to."""
+    reached = [name for name in found["engines"] if _is_calibrated(found, name)]
+    pairs = [pair for pair in found["between"] if set(pair.split()) <= set(reached)]
+    apart = root_mean_square(last(found["between"][pair], found["cases"]) for pair in pairs)
+    titles = " and ".join(found["engines"][name]["title"] for name in reached)
+    return (
+        f"Calibration reached all three numbers in {titles} only: between these {apart:.0f} mm, "
+        f"**{apart / own:.1f}**."
+    )
+
+
+def _is_calibrated(found: dict, name: str) -> bool:
+    """Whether an engine measures as the fabric, and bends so from another start, too."""
+    calibration = found["calibration"][name]
+    measured = {
+        quantity: next(
+            value for number, value in rounds if number == calibration["given"][quantity]
+        )
+        for quantity, rounds in calibration["measured"].items()
+    }
+    pairs = [(measured[quantity], found["fabric"][quantity]) for quantity in QUANTITIES]
+    pairs.append((calibration["restarted"], measured["bend_stiffness"]))
+    return all(abs(value / wanted - 1.0) <= _REACHED for value, wanted in pairs)
 
 
 def demonstration() -> str:

@@ -13,6 +13,7 @@ from softgym_mj.reality import primitives
 from softgym_mj.reality.lab import theory
 from softgym_mj.reality.meshes import rectangle
 from softgym_mj.reality.replay import Hold, replay
+from tools import engine_tables
 
 
 def test_a_chain_of_springs_gives_its_own_stiffness():
@@ -216,3 +217,14 @@ def test_variations_change_one_number():
     assert made.settings["timestep"] == STEP / 2
     assert same == FABRIC
     assert study.setting("double mesh", FABRIC)[2].points.shape == ((2 * SIDE - 1) ** 2, 3)
+
+
+def test_the_committed_spread_is_that_of_its_pairs():
+    found = engine_tables.measured("engines")
+    for case in found["cases"]:
+        pairs = np.array([values[case] for values in found["between"].values()])
+        assert len(pairs) == 6  # Of four engines.
+        assert np.sqrt((pairs**2).mean(axis=0)) == pytest.approx(found["between_all"][case])
+        # Two runs are at most twice as far from each other as the farther one is from the nominal.
+        own = np.array([values[case] for values in found["own"].values()])
+        assert (np.array(found["own_all"][case]) <= 2.0 * own.max(axis=0) + 1e-9).all()
