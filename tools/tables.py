@@ -1,8 +1,8 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
 That is docs/cameras.json, docs/experts.json, docs/experts_before.json, docs/throughput.json,
-docs/vector.json, docs/sac.json, those of tools/gpu_tables.py, tools/reality_tables.py and
-tools/engine_tables.py, and docs/results.
+docs/vector.json, docs/sac.json, those of tools/gpu_tables.py, tools/reality_tables.py,
+tools/engine_tables.py and tools/identification_tables.py, and docs/results.
 """
 
 import json
@@ -16,12 +16,33 @@ from softgym_mj.learning.results import planned_env_steps
 from softgym_mj.registry import TASKS
 from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.randomization import Parameter
-from tools import engine_tables, framing, gallery, gpu_tables, learned, reality_tables
+from tools import (
+    engine_tables,
+    framing,
+    gallery,
+    gpu_tables,
+    identification_tables,
+    learned,
+    reality_tables,
+)
 from tools.pages import between, replaced, table, with_table
 
 ROOT = pathlib.Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, REALITY, ENGINES = (
+(
+    README,
+    DOMAIN,
+    ROBOTS,
+    VALIDATION,
+    RESULTS,
+    RECIPES,
+    PICTURES,
+    GPU,
+    LEARNING,
+    REALITY,
+    ENGINES,
+    FOUND,
+) = (
     ROOT / "README.md",
     DOCS / "domain.md",
     DOCS / "robots.md",
@@ -33,9 +54,11 @@ README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, R
     DOCS / "learning.md",
     DOCS / "reality.md",
     DOCS / "engines.md",
+    DOCS / "identification.md",
 )
 PAGES = (
     README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, REALITY, ENGINES,
+    FOUND,
 )  # fmt: skip
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
@@ -257,6 +280,8 @@ def pages() -> dict[pathlib.Path, str]:
         texts[GPU] = between(texts[GPU], name, of())
     for name, of in reality_tables.TABLES.items():
         texts[REALITY] = between(texts[REALITY], name, of())
+    for name, of in identification_tables.TABLES.items():
+        texts[FOUND] = between(texts[FOUND], name, of())
     for name, of in engine_tables.TABLES.items():
         texts[ENGINES] = between(texts[ENGINES], name, of())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())

@@ -1,0 +1,68 @@
+"""Tables of docs/identification.md, of what was recovered: docs/identification.json."""
+
+import json
+import pathlib
+from collections.abc import Callable
+from typing import Any
+
+from tools.pages import table
+
+DOCS = pathlib.Path(__file__).parent.parent / "docs"
+SHOWN = ("bending", "drag", "added_mass", "friction", "stretch")
+
+Result = dict[str, Any]
+
+
+def draws() -> str:
+    """How far off each draw is, and what is known of it."""
+    found: list[Result] = _found()["results"]
+    rows = []
+    for result in found:
+        errors, parameters = result["errors"], result["parameters"]
+        cells = [f"{result['draw']}, {'without noise' if result['exact'] else 'noisy'}"]
+        for name in SHOWN:
+            low, high = (
+                100 * (parameters[name][end] / parameters[name]["value"] - 1)
+                for end in ("low", "high")
+            )
+            cells.append(f"{100 * errors[name]:+.1f} ({low:+.0f}..{high:+.0f})")
+        cells.append(f"{1e3 * errors['latency']:+.1f}")
+        slip = result["slip"]
+        cells.append(f"{1e3 * slip['found']:.0f} of {1e3 * slip['truth']:.0f}")
+        cells.append(f"{result['held_out_ratio']:.3f}")
+        rows.append(f"| {' | '.join(cells)} |")
+    names = " | ".join(f"{name.replace('_', ' ')} [%]" for name in SHOWN)
+    return table(f"| draw | {names} | latency [ms] | slip [ms] | held-out loss |", rows)
+
+
+def counts() -> str:
+    """In how many draws what is near enough."""
+    summary = _found()["summary"]
+    rows = []
+    for exact, title in ((False, "noisy"), (True, "without noise")):
+        within = summary["exact_within" if exact else "within"]
+        number = summary["exact_draws" if exact else "draws"]
+        if number == 0:
+            continue
+        for name, bound in summary["exact_bounds" if exact else "bounds"].items():
+            shown = f"{1e3 * bound:.1f} ms" if name == "latency" else f"{100 * bound:.0f} %"
+            rows.append(f"| {title}: {name} within {shown} | {within[name]} of {number} |")
+    number = summary["draws"]
+    bound = f"{summary['loss_bound']:.2f}"
+    more = {
+        "all of these": summary["all_within"],
+        "stretch said not to be identified": summary["not_identified"].get("stretch", 0),
+        f"the slip found within {1e3 * summary['slip_bound']:.0f} ms, no other": (
+            summary["slips_found"]
+        ),
+        f"held-out loss at most {bound} times that at the truth": summary["held_out"],
+    }
+    rows += [f"| noisy: {what} | {count} of {number} |" for what, count in more.items()]
+    return table("| what | draws |", rows)
+
+
+def _found() -> dict[str, Any]:
+    return json.loads((DOCS / "identification.json").read_text())
+
+
+TABLES: dict[str, Callable[[], str]] = {"counts": counts, "draws": draws}
