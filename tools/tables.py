@@ -2,7 +2,7 @@
 
 That is docs/cameras.json, docs/experts.json, docs/experts_before.json, docs/throughput.json,
 docs/vector.json, docs/sac.json, those of tools/gpu_tables.py, tools/reality_tables.py,
-tools/engine_tables.py and tools/identification_tables.py, and docs/results.
+tools/engine_tables.py and tools/identification_tables.py, docs/lab.csv, and docs/results.
 """
 
 import json
@@ -22,6 +22,7 @@ from tools import (
     gallery,
     gpu_tables,
     identification_tables,
+    lab_tables,
     learned,
     reality_tables,
 )
@@ -42,6 +43,7 @@ DOCS = ROOT / "docs"
     REALITY,
     ENGINES,
     FOUND,
+    PHYSICS,
 ) = (
     ROOT / "README.md",
     DOCS / "domain.md",
@@ -55,10 +57,11 @@ DOCS = ROOT / "docs"
     DOCS / "reality.md",
     DOCS / "engines.md",
     DOCS / "identification.md",
+    DOCS / "physics.md",
 )
 PAGES = (
     README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, REALITY, ENGINES,
-    FOUND,
+    FOUND, PHYSICS,
 )  # fmt: skip
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
 
@@ -282,6 +285,9 @@ def pages() -> dict[pathlib.Path, str]:
         texts[REALITY] = between(texts[REALITY], name, of())
     for name, of in identification_tables.TABLES.items():
         texts[FOUND] = between(texts[FOUND], name, of())
+    for name, of in lab_tables.TABLES.items():
+        texts[REALITY] = between(texts[REALITY], name, of())
+    texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
     for name, of in engine_tables.TABLES.items():
         texts[ENGINES] = between(texts[ENGINES], name, of())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())

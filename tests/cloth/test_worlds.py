@@ -103,6 +103,14 @@ def _play_and_check(followed, worlds, number, seed=0):
             each.check(worlds, i)
 
 
+def test_a_world_bends_a_plate_as_the_plugin_does():
+    followed = _Followed("spread_cloth", 803, domain="fabrics")
+    assert followed.env.task.domain.values["bend_weft"] > 0.0
+    worlds = _worlds([_model(followed.env)])
+    followed.place(worlds, 0)
+    _play_and_check([followed], worlds, 4)
+
+
 @pytest.mark.parametrize(("task", "variation", "number"), EPISODES)
 def test_a_world_makes_the_steps_of_the_plugin(task, variation, number):
     followed = _Followed(task, variation)

@@ -37,3 +37,21 @@ def test_a_beam_hangs_as_the_solution_of_its_boundary_value_problem(load):
 def test_loads_beyond_the_curve_are_refused(load):
     with pytest.raises(InvalidArgumentError, match=r"load=.*\d+\.\.\d+"):
         theory.drop_over_width(load)
+
+
+def test_little_swings_lose_four_thirds_of_their_square_in_the_air():
+    """Of a'' + w^2 a + c a' |a'| = 0: averaged over a half swing, A - (4/3) c A^2."""
+    density, drag, length, amplitude = 0.2, 1.0, 0.2, 0.05
+    c = 0.375 * theory.AIR_DENSITY * drag * length / density
+    expected = amplitude
+    for _ in range(6):
+        expected -= 4.0 / 3.0 * c * expected**2
+    found = theory.swing_amplitude(density, drag, length, amplitude, 6)
+    assert found == pytest.approx(expected, rel=0.01)
+    assert found < 0.9 * amplitude
+
+
+def test_drag_bears_the_weight_of_what_falls_evenly():
+    speed = theory.terminal_speed(0.128, 1.2)
+    drag = 0.5 * theory.AIR_DENSITY * 1.2 * speed**2
+    assert drag == pytest.approx(0.128 * theory.GRAVITY)

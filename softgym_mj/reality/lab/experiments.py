@@ -138,7 +138,7 @@ def cantilever(
         name: of that.
         mesh: one of `meshes.MESHES`.
         cells: spacings that it is long, 3 or more.
-        load: 0.01..5000.
+        load: 0.02..500.
         spacing: between vertices [m]; gravity is such that the load is right, and time as fine as
             in tasks. None: as long as it is under the Earth's gravity with this load, and in
             substeps so fine that the solver converges.

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import scipy.integrate
+import scipy.interpolate
 
 from softgym_mj.exceptions import InvalidArgumentError
 
@@ -13,7 +14,7 @@ AIR_DENSITY = 1.2  # [kg/m^3] As in the plugin.
 
 # Slopes of the tip [rad] that the curve of the elastica is tabled at: evenly from nearly straight
 # to nearly upright, and then ever closer to upright, where loads grow without end.
-_SLOPES = np.concatenate([np.linspace(0.002, 1.5, 300), np.pi / 2 - np.geomspace(0.07, 1e-6, 100)])
+_SLOPES = np.concatenate([np.linspace(0.002, 1.5, 60), np.pi / 2 - np.geomspace(0.06, 1e-6, 40)])
 
 
 @functools.cache
@@ -46,7 +47,7 @@ def drop_over_width(load: float) -> float:
     """By how much a clamped beam's tip hangs lower, over how far out it is.
 
     Args:
-        load: weight per length times length^3 over bending stiffness, 0.01..5000.
+        load: weight per length times length^3 over bending stiffness, 0.02..500.
     """
     return _between(load, "load", *_elastica())
 
@@ -59,7 +60,8 @@ def load_of(drop_over_width: float) -> float:
 def _between(value: float, name: str, x: np.ndarray, y: np.ndarray) -> float:
     if not x[0] <= value <= x[-1]:
         raise InvalidArgumentError(name, value, f"a number in {x[0]:.3g}..{x[-1]:.3g}")
-    return float(np.exp(np.interp(np.log(value), np.log(x), np.log(y))))
+    curve = scipy.interpolate.PchipInterpolator(np.log(x), np.log(y))
+    return float(np.exp(curve(np.log(value))))
 
 
 def hanging_strain(density: float, stretch: float, length: float) -> float:
