@@ -72,7 +72,7 @@ def virial(mesh, fabric, positions):
             counts[edge] += 1
     # As the solver has them: by area and length, and diagonals softer.
     share = areas / mesh.lengths**2
-    stiffness = fabric.stretch_stiffness / 1.2 * share
+    stiffness = fabric.material()["stretch"] / 1.2 * share
     stiffness[(share < 0.75) & (counts == 2)] *= fabric.shear
     force = stiffness * (lengths - mesh.lengths)
     return float(np.sum(force * across[:, 2] ** 2 / lengths))
