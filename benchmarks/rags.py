@@ -158,7 +158,7 @@ def main() -> None:
         "mujoco": mujoco.__version__,
         "spacing_m": rag_scene.SPACING,
         "woven_n_per_m": WOVEN,
-        "fabrics": {name: dataclasses.asdict(Fabric.named(name)) for name in FABRICS},
+        "materials": {name: Fabric.named(name).material() for name in FABRICS},
         "steps_s": STEPS,
         "fits": [[*key, *values] for key, values in FITS.items()],
     }

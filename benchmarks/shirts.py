@@ -210,7 +210,7 @@ def main() -> None:
         "mujoco": mujoco.__version__,
         "unit_m": UNIT,
         "stretches": STRETCHES,
-        "fabric": dataclasses.asdict(Fabric.named(FABRIC)),
+        "material": Fabric.named(FABRIC).material(),
     }
     store = Store(arguments.folder, specification, JSON)
     rows: list[Row] = []
