@@ -260,23 +260,24 @@ def test_drag_is_recovered_from_markers_by_the_command(tmp_path):
     folder = tmp_path / "data"
     folder.mkdir()
     write_markers(
-        folder / "shake_slow.csv", shaken(secret, 1.2, lambda t: 0.1 * (1 - np.cos(6.0 * t)))
+        folder / "shake_slow.csv", shaken(secret, 0.8, lambda t: 0.06 * (1 - np.cos(7.0 * t)))
     )
-    write_markers(folder / "twist.csv", shaken(secret, 1.0, lambda t: 0.15 * (1 - np.cos(4.0 * t))))
+    write_markers(folder / "twist.csv", shaken(secret, 0.7, lambda t: 0.1 * (1 - np.cos(5.0 * t))))
     out = tmp_path / "out"
     arguments = [
         "identify", "markers", str(folder), "--fabric", "black_denim", "--spacing", "0.06",
-        "--seeds", "1", "--evaluations", "180", "--out", str(out),
+        "--seeds", "1", "--evaluations", "240", "--out", str(out),
     ]  # fmt: skip
     result = CliRunner().invoke(commands.app, arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     found = json.loads((out / "identification.json").read_text())
     drag = found["parameters"]["drag"]
-    assert drag["value"] == pytest.approx(2.0 / secret.density, rel=0.1)
-    assert drag["is_identified"]
+    assert drag["value"] == pytest.approx(2.0 / secret.density, rel=0.15)
+    added = found["parameters"]["added_mass"]["value"]
+    assert added == pytest.approx(0.2 / secret.density, rel=0.15)
     assert "friction" in found["not_identified"]  # Nothing touched a floor.
     assert list(found["held_out"]["recordings"]) == ["twist"]
-    assert found["held_out"]["found"] < 0.2 * found["held_out"]["start"]
+    assert found["held_out"]["found"] < 0.25 * found["held_out"]["start"]
     assert not any(clock["has_slipped"] for clock in found["clocks"].values())
     assert json.loads((out / "fabric.json").read_text())["drag"] == pytest.approx(
         drag["value"] * secret.density
