@@ -224,7 +224,10 @@ def merge(folder: pathlib.Path, target: pathlib.Path) -> None:
     kept = [{**found, "errors": errors(found)} for found in results]
     write_json(target, {"summary": summary(results), "results": kept})
     for found in kept:
-        shown = "  ".join(f"{name} {100 * e:+.1f}%" for name, e in found["errors"].items())
+        shown = "  ".join(
+            f"{name} {1e3 * e:+.1f} ms" if name == unknowns.LATENCY else f"{name} {100 * e:+.1f} %"
+            for name, e in found["errors"].items()
+        )
         print(f"{found['draw']:02d}{' exact' if found['exact'] else ''}: {shown}")
     print(json.dumps(summary(results), indent=2))
 
