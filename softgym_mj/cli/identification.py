@@ -12,7 +12,18 @@ import rich.table
 import typer
 
 from softgym_mj.cli.console import Ray, console, progress_bar
-from softgym_mj.cli.recordings import FabricName, Folder, Parameters, made_of
+from softgym_mj.cli.recordings import (
+    Actions,
+    AnyFabricName,
+    FabricName,
+    Folder,
+    Held,
+    MeshFile,
+    Parameters,
+    Swapped,
+    Window,
+    made_of,
+)
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.jobs.files import make_folder, write_json
 
@@ -84,28 +95,14 @@ def rags(
 def garments(
     folder: Folder,
     garment: Annotated[str, typer.Option(help="Name of a garment.")] = "green_tshirt",
-    action: Annotated[
-        list[str] | None, typer.Option(help="fling, fold or grasp, once for each; else all.")
-    ] = None,
-    fabric: Annotated[
-        str | None, typer.Option(help="Name of a fabric; else what the benchmark says.")
-    ] = None,
+    action: Actions = None,
+    fabric: AnyFabricName = None,
     parameters: Parameters = None,
     density: Density = None,
-    mesh: Annotated[
-        pathlib.Path | None, typer.Option(help="An OBJ; else the benchmark's in DIR/meshes.")
-    ] = None,
-    held: Annotated[
-        list[int] | None,
-        typer.Option(help="Vertex of the OBJ that the left, then the right arm holds."),
-    ] = None,
-    window: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(help="Delay of the camera, begin and end, in s; else the benchmark's."),
-    ] = None,
-    swapped: Annotated[
-        bool, typer.Option(help="Whether the left arm's base is at Y = -0.25 m.")
-    ] = False,
+    mesh: MeshFile = None,
+    held: Held = None,
+    window: Window = None,
+    swapped: Swapped = False,
     seeds: Seeds = 3,
     evaluations: Evaluations = 300,
     jobs: Jobs = 1,

@@ -26,6 +26,25 @@ Out = Annotated[
     typer.Option(help="Folder for frames.csv, report.json, curves.png and a film of each case."),
 ]
 Film = Annotated[bool, typer.Option(help="Whether cases are filmed.")]
+# Of garments.
+AnyFabricName = Annotated[
+    str | None, typer.Option(help="Name of a fabric; else what the benchmark says.")
+]
+Actions = Annotated[
+    list[str] | None, typer.Option(help="fling, fold or grasp, once for each; else all.")
+]
+MeshFile = Annotated[
+    pathlib.Path | None, typer.Option(help="An OBJ; else the benchmark's in DIR/meshes.")
+]
+Held = Annotated[
+    list[int] | None,
+    typer.Option(help="Vertex of the OBJ that the left, then the right arm holds."),
+]
+Window = Annotated[
+    tuple[float, float, float] | None,
+    typer.Option(help="Delay of the camera, begin and end, in s; else the benchmark's."),
+]
+Swapped = Annotated[bool, typer.Option(help="Whether the left arm's base is at Y = -0.25 m.")]
 
 
 @app.command()
@@ -87,30 +106,16 @@ def rags(
 @app.command()
 def garments(
     folder: Folder,
-    fabric: Annotated[
-        str | None, typer.Option(help="Name of a fabric; else what the benchmark says.")
-    ] = None,
+    fabric: AnyFabricName = None,
     parameters: Parameters = None,
     garment: Annotated[
         list[str] | None, typer.Option(help="Name of a garment, once for each; else all.")
     ] = None,
-    action: Annotated[
-        list[str] | None, typer.Option(help="fling, fold or grasp, once for each; else all.")
-    ] = None,
-    mesh: Annotated[
-        pathlib.Path | None, typer.Option(help="An OBJ; else the benchmark's in DIR/meshes.")
-    ] = None,
-    held: Annotated[
-        list[int] | None,
-        typer.Option(help="Vertex of the OBJ that the left, then the right arm holds."),
-    ] = None,
-    window: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(help="Delay of the camera, begin and end [s]; else the benchmark's."),
-    ] = None,
-    swapped: Annotated[
-        bool, typer.Option(help="Whether the left arm's base is at Y = -0.25 m.")
-    ] = False,
+    action: Actions = None,
+    mesh: MeshFile = None,
+    held: Held = None,
+    window: Window = None,
+    swapped: Swapped = False,
     place: Annotated[
         tuple[float, float], typer.Option(help="X and Y of the origin of meshes [m].")
     ] = (0.1, 0.0),
