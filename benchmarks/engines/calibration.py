@@ -1,8 +1,8 @@
 """What numbers make an engine's sheet as stiff and as rough as the fabric says.
 
-Three experiments on small sheets of the study's own cells: a strip hangs from its end, another is
-clamped and bends, a square slides down a slope. What they give, compared with closed forms,
-corrects the numbers that the engine is given, until they agree.
+Three experiments on small sheets, of the study's own cells unless others are said: a strip hangs
+from its end, another is clamped and bends, a square slides down a slope. What they give, compared
+with closed forms, corrects the numbers that the engine is given, until they agree.
 """
 
 import dataclasses
@@ -30,65 +30,82 @@ SQUARE = 7  # Cells a side of what slides.
 SLOPE = 1.5  # Tangent over friction.
 
 
-def hanging(build: Build, fabric: Fabric) -> float:
-    """Force per width and strain [N/m] of a strip that hangs."""
-    mesh = rectangle(STRIP * SPACING, WIDTH * SPACING, SPACING)
-    weight = hanging_weight()
+def hanging(
+    build: Build, fabric: Fabric, wanted: Fabric = FABRIC, spacing: float = SPACING
+) -> float:
+    """Force per width and strain [N/m] of a strip that hangs.
+
+    Args:
+        build, fabric: the engine, and what it is given.
+        wanted: what that is to be, by which the load is chosen.
+        spacing: between vertices [m].
+    """
+    mesh = rectangle(STRIP * spacing, WIDTH * spacing, spacing)
+    weight = hanging_weight(wanted, spacing)
     simulation = build(mesh, fabric, mesh.points, np.array([weight, 0.0, 0.0]), False)
     order = np.argsort(mesh.points[:, 0], kind="stable").reshape(STRIP + 1, WIDTH + 1)
     _clamped(simulation, order[0], 50)
     places = [positions[order, 0].mean(axis=1) for positions in _kept(simulation, order[0])]
     simulation.close()
-    strain = np.diff(np.mean(places, axis=0)) / SPACING - 1.0
-    return stretch_of(strain, fabric.density, weight)
+    strain = np.diff(np.mean(places, axis=0)) / spacing - 1.0
+    return stretch_of(strain, fabric.density, weight, spacing)
 
 
-def hanging_weight() -> float:
+def hanging_weight(wanted: Fabric = FABRIC, spacing: float = SPACING) -> float:
     """Gravity [m/s^2] with which the strip's mean strain is `STRAIN`."""
-    return 2.0 * STRAIN * FABRIC.stretch_stiffness / (FABRIC.density * STRIP * SPACING)
+    return 2.0 * STRAIN * wanted.stretch_stiffness / (wanted.density * STRIP * spacing)
 
 
-def stretch_of(strain: np.ndarray, density: float, weight: float) -> float:
+def stretch_of(
+    strain: np.ndarray, density: float, weight: float, spacing: float = SPACING
+) -> float:
     """Force per width and strain [N/m] of a hanging strip whose rows of vertices weigh the same.
 
     Args:
         strain: (n,) of its rows of cells, from the clamp on; the outer two are left out.
         density: [kg/m^2]
         weight: acceleration that pulls [m/s^2].
+        spacing: between rows [m].
     """
     cells = len(strain)
-    row = density * SPACING * cells / (cells + 1)  # Mass per width.
+    row = density * spacing * cells / (cells + 1)  # Mass per width.
     force = row * weight * np.arange(cells, 0, -1)
     return float(force[2:-2].sum() / strain[2:-2].sum())
 
 
-def bending(build: Build, fabric: Fabric, start: float = LOAD) -> float:
+def bending(
+    build: Build,
+    fabric: Fabric,
+    wanted: Fabric = FABRIC,
+    spacing: float = SPACING,
+    start: float = LOAD,
+) -> float:
     """Moment per width and curvature [N m] of a strip that bends under its weight.
 
     It is looked at over a period of its first mode. It starts as the elastica of the load `start`:
     the one that it should be, so that it swings little, or another one, to see whether it moves.
     """
-    mesh = rectangle((BEAM + 1) * SPACING, WIDTH * SPACING, SPACING)
+    mesh = rectangle((BEAM + 1) * spacing, WIDTH * spacing, spacing)
     # Half a cell of what is clamped bends, too: the hinges of its second row.
-    length = (BEAM + 0.5) * SPACING
-    nominal = FABRIC.bend_stiffness
-    weight = LOAD * nominal / (FABRIC.density * length**3)
+    length = (BEAM + 0.5) * spacing
+    nominal = wanted.bend_stiffness
+    weight = LOAD * nominal / (wanted.density * length**3)
     order = np.argsort(mesh.points[:, 0], kind="stable").reshape(BEAM + 2, WIDTH + 1)
     distance, drop = elastica(start)
     # Along it, from half a cell before the first vertex that is free.
-    arc = SPACING * (np.arange(BEAM + 2) - 0.5)
+    arc = spacing * (np.arange(BEAM + 2) - 0.5)
     share = np.clip(arc / length, 0.0, 1.0)
     points = mesh.points.copy()
-    clamp = mesh.points[order[0, 0], 0] + SPACING / 2
+    clamp = mesh.points[order[0, 0], 0] + spacing / 2
     for row, s, a in zip(order, share, arc, strict=True):
         places = np.linspace(0.0, 1.0, len(distance))
         points[row, 0] = clamp + (a if a < 0 else length * np.interp(s, places, distance))
         points[row, 2] = -length * np.interp(s, places, drop)
     points[order[1], 2] = 0.0  # Clamped level, half a cell out.
-    points[order[1], 0] = clamp + SPACING / 2
+    points[order[1], 0] = clamp + spacing / 2
     simulation = build(mesh, fabric, points, np.array([0.0, 0.0, -weight]), False)
     held = order[:2].ravel()
-    period = 2.0 * np.pi / 3.516 * length**2 * np.sqrt(FABRIC.density / nominal)
+    period = 2.0 * np.pi / 3.516 * length**2 * np.sqrt(wanted.density / nominal)
     _clamped(simulation, held, round(period / STEP / 2))
     tips = []
     for positions in _kept(simulation, held, round(period / STEP)):
@@ -120,11 +137,13 @@ def elastica(load: float, number: int = 400) -> tuple[np.ndarray, np.ndarray]:
     return along, below
 
 
-def sliding(build: Build, fabric: Fabric) -> float:
+def sliding(
+    build: Build, fabric: Fabric, wanted: Fabric = FABRIC, spacing: float = SPACING
+) -> float:
     """Coefficient of friction of a sheet that slides down a slope."""
-    mesh = rectangle(SQUARE * SPACING, SQUARE * SPACING, SPACING)
+    mesh = rectangle(SQUARE * spacing, SQUARE * spacing, spacing)
     start = mesh.points + [0.0, 0.0, fabric.thickness / 2]
-    slope = SLOPE * FABRIC.friction
+    slope = SLOPE * wanted.friction
     angle = np.arctan(slope)
     gravity = GRAVITY * np.array([np.sin(angle), 0.0, -np.cos(angle)])
     simulation = build(mesh, fabric, start, gravity, True)
@@ -160,7 +179,7 @@ def _kept(simulation: Simulation, vertices: np.ndarray, steps: int = 50):
 
 
 # Experiments by what they say of the fabric; of friction, both coefficients are the same.
-Experiment = Callable[[Build, Fabric], float]
+Experiment = Callable[[Build, Fabric, Fabric, float], float]
 EXPERIMENTS: dict[str, tuple[Experiment, tuple[str, ...]]] = {
     "stretch_stiffness": (hanging, ("stretch_stiffness",)),
     "bend_stiffness": (bending, ("bend_stiffness",)),
@@ -187,14 +206,19 @@ class Calibration:
         return dataclasses.replace(fabric, **self.given)
 
 
-def calibrate(build: Build, fabric: Fabric = FABRIC, rounds: int = ROUNDS) -> Calibration:
-    """Corrects what an engine is given until it measures as the fabric, or `rounds` times."""
+def calibrate(
+    build: Build, fabric: Fabric = FABRIC, rounds: int = ROUNDS, spacing: float = SPACING
+) -> Calibration:
+    """Corrects what an engine is given until it measures as the fabric, or `rounds` times.
+
+    That is on meshes with so much between vertices [m].
+    """
     given, measured = fabric, {}
     for name, (experiment, fields) in EXPERIMENTS.items():
         wanted = getattr(fabric, name)
         tried: list[tuple[float, float]] = []
         for _ in range(rounds):
-            found = experiment(build, given)
+            found = experiment(build, given, fabric, spacing)
             tried.append((getattr(given, name), found))
             if abs(found / wanted - 1.0) < CLOSE:
                 break

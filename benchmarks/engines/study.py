@@ -243,7 +243,7 @@ def calibrated(folder: pathlib.Path, made: Engine) -> Calibration:
     )
     found = Calibration(**store.get("calibration"))
     # A beam that hardly moves measures as whatever it started as.
-    store.run(["restarted"], lambda key: bending(made.build, found.fabric(), OTHER_LOAD))
+    store.run(["restarted"], lambda key: bending(made.build, found.fabric(), start=OTHER_LOAD))
     restarted = store.get("restarted")
     given = next(
         value

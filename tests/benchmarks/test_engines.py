@@ -55,8 +55,11 @@ def test_corrections_find_a_number_of_a_power_law():
 def test_calibration_keeps_the_best_of_what_it_tried(monkeypatch):
     """One quantity is reached, one never; both frictions go together."""
     experiments = {
-        "stretch_stiffness": (lambda build, f: 0.5 * f.stretch_stiffness, ("stretch_stiffness",)),
-        "friction": (lambda build, f: 1.0, ("friction", "layer_friction")),
+        "stretch_stiffness": (
+            lambda build, f, *_: 0.5 * f.stretch_stiffness,
+            ("stretch_stiffness",),
+        ),
+        "friction": (lambda *_: 1.0, ("friction", "layer_friction")),
     }
     monkeypatch.setattr(calibration, "EXPERIMENTS", experiments)
     found = calibration.calibrate(None, FABRIC, rounds=3)

@@ -5,10 +5,12 @@ a sheet hangs in one of several shapes, which even the step of the simulation ma
 """
 
 import pathlib
+from typing import Protocol
 
 import numpy as np
 
 from softgym_mj.cloth import solver
+from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import StoreError
 from softgym_mj.reality import primitives, rags
 from softgym_mj.reality.identification.recordings import (
@@ -21,7 +23,7 @@ from softgym_mj.reality.identification.recordings import (
     looking,
     spread,
 )
-from softgym_mj.reality.meshes import rectangle
+from softgym_mj.reality.meshes import Mesh, rectangle
 from softgym_mj.reality.rag_scene import TABLE, corners, hung
 from softgym_mj.reality.replay import Hold, replay
 
@@ -43,6 +45,32 @@ _GRID = 0.01  # [s] Of what is kept of a motion.
 _AFTER = 0.1  # [s] That is simulated after the last frame: clocks may run early.
 
 
+class Simulate(Protocol):
+    """What moves a sheet of which vertices are held."""
+
+    def __call__(
+        self,
+        mesh: Mesh,
+        fabric: Fabric,
+        hold: Hold,
+        times: np.ndarray,
+        *,
+        start: np.ndarray,
+        begin: float,
+        floor: float,
+        step: float,
+    ) -> np.ndarray:
+        """Vertices (s, n, 3) [m] at times (s,) [s], as `replay` has them."""
+
+
+def replayed(mesh, fabric, hold, times, *, start, begin, floor, step) -> np.ndarray:
+    """As `Simulate`, by this package's solver."""
+    return replay(
+        mesh, fabric, [hold], times, start=start, begin=begin, floor=floor, step=step,
+        by_area=True, watched=False,
+    ).positions  # fmt: skip
+
+
 class RagScene(Scene):
     """A rag under a primitive."""
 
@@ -54,11 +82,12 @@ class RagScene(Scene):
         spacing: float = SPACING,
         table: float = TABLE,
         step: float = solver.TIMESTEP,
+        simulate: Simulate = replayed,
     ):
         """Of a rag of some size [m] (between the grippers, down), until so many seconds."""
         self.mesh = rectangle(*size, spacing)
         self._primitive, self._end, self._table, self._step = primitive, end, table, step
-        self._slack = size[0] - GAP
+        self._slack, self._simulate = size[0] - GAP, simulate
 
     def motion(self, fabric):
         is_slack = abs(self._slack) > 1e-6
@@ -72,11 +101,11 @@ class RagScene(Scene):
             return positions
 
         times = np.arange(round(self._end / _GRID) + 1) * _GRID
-        done = replay(
-            self.mesh, fabric, [Hold(corners(self.mesh), path)], times, start=hung(self.mesh),
-            begin=begin, floor=self._table, step=self._step, by_area=True, watched=False,
+        positions = self._simulate(
+            self.mesh, fabric, Hold(corners(self.mesh), path), times, start=hung(self.mesh),
+            begin=begin, floor=self._table, step=self._step,
         )  # fmt: skip
-        return Motion(times, done.positions)
+        return Motion(times, positions)
 
 
 def read_rags(

@@ -13,7 +13,14 @@ from softgym_mj.cloth import solver
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.reality import rags
 from softgym_mj.reality.clouds import Cloud
-from softgym_mj.reality.identification.rag_data import CAMERA, SIZE, SPACING, RagScene
+from softgym_mj.reality.identification.rag_data import (
+    CAMERA,
+    SIZE,
+    SPACING,
+    RagScene,
+    Simulate,
+    replayed,
+)
 from softgym_mj.reality.identification.recordings import Motion, looking
 from softgym_mj.reality.surfaces import sample_surface, seen
 
@@ -50,6 +57,7 @@ def write_rags(
     repeats: tuple[int, ...] = rags.REPEATS,
     slips: Mapping[tuple[int, str], float] | None = None,
     seed: int = 0,
+    simulate: Simulate = replayed,
 ) -> None:
     """Writes both primitives of a simulated rag as `rags.read_sequence` reads them.
 
@@ -62,11 +70,12 @@ def write_rags(
         repeats: that there are to be; the motion is the same, noise is not.
         slips: by which time stamps are late [s] beyond the latency, by repeat and primitive.
         seed: of noise.
+        simulate: what moves it.
     """
     sensor = Sensor() if sensor is None else sensor
     for primitive, frames in rags.FRAMES.items():
         end = frames / rags.FRAME_RATE
-        scene = RagScene(primitive, end, SIZE, spacing, step=step)
+        scene = RagScene(primitive, end, SIZE, spacing, step=step, simulate=simulate)
         motion = scene.motion(fabric)
         for repeat in repeats:
             late = sensor.latency + (slips or {}).get((repeat, primitive), 0.0)
