@@ -6,24 +6,18 @@ of 10 ms. `Flex.shell` is a shell of finite elements with a fabric's stretch and
 
 import dataclasses
 import math
-import time
 
 import mujoco
 import numpy as np
 
 from softgym_mj.cloth import fabrics
 from softgym_mj.reality.meshes import Mesh
-from softgym_mj.reality.replay import Hold, Recorder, Replay
+from softgym_mj.reality.replay import Hold, Recorder, Replay, stepped
 
 POISSON = 0.2  # Of a shell: between wool-lycra and wool, as measured.
 AIR = 'density="1.2" viscosity="1.8e-5"'  # [kg/m^3], [Pa s]
 DAMPING = 1e-3  # [s] Of a shell's elasticity, as that of ours along edges.
 RADIUS = 0.005  # [m]
-_BAD = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,10 +81,8 @@ def replay(
     slides = model.jnt_qposadr[model.body_jntadr[bodies]][:, None] + np.arange(3)
     for end, places in zip(ends, path, strict=True):
         data.mocap_pos[:] = places
-        before = time.thread_time()
-        mujoco.mj_step(model, data)
-        took = 1e3 * (time.thread_time() - before)
-        if any(data.warning[kind].number for kind in _BAD):
+        took = stepped(model, data)
+        if took is None:
             recorder.fail(float(end))
             break
         if not recorder.add(float(end), model.body_pos[bodies] + data.qpos[slides], took):

@@ -341,16 +341,22 @@ def replay(
             hand.let_go(end - step / 2)
         for hand in hands:
             hand.move(i, end - step / 2, step)
-        before = time.thread_time()
-        mujoco.mj_step(model, data)
-        took = 1e3 * (time.thread_time() - before)
-        if any(data.warning[kind].number for kind in _BAD):
+        took = stepped(model, data)
+        if took is None:
             recorder.fail(float(end))
             break
         points = sheet.points()
         if not (recorder.add(float(end), points, took) if watched else recorder.see(end, points)):
             break
     return recorder.replay()
+
+
+def stepped(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
+    """Makes a step; returns the milliseconds of the CPU that it took, None if MuJoCo gave up."""
+    before = time.thread_time()
+    mujoco.mj_step(model, data)
+    took = 1e3 * (time.thread_time() - before)
+    return None if any(data.warning[kind].number for kind in _BAD) else took
 
 
 class _Hand:
