@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 
 from benchmarks import stock_flex
-from benchmarks.cloth import machine, measure_yardstick
+from benchmarks.cloth import speed_of_machine
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.jobs.files import write_whole
 from softgym_mj.jobs.store import JSON, Store
@@ -177,10 +177,7 @@ def main() -> None:
     rows.sort(key=lambda row: order[tuple(row[name] for name in KEY)])
     result = {
         **specification,
-        "machine": {
-            "processor": machine()["processor"],
-            "humanoid_mj_steps_per_second": measure_yardstick()["mj_steps/s"],
-        },
+        "machine": speed_of_machine(),
         "vertices": len(rag_scene.rag().points),
         "runs": rows,
     }

@@ -20,7 +20,7 @@ import imageio.v3 as iio
 import mujoco
 import numpy as np
 
-from benchmarks.cloth import machine, measure_yardstick
+from benchmarks.cloth import speed_of_machine
 from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.jobs.files import write_whole
@@ -226,10 +226,7 @@ def main() -> None:
     rows.sort(key=lambda row: keys.index((row["size"], row["stretch"], row["action"])))
     result = {
         **specification,
-        "machine": {
-            "processor": machine()["processor"],
-            "humanoid_mj_steps_per_second": measure_yardstick()["mj_steps/s"],
-        },
+        "machine": speed_of_machine(),
         "runs": rows,
     }
     arguments.out.write_text(json.dumps(result, indent=1) + "\n")
