@@ -9,15 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.entities.cloth import alternating_triangles
-from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR
+from benchmarks.engines.sheets import SHEET
+from softgym_mj.reality.pictures import Painter, camera_at
 from tools.pages import table
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
 FIGURE = DOCS / "engines.png"
 _REACHED = 0.05  # Share by which a calibrated engine may measure something else.
-_VIEW = (35.0, -115.0)  # Elevation and azimuth [deg].
-_LIGHT = np.array([-0.3, -0.4, 0.87])
+# Of pictures: where the camera is from the middle of the sheets [m], its angle [deg], the size
+# [pixels], and the distance of a sheet's dots [m].
+_CAMERA, _FIELD_OF_VIEW = np.array([-0.5, -1.1, 0.85]), 25.0
+_SIZE, _DOTS = (420, 420), 0.001
 # Moments of the kinds of cases, as the tables have them: the rags' are called otherwise.
 PLACED = ("lift", "carry", "place", "release")
 GROUPS = ("dynamic", "quasi_static", "flat", "folded")
@@ -226,49 +228,20 @@ def draw() -> None:
     columns = max(len(own) for own in shown.values())
     figure, grid = plt.subplots(
         len(shown), columns, figsize=(3.0 * columns, 2.9 * len(shown)), squeeze=False,
-        subplot_kw={"projection": "3d"}, layout="constrained",
+        layout="constrained",
     )  # fmt: skip
     for row, (case, sheets) in zip(grid, shown.items(), strict=True):
         points = {name: np.array(own) for name, own in sheets.items()}
-        low = np.min([own.min(axis=0) for own in points.values()], axis=0)
-        high = np.max([own.max(axis=0) for own in points.values()], axis=0)
-        side = round(math.sqrt(len(next(iter(points.values())))))
+        every = np.concatenate([*points.values()])
+        middle = (every.min(axis=0) + every.max(axis=0)) / 2.0
+        camera = camera_at(middle + _CAMERA, middle, _SIZE, _FIELD_OF_VIEW)
+        painter = Painter.of(SHEET.points, SHEET.triangles, camera, _SIZE, 0.0, _DOTS)
         for axes, (name, own) in zip(row, points.items(), strict=False):
-            _surface(axes, own, alternating_triangles(side, side), low, high)
+            axes.imshow(painter.sheet(own))
+            axes.set_axis_off()
             apart = 1e3 * math.sqrt(((own - points["ours"]) ** 2).sum(axis=1).mean())
             beside = "" if name == "ours" else f": {apart:.0f} mm from ours"
             shown_case = f"{case.replace('_', ' ')}{beside}"
             axes.set_title(f"{titles[name]['title']}\n{shown_case}", fontsize="small")
     figure.savefig(FIGURE, dpi=100)
     plt.close(figure)
-
-
-def _surface(
-    axes, points: np.ndarray, triangles: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> None:
-    """A sheet (n, 3) [m] with two sides, in axes that all sheets of a row share."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    corners = points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    elevation, azimuth = np.radians(_VIEW)
-    towards = np.array(
-        [
-            math.cos(elevation) * math.cos(azimuth),
-            math.cos(elevation) * math.sin(azimuth),
-            math.sin(elevation),
-        ]
-    )
-    colors = np.where((normals @ towards > 0.0)[:, None], BACK_COLOR[:3], FRONT_COLOR[:3])
-    colors = colors * (0.55 + 0.45 * np.abs(normals @ _LIGHT))[:, None]
-    sheet = Poly3DCollection(corners, facecolors=colors, edgecolors=0.8 * colors, linewidths=0.2)
-    axes.add_collection3d(sheet)
-    middle, half = (low + high) / 2, (high - low)[:2].max() / 2
-    tall = max(high[2] - low[2], 0.2 * half)
-    axes.set_xlim(middle[0] - half, middle[0] + half)
-    axes.set_ylim(middle[1] - half, middle[1] + half)
-    axes.set_zlim(low[2], low[2] + tall)
-    axes.set_box_aspect((1, 1, tall / (2 * half)), zoom=1.35)
-    axes.view_init(*_VIEW)
-    axes.set_axis_off()
