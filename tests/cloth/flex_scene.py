@@ -10,6 +10,7 @@ from softgym_mj.cloth import solver
 from softgym_mj.entities.intersections import count_intersections
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.native.library import load_plugin
+from softgym_mj.reality.vertices import Vertices
 
 GRAVITY = 9.81
 SPACING = 0.03  # [m] Of the vertices of cloths.
@@ -172,11 +173,10 @@ def model_xml(
     <worldbody>{plane}{body}{scenery}</worldbody>{extra}</mujoco>"""
 
 
-class FlexScene:
+class FlexScene(Vertices):
     """A model of flexes that is stepped, and whose vertices can be held.
 
     Attributes:
-        model, data: MuJoCo's.
         count: steps so far.
         strain_99, lowest, hits: largest 99th percentile of an edge's elongation, lowest vertex [m]
             and most intersections of edges and triangles so far.
@@ -185,17 +185,10 @@ class FlexScene:
     def __init__(self, *flexes: Flex, hit_interval: int = 10, **settings):
         """Builds it; every `hit_interval` steps intersections are counted."""
         load_plugin()
-        self.model = mujoco.MjModel.from_xml_string(model_xml(*flexes, **settings))
-        solver.forget_damping(self.model)
-        self.data = mujoco.MjData(self.model)
-        mujoco.mj_forward(self.model, self.data)
-        model = self.model
-        bodies = model.flex_vertbodyid
-        self.dofs = np.array(model.body_dofadr[bodies])
-        self._qpos = np.array(model.jnt_qposadr[model.body_jntadr[bodies]])[:, None] + np.arange(3)
-        self._qvel = self.dofs[:, None] + np.arange(3)
-        self._origin = np.array(model.body_pos[bodies])
-        self.mass = np.array(model.body_mass[bodies])
+        model = mujoco.MjModel.from_xml_string(model_xml(*flexes, **settings))
+        solver.forget_damping(model)
+        super().__init__(model, mujoco.MjData(model))
+        self.mass = np.array(model.body_mass[model.flex_vertbodyid])
         first = np.repeat(model.flex_vertadr, model.flex_edgenum)
         self.edges = model.flex_edge + first[:, None]
         self.lengths = np.array(model.flexedge_length0)
@@ -217,19 +210,6 @@ class FlexScene:
         self.count, self._hit_interval = 0, hit_interval
         self.strain_99, self.lowest, self.hits = 0.0, np.inf, 0
 
-    def positions(self) -> np.ndarray:
-        """Of all vertices (n, 3) [m]; the bodies' frames are expected to be the world's."""
-        return self.data.qpos[self._qpos] + self._origin
-
-    def velocities(self) -> np.ndarray:
-        """Of all vertices (n, 3) [m/s]."""
-        return self.data.qvel[self._qvel]
-
-    def place(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
-        """Sets the vertices' positions and velocities (n, 3)."""
-        self.data.qpos[self._qpos] = positions - self._origin
-        self.data.qvel[self._qvel] = velocities
-
     def strain(self) -> np.ndarray:
         """Elongation of all edges."""
         x = self.positions()
@@ -243,7 +223,7 @@ class FlexScene:
     def hold(self, *vertices: int) -> None:
         """Holds vertices where they are."""
         for vertex in vertices:
-            dofs = slice(self.dofs[vertex], self.dofs[vertex] + 3)
+            dofs = self.dofs[vertex]
             self.held[vertex] = self.positions()[vertex]
             self._masses[vertex] = np.array(self.model.dof_M0[dofs])
             self.model.dof_M0[dofs] = HELD_MASS
@@ -251,7 +231,7 @@ class FlexScene:
     def release(self) -> None:
         """Lets go of all vertices."""
         for vertex, mass in self._masses.items():
-            self.model.dof_M0[self.dofs[vertex] : self.dofs[vertex] + 3] = mass
+            self.model.dof_M0[self.dofs[vertex]] = mass
         self.held, self._masses = {}, {}
 
     def step(self, count: int = 1, velocity: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
@@ -265,7 +245,7 @@ class FlexScene:
                 velocity = np.asarray(velocities.get(vertex, np.zeros(3)))
                 self.held[vertex] = self.held[vertex] + TIMESTEP * velocity
                 way = self.held[vertex] - self.positions()[vertex]
-                self.data.qvel[self.dofs[vertex] : self.dofs[vertex] + 3] = way / TIMESTEP
+                self.data.qvel[self.dofs[vertex]] = way / TIMESTEP
             mujoco.mj_step(self.model, self.data)
             self.count += 1
             self.strain_99 = max(self.strain_99, float(np.percentile(self.strain(), 99)))

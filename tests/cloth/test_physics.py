@@ -154,7 +154,7 @@ def test_a_strip_under_load_stretches_by_force_over_stiffness(force, fabric):
     rows = np.arange(65).reshape(13, 5)
     scene.hold(*rows[0])
     shares = np.array([0.5, 1, 1, 1, 0.5]) / 4
-    scene.data.qfrc_applied[scene.dofs[rows[-1]] + 1] = force * 4 * SPACING * shares
+    scene.data.qfrc_applied[scene.dofs[rows[-1], 1]] = force * 4 * SPACING * shares
     scene.step(300)
     points = scene.positions().reshape(13, 5, 3)
     length = np.linalg.norm(np.diff(points, axis=0), axis=2).mean(axis=1)[2:-2].mean()

@@ -69,7 +69,7 @@ def test_a_weight_stretches_a_rope_by_force_over_stiffness(weight):
     """[N]"""
     scene = FlexScene(rope(straight(41, PIECE)), floor=False, gravity=(0, 0, 0))
     scene.hold(0)
-    scene.data.qfrc_applied[scene.dofs[-1]] = weight
+    scene.data.qfrc_applied[scene.dofs[-1, 0]] = weight
     scene.step(300)
     np.testing.assert_allclose(scene.strain(), weight / STRETCH_STIFFNESS, rtol=0.02)
 

@@ -11,6 +11,7 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.native.library import CLOTH, load_plugin
 from softgym_mj.reality.lab.theory import GRAVITY
+from softgym_mj.reality.vertices import Vertices
 
 _STILL = 1e-4  # Share of what has changed until then that a sheet at rest still changes by.
 _ROUNDING = 1e-8  # [m] Or by which it does so by rounding.
@@ -18,11 +19,10 @@ _PEAKS = 3  # Times that the motion was stopped over which that is looked at.
 _MOST_STEPS = 30_000
 
 
-class Specimen:
+class Specimen(Vertices):
     """A sheet of a fabric, as entities make one of it, over a floor or not.
 
     Attributes:
-        model, data: MuJoCo's.
         start: where vertices were (n, 3) [m].
         triangles: (m, 3).
         held: numbers of the vertices that are clamped.
@@ -53,30 +53,11 @@ class Specimen:
         """
         load_plugin()
         xml = _xml(points, triangles, fabric, gravity, floor, substeps, timestep)
-        self.model = mujoco.MjModel.from_xml_string(xml)
-        solver.forget_damping(self.model)
-        self.data = mujoco.MjData(self.model)
-        mujoco.mj_forward(self.model, self.data)
-        bodies = self.model.flex_vertbodyid
-        joints = self.model.jnt_qposadr[self.model.body_jntadr[bodies]]
-        self._qpos = np.array(joints)[:, None] + np.arange(3)
-        self._qvel = np.array(self.model.body_dofadr[bodies])[:, None] + np.arange(3)
-        self._origin = np.array(self.model.body_pos[bodies])
+        model = mujoco.MjModel.from_xml_string(xml)
+        solver.forget_damping(model)
+        super().__init__(model, mujoco.MjData(model))
         self.triangles = np.asarray(triangles)
         self.start, self.held, self.steps = self.positions(), np.zeros(0, int), 0
-
-    def positions(self) -> np.ndarray:
-        """Of all vertices (n, 3) [m]."""
-        return self.data.qpos[self._qpos] + self._origin
-
-    def velocities(self) -> np.ndarray:
-        """Of all vertices (n, 3) [m/s]."""
-        return self.data.qvel[self._qvel]
-
-    def place(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
-        """Puts vertices (n, 3) [m] somewhere, with velocities alike [m/s]."""
-        self.data.qpos[self._qpos] = positions - self._origin
-        self.data.qvel[self._qvel] = velocities
 
     def weigh_by_area(self) -> None:
         """Gives vertices the mass of what is nearest to them, so that the weight is even.
@@ -106,12 +87,12 @@ class Specimen:
     def hold(self, vertices: np.ndarray) -> None:
         """Clamps vertices (k,) where they are."""
         self.held = np.asarray(vertices)
-        self.model.dof_M0[self._qvel[self.held]] = HELD_MASS
+        self.model.dof_M0[self.dofs[self.held]] = HELD_MASS
 
     def step(self, count: int = 1) -> None:
         """Steps; what is clamped stays."""
         for _ in range(count):
-            self.data.qvel[self._qvel[self.held]] = 0.0
+            self.data.qvel[self.dofs[self.held]] = 0.0
             mujoco.mj_step(self.model, self.data)
         self.steps += count
 
@@ -131,7 +112,7 @@ class Specimen:
             if energy >= last:
                 last = energy
                 continue
-            self.data.qvel[self._qvel] = 0.0
+            self.data.qvel[self.dofs] = 0.0
             last = 0.0
             heights.append(self.positions())
             if len(heights) > _PEAKS:
