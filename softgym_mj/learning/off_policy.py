@@ -23,6 +23,7 @@ class OffPolicySettings:
 
     Attributes:
         random_steps: env steps of each seed that are random, before it learns.
+        lasting: env steps for which a random action goes on, on average.
         updates: for each step of all environments.
         batch: env steps of an update, of each seed.
         replay: env steps of each seed that are kept.
@@ -35,6 +36,7 @@ class OffPolicySettings:
     """
 
     random_steps: int = 1_000
+    lasting: int = 1
     updates: int = 64
     batch: int = 128
     replay: int = 100_000
@@ -43,7 +45,7 @@ class OffPolicySettings:
     discount: float = 0.99
 
     def __post_init__(self):
-        for name in ("updates", "batch", "replay", "added"):
+        for name in ("lasting", "updates", "batch", "replay", "added"):
             check_count(name, getattr(self, name), 1)
         check_count("random_steps", self.random_steps, 0)
 
@@ -127,9 +129,18 @@ class OffPolicy:
     ) -> tuple[Tensor, Any]:
         """See `Learner`."""
         if explore and self._seen < self._settings.random_steps:
-            shape = observation.shape[1], self._problem.action
-            return 2.0 * drawn(self._noise, *shape, normal=False) - 1.0, None
+            action = self._random(first, memory)
+            return action, action
         return self.algorithm.act(observation, explore=explore), None
+
+    def _random(self, first: Tensor, before: Tensor | None) -> Tensor:
+        """Actions (seeds, n, action), some of which are those of the env step before."""
+        number, lasting = first.shape[1], self._settings.lasting
+        fresh = 2.0 * drawn(self._noise, number, self._problem.action, normal=False) - 1.0
+        if lasting == 1 or before is None:
+            return fresh
+        ends = drawn(self._noise, number, normal=False) * lasting < 1.0
+        return torch.where((first | ends)[..., None], fresh, before)
 
     def learn(self, step: Step) -> dict[str, Tensor]:
         """See `Learner`."""

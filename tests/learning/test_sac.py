@@ -9,12 +9,14 @@ import torch
 from torch import nn
 
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import (
     LEAST_DEVIATION,
     SAC,
     STANDARD_SAMPLE,
     SACSettings,
     StateSACSettings,
+    make,
 )
 from softgym_mj.learning.networks import Actor, Linear, drawn, generators
 from softgym_mj.learning.replay import Batch
@@ -207,6 +209,28 @@ def test_it_learns_to_reach_a_point():
     ends = (place + 0.5 * sac.act(place, explore=False)).clamp(0.0, 1.0)
     assert (ends - 0.5).abs().mean() < 0.06
     assert sac.alpha.max() < 0.1  # There is one best action.
+
+
+def test_random_actions_last_as_long_as_they_are_told_to():
+    lasting, worlds, steps = 4, 50, 200
+    settings = SACSettings(
+        hidden=(4,), random_steps=worlds * steps, lasting=lasting, replay=worlds * steps
+    )
+    problem = Problem("straighten_rope", {}, (0, 1), worlds, (OBSERVATION,), ACTION, 1.0, "cpu")
+    learner = make(settings, problem)
+    observation, memory, shares = torch.zeros(2, worlds, OBSERVATION), None, []
+    for k in range(steps):
+        first, before = torch.full((2, worlds), k % 20 == 0), memory
+        action, memory = learner.act(observation, first, memory, explore=True)
+        if before is not None:
+            changed = action != before
+            assert torch.equal(changed.any(-1), changed.all(-1))
+            if first.all():  # An episode begins with an action of its own.
+                assert changed.all()
+            else:
+                shares.append(changed.float().mean())
+    error = math.sqrt((lasting - 1.0) / lasting**2 / (2 * worlds * len(shares)))
+    assert abs(torch.stack(shares).mean() - 1.0 / lasting) < 4.0 * error
 
 
 def test_bad_settings_are_refused():
