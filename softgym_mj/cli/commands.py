@@ -64,7 +64,10 @@ class _Commands(typer.core.TyperGroup):
 
 
 app = typer.Typer(
-    cls=_Commands, help="Deformable-object manipulation tasks on MuJoCo.", no_args_is_help=True
+    cls=_Commands,
+    help="Deformable-object manipulation tasks on MuJoCo.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",  # "rich" takes units, [m], for its own.
 )
 app.command()(evaluation.evaluate)
 app.command()(evaluation.plot)

@@ -1,0 +1,28 @@
+"""Help says all that commands do."""
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from softgym_mj.cli.commands import app
+
+
+def _commands(command, path=()):
+    inner = getattr(command, "commands", None)
+    if inner is None:
+        yield path, command
+        return
+    for name, each in inner.items():
+        yield from _commands(each, (*path, name))
+
+
+COMMANDS = dict(_commands(typer.main.get_command(app)))
+
+
+@pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
+def test_units_are_shown(path):
+    wanted = [
+        word for o in COMMANDS[path].params for word in (getattr(o, "help", "") or "").split()
+    ]
+    shown = CliRunner().invoke(app, [*path, "--help"], env={"COLUMNS": "200"}).stdout
+    assert [word for word in wanted if word.startswith("[") and word not in shown] == []
