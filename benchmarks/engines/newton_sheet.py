@@ -1,7 +1,7 @@
 """Newton's solvers of cloth: VBD and Style3D, on a CPU."""
 
-import dataclasses
-from typing import Any
+import functools
+from collections.abc import Callable
 
 import newton
 import numpy as np
@@ -13,20 +13,9 @@ from benchmarks.engines.sheets import SPACING, STEP, Engine
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.reality.meshes import Mesh
 
+SUBSTEPS = 4  # In `STEP`, an even number.
+ITERATIONS = 10  # In a substep.
 CONTACT_STIFFNESS, CONTACT_DAMPING = 2000.0, 20.0  # [N/m], [N s/m]: as ours between layers.
-
-
-@dataclasses.dataclass(frozen=True)
-class Settings:
-    """What decides how exactly equations are solved.
-
-    Attributes:
-        substeps: in `STEP`, an even number.
-        iterations: in a substep.
-    """
-
-    substeps: int = 4
-    iterations: int = 10
 
 
 @wp.kernel
@@ -53,8 +42,8 @@ def lead(
 class NewtonSheet:
     """A sheet that one of Newton's solvers moves."""
 
-    def __init__(self, model, solver, start: np.ndarray, settings: Settings):
-        self._model, self._solver, self._settings = model, solver, settings
+    def __init__(self, model, solver, start: np.ndarray):
+        self._model, self._solver = model, solver
         self._states = [model.state(), model.state()]
         self._control = model.control()
         self._pipeline = newton.CollisionPipeline(model)
@@ -85,25 +74,46 @@ class NewtonSheet:
                 wp.array(start.astype(np.float32), dtype=wp.vec3),
                 wp.array(targets.astype(np.float32), dtype=wp.vec3),
             )
-        count = self._settings.substeps
         if hasattr(self._solver, "rebuild_bvh"):
             self._solver.rebuild_bvh(self._states[0])
-        for part in range(1, count + 1):
+        for part in range(1, SUBSTEPS + 1):
             before, after = self._states
             before.clear_forces()
             if number:
                 outputs = (before.particle_q, after.particle_q, before.particle_qd)
-                wp.launch(lead, number, [*arrays, part / count, STEP, *outputs])
+                wp.launch(lead, number, [*arrays, part / SUBSTEPS, STEP, *outputs])
             self._pipeline.collide(before, self._contacts)
-            self._solver.step(before, after, self._control, self._contacts, STEP / count)
+            self._solver.step(before, after, self._control, self._contacts, STEP / SUBSTEPS)
             self._states.reverse()
 
     def close(self) -> None:
         """Memory goes with the object."""
 
 
-def _finished(builder, mesh: Mesh, fabric: Fabric, gravity: np.ndarray, floor: bool):
-    """The model of a builder that has a cloth."""
+def build(
+    add: Callable, solve: Callable,
+    mesh: Mesh, fabric: Fabric, start: np.ndarray, gravity: np.ndarray, floor: bool,
+) -> NewtonSheet:  # fmt: skip
+    """A sheet that a solver moves.
+
+    Args:
+        add: adds a fabric's sheet to a builder, with what all ways to add a mesh are told.
+        solve: makes the solver of a model and a fabric.
+        mesh, fabric, start, gravity, floor: as of `sheets.Build`.
+    """
+    builder = newton.ModelBuilder()
+    add(
+        builder,
+        fabric,
+        pos=wp.vec3(0.0, 0.0, 0.0),
+        rot=wp.quat_identity(),
+        scale=1.0,
+        vel=wp.vec3(0.0, 0.0, 0.0),
+        vertices=mesh.points.tolist(),
+        indices=mesh.triangles.ravel().tolist(),
+        density=fabric.density,
+        particle_radius=fabric.thickness / 2,
+    )
     number = len(mesh.points)
     builder.particle_mass[:] = [fabric.density * mesh.area / number] * number
     if floor:
@@ -115,80 +125,56 @@ def _finished(builder, mesh: Mesh, fabric: Fabric, gravity: np.ndarray, floor: b
     model.soft_contact_ke, model.soft_contact_kd = CONTACT_STIFFNESS, CONTACT_DAMPING
     model.soft_contact_mu = fabric.friction
     model.set_gravity(tuple(gravity.tolist()))
-    return model
+    return NewtonSheet(model, solve(model, fabric), start)
 
 
-def _placed(mesh: Mesh) -> dict[str, Any]:
-    """What all ways to add a mesh are told."""
-    return {
-        "pos": wp.vec3(0.0, 0.0, 0.0),
-        "rot": wp.quat_identity(),
-        "scale": 1.0,
-        "vel": wp.vec3(0.0, 0.0, 0.0),
-        "vertices": mesh.points.tolist(),
-        "indices": mesh.triangles.ravel().tolist(),
-    }
-
-
-def build_vbd(
-    mesh: Mesh,
-    fabric: Fabric,
-    start: np.ndarray,
-    gravity: np.ndarray,
-    floor: bool,
-    settings: Settings = Settings(),  # Frozen.
-) -> NewtonSheet:
-    """A sheet that vertex block descent moves."""
-    builder = newton.ModelBuilder()
+def _add_vbd(builder, fabric: Fabric, **placed) -> None:
     builder.add_cloth_mesh(
-        **_placed(mesh),
-        density=fabric.density,
         tri_ke=fabric.stretch_stiffness / 2,
         tri_ka=0.0,
         tri_kd=fabric.stretch_damping,
         edge_ke=fabric.bend_stiffness / SPACING,
         edge_kd=fabric.bend_damping,
-        particle_radius=fabric.thickness / 2,
+        **placed,
     )
-    model = _finished(builder, mesh, fabric, gravity, floor)
-    solver = SolverVBD(
+
+
+def _solve_vbd(model, fabric: Fabric) -> SolverVBD:
+    return SolverVBD(
         model,
-        iterations=settings.iterations,
+        iterations=ITERATIONS,
         particle_enable_self_contact=True,
         particle_self_contact_margin=fabric.thickness,
         particle_self_contact_gap=fabric.thickness / 2,
     )
-    return NewtonSheet(model, solver, start, settings)
 
 
-def build_style3d(
-    mesh: Mesh,
-    fabric: Fabric,
-    start: np.ndarray,
-    gravity: np.ndarray,
-    floor: bool,
-    settings: Settings = Settings(),  # Frozen.
-) -> NewtonSheet:
-    """A sheet that Style3D's projective solver moves."""
-    builder = newton.ModelBuilder()
+def _add_style3d(builder, fabric: Fabric, **placed) -> None:
     SolverStyle3D.register_custom_attributes(builder)
     stretch, bend = fabric.stretch_stiffness, fabric.bend_stiffness
     style3d.add_cloth_mesh(
         builder,
-        **_placed(mesh),
-        density=fabric.density,
         tri_aniso_ke=wp.vec3(stretch, stretch, stretch / 2),
         edge_aniso_ke=wp.vec3(bend, bend, bend),
-        particle_radius=fabric.thickness / 2,
+        **placed,
     )
-    model = _finished(builder, mesh, fabric, gravity, floor)
-    config = SolverStyle3D.Config(iterations=settings.iterations)
-    return NewtonSheet(model, SolverStyle3D(model, config=config), start, settings)
 
 
-_SETTINGS = dataclasses.asdict(Settings()) | {
+def _solve_style3d(model, fabric: Fabric) -> SolverStyle3D:
+    return SolverStyle3D(model, config=SolverStyle3D.Config(iterations=ITERATIONS))
+
+
+_SETTINGS = {
+    "substeps": SUBSTEPS,
+    "iterations": ITERATIONS,
     "contact_stiffness": CONTACT_STIFFNESS,
     "contact_damping": CONTACT_DAMPING,
 }
-VBD = Engine("vbd", "Newton 1.8 VBD", build_vbd, _SETTINGS)
-STYLE3D = Engine("style3d", "Newton 1.8 Style3D", build_style3d, _SETTINGS)
+
+
+def _engine(name: str, title: str, add: Callable, solve: Callable) -> Engine:
+    return Engine(name, title, functools.partial(build, add, solve), _SETTINGS)
+
+
+VBD = _engine("vbd", "Newton 1.8 VBD", _add_vbd, _solve_vbd)
+STYLE3D = _engine("style3d", "Newton 1.8 Style3D", _add_style3d, _solve_style3d)
