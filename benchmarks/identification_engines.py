@@ -31,7 +31,8 @@ from softgym_mj.jobs.executors import Executor, make_executor
 from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
 from softgym_mj.reality.identification.rag_data import CAMERA, SIZE, SPACING, read_rags, replayed
-from softgym_mj.reality.identification.tasks import Task
+from softgym_mj.reality.identification.recordings import HELD_OUT
+from softgym_mj.reality.identification.tasks import Task, weights
 from softgym_mj.reality.identification.tasks import motions as moved
 from softgym_mj.reality.lab import theory
 from softgym_mj.reality.meshes import rectangle
@@ -140,18 +141,27 @@ def run(name: str, folder: pathlib.Path, evaluations: int, executor: Executor) -
         print(f"{name} [mm] after {said}", flush=True)
 
     found = identify.identify(task, executor, tuple(range(SEEDS)), evaluations, store, progress)
-    there = moved(task, truth)
-    at_truth: dict[str, list[float]] = {"fit": [], "held out": []}
-    for r in task.recordings:
-        distances = r.distances(there[r.scene], SENSOR.latency)
-        at_truth[r.role].append(float(distances.mean()))
     return {
         "case": name,
         "truth": true_values(truth),
         "settings": written["settings"],
-        "at_truth": {role.replace(" ", "_"): float(np.mean(v)) for role, v in at_truth.items()},
+        "at_truth": at_truth(task, truth),
         "bias": bias(true_values(truth), found["parameters"]),
         **found,
+    }
+
+
+def at_truth(task: Task, truth: Fabric) -> dict[str, float]:
+    """Distances [m] at true numbers: what a search looks at ("loss"), means of both roles."""
+    there = moved(task, truth)
+    fitted, held_out = (
+        [float(r.distances(there[r.scene], SENSOR.latency).mean()) for r in some]
+        for some in (task.fitted, [r for r in task.recordings if r.role == HELD_OUT])
+    )
+    return {
+        "loss": float(np.dot(weights(task.only_fitted()), fitted)),
+        "fit": float(np.mean(fitted)),
+        "held_out": float(np.mean(held_out)),
     }
 
 
