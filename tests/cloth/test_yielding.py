@@ -95,6 +95,21 @@ def test_a_rope_that_two_pickers_draw_taut_stays_held():
     assert env.info()["yielded"] == 1
 
 
+def test_what_is_pressed_on_another_strand_gives_way_to_it():
+    env = softgym_mj.load(ROPE, split=[878], action_repeat=1, horizon=100)
+    env.reset()  # Vertex 20 lies across pieces 4 and 5.
+    hold(env, [0, 20])
+    strains, away = [], []
+    for _ in range(20):
+        env.step(moves([0.5, 0.8, 0.0], [0.5, 1.0, -1.0]))
+        strains.append(env.task.objects[0].edge_strain().max())
+        points = env.task.objects[0].points()
+        away.append(np.linalg.norm(points[[4, 5, 6]] - points[20], axis=1).min())
+    assert max(strains) < 0.1  # 0.2 if it goes where the picker goes, whatever lies there.
+    assert min(away) > 0.8 * 2.0 * env.task.objects[0].radius
+    assert env.info()["yielded"] == 0
+
+
 @pytest.mark.parametrize("first", [0, 1])
 def test_the_later_hold_yields(first):
     env = lay(ROPE)

@@ -17,9 +17,9 @@ DECIDED = {
     "fold_crumpled_cloth": (0, "7d2642ada9b2369e"),
     "pour_water": (0, "1c2027b8689698a7"),
     "pour_water_amount": (0, "38a0debf6ff4f1bd"),
-    "rope_configuration": (0, "5a3c4451ac421e58"),
+    "rope_configuration": (0, "5234268d4fa4a5da"),
     "spread_cloth": (0, "1979bc25eb2daaab"),
-    "straighten_rope": (0, "82d854cd82aee2b9"),
+    "straighten_rope": (0, "03d73ee2182b8260"),
     "transport_water": (0, "2447ffd7170d5df0"),
 }
 

@@ -28,7 +28,7 @@ inline void Gather(const World& w) {
       const int v = w.held[g];
       if (v < 0) continue;
       for (int k = 0; k < 3; ++k) w.qvel[3 * v + k] = (w.goals[3 * g + k] - origin[3 * v + k] - w.qpos[3 * v + k]) / dt;
-      if (m.is_surface) w.driven[w.step->num_driven++] = v;
+      w.driven[w.step->num_driven++] = v;
     }
   });
   Each(m.padded, [&](int v) {
@@ -42,7 +42,7 @@ inline void Gather(const World& w) {
     const int v = w.held[g];
     if (v < 0) return;
     w.inverse_mass[v] = 0;
-    w.yielding[v] = m.is_surface ? static_cast<float>(1 / m.At<double>(m.mass_at)[v]) : 0;
+    w.yielding[v] = static_cast<float>(1 / m.At<double>(m.mass_at)[v]);
   });
   Each(m.vertices, [&](int v) {
     double square = 0;

@@ -65,8 +65,7 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
       const bool held = mass > kHeldMass;
       start.inverse_mass[v] = held ? 0 : static_cast<float>(1 / mass);
       start.yielding[v] = start.inverse_mass[v];
-      // A cord has room to get out of the way of what is held.
-      if (held && m->flex_dim[flex] == 2) start.yielding[v] = static_cast<float>(1 / w->mesh.mass[v]);
+      if (held) start.yielding[v] = static_cast<float>(1 / w->mesh.mass[v]);
       for (int k = 0; k < 3; ++k) {
         mjtNum* axis = &w->axes[9 * v + 3 * k];
         mju_rotVecQuat(axis, m->jnt_axis + 3 * (joint + k), quaternion);
