@@ -32,14 +32,19 @@ class SurfaceDistance:
 
     def __call__(self, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         """Distance (k,) [m] of each of points (k, 3) from the mesh with vertices (n, 3) [m]."""
+        return np.linalg.norm(self.offsets(points, vertices), axis=1)
+
+    def offsets(self, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        """The ways (k, 3) [m] from the nearest points of the mesh to points (k, 3)."""
         nearest = cKDTree(vertices).query(points)[1]
         corners = vertices[self._triangles[self._fans[nearest]]]
-        squares = _squared_distances(points[:, None], corners)
-        return np.sqrt(squares.min(axis=1))
+        offsets = _offsets(points[:, None], corners)
+        least = _dot(offsets, offsets).argmin(axis=1)
+        return offsets[np.arange(len(points)), least]
 
 
-def _squared_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Squares (...) [m^2] of the distances of points (..., 3) from triangles (..., 3, 3)."""
+def _offsets(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Ways (..., 3) [m] to points (..., 3) from the nearest ones of triangles (..., 3, 3)."""
     a, b, c = np.moveaxis(corners, -2, 0)
     ab, ac, ap = b - a, c - a, points - a
     normal = np.cross(ab, ac)
@@ -48,19 +53,18 @@ def _squared_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     v = _dot(np.cross(ap, ac), normal) / square
     w = _dot(np.cross(ab, ap), normal) / square
     inside = (v >= 0.0) & (w >= 0.0) & (v + w <= 1.0)
-    above = _dot(ap, normal) ** 2 / square
-    sides = np.minimum(
-        np.minimum(_squares_from_edge(ap, ab), _squares_from_edge(ap, ac)),
-        _squares_from_edge(points - b, c - b),
-    )
-    return np.where(inside, above, sides)
+    best = _from_edge(ap, ab)
+    for other in (_from_edge(ap, ac), _from_edge(points - b, c - b)):
+        nearer = _dot(other, other) < _dot(best, best)
+        best = np.where(nearer[..., None], other, best)
+    above = (_dot(ap, normal) / square)[..., None] * normal
+    return np.where(inside[..., None], above, best)
 
 
-def _squares_from_edge(offset: np.ndarray, edge: np.ndarray) -> np.ndarray:
-    """Squares (...) of distances of points, (..., 3) from an edge's start, from that edge."""
+def _from_edge(offset: np.ndarray, edge: np.ndarray) -> np.ndarray:
+    """Ways (..., 3) to points, (..., 3) from an edge's start, from the nearest of that edge."""
     along = np.clip(_dot(offset, edge) / np.maximum(_dot(edge, edge), _TINY), 0.0, 1.0)
-    rest = offset - along[..., None] * edge
-    return _dot(rest, rest)
+    return offset - along[..., None] * edge
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
