@@ -30,12 +30,12 @@ from softgym_mj.jobs.executors import Executor, make_executor
 from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
 from softgym_mj.reality.identification.rag_data import CAMERA, SPACING, read_rags
-from softgym_mj.reality.identification.search import Search, together
-from softgym_mj.reality.identification.tasks import Task, evaluate, motions, weights
+from softgym_mj.reality.identification.search import EVALUATIONS, Search, together
+from softgym_mj.reality.identification.tasks import Task, evaluate, motions
 
 DRAWS = tuple(range(10))
 EXACT = tuple(range(3))  # Draws that are also done without noise.
-SEEDS, EVALUATIONS = 2, 300
+SEEDS = 2
 CLOTH = "linen"  # Whose name and numbers of frames the data have.
 LATENCY = 0.033  # [s]
 NOISE = 0.005  # [m]
@@ -153,9 +153,7 @@ def run(
         store = identify.open_store(out / "journals" / names[key], {"evaluations": evaluations})
         for seed in range(seeds):
             start = starts[key]
-            searches[key, seed] = Search(
-                start.coordinates, start.bounds, weights(fitted[key]), seed, evaluations
-            )
+            searches[key, seed] = Search(start.coordinates, start.bounds, seed, evaluations)
             journals[key, seed] = store.journal(seed)
     begin = time.time()
 

@@ -48,7 +48,7 @@ _MM = 1e3
 def identify() -> None:
     """Parameters of a fabric from recordings of it: values, 95 % intervals, and what stays open.
 
-    A search by CMA-ES for each seed; it may be killed and run again.
+    A search by least squares for each seed; it may be killed and run again.
     """
 
 
@@ -73,7 +73,7 @@ def rags(
         bool, typer.Option("--blind", help="Without a camera: from real points only.")
     ] = False,
     seeds: Seeds = 3,
-    evaluations: Evaluations = 300,
+    evaluations: Evaluations = 200,
     jobs: Jobs = 1,
     ray: Ray = None,
     out: Out = _OUT,
@@ -104,7 +104,7 @@ def garments(
     window: Window = None,
     swapped: Swapped = False,
     seeds: Seeds = 3,
-    evaluations: Evaluations = 300,
+    evaluations: Evaluations = 200,
     jobs: Jobs = 1,
     ray: Ray = None,
     out: Out = _OUT,
@@ -154,7 +154,7 @@ def markers(
     spacing: Annotated[float, typer.Option(help="Of the mesh, at most, in metres.")] = 0.025,
     fit: Annotated[str, typer.Option(help="Part of the names of files that are fitted.")] = "shake",
     seeds: Seeds = 3,
-    evaluations: Evaluations = 300,
+    evaluations: Evaluations = 200,
     jobs: Jobs = 1,
     ray: Ray = None,
     out: Out = _OUT,

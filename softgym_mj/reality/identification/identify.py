@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.exceptions import StoreError, check_count
-from softgym_mj.jobs.executors import Executor, SerialExecutor
+from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.reality.identification.confidence import intervals
 from softgym_mj.reality.identification.recordings import HELD_OUT
 from softgym_mj.reality.identification.search import EVALUATIONS, Found, Progress, Search, together
-from softgym_mj.reality.identification.tasks import Task, evaluate, loss, motions, slip, weights
+from softgym_mj.reality.identification.tasks import Task, evaluate, motions, slip
 from softgym_mj.reality.identification.unknowns import (
     LATENCY,
     UNKNOWNS,
@@ -30,7 +30,7 @@ WIDEST = 0.033  # [s] The same of latency: a frame.
 REACH = 0.1  # [s] Of latency around where a first look finds it.
 SLIPPED = 0.015  # [s] From the common latency, above which a recording's clock is off,
 _NOTICED = 0.95  # if its loss is at most this share of that at the common one.
-_AS_GOOD = 1.01  # Searches whose loss is at most so many times the least are averaged.
+_AS_GOOD = 1.05  # Searches whose loss is at most so many times the least are averaged.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,39 +81,30 @@ def identify(
     """
     check_count("seeds", len(seeds), 1)
     start, fitted = first_look(task), task.only_fitted()
-    searches = {
-        seed: Search(start.coordinates, start.bounds, weights(fitted), seed, evaluations)
-        for seed in seeds
-    }
+    searches = {seed: Search(start.coordinates, start.bounds, seed, evaluations) for seed in seeds}
     journals = {} if store is None else {seed: store.journal(seed) for seed in seeds}
     together(
         searches, lambda seed, x: (fitted, x), evaluate, executor, journals, progress
     )  # fmt: skip
-    return report(task, start, [search.found() for search in searches.values()], executor)
+    return report(task, start, [search.found() for search in searches.values()])
 
 
-def report(
-    task: Task, start: Start, searches: Sequence[Found], executor: Executor | None = None
-) -> dict[str, Any]:
+def report(task: Task, start: Start, searches: Sequence[Found]) -> dict[str, Any]:
     """What searches of a task say.
 
     Returns:
         "parameters": by name "value", "low" and "high" (95 %), "start", "unit", "is_identified"
             and, for numbers that recordings only bound, "at_least" or "at_most"; "fit", "held_out":
-            losses [m] "found", "start" (the fabric to start from, at its first latency) and by
-            recording; "clocks": by recording the latency [s] at which it fits best, its loss there,
-            and whether that is `SLIPPED` from the common one and noticed; "searches": the loss [m]
-            and values of each.
+            distances [m] "found", "start" (the fabric to start from, at its first latency) and by
+            recording; "clocks": by recording the latency [s] at which it fits best, its distance
+            there, and whether that is `SLIPPED` from the common one and noticed; "searches": the
+            least loss [m] and the values of each.
     """
-    fitted = task.only_fitted()
-    ends = [tuple(map(float, found.estimate)) for found in searches]
-    made = (executor or SerialExecutor()).all(evaluate, [(fitted, x) for x in ends])
-    shares = weights(fitted)
-    losses = [loss(frames, shares) for frames in made]
-    good = [x for x, value in zip(ends, losses, strict=True) if value <= _AS_GOOD * min(losses)]
+    least = min(found.loss for found in searches)
+    good = [found.estimate for found in searches if found.loss <= _AS_GOOD * least]
     estimate = np.mean(good, axis=0)
-    lengths = [len(recording.times) for recording in fitted.recordings]
-    ranges = intervals(list(searches), estimate, start.bounds, lengths, shares)
+    lengths = [len(recording.times) for recording in task.fitted]
+    ranges = intervals(list(searches), estimate, start.bounds, lengths)
     values = values_at(estimate)
     moved = motions(task, fabric_of(values, task.base))
     before = motions(task, task.base)
@@ -127,8 +118,8 @@ def report(
         **_losses(task, moved, values[LATENCY], before, first[LATENCY]),
         "clocks": _clocks(task, moved, values[LATENCY]),
         "searches": [
-            {"loss": value, "evaluations": len(found.losses), **values_at(x)}
-            for x, value, found in zip(ends, losses, searches, strict=True)
+            {"loss": found.loss, "evaluations": found.evaluations, **values_at(found.estimate)}
+            for found in searches
         ],
     }
 
@@ -159,7 +150,7 @@ def _parameters(estimate, ranges, first: Mapping[str, float], limits) -> dict[st
 
 
 def _losses(task: Task, moved, latency: float, before, first: float) -> dict[str, Any]:
-    """Losses [m] of what is fitted and of what is held out."""
+    """Distances [m] of what is fitted and of what is held out."""
     found: dict[str, Any] = {}
     for name, role in (("fit", "fit"), ("held_out", HELD_OUT)):
         rows = {

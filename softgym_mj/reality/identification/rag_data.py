@@ -36,9 +36,6 @@ CAMERA = (-0.05, 1.774, 0.808)  # [m]
 # with half the spacing the best bending stiffness is a fifth less. A rag that has been dragged for
 # five seconds has told its friction.
 LAST = {"dynamic": 2.5, "quasi_static": 11.0}
-# Of the mean distances in the loss. That of a drag is ten times smoother: near the least, what a
-# quadratic leaves of it is 0.0025 mm, of a fling 0.026 mm; bending and friction show in it.
-WEIGHTS = {"dynamic": 1.0, "quasi_static": 10.0}
 _FRAMES = {"dynamic": 40, "quasi_static": 80}  # Of each that are looked at.
 _SETTLE, _TOGETHER = 1.0, 1.0  # [s] Before the primitive; the latter only if it is slack.
 _GRID = 0.01  # [s] Of what is kept of a motion.
@@ -150,7 +147,6 @@ def read_rags(
                     primitive,
                     chosen / rags.FRAME_RATE,
                     Clouds(points, scene.mesh, seen_from),
-                    WEIGHTS[primitive],
                 )
             )
     if not any(recording.role == FIT for recording in found):

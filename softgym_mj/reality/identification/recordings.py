@@ -15,6 +15,9 @@ from softgym_mj.rendering.calibration import Calibration
 FIT, HELD_OUT = "fit", "held out"
 MOST_FRAMES = 80  # Of a recording that are looked at, spread over it: neighbours tell the same.
 _POINTS = 400  # Of a cloud whose distance from the surface is taken: as many say no more.
+# Of a cloud, halved and halved again: the mean way of a patch's points from the surface has little
+# of their noise, and all that a parameter does to it.
+_HALVINGS = 4
 _MOST_POINTS = 4000  # Of a cloud among which vertices look for the nearest.
 MISSED = 1.0  # [m] Distance of what is no number: a simulation that failed.
 # Of the image in which a camera that only has a place sees: 100 degrees across.
@@ -68,6 +71,13 @@ class Observation(abc.ABC):
             chosen: which of the frames these are.
         """
 
+    @abc.abstractmethod
+    def offsets(self, positions: np.ndarray) -> np.ndarray:
+        """Ways to what was seen from where vertices (f, n, 3) [m] say that it is: (f, k, 3) [m].
+
+        Unlike distances they go through zero where they are met, and hardly bend on the way.
+        """
+
 
 @dataclasses.dataclass(frozen=True)
 class Recording:
@@ -79,7 +89,6 @@ class Recording:
         scene: name of what is simulated.
         times: (f,) of its frames [s], by its own clock; 0 when the scene's motion starts.
         observation: of these frames.
-        weight: of its mean distance in the loss, among those of the others.
     """
 
     name: str
@@ -87,22 +96,33 @@ class Recording:
     scene: str
     times: np.ndarray
     observation: Observation
-    weight: float = 1.0
 
     def distances(self, motion: Motion, latency: float, chosen: slice = slice(None)) -> np.ndarray:
         """How far a motion is off in each frame (f,) [m] if frames show what was `latency` ago."""
-        positions = motion.at(self.times[chosen] - latency)
-        finite = np.isfinite(positions).all(axis=(1, 2))
-        found = self.observation.distances(np.where(finite[:, None, None], positions, 0.0), chosen)
+        positions, finite = _finite(motion.at(self.times[chosen] - latency))
+        found = self.observation.distances(positions, chosen)
         return np.where(finite, np.minimum(found, MISSED), MISSED)
+
+    def offsets(self, motion: Motion, latency: float) -> np.ndarray:
+        """Offsets (f, k, 3) [m] of a motion, as of `Observation`, if frames are so late [s]."""
+        positions, finite = _finite(motion.at(self.times - latency))
+        found = np.clip(self.observation.offsets(positions), -MISSED, MISSED)
+        return np.where(finite[:, None, None], found, MISSED)
+
+
+def _finite(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (f, n, 3), none where a frame has a number that is not finite; which have none."""
+    finite = np.isfinite(positions).all(axis=(1, 2))
+    return np.where(finite[:, None, None], positions, 0.0), finite
 
 
 class Clouds(Observation):
-    """Point clouds of what a camera saw: the mean of two mean distances.
+    """Point clouds of what a camera saw.
 
-    One is of real points from the simulated surface, the other of vertices that the camera would
-    see from the nearest real point. Without a camera only the first is taken: the second counts
-    what no camera saw.
+    The distance is the mean of two mean ones: of real points from the simulated surface, and of
+    vertices that the camera would see from the nearest real point. Without a camera only the first
+    is taken: the second counts what no camera saw. Offsets are of real points from the surface,
+    their means over patches of neighbours.
     """
 
     def __init__(self, clouds: list[np.ndarray], mesh: Mesh, camera: Calibration | None):
@@ -112,7 +132,18 @@ class Clouds(Observation):
         for cloud in clouds:
             some = min(len(cloud), _MOST_POINTS)
             self._clouds.append(random.permutation(cloud)[:some].astype(np.float32))
+        self._patches = [_patches(cloud[:_POINTS]) for cloud in self._clouds]
         self._mesh, self._camera = mesh, camera
+
+    def offsets(self, positions):
+        surface = SurfaceDistance(self._mesh.triangles)
+        found = np.zeros((len(positions), 2**_HALVINGS, 3))
+        frames = zip(positions, self._clouds, self._patches, strict=True)
+        for means, (vertices, cloud, patches) in zip(found, frames, strict=True):
+            ways = surface.offsets(cloud[:_POINTS].astype(float), vertices)
+            for patch, chosen in enumerate(patches):
+                means[patch] = ways[chosen].mean(axis=0) if len(chosen) else 0.0
+        return found
 
     def distances(self, positions, chosen=slice(None)):
         surface = SurfaceDistance(self._mesh.triangles)
@@ -141,8 +172,28 @@ class MarkerPlaces(Observation):
         self._markers, self._weights = markers, weights
 
     def distances(self, positions, chosen=slice(None)):
-        away = np.einsum("kn,fnx->fkx", self._weights, positions) - self._markers[chosen]
+        away = self._markers[chosen] - self._places(positions)
         return np.sqrt((away**2).sum(axis=2).mean(axis=1))
+
+    def offsets(self, positions):
+        return self._markers - self._places(positions)
+
+    def _places(self, positions: np.ndarray) -> np.ndarray:
+        return np.einsum("kn,fnx->fkx", self._weights, positions)
+
+
+def _patches(cloud: np.ndarray) -> list[np.ndarray]:
+    """Which of points (k, 3) are in each patch: halves of halves, across where they are longest."""
+    patches = [np.arange(len(cloud))]
+    for _ in range(_HALVINGS):
+        halves = []
+        for patch in patches:
+            points = cloud[patch]
+            longest = np.ptp(points, axis=0).argmax() if len(patch) else 0
+            order = patch[np.argsort(points[:, longest], kind="stable")]
+            halves += np.array_split(order, 2)
+        patches = halves
+    return patches
 
 
 def looking(place: tuple[float, float, float], clouds: list[np.ndarray]) -> Calibration:

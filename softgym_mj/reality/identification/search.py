@@ -1,4 +1,13 @@
-"""Searches by CMA-ES, several side by side, whose evaluations any executor makes."""
+"""Searches by least squares, several side by side, whose evaluations any executor makes.
+
+A search draws places around its start, and goes on from the best by trust-region steps. Where these
+find no offsets near zero it draws around where they ended, and goes to the least of a surface
+through what it draws; then again around there.
+
+The optimizer of SciPy calls what it minimises; here it is asked what it wants to know, so that
+other processes may find out: it is run anew from the start, on all that is known, until it asks
+for more.
+"""
 
 import dataclasses
 import itertools
@@ -7,40 +16,61 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import least_squares
 
-from softgym_mj.exceptions import check_count, import_extra
+from softgym_mj.exceptions import check_count
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.journal import Journal
-from softgym_mj.reality.identification.quadratic import coefficients, minimum
-from softgym_mj.reality.identification.tasks import loss
+from softgym_mj.reality.identification.surface import Surface
 
 Progress = Callable[[dict[Any, tuple[int, float]]], None]
+Offsets = Sequence[Sequence[float]]  # [m] Of each frame.
 
-POPULATION = 12
-EVALUATIONS = 300
-# Of a generation that are least points of quadratics, once there are evaluations for them: where a
-# loss is smooth, some tens of these save hundreds of others (as in lq-CMA-ES; Hansen, 2019).
-_GUESSES = 6
-_SIGMA = 0.6  # Of coordinates, at first.
-# A generation whose losses differ by less than this share has nothing to choose from.
-_TOLERANCE = 5e-4
+DRAWN = 12  # Places, the start among them.
+AROUND, ROUNDS = 36, 3  # Places that are drawn around where steps ended, and how often.
+EVALUATIONS = 200
+_SIGMA, _NEARER = 0.6, 0.3  # Of coordinates that are drawn, at first and then.
+_APART = 0.1  # Of coordinates between which slopes are taken.
+# [m] For each coordinate by which one is off the start, as one more offset of thousands: what no
+# frame shows stays there.
+_PULL = 2e-5
+_SCALE = 1.5e-3  # [m] From which on offsets count by themselves, not by their squares.
+# Of the loss's square. Steps that make it smaller by less follow its roughness: where a search's
+# mesh is another than that of the data, on to five times the bending stiffness.
+_TOLERANCE = 0.1
+_STEP_TOLERANCE = 1e-4  # Of a step, to the length of all coordinates, which is about 15.
+_MET = 3e-4  # [m] Loss below which nothing is left that more evaluations would tell.
 
 
 @dataclasses.dataclass(frozen=True)
 class Found:
-    """What a search has looked at.
+    """Where a search has come to.
 
     Attributes:
-        estimate: (unknowns,) coordinates where it ended.
-        points: (n, unknowns) coordinates.
-        frames: (n, ...) distances [m] of all frames of all recordings, one after the other.
-        losses: (n,) [m].
+        estimate: (unknowns,) coordinates.
+        loss: the least of all evaluations [m].
+        evaluations: how many it has made.
+        offsets: (n,) there, or nearby, each by its noise if that is known.
+        slopes: (n, unknowns) of these.
+        frames: (n,) the frame that each belongs to.
+        spurious: (unknowns, unknowns) what is in the products of slopes by chance.
     """
 
     estimate: np.ndarray
-    points: np.ndarray
+    loss: float
+    evaluations: int
+    offsets: np.ndarray
+    slopes: np.ndarray
     frames: np.ndarray
-    losses: np.ndarray
+    spurious: np.ndarray
+
+
+class _Unknown(Exception):
+    """Evaluations that have not been made, at `points`."""
+
+    def __init__(self, points: list[np.ndarray]):
+        super().__init__(points)
+        self.points = points
 
 
 class Search:
@@ -50,41 +80,36 @@ class Search:
         self,
         start: np.ndarray,
         bounds: np.ndarray,
-        shares: Sequence[float],
         seed: int,
         evaluations: int = EVALUATIONS,
-        population: int = POPULATION,
     ):
         """Starts at coordinates (unknowns,) within bounds (unknowns, 2).
 
         Args:
             start, bounds: coordinates.
-            shares: of recordings in the loss, as of `tasks.weights`.
-            seed: of its random numbers.
+            seed: of what it draws.
             evaluations: how many it may ask for.
-            population: of a generation.
 
         Raises:
-            InvalidArgumentError: for fewer evaluations than a generation.
-            UnavailableError: without the package `cmaes`.
+            InvalidArgumentError: for fewer evaluations than one step and all rounds take.
         """
-        check_count("evaluations", evaluations, population)
-        cmaes = import_extra("cmaes", "cmaes", "reality")
-        inside = np.clip(start, bounds[:, 0] + 1e-6, bounds[:, 1] - 1e-6)
-        self._cma = cmaes.CMA(
-            mean=inside, sigma=_SIGMA, bounds=bounds, seed=seed, population_size=population
-        )
-        self._shares = tuple(shares)
-        self._left = evaluations // population
-        self._best = 2 * coefficients(len(start))
+        fewest = DRAWN + len(start) + 1 + AROUND * ROUNDS
+        self._steps = check_count("evaluations", evaluations, fewest) - AROUND * ROUNDS
+        self._bounds, self._random = bounds, np.random.default_rng(seed)
+        self._start = self._inside(start)
         self._points: list[np.ndarray] = []
-        self._frames: list[list[float]] = []
+        self._known: dict[bytes, np.ndarray] = {}
         self._losses: list[float] = []
+        self._frames = np.array([], int)
+        self._rounds = 0
+        self._estimate, self._last = self._start, (np.zeros(0), np.zeros((0, len(start))))
+        self._spurious = np.zeros((len(start), len(start)))
+        self._asked = [self._start, *self._drawn(self._start, _SIGMA, DRAWN - 1)]
 
     @property
     def is_done(self) -> bool:
         """Whether it asks for nothing more."""
-        return self._left == 0
+        return not self._asked
 
     @property
     def made(self) -> tuple[int, float]:
@@ -93,49 +118,90 @@ class Search:
 
     def ask(self) -> list[np.ndarray]:
         """Coordinates (unknowns,) of the next generation; the same until it is told of them."""
-        if len(self._points) == len(self._losses):
-            guesses = self._guesses()
-            drawn = self._cma.population_size - len(guesses)
-            self._points += [*(self._cma.ask() for _ in range(drawn)), *guesses]
-        return self._points[len(self._losses) :]
+        return self._asked
 
-    def tell(self, frames: Sequence[list[list[float]]]) -> None:
-        """Takes the distances [m] of frames of recordings at each of what was asked for."""
-        losses = [loss(each, self._shares) for each in frames]
-        asked = self.ask()
-        self._cma.tell(list(zip(asked, losses, strict=True)))
-        self._losses += losses
-        self._frames += [list(itertools.chain(*each)) for each in frames]
-        spread = max(losses) - min(losses)
-        self._left = 0 if spread < _TOLERANCE * min(losses) else self._left - 1
+    def tell(self, found: Sequence[Offsets]) -> None:
+        """Takes the offsets [m] of all frames at each of what was asked for."""
+        for point, frames in zip(self._asked, found, strict=True):
+            offsets = np.array([*itertools.chain(*frames)])
+            self._frames = np.repeat(np.arange(len(frames)), [len(f) for f in frames])
+            self._points.append(point)
+            self._losses.append(_loss(offsets))
+            self._known[point.tobytes()] = offsets
+        self._asked = self._surface() if self._rounds else self._step()
 
-    def _guesses(self) -> list[np.ndarray]:
-        """Where quadratics through the best evaluations are least, within what these span."""
-        best = np.argsort(self._losses, kind="stable")[: self._best]
-        if len(best) < self._best:
-            return []
-        points, losses = np.array(self._points)[best], np.array(self._losses)[best]
-        low, high = points.min(axis=0), points.max(axis=0)
-        random = np.random.default_rng(len(self._losses))
-        rows = [np.arange(len(best))]
-        rows += [random.integers(0, len(best), len(best)) for _ in range(_GUESSES - 1)]
-        span = np.column_stack([low, high])
-        return [minimum(points[some], losses[some], span) for some in rows]
+    def _step(self) -> list[np.ndarray]:
+        """What the optimizer wants to know; when it has come to an end, the first round."""
+        first = self._points[int(np.argmin(self._losses[:DRAWN]))]
+        try:
+            least_squares(
+                self._pulled, first, self._slopes, bounds=self._bounds.T, loss="soft_l1",
+                f_scale=_SCALE, ftol=_TOLERANCE, xtol=_STEP_TOLERANCE, gtol=None,
+            )  # fmt: skip
+        except _Unknown as unknown:
+            if len(self._points) + len(unknown.points) <= self._steps:
+                return unknown.points
+        best = int(np.argmin(self._losses))
+        self._estimate = self._points[best]
+        return [] if self._losses[best] < _MET else self._round()
+
+    def _surface(self) -> list[np.ndarray]:
+        """Goes to the least of a surface through the last two rounds; then the next round."""
+        points = np.array(self._points[-AROUND * min(self._rounds, 2) :])
+        surface = Surface(points, np.array(self._at(list(points))), self._frames)
+        self._estimate = x = surface.least(self._bounds)
+        self._last = surface.offsets(x), surface.slopes(x)
+        self._spurious = surface.spurious(x)
+        return self._round() if self._rounds < ROUNDS else []
+
+    def _round(self) -> list[np.ndarray]:
+        self._rounds += 1
+        return self._drawn(self._estimate, _NEARER, AROUND)
+
+    def _drawn(self, around: np.ndarray, sigma: float, number: int) -> list[np.ndarray]:
+        draws = self._random.standard_normal((number, len(around)))
+        return [self._inside(around + sigma * draw) for draw in draws]
+
+    def _inside(self, x: np.ndarray) -> np.ndarray:
+        return np.clip(x, self._bounds[:, 0] + 1e-6, self._bounds[:, 1] - 1e-6)
+
+    def _at(self, points: list[np.ndarray]) -> list[np.ndarray]:
+        """Offsets at points, which are known."""
+        if missing := [point for point in points if point.tobytes() not in self._known]:
+            raise _Unknown(missing)
+        return [self._known[point.tobytes()] for point in points]
+
+    def _pulled(self, x: np.ndarray) -> np.ndarray:
+        """Offsets at coordinates, and what pulls these to the start."""
+        return np.concatenate([*self._at([np.array(x)]), _PULL * (x - self._start)])
+
+    def _slopes(self, x: np.ndarray) -> np.ndarray:
+        """The Jacobian of this."""
+        steps = np.where(x + _APART <= self._bounds[:, 1], _APART, -_APART)
+        beside = self._at([x + step for step in np.diag(steps)])
+        (here,) = self._at([np.array(x)])
+        slopes = (np.array(beside) - here).T / steps
+        self._last = here, slopes
+        return np.concatenate([slopes, _PULL * np.eye(len(x))])
 
     def found(self) -> Found:
-        """What it has looked at."""
+        """Where it has come to."""
         return Found(
-            np.array(self._cma.mean),
-            np.array(self._points[: len(self._losses)]),
-            np.array(self._frames),
-            np.array(self._losses),
-        )
+            self._estimate, min(self._losses), len(self._losses), *self._last, self._frames,
+            self._spurious,
+        )  # fmt: skip
+
+
+def _loss(offsets: np.ndarray) -> float:
+    """Root of the mean square of offsets [m], of which large ones count by themselves."""
+    squares = (offsets / _SCALE) ** 2
+    return float(_SCALE * np.sqrt(np.mean(2.0 * (np.sqrt(1.0 + squares) - 1.0))))
 
 
 def together(
     searches: Mapping[Any, Search],
     call: Callable[[Any, tuple[float, ...]], tuple],
-    function: Callable[..., list[list[float]]],
+    function: Callable[..., Offsets],
     executor: Executor,
     journals: Mapping[Any, Journal] | None = None,
     progress: Progress = lambda made: None,
@@ -145,7 +211,7 @@ def together(
     Args:
         searches: by key.
         call: the arguments of `function` for a search's key and coordinates.
-        function: gives distances of frames of recordings.
+        function: gives offsets of frames.
         executor: that makes these calls.
         journals: of the same keys; generations that they have are not made again.
         progress: told, after every generation, of each search how many evaluations it has made and
@@ -154,7 +220,6 @@ def together(
     journals = journals or {}
     for key, journal in journals.items():
         for generation in journal.read():
-            searches[key].ask()
             searches[key].tell(generation)
     while running := {key: search for key, search in searches.items() if not search.is_done}:
         asked = {key: search.ask() for key, search in running.items()}
