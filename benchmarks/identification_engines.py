@@ -32,14 +32,15 @@ from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
 from softgym_mj.reality.identification.rag_data import CAMERA, SIZE, SPACING, read_rags, replayed
 from softgym_mj.reality.identification.recordings import HELD_OUT
-from softgym_mj.reality.identification.tasks import Task, weights
+from softgym_mj.reality.identification.search import EVALUATIONS, loss
+from softgym_mj.reality.identification.tasks import Task
 from softgym_mj.reality.identification.tasks import motions as moved
 from softgym_mj.reality.lab import theory
 from softgym_mj.reality.meshes import rectangle
 
 CLOTH = "linen"  # Whose name and numbers of frames the data have.
 SENSOR = synthetic.Sensor(latency=0.033, noise=0.005)  # [s], [m]
-SEEDS, EVALUATIONS = 2, 300
+SEEDS = 2
 # Of recordings, the search's being 2.6 cm; with half of that stock MuJoCo's step does not converge.
 FINE = SPACING / 1.5  # [m]
 FALL = 300  # Steps in which a falling rag gets as fast as it will be.
@@ -152,14 +153,15 @@ def run(name: str, folder: pathlib.Path, evaluations: int, executor: Executor) -
 
 
 def at_truth(task: Task, truth: Fabric) -> dict[str, float]:
-    """Distances [m] at true numbers: what a search looks at ("loss"), means of both roles."""
+    """At true numbers [m]: what a search looks at ("loss"), mean distances of both roles."""
     there = moved(task, truth)
     fitted, held_out = (
         [float(r.distances(there[r.scene], SENSOR.latency).mean()) for r in some]
         for some in (task.fitted, [r for r in task.recordings if r.role == HELD_OUT])
     )
+    offsets = [r.offsets(there[r.scene], SENSOR.latency).ravel() for r in task.fitted]
     return {
-        "loss": float(np.dot(weights(task.only_fitted()), fitted)),
+        "loss": loss(np.concatenate(offsets)),
         "fit": float(np.mean(fitted)),
         "held_out": float(np.mean(held_out)),
     }

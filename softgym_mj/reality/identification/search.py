@@ -65,6 +65,12 @@ class Found:
     spurious: np.ndarray
 
 
+def loss(offsets: np.ndarray) -> float:
+    """Root of the mean square of offsets [m], of which large ones count by themselves."""
+    squares = (offsets / _SCALE) ** 2
+    return float(_SCALE * np.sqrt(np.mean(2.0 * (np.sqrt(1.0 + squares) - 1.0))))
+
+
 class _Unknown(Exception):
     """Evaluations that have not been made, at `points`."""
 
@@ -126,7 +132,7 @@ class Search:
             offsets = np.array([*itertools.chain(*frames)])
             self._frames = np.repeat(np.arange(len(frames)), [len(f) for f in frames])
             self._points.append(point)
-            self._losses.append(_loss(offsets))
+            self._losses.append(loss(offsets))
             self._known[point.tobytes()] = offsets
         self._asked = self._surface() if self._rounds else self._step()
 
@@ -190,12 +196,6 @@ class Search:
             self._estimate, min(self._losses), len(self._losses), *self._last, self._frames,
             self._spurious,
         )  # fmt: skip
-
-
-def _loss(offsets: np.ndarray) -> float:
-    """Root of the mean square of offsets [m], of which large ones count by themselves."""
-    squares = (offsets / _SCALE) ** 2
-    return float(_SCALE * np.sqrt(np.mean(2.0 * (np.sqrt(1.0 + squares) - 1.0))))
 
 
 def together(
