@@ -125,7 +125,7 @@ def record(name: str, folder: pathlib.Path) -> None:
     write_json(folder / "truth.json", {"fabric": dataclasses.asdict(truth), "settings": settings})
 
 
-def run(name: str, folder: pathlib.Path, evaluations: int, executor: Executor) -> Row:
+def run(name: str, folder: pathlib.Path, seeds: int, evaluations: int, executor: Executor) -> Row:
     """What is found in the recordings of a case, beside what is true."""
     data = folder / "data" / name.replace(" ", "_")
     if not (data / "truth.json").exists():
@@ -141,7 +141,7 @@ def run(name: str, folder: pathlib.Path, evaluations: int, executor: Executor) -
         said = ", ".join(f"{made}: {1e3 * least:.2f}" for made, least in best.values())
         print(f"{name} [mm] after {said}", flush=True)
 
-    found = identify.identify(task, executor, tuple(range(SEEDS)), evaluations, store, progress)
+    found = identify.identify(task, executor, tuple(range(seeds)), evaluations, store, progress)
     return {
         "case": name,
         "truth": true_values(truth),
@@ -191,13 +191,15 @@ def main() -> None:
     parser.add_argument("--folder", type=pathlib.Path, default="build/identification_engines")
     parser.add_argument("--out", type=pathlib.Path)
     parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
+    parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--evaluations", type=int, default=EVALUATIONS)
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
     logging.getLogger("absl").setLevel(logging.ERROR)  # Of flexes that are stiff.
     with make_executor(arguments.jobs) as executor:
         rows = [
-            run(name, arguments.folder, arguments.evaluations, executor) for name in arguments.cases
+            run(name, arguments.folder, arguments.seeds, arguments.evaluations, executor)
+            for name in arguments.cases
         ]
     if arguments.out:
         result = {

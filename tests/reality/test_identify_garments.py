@@ -52,7 +52,7 @@ def test_the_third_capture_is_held_out_and_the_truth_fits_best(data):
 def test_the_command_says_what_it_found_and_goes_on(data, tmp_path):
     arguments = [
         "identify", "garments", str(data), "--garment", "green_tshirt", "--seeds", "1",
-        "--evaluations", "96", "--out", str(tmp_path),
+        "--evaluations", "160", "--out", str(tmp_path),
     ]  # fmt: skip
     result = CliRunner().invoke(commands.app, arguments, catch_exceptions=False)
     assert result.exit_code == 0, result.output
