@@ -2,7 +2,7 @@
 
 A search draws places around its start, and goes on from the best by trust-region steps. Where these
 find no offsets near zero it draws around where they ended, and goes to the least of a surface
-through what it draws; then again around there.
+through what it draws; then again around there, and tries steps once more.
 
 The optimizer of SciPy calls what it minimises; here it is asked what it wants to know, so that
 other processes may find out: it is run anew from the start, on all that is known, until it asks
@@ -28,7 +28,8 @@ Offsets = Sequence[Sequence[float]]  # [m] Of each frame.
 
 DRAWN = 12  # Places, the start among them.
 AROUND, ROUNDS = 36, 3  # Places that are drawn around where steps ended, and how often.
-EVALUATIONS = 200
+EVALUATIONS = 240
+_AGAIN = 40  # Evaluations of steps from where rounds ended: with data of the same mesh they arrive.
 _SIGMA, _NEARER = 0.6, 0.3  # Of coordinates that are drawn, at first and then.
 _APART = 0.1  # Of coordinates between which slopes are taken.
 # [m] For each coordinate by which one is off the start, as one more offset of thousands: what no
@@ -99,15 +100,17 @@ class Search:
         Raises:
             InvalidArgumentError: for fewer evaluations than one step and all rounds take.
         """
-        fewest = DRAWN + len(start) + 1 + AROUND * ROUNDS
-        self._steps = check_count("evaluations", evaluations, fewest) - AROUND * ROUNDS
+        fewest = DRAWN + len(start) + 1 + AROUND * ROUNDS + _AGAIN
+        self._most = check_count("evaluations", evaluations, fewest)
+        self._steps = evaluations - AROUND * ROUNDS - _AGAIN
         self._bounds, self._random = bounds, np.random.default_rng(seed)
         self._start = self._inside(start)
         self._points: list[np.ndarray] = []
         self._known: dict[bytes, np.ndarray] = {}
         self._losses: list[float] = []
         self._frames = np.array([], int)
-        self._rounds = 0
+        self._rounds, self._is_round = 0, False
+        self._first: np.ndarray | None = None  # Where steps go on from; None for the best drawn.
         self._estimate, self._last = self._start, (np.zeros(0), np.zeros((0, len(start))))
         self._spurious = np.zeros((len(start), len(start)))
         self._asked = [self._start, *self._drawn(self._start, _SIGMA, DRAWN - 1)]
@@ -134,34 +137,47 @@ class Search:
             self._points.append(point)
             self._losses.append(loss(offsets))
             self._known[point.tobytes()] = offsets
-        self._asked = self._surface() if self._rounds else self._step()
+        self._asked = self._surface() if self._is_round else self._step()
 
     def _step(self) -> list[np.ndarray]:
         """What the optimizer wants to know; when it has come to an end, the first round."""
-        first = self._points[int(np.argmin(self._losses[:DRAWN]))]
+        drawn = self._points[int(np.argmin(self._losses[:DRAWN]))]
+        kept = self._last
         try:
             least_squares(
-                self._pulled, first, self._slopes, bounds=self._bounds.T, loss="soft_l1",
-                f_scale=_SCALE, ftol=_TOLERANCE, xtol=_STEP_TOLERANCE, gtol=None,
+                self._pulled, drawn if self._first is None else self._first, self._slopes,
+                bounds=self._bounds.T, loss="soft_l1", f_scale=_SCALE, ftol=_TOLERANCE,
+                xtol=_STEP_TOLERANCE, gtol=None,
             )  # fmt: skip
         except _Unknown as unknown:
             if len(self._points) + len(unknown.points) <= self._steps:
+                if self._rounds:
+                    self._last = kept
                 return unknown.points
         best = int(np.argmin(self._losses))
+        if self._losses[best] < _MET:
+            self._estimate, self._spurious = self._points[best], 0.0 * self._spurious
+            return []
+        if self._rounds:
+            self._last = kept
+            return []
         self._estimate = self._points[best]
-        return [] if self._losses[best] < _MET else self._round()
+        return self._round()
 
     def _surface(self) -> list[np.ndarray]:
-        """Goes to the least of a surface through the last two rounds; then the next round."""
+        """Goes to the least of a surface through the last two rounds; then the next, or steps."""
         points = np.array(self._points[-AROUND * min(self._rounds, 2) :])
         surface = Surface(points, np.array(self._at(list(points))), self._frames)
         self._estimate = x = surface.least(self._bounds)
         self._last = surface.offsets(x), surface.slopes(x)
         self._spurious = surface.spurious(x)
-        return self._round() if self._rounds < ROUNDS else []
+        if self._rounds < ROUNDS:
+            return self._round()
+        self._first, self._steps, self._is_round = self._inside(x), self._most, False
+        return self._step()
 
     def _round(self) -> list[np.ndarray]:
-        self._rounds += 1
+        self._rounds, self._is_round = self._rounds + 1, True
         return self._drawn(self._estimate, _NEARER, AROUND)
 
     def _drawn(self, around: np.ndarray, sigma: float, number: int) -> list[np.ndarray]:
