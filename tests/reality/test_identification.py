@@ -90,7 +90,7 @@ def test_a_search_ends_at_the_edge_beyond_which_the_least_is():
     together({0: search}, lambda seed, x: (x,), fake, SerialExecutor())
     assert search.found().estimate[0] == pytest.approx(0.2, abs=1e-2)
     with pytest.raises(InvalidArgumentError, match="evaluations"):
-        Search(np.zeros(3), BOUNDS, 0, 160)
+        Search(np.zeros(3), BOUNDS, 0, 150)
 
 
 def test_a_surface_is_least_where_offsets_are_but_for_those_that_jump():

@@ -29,7 +29,7 @@ Offsets = Sequence[Sequence[float]]  # [m] Of each frame.
 DRAWN = 12  # Places, the start among them.
 AROUND, ROUNDS = 36, 3  # Places that are drawn around where steps ended, and how often.
 EVALUATIONS = 240
-_AGAIN = 40  # Evaluations of steps from where rounds ended: with data of the same mesh they arrive.
+_AGAIN = 30  # Evaluations of steps from where rounds ended: with data of the same mesh they arrive.
 _SIGMA, _NEARER = 0.6, 0.3  # Of coordinates that are drawn, at first and then.
 _APART = 0.1  # Of coordinates between which slopes are taken.
 # [m] For each coordinate by which one is off the start, as one more offset of thousands: what no
