@@ -61,7 +61,7 @@ class Simulate(Protocol):
 
 
 def replayed(mesh, fabric, hold, times, *, start, begin, floor, step) -> np.ndarray:
-    """As `Simulate`, by this package's solver."""
+    """Vertices (s, n, 3) [m] by this package's solver; see `Simulate`."""
     return replay(
         mesh, fabric, [hold], times, start=start, begin=begin, floor=floor, step=step,
         by_area=True, watched=False,
