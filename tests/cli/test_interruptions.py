@@ -29,6 +29,8 @@ COMMANDS = {
     "demo": "demo --size 64",
     "record": "record straighten_rope --policy random --episodes 400 --dataset rope/x-v0",
 }
+# As the console script does: CPython ends `python -m` by the signal itself when it came in exec("").
+MAIN = "from softgym_mj.cli.commands import main; main()"
 LONG = ("film", "oracle", "demo", "rollout", "generate by two")
 
 
@@ -36,7 +38,7 @@ def start(command, folder):
     """A real command line, in a process group of its own as a terminal has it."""
     own = {"SOFTGYM_MJ_CACHE": str(folder / "cache"), "MINARI_DATASETS_PATH": str(folder / "sets")}
     return subprocess.Popen(
-        [sys.executable, "-m", "softgym_mj.cli.commands", *command.split()],
+        [sys.executable, "-c", MAIN, *command.split()],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}", **own},
         stdout=subprocess.PIPE,
