@@ -136,26 +136,31 @@ inline void StartAirOf(const World& w) {
     const Vector n = Cross(b - a, FromArray(w.start + 3 * v[2]) - a);
     w.drag[4 * t + 1] = n.x, w.drag[4 * t + 2] = n.y, w.drag[4 * t + 3] = n.z;
   });
-  Each(m.vertices, [&](int v) { w.touches[v] = w.plane_gap[v] < kTouching * m.radius; });
+  Each(m.padded, [&](int v) {
+    float n[3] = {0, 0, 0};
+    for (int i = v < m.vertices ? first[v] : 0; v < m.vertices && i < first[v + 1]; ++i) {
+      for (int k = 0; k < 3; ++k) n[k] += static_cast<float>(w.drag[4 * around[i] + 1 + k]);
+    }
+    for (int k = 0; k < 4; ++k) air[4 * v + k] = k < 3 ? n[k] : 0;
+    if (v < m.vertices) w.touches[v] = w.plane_gap[v] < kTouching * m.radius;
+  });
   Each(w.step->num_pairs, [&](int i) {
     const Pair& pair = w.pairs[i];
     if (pair.distance > (1 + kTouching) * m.thickness) return;
-    for (int k = 0; k < 4; ++k) SetBits(&w.touches[pair.vertex[k]], 1);
-  });
-  Each(m.padded, [&](int v) {
-    float n[3] = {0, 0, 0};
-    double of_vertex = 0;
-    for (int i = v < m.vertices ? first[v] : 0; v < m.vertices && i < first[v + 1]; ++i) {
-      of_vertex += area[around[i]] / 3;
-      for (int k = 0; k < 3; ++k) n[k] += static_cast<float>(w.drag[4 * around[i] + 1 + k]);
+    for (int k = 0; k < 4; ++k) {
+      if (IsAcross(pair, air + 4 * pair.vertex[k])) SetBits(&w.touches[pair.vertex[k]], 1);
     }
+  });
+  Each(m.vertices, [&](int v) {
+    float* n = air + 4 * v;
+    double of_vertex = 0;
+    for (int i = first[v]; i < first[v + 1]; ++i) of_vertex += area[around[i]] / 3;
     const double taken = m.added_mass * of_vertex;
     const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    const bool moves = v < m.vertices && !w.touches[v] && w.inverse_mass[v] > 0 && length > 0;
-    const double mass = moves ? m.At<double>(m.mass_at)[v] : 1;
+    const bool moves = !w.touches[v] && w.inverse_mass[v] > 0 && length > 0;
+    const double mass = m.At<double>(m.mass_at)[v];
     const float scale = moves ? static_cast<float>(std::sqrt(taken / (mass + taken))) / length : 0;
-    for (int k = 0; k < 3; ++k) air[4 * v + k] = n[k] * scale;
-    air[4 * v + 3] = 0;
+    for (int k = 0; k < 3; ++k) n[k] *= scale;
   });
 }
 

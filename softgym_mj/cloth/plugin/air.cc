@@ -46,7 +46,9 @@ bool StartAir(const Mesh& mesh, const Start& start, const std::vector<Pair>& pai
   for (const Pair& pair : pairs) {
     const int* v = pair.vertex;
     if (pair.distance > (1 + kTouching) * mesh.thickness[mesh.Pair(v[0], v[3])]) continue;
-    for (int k = 0; k < 4; ++k) touches[v[k]] = true;
+    for (int k = 0; k < 4; ++k) {
+      if (IsAcross(pair, &(*air)[4 * v[k]])) touches[v[k]] = true;
+    }
   }
   planes.MarkTouching(mesh, kTouching, &touches);
   for (int v = 0; v < mesh.NumVertices(); ++v) {

@@ -1,10 +1,11 @@
-// The air's drag on a triangle.
+// The air's drag on a triangle, and what keeps it from moving along.
 
 #ifndef SOFTGYM_MJ_CLOTH_DRAG_H_
 #define SOFTGYM_MJ_CLOTH_DRAG_H_
 
 #include <cmath>
 
+#include "cloth/plugin/kernels.h"
 #include "native/vec.h"
 
 namespace softgym_mj::cloth {
@@ -13,6 +14,14 @@ namespace {
 constexpr double kAirDensity = 1.2;  // [kg/m^3]
 // Vertices whose gap is below this share of the thickness touch something: they move no air.
 constexpr double kTouching = 0.1;
+// Layers lie across a vertex's normal, within 60 degrees. Neighbours in a fine mesh, less than its thickness away, do not.
+constexpr float kAcross = 0.5f;
+
+// Whether a pair's features are apart along a normal, which has any length.
+inline bool IsAcross(const Pair& pair, const float* n) {
+  const float along = pair.normal[0] * n[0] + pair.normal[1] * n[1] + pair.normal[2] * n[2];
+  return along * along > kAcross * kAcross * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+}
 
 // The force [N] against `normal`, which it sets, on a triangle with these corners of arrays (n, 3), `area` [m^2] and
 // `density` [kg/m^2]; `drag` is its coefficient.
