@@ -29,7 +29,7 @@ COMMANDS = {
     "demo": "demo --size 64",
     "record": "record straighten_rope --policy random --episodes 400 --dataset rope/x-v0",
 }
-# As the console script does: CPython ends `python -m` by the signal itself when it came in exec("").
+# As the console script does: CPython ends `python -m` by the signal if it came within exec("").
 MAIN = "from softgym_mj.cli.commands import main; main()"
 LONG = ("film", "oracle", "demo", "rollout", "generate by two")
 

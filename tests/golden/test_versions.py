@@ -18,7 +18,7 @@ DECIDED = {
     "pour_water": (0, "1c2027b8689698a7"),
     "pour_water_amount": (0, "38a0debf6ff4f1bd"),
     "rope_configuration": (0, "5234268d4fa4a5da"),
-    "spread_cloth": (0, "1979bc25eb2daaab"),
+    "spread_cloth": (0, "7cb1bfa0b732769f"),
     "straighten_rope": (0, "03d73ee2182b8260"),
     "transport_water": (0, "2447ffd7170d5df0"),
 }

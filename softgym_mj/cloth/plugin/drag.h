@@ -14,7 +14,7 @@ namespace {
 constexpr double kAirDensity = 1.2;  // [kg/m^3]
 // Vertices whose gap is below this share of the thickness touch something: they move no air.
 constexpr double kTouching = 0.1;
-// Layers lie across a vertex's normal, within 60 degrees. Neighbours in a fine mesh, less than its thickness away, do not.
+// Layers lie across a vertex's normal, within 60 degrees. Neighbours in a fine mesh do not, however near they are.
 constexpr float kAcross = 0.5f;
 
 // Whether a pair's features are apart along a normal, which has any length.
