@@ -82,6 +82,7 @@ def rags(
     from softgym_mj.reality.identification import rag_data
 
     base = _base(fabric, parameters, density)
+    base = dataclasses.replace(base, thickness=rag_data.THICKNESS)
     place = None if blind else camera or rag_data.CAMERA
     scenes, recordings = rag_data.read_rags(folder, cloth, (width, length), spacing, table, place)
     settings = {
