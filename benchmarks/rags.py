@@ -28,7 +28,8 @@ from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.reality import primitives, rag_scene
 from softgym_mj.reality.pictures import Painter, beside, camera_at
 from softgym_mj.reality.rags import FRAME_RATE
-from softgym_mj.reality.replay import Hold, Replay
+from softgym_mj.reality.recorder import Replay
+from softgym_mj.reality.replay import Hold
 
 GRAMS = (150, 200, 300)  # [g/m^2]
 FABRICS = (

@@ -29,7 +29,8 @@ from softgym_mj.reality.garment_scene import THICKNESS
 from softgym_mj.reality.meshes import Mesh
 from softgym_mj.reality.pictures import Painter, beside, camera_at
 from softgym_mj.reality.primitives import duration, gripper_positions
-from softgym_mj.reality.replay import Hold, Replay, replay
+from softgym_mj.reality.recorder import Replay
+from softgym_mj.reality.replay import Hold, replay
 
 # In units of the outline, from the middle and from the hem: half the body's and the neck's width,
 # to the end of a sleeve; where sleeves begin, the shoulders; depths of the neck.

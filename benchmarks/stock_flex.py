@@ -12,7 +12,8 @@ import numpy as np
 
 from softgym_mj.cloth import fabrics
 from softgym_mj.reality.meshes import Mesh
-from softgym_mj.reality.replay import Hold, Recorder, Replay, stepped
+from softgym_mj.reality.recorder import Recorder, Replay
+from softgym_mj.reality.replay import Hold, stepped
 
 POISSON = 0.2  # Of a shell: between wool-lycra and wool, as measured.
 AIR = 'density="1.2" viscosity="1.8e-5"'  # [kg/m^3], [Pa s]

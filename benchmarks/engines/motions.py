@@ -11,7 +11,8 @@ from benchmarks.engines.sheets import FABRIC, SHEET, SIDE, SPACING, STEP, Engine
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.reality import primitives
 from softgym_mj.reality.meshes import Mesh
-from softgym_mj.reality.replay import Hold, Recorder, Replay
+from softgym_mj.reality.recorder import Recorder, Replay
+from softgym_mj.reality.replay import Hold
 
 TABLE = 0.2  # [m] Height of the rags' table in the primitives' frame.
 HANG, TOGETHER, WAIT = 0.5, 1.0, 0.5  # [s] Before a primitive.

@@ -17,7 +17,8 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import StoreError
 from softgym_mj.reality.garments import ARMS, Capture
 from softgym_mj.reality.meshes import Mesh
-from softgym_mj.reality.replay import Hold, Path, Replay, recorded_path, replay
+from softgym_mj.reality.recorder import Replay
+from softgym_mj.reality.replay import Hold, Path, recorded_path, replay
 
 PLACE = (0.1, 0.0)  # [m] X and Y of the origin of the mesh, by the benchmark's default.
 # [m] Y of the arms' bases by the benchmark's code; one of its texts has it the other way round.

@@ -15,7 +15,8 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.reality.markers import Markers
 from softgym_mj.reality.meshes import Mesh, grid
-from softgym_mj.reality.replay import Hold, Replay, recorded_path, replay
+from softgym_mj.reality.recorder import Replay
+from softgym_mj.reality.replay import Hold, recorded_path, replay
 
 SHAPES = {20: ((4, 5), (5, 4)), 12: ((3, 4), (4, 3))}  # (rows, columns) that a number can have.
 REST = 95.0  # Percentile of the distances of neighbours that is their distance at rest.

@@ -11,7 +11,8 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import check_name
 from softgym_mj.reality import primitives
 from softgym_mj.reality.meshes import Mesh, rectangle
-from softgym_mj.reality.replay import Hold, Path, Replay, replay
+from softgym_mj.reality.recorder import Replay
+from softgym_mj.reality.replay import Hold, Path, replay
 
 WIDTH, LENGTH = 0.50, 0.63  # [m] Of the benchmark's mesh: between the grippers, and down.
 SPACING = 0.028  # [m] As of its mesh of 402 vertices.

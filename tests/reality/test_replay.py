@@ -8,9 +8,10 @@ import pytest
 from softgym_mj.cloth.fabrics import GRAVITY
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.reality import replay as replays
+from softgym_mj.reality import recorder as recorders
 from softgym_mj.reality.meshes import Mesh, rectangle
-from softgym_mj.reality.replay import Hold, Recorder, recorded_path, replay
+from softgym_mj.reality.recorder import Recorder
+from softgym_mj.reality.replay import Hold, recorded_path, replay
 
 SHEET = rectangle(0.15, 0.09, 0.03)  # 6 x 4 vertices.
 NO_AIR = Fabric(drag=0.0)
@@ -119,8 +120,8 @@ def test_tearing_is_a_failure():
 
     torn = replay(SHEET, Fabric(), [Hold((0, 5), apart)], np.array([0.3]), start=raised(0.1))
     (failure,) = torn.failures
-    first = np.flatnonzero(torn.steps.strain_max > replays.MOST_STRAIN)[0]
-    assert failure.kind == replays.STRAIN
+    first = np.flatnonzero(torn.steps.strain_max > recorders.MOST_STRAIN)[0]
+    assert failure.kind == recorders.STRAIN
     assert (failure.time, failure.value) == (torn.steps.times[first], torn.steps.strain_max[first])
 
 
@@ -133,7 +134,7 @@ def test_a_vertex_under_the_floor_is_a_failure():
         recorder.add(i * 0.01, sunk, 1.0)
     found = recorder.replay()
     (failure,) = found.failures
-    assert failure.kind == replays.UNDER_FLOOR
+    assert failure.kind == recorders.UNDER_FLOOR
     assert (failure.time, failure.value) == pytest.approx((0.04, -0.012))
     assert found.lowest == pytest.approx(-0.03)
 
@@ -146,7 +147,7 @@ def test_a_recorder_stops_at_what_is_no_number():
     found = recorder.replay()
     np.testing.assert_allclose(found.positions[:3, 0, 2], [1.0, 1.5, 2.0])
     assert np.isnan(found.positions[3]).all()
-    assert [(f.kind, f.time) for f in found.failures] == [(replays.NOT_FINITE, 2.0)]
+    assert [(f.kind, f.time) for f in found.failures] == [(recorders.NOT_FINITE, 2.0)]
 
 
 def test_strain_of_steps_is_that_of_all_edges():

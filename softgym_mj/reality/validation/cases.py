@@ -8,7 +8,7 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality import metrics
 from softgym_mj.reality.meshes import Mesh
-from softgym_mj.reality.replay import Failure, Replay
+from softgym_mj.reality.recorder import Failure, Replay
 from softgym_mj.reality.surfaces import SurfaceSamples, seen
 from softgym_mj.rendering.calibration import Calibration
 

@@ -12,7 +12,7 @@ from softgym_mj.reality import rag_scene, rags
 from softgym_mj.reality.clouds import Cloud
 from softgym_mj.reality.metrics import rag_distances
 from softgym_mj.reality.pictures import camera_at
-from softgym_mj.reality.replay import Replay
+from softgym_mj.reality.recorder import Replay
 from softgym_mj.reality.surfaces import SPACING, sample_surface
 from softgym_mj.reality.validation.cases import Case, View, jitter_of, of_clouds, of_simulation
 
