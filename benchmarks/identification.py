@@ -29,7 +29,7 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.jobs.executors import Executor, make_executor
 from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
-from softgym_mj.reality.identification.rag_data import CAMERA, SPACING, THICKNESS, read_rags
+from softgym_mj.reality.identification.rag_data import CAMERA, SPACING, read_rags
 from softgym_mj.reality.identification.search import EVALUATIONS, Search, together
 from softgym_mj.reality.identification.tasks import Task, evaluate, motions
 
@@ -78,7 +78,7 @@ def secret(draw: int) -> Secret:
     length = math.exp(between(*map(math.log, BENDING_LENGTH)))
     fabric = Fabric(
         density=DENSITY,
-        thickness=THICKNESS,
+        thickness=unknowns.THICKNESS,
         bend_stiffness=DENSITY * GRAVITY * length**3,
         drag=between(*DRAG),
         added_mass=between(*ADDED_MASS),
@@ -102,7 +102,7 @@ def recipe(folder: pathlib.Path, draw: int, exact: bool) -> tuple:
 def read(folder: pathlib.Path) -> Task:
     """The recordings of a draw, as a search sees them: it knows the density and the camera."""
     scenes, recordings = read_rags(folder, CLOTH, camera=CAMERA)
-    return Task(scenes, tuple(recordings), Fabric(density=DENSITY, thickness=THICKNESS))
+    return Task(scenes, tuple(recordings), Fabric(density=DENSITY, thickness=unknowns.THICKNESS))
 
 
 def result(draw: int, exact: bool, report: dict, task: Task) -> dict:

@@ -82,7 +82,6 @@ def rags(
     from softgym_mj.reality.identification import rag_data
 
     base = _base(fabric, parameters, density)
-    base = dataclasses.replace(base, thickness=rag_data.THICKNESS)
     place = None if blind else camera or rag_data.CAMERA
     scenes, recordings = rag_data.read_rags(folder, cloth, (width, length), spacing, table, place)
     settings = {
@@ -114,7 +113,6 @@ def garments(
 
     An evaluation takes as long as all fitted captures: take a coarse mesh, and many jobs.
     """
-    from softgym_mj.reality import garment_scene
     from softgym_mj.reality import garments as data
     from softgym_mj.reality.garment_windows import Window
     from softgym_mj.reality.identification import garment_data
@@ -126,7 +124,6 @@ def garments(
     if fabric is None and garment not in FABRICS:
         raise InvalidArgumentError("fabric", None, f"a name: nothing is known of {garment}")
     base = _base(fabric or FABRICS[garment], parameters, density)
-    base = dataclasses.replace(base, thickness=garment_scene.THICKNESS)
     scenes, recordings = garment_data.read_garments(
         folder, garment, action or data.ACTIONS, mesh=mesh, held=tuple(held) if held else None,
         window=Window(*window) if window else None, swapped=swapped,
@@ -174,8 +171,10 @@ def markers(
 
 
 def _base(name: str, parameters: pathlib.Path | None, density: float | None):
-    found = made_of(name, parameters)
-    return found if density is None else dataclasses.replace(found, density=density)
+    from softgym_mj.reality.identification.unknowns import THICKNESS
+
+    thin = dataclasses.replace(made_of(name, parameters), thickness=THICKNESS)
+    return thin if density is None else dataclasses.replace(thin, density=density)
 
 
 def _identify(

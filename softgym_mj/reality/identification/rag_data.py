@@ -30,14 +30,11 @@ from softgym_mj.reality.replay import Hold, replay
 GAP = primitives.GRIPPER_X[1] - primitives.GRIPPER_X[0]  # [m]
 SIZE = (GAP, 0.63)  # [m] Between the grippers, and down.
 SPACING = 0.0263  # [m] 19 x 25 vertices.
-# [m] Of a rag: that of `Fabric()` makes folds of two layers 2 cm high, and finer meshes cannot have
-# it between layers, so that they would move otherwise.
-THICKNESS = 0.0025
 # Not part of the data: where the benchmark's own script puts a virtual one.
 CAMERA = (-0.05, 1.774, 0.808)  # [m]
 # [s] Until which frames are looked at. Later a flung rag tells more of the mesh than of the fabric:
-# with half the spacing the best bending stiffness is a fifth less. A rag that has been dragged for
-# five seconds has told its friction.
+# with half the spacing it is a centimetre elsewhere. A rag that has been dragged for five seconds
+# has told its friction.
 LAST = {"dynamic": 2.5, "quasi_static": 11.0}
 _FRAMES = {"dynamic": 40, "quasi_static": 80}  # Of each that are looked at.
 _SETTLE, _TOGETHER = 1.0, 1.0  # [s] Before the primitive; the latter only if it is slack.

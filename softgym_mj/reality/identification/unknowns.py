@@ -12,6 +12,9 @@ import numpy as np
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 
+# [m] Of real cloth; not looked for. That of `Fabric()` makes folds of two layers 2 cm high, and
+# finer meshes cannot have it between layers, so that they would move otherwise.
+THICKNESS = 0.0025
 # Of density: where a search starts if a fabric has none, of whose logarithm there is no start.
 # About a third of what a strip of 0.5 m in the open has over 0.2 kg/m^2.
 _FIRST_ADDED_MASS = 0.7
