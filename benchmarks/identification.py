@@ -29,8 +29,8 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.jobs.executors import Executor, make_executor
 from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
-from softgym_mj.reality.identification.rag_data import CAMERA, SPACING, read_rags
-from softgym_mj.reality.identification.search import EVALUATIONS, Search, together
+from softgym_mj.reality.identification.rag_data import CAMERA, FINER, SPACING, read_rags
+from softgym_mj.reality.identification.search import EVALUATIONS, together
 from softgym_mj.reality.identification.tasks import Task, evaluate, motions
 
 DRAWS = tuple(range(10))
@@ -101,8 +101,12 @@ def recipe(folder: pathlib.Path, draw: int, exact: bool) -> tuple:
 
 def read(folder: pathlib.Path) -> Task:
     """The recordings of a draw, as a search sees them: it knows the density and the camera."""
-    scenes, recordings = read_rags(folder, CLOTH, camera=CAMERA)
-    return Task(scenes, tuple(recordings), Fabric(density=DENSITY, thickness=unknowns.THICKNESS))
+    base, task = Fabric(density=DENSITY, thickness=unknowns.THICKNESS), None
+    for finer in (FINER, 1.0):
+        scenes, recordings = read_rags(folder, CLOTH, camera=CAMERA, finer=finer)
+        task = Task(scenes, tuple(recordings), base, task)
+    assert task is not None
+    return task
 
 
 def result(draw: int, exact: bool, report: dict, task: Task) -> dict:
@@ -154,7 +158,7 @@ def run(
         store = identify.open_store(out / "journals" / names[key], {"evaluations": evaluations})
         for seed in range(seeds):
             start = starts[key]
-            searches[key, seed] = Search(start.coordinates, start.bounds, seed, evaluations)
+            searches[key, seed] = identify.make_search(tasks[key], start, seed, evaluations)
             journals[key, seed] = store.journal(seed)
     begin = time.time()
 
@@ -162,7 +166,7 @@ def run(
         said = ", ".join(f"{names[k]}/{seed} {1e3 * v[1]:.2f}" for (k, seed), v in best.items())
         print(f"{time.time() - begin:.0f} s [mm]: {said}", flush=True)
 
-    together(searches, lambda k, x: (fitted[k[0]], x), evaluate, executor, journals, progress)
+    together(searches, lambda k, *at: (fitted[k[0]], *at), evaluate, executor, journals, progress)
     calls = [
         (tasks[key], starts[key], [searches[key, seed].found() for seed in range(seeds)])
         for key in missing

@@ -83,12 +83,15 @@ def rags(
 
     base = _base(fabric, parameters, density)
     place = None if blind else camera or rag_data.CAMERA
-    scenes, recordings = rag_data.read_rags(folder, cloth, (width, length), spacing, table, place)
+    finer, (scenes, recordings) = (
+        rag_data.read_rags(folder, cloth, (width, length), spacing, table, place, share)
+        for share in (rag_data.FINER, 1.0)
+    )
     settings = {
         "layout": "rags", "folder": str(folder), "cloth": cloth, "size": (width, length),
         "table": table, "spacing": spacing, "camera": place,
     }  # fmt: skip
-    _identify(scenes, recordings, base, settings, seeds, evaluations, jobs, ray, out)
+    _identify(scenes, recordings, base, settings, seeds, evaluations, jobs, ray, out, finer)
 
 
 @app.command()
@@ -179,7 +182,7 @@ def _base(name: str, parameters: pathlib.Path | None, density: float | None):
 
 def _identify(
     scenes, recordings, base, settings: Mapping[str, Any], seeds: int, evaluations: int,
-    jobs: int, ray: str | None, out: pathlib.Path,
+    jobs: int, ray: str | None, out: pathlib.Path, finer: tuple | None = None,
 ) -> None:  # fmt: skip
     """Searches, writes and shows what was found."""
     from softgym_mj.jobs.executors import make_executor
@@ -190,7 +193,8 @@ def _identify(
     make_folder(out)
     settings = {**settings, "base": dataclasses.asdict(base), "evaluations": evaluations}
     store = open_store(out / "searches", settings)
-    task = Task(scenes, tuple(recordings), base)
+    fine = Task(finer[0], tuple(finer[1]), base) if finer else None
+    task = Task(scenes, tuple(recordings), base, fine)
     try:
         with _progress(seeds * evaluations) as progress, make_executor(jobs, ray) as executor:
             found = identify(task, executor, tuple(range(seeds)), evaluations, store, progress)

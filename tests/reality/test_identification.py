@@ -60,7 +60,7 @@ def searched(folder=None, seeds=(0, 1), function=fake):
     if folder is not None:
         store = identify.open_store(folder, {"what": "a test"})
         journals = {seed: store.journal(seed) for seed in seeds}
-    together(searches, lambda seed, x: (x,), function, SerialExecutor(), journals)
+    together(searches, lambda seed, x, is_finer: (x,), function, SerialExecutor(), journals)
     return [search.found() for search in searches.values()]
 
 
@@ -87,10 +87,42 @@ def test_without_noise_a_search_finds_the_truth_and_ends_early():
 def test_a_search_ends_at_the_edge_beyond_which_the_least_is():
     narrow = np.array([[-3.0, 0.2], [-3.0, 3.0], [-3.0, 3.0]])
     search = Search(np.zeros(3), narrow, 0)
-    together({0: search}, lambda seed, x: (x,), fake, SerialExecutor())
+    together({0: search}, lambda seed, x, is_finer: (x,), fake, SerialExecutor())
     assert search.found().estimate[0] == pytest.approx(0.2, abs=1e-2)
     with pytest.raises(InvalidArgumentError, match="evaluations"):
         Search(np.zeros(3), BOUNDS, 0, 150)
+
+
+def test_in_the_end_a_finer_mesh_says_where_offsets_are_least():
+    """The coarse one's are least elsewhere, and its slopes are a tenth too small."""
+    asked = []
+
+    def meshes(coordinates, is_finer):
+        asked.append(is_finer)
+        if is_finer:
+            return fake(coordinates)
+        return fake(LEAST + 0.9 * (np.asarray(coordinates) - LEAST - [0.3, -0.2, 0.0]))
+
+    least = least_squares(lambda x: np.ravel(fake([*x, 0.0])), [0.0, 0.0]).x
+    errors = []
+    for looks in range(3):
+        search = Search(np.zeros(3), BOUNDS, 0, looks=looks)
+        together({0: search}, lambda seed, *at: at, meshes, SerialExecutor())
+        errors.append(np.abs(search.found().estimate[:2] - least).max())
+        assert sum(asked) == looks and not any(asked[: len(asked) - looks])
+        asked.clear()
+    assert errors[0] > 0.25 and errors[1] < 0.1 and errors[2] < 0.02
+
+
+def test_no_finer_mesh_is_asked_for_where_offsets_are_met():
+    search = Search(np.zeros(3), BOUNDS, 0, looks=2)
+
+    def met(coordinates, is_finer):
+        assert not is_finer
+        return exact(coordinates)
+
+    together({0: search}, lambda seed, *at: at, met, SerialExecutor())
+    np.testing.assert_allclose(search.found().estimate[:2], LEAST[:2], atol=2e-3)
 
 
 def test_a_surface_is_least_where_offsets_are_but_for_those_that_jump():

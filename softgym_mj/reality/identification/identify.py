@@ -25,6 +25,7 @@ from softgym_mj.reality.identification.unknowns import (
 )
 
 SEEDS = 3
+LOOKS = 2  # At finer meshes: the second one where the first has led to.
 FACTOR = 2.0  # Upper over lower end of an interval, above which a number is not identified.
 WIDEST = 0.033  # [s] The same of latency: a frame.
 REACH = 0.1  # [s] Of latency around where a first look finds it.
@@ -54,6 +55,12 @@ def first_look(task: Task) -> Start:
     return Start(start, bounds(latency, REACH))
 
 
+def make_search(task: Task, start: Start, seed: int, evaluations: int = EVALUATIONS) -> Search:
+    """A search of a task, which looks at finer meshes in the end if there are any."""
+    looks = LOOKS if task.finer else 0
+    return Search(start.coordinates, start.bounds, seed, evaluations, looks)
+
+
 def identify(
     task: Task,
     executor: Executor,
@@ -81,10 +88,10 @@ def identify(
     """
     check_count("seeds", len(seeds), 1)
     start, fitted = first_look(task), task.only_fitted()
-    searches = {seed: Search(start.coordinates, start.bounds, seed, evaluations) for seed in seeds}
+    searches = {seed: make_search(task, start, seed, evaluations) for seed in seeds}
     journals = {} if store is None else {seed: store.journal(seed) for seed in seeds}
     together(
-        searches, lambda seed, x: (fitted, x), evaluate, executor, journals, progress
+        searches, lambda seed, *at: (fitted, *at), evaluate, executor, journals, progress
     )  # fmt: skip
     return report(task, start, [search.found() for search in searches.values()])
 

@@ -30,6 +30,7 @@ from softgym_mj.reality.replay import Hold, replay
 GAP = primitives.GRIPPER_X[1] - primitives.GRIPPER_X[0]  # [m]
 SIZE = (GAP, 0.63)  # [m] Between the grippers, and down.
 SPACING = 0.0263  # [m] 19 x 25 vertices.
+FINER = 2.5  # By which a search's spacing and step are divided for its last looks.
 # Not part of the data: where the benchmark's own script puts a virtual one.
 CAMERA = (-0.05, 1.774, 0.808)  # [m]
 # [s] Until which frames are looked at. Later a flung rag tells more of the mesh than of the fabric:
@@ -112,6 +113,7 @@ def read_rags(
     spacing: float = SPACING,
     table: float = TABLE,
     camera: tuple[float, float, float] | None = None,
+    finer: float = 1.0,
 ) -> tuple[dict[str, Scene], list[Recording]]:
     """Scenes by name, and all recordings of a cloth; of frames those until `LAST`.
 
@@ -122,6 +124,7 @@ def read_rags(
         spacing: of the mesh's vertices [m].
         table: its height [m].
         camera: where it was [m]; None if unknown.
+        finer: by which spacing and step are divided.
 
     Raises:
         StoreError: if repeat 0 is not there, or files are damaged.
@@ -138,7 +141,10 @@ def read_rags(
             chosen = spread(frames, _FRAMES[primitive])
             points = [clouds[i].points for i in chosen]
             end = (frames - 1) / rags.FRAME_RATE + _AFTER
-            scene = scenes.setdefault(primitive, RagScene(primitive, end, size, spacing, table))
+            scene = scenes.setdefault(
+                primitive,
+                RagScene(primitive, end, size, spacing / finer, table, solver.TIMESTEP / finer),
+            )
             seen_from = None if camera is None else looking(camera, points)
             found.append(
                 Recording(

@@ -2,7 +2,8 @@
 
 A search draws places around its start, and goes on from the best by trust-region steps. Where these
 find no offsets near zero it draws around where they ended, and goes to the least of a surface
-through what it draws; then again around there, and tries steps once more.
+through what it draws; then again around there, and tries steps once more. In the end, what a finer
+mesh makes of the same coordinates says by how much that surface is off.
 
 The optimizer of SciPy calls what it minimises; here it is asked what it wants to know, so that
 other processes may find out: it is run anew from the start, on all that is known, until it asks
@@ -81,7 +82,11 @@ class _Unknown(Exception):
 
 
 class Search:
-    """One search: asks for evaluations and is told of them, a generation at a time."""
+    """One search: asks for evaluations and is told of them, a generation at a time.
+
+    Attributes:
+        is_finer: whether what it asks for is of the finer mesh.
+    """
 
     def __init__(
         self,
@@ -89,6 +94,7 @@ class Search:
         bounds: np.ndarray,
         seed: int,
         evaluations: int = EVALUATIONS,
+        looks: int = 0,
     ):
         """Starts at coordinates (unknowns,) within bounds (unknowns, 2).
 
@@ -96,6 +102,7 @@ class Search:
             start, bounds: coordinates.
             seed: of what it draws.
             evaluations: how many it may ask for.
+            looks: how many of a finer mesh it asks for besides, unless offsets are met.
 
         Raises:
             InvalidArgumentError: for fewer evaluations than one step and all rounds take.
@@ -110,6 +117,8 @@ class Search:
         self._losses: list[float] = []
         self._frames = np.array([], int)
         self._rounds, self._is_round = 0, False
+        self._looks, self.is_finer = looks, False
+        self._surface: Surface | None = None
         self._first: np.ndarray | None = None  # Where steps go on from; None for the best drawn.
         self._estimate, self._last = self._start, (np.zeros(0), np.zeros((0, len(start))))
         self._spurious = np.zeros((len(start), len(start)))
@@ -131,13 +140,16 @@ class Search:
 
     def tell(self, found: Sequence[Offsets]) -> None:
         """Takes the offsets [m] of all frames at each of what was asked for."""
+        if self.is_finer:
+            self._asked = self._looked(np.array([*itertools.chain(*found[0])]))
+            return
         for point, frames in zip(self._asked, found, strict=True):
             offsets = np.array([*itertools.chain(*frames)])
             self._frames = np.repeat(np.arange(len(frames)), [len(f) for f in frames])
             self._points.append(point)
             self._losses.append(loss(offsets))
             self._known[point.tobytes()] = offsets
-        self._asked = self._surface() if self._is_round else self._step()
+        self._asked = self._drawn_through() if self._is_round else self._step()
 
     def _step(self) -> list[np.ndarray]:
         """What the optimizer wants to know; when it has come to an end, the first round."""
@@ -160,21 +172,39 @@ class Search:
             return []
         if self._rounds:
             self._last = kept
-            return []
+            return self._look()
         self._estimate = self._points[best]
         return self._round()
 
-    def _surface(self) -> list[np.ndarray]:
+    def _drawn_through(self) -> list[np.ndarray]:
         """Goes to the least of a surface through the last two rounds; then the next, or steps."""
         points = np.array(self._points[-AROUND * min(self._rounds, 2) :])
-        surface = Surface(points, np.array(self._at(list(points))), self._frames)
-        self._estimate = x = surface.least(self._bounds)
-        self._last = surface.offsets(x), surface.slopes(x)
-        self._spurious = surface.spurious(x)
+        self._go(Surface(points, np.array(self._at(list(points))), self._frames))
         if self._rounds < ROUNDS:
             return self._round()
-        self._first, self._steps, self._is_round = self._inside(x), self._most, False
+        self._first, self._steps = self._inside(self._estimate), self._most
+        self._is_round = False
         return self._step()
+
+    def _go(self, surface: Surface) -> None:
+        """Goes to the least of a surface."""
+        self._estimate = x = surface.least(self._bounds)
+        self._surface = surface
+        self._last = surface.offsets(x), surface.slopes(x)
+        self._spurious = surface.spurious(x)
+
+    def _look(self) -> list[np.ndarray]:
+        """Asks for what a finer mesh makes of the estimate."""
+        self.is_finer = self._looks > 0
+        return [self._inside(self._estimate)] if self.is_finer else []
+
+    def _looked(self, offsets: np.ndarray) -> list[np.ndarray]:
+        """Goes to the least of the surface that is moved to the finer mesh's offsets (n,) [m]."""
+        assert self._surface is not None
+        self._losses.append(loss(offsets))
+        self._looks -= 1
+        self._go(self._surface.through(self._asked[0], offsets))
+        return self._look()
 
     def _round(self) -> list[np.ndarray]:
         self._rounds, self._is_round = self._rounds + 1, True
@@ -216,7 +246,7 @@ class Search:
 
 def together(
     searches: Mapping[Any, Search],
-    call: Callable[[Any, tuple[float, ...]], tuple],
+    call: Callable[[Any, tuple[float, ...], bool], tuple],
     function: Callable[..., Offsets],
     executor: Executor,
     journals: Mapping[Any, Journal] | None = None,
@@ -226,7 +256,8 @@ def together(
 
     Args:
         searches: by key.
-        call: the arguments of `function` for a search's key and coordinates.
+        call: the arguments of `function` for a search's key, coordinates, and whether it asks for
+            the finer mesh.
         function: gives offsets of frames.
         executor: that makes these calls.
         journals: of the same keys; generations that they have are not made again.
@@ -239,7 +270,11 @@ def together(
             searches[key].tell(generation)
     while running := {key: search for key, search in searches.items() if not search.is_done}:
         asked = {key: search.ask() for key, search in running.items()}
-        calls = [call(key, tuple(map(float, x))) for key, xs in asked.items() for x in xs]
+        calls = [
+            call(key, tuple(map(float, x)), running[key].is_finer)
+            for key, xs in asked.items()
+            for x in xs
+        ]
         results = iter(executor.all(function, calls))
         for key, xs in asked.items():
             generation = [next(results) for _ in xs]

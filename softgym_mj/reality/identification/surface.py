@@ -6,6 +6,8 @@ between neighbouring parameters. So slopes are not taken between two evaluations
 and a frame counts by how well a quadratic goes through what they make of it.
 """
 
+import copy
+
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -28,7 +30,7 @@ class Surface:
         squares = np.sum((offsets - design @ solution) ** 2, axis=0) / spare
         counts = np.bincount(frames)
         rough = np.bincount(frames, squares) / counts
-        weights = 1.0 / np.sqrt(NOISE**2 + rough)[frames]
+        self._weights = weights = 1.0 / np.sqrt(NOISE**2 + rough)[frames]
         self._inverse = np.linalg.pinv(design.T @ design)
         self._spread = float(np.sum(squares * weights**2))
         self._constant, linear, square = np.split(solution * weights, [1, 1 + away.shape[1]])
@@ -38,6 +40,12 @@ class Surface:
         """Offsets (n,) at coordinates (unknowns,), each by its noise and roughness."""
         away = coordinates - self.middle
         return self._constant[0] + self._linear @ away + self._square @ away**2
+
+    def through(self, coordinates: np.ndarray, offsets: np.ndarray) -> "Surface":
+        """A surface of the same slopes through offsets (n,) [m] at coordinates (unknowns,)."""
+        moved = copy.copy(self)
+        moved._constant = self._constant + self._weights * offsets - self.offsets(coordinates)
+        return moved
 
     def slopes(self, coordinates: np.ndarray) -> np.ndarray:
         """Of these: (n, unknowns)."""

@@ -23,11 +23,13 @@ class Task:
         scenes: what is simulated, by name.
         recordings: of these; at least one is to fit.
         base: a fabric with the density, and all that is not looked for.
+        finer: the same with finer meshes, for a last look; None if there is none.
     """
 
     scenes: Mapping[str, Scene]
     recordings: tuple[Recording, ...]
     base: Fabric
+    finer: "Task | None" = None
 
     @property
     def fitted(self) -> tuple[Recording, ...]:
@@ -38,7 +40,8 @@ class Task:
         """The task without what is held out."""
         used = {recording.scene for recording in self.fitted}
         scenes = {name: scene for name, scene in self.scenes.items() if name in used}
-        return dataclasses.replace(self, scenes=scenes, recordings=self.fitted)
+        finer = self.finer and self.finer.only_fitted()
+        return Task(scenes, self.fitted, self.base, finer)
 
 
 def motions(task: Task, fabric: Fabric) -> dict[str, Motion]:
@@ -46,11 +49,16 @@ def motions(task: Task, fabric: Fabric) -> dict[str, Motion]:
     return {name: scene.motion(fabric) for name, scene in task.scenes.items()}
 
 
-def evaluate(task: Task, coordinates: tuple[float, ...]) -> list[list[float]]:
+def evaluate(
+    task: Task, coordinates: tuple[float, ...], is_finer: bool = False
+) -> list[list[float]]:
     """Offsets [m] of each frame of all recordings, in their order, at coordinates of all unknowns.
 
-    To a tenth of a micrometre: journals keep them.
+    Of the task, or of the finer one. To a tenth of a micrometre: journals keep them.
     """
+    if is_finer:
+        assert task.finer is not None
+        return evaluate(task.finer, coordinates)
     values = values_at(coordinates)
     moved = motions(task, fabric_of(values, task.base))
     return [
