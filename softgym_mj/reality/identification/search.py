@@ -179,19 +179,16 @@ class Search:
     def _drawn_through(self) -> list[np.ndarray]:
         """Goes to the least of a surface through the last two rounds; then the next, or steps."""
         points = np.array(self._points[-AROUND * min(self._rounds, 2) :])
-        self._go(Surface(points, np.array(self._at(list(points))), self._frames))
+        surface = Surface(points, np.array(self._at(list(points))), self._frames)
+        self._surface = surface
+        self._estimate = x = surface.least(self._bounds)
+        self._last = surface.offsets(x), surface.slopes(x)
+        self._spurious = surface.spurious(x)
         if self._rounds < ROUNDS:
             return self._round()
         self._first, self._steps = self._inside(self._estimate), self._most
         self._is_round = False
         return self._step()
-
-    def _go(self, surface: Surface) -> None:
-        """Goes to the least of a surface."""
-        self._estimate = x = surface.least(self._bounds)
-        self._surface = surface
-        self._last = surface.offsets(x), surface.slopes(x)
-        self._spurious = surface.spurious(x)
 
     def _look(self) -> list[np.ndarray]:
         """Asks for what a finer mesh makes of the estimate."""
@@ -203,7 +200,10 @@ class Search:
         assert self._surface is not None
         self._losses.append(loss(offsets))
         self._looks -= 1
-        self._go(self._surface.through(self._asked[0], offsets))
+        self._surface = self._surface.through(self._asked[0], offsets)
+        self._estimate = self._surface.least(self._bounds)
+        # Slopes stay those of where places were drawn: there they are known best.
+        self._last = self._surface.offsets(self._estimate), self._last[1]
         return self._look()
 
     def _round(self) -> list[np.ndarray]:
