@@ -29,7 +29,7 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.jobs.executors import Executor, make_executor
 from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
-from softgym_mj.reality.identification.rag_data import CAMERA, FINER, SPACING, read_rags
+from softgym_mj.reality.identification.rag_data import CAMERA, SPACING, read_task
 from softgym_mj.reality.identification.search import EVALUATIONS, together
 from softgym_mj.reality.identification.tasks import Task, evaluate, motions
 
@@ -101,12 +101,8 @@ def recipe(folder: pathlib.Path, draw: int, exact: bool) -> tuple:
 
 def read(folder: pathlib.Path) -> Task:
     """The recordings of a draw, as a search sees them: it knows the density and the camera."""
-    base, task = Fabric(density=DENSITY, thickness=unknowns.THICKNESS), None
-    for finer in (FINER, 1.0):
-        scenes, recordings = read_rags(folder, CLOTH, camera=CAMERA, finer=finer)
-        task = Task(scenes, tuple(recordings), base, task)
-    assert task is not None
-    return task
+    base = Fabric(density=DENSITY, thickness=unknowns.THICKNESS)
+    return read_task(folder, CLOTH, base, camera=CAMERA)
 
 
 def result(draw: int, exact: bool, report: dict, task: Task) -> dict:

@@ -83,15 +83,14 @@ def rags(
 
     base = _base(fabric, parameters, density)
     place = None if blind else camera or rag_data.CAMERA
-    finer, (scenes, recordings) = (
-        rag_data.read_rags(folder, cloth, (width, length), spacing, table, place, share)
-        for share in (rag_data.FINER, 1.0)
+    task = rag_data.read_task(
+        folder, cloth, base, size=(width, length), spacing=spacing, table=table, camera=place
     )
     settings = {
         "layout": "rags", "folder": str(folder), "cloth": cloth, "size": (width, length),
         "table": table, "spacing": spacing, "camera": place,
     }  # fmt: skip
-    _identify(scenes, recordings, base, settings, seeds, evaluations, jobs, ray, out, finer)
+    _identify(task, settings, seeds, evaluations, jobs, ray, out)
 
 
 @app.command()
@@ -119,6 +118,7 @@ def garments(
     from softgym_mj.reality import garments as data
     from softgym_mj.reality.garment_windows import Window
     from softgym_mj.reality.identification import garment_data
+    from softgym_mj.reality.identification.tasks import Task
     from softgym_mj.reality.validation.garment_cases import FABRICS
 
     check_name("garment", garment, data.GARMENTS)
@@ -135,7 +135,8 @@ def garments(
         "layout": "garments", "folder": str(folder), "garment": garment, "actions": action,
         "mesh": str(mesh) if mesh else None, "held": held, "window": window, "swapped": swapped,
     }  # fmt: skip
-    _identify(scenes, recordings, base, settings, seeds, evaluations, jobs, ray, out)
+    task = Task(scenes, tuple(recordings), base)
+    _identify(task, settings, seeds, evaluations, jobs, ray, out)
 
 
 @app.command()
@@ -162,6 +163,7 @@ def markers(
 ) -> None:
     """From markers of motion capture: fitted to shaking, reported on all other files."""
     from softgym_mj.reality.identification import marker_data
+    from softgym_mj.reality.identification.tasks import Task
 
     base = _base(fabric, parameters, density)
     numbers = tuple(number - 1 for number in held) if held else None
@@ -170,7 +172,8 @@ def markers(
         "layout": "markers", "folder": str(folder), "unit": unit, "held": held, "floor": floor,
         "spacing": spacing, "fit": fit,
     }  # fmt: skip
-    _identify(scenes, recordings, base, settings, seeds, evaluations, jobs, ray, out)
+    task = Task(scenes, tuple(recordings), base)
+    _identify(task, settings, seeds, evaluations, jobs, ray, out)
 
 
 def _base(name: str, parameters: pathlib.Path | None, density: float | None):
@@ -181,20 +184,17 @@ def _base(name: str, parameters: pathlib.Path | None, density: float | None):
 
 
 def _identify(
-    scenes, recordings, base, settings: Mapping[str, Any], seeds: int, evaluations: int,
-    jobs: int, ray: str | None, out: pathlib.Path, finer: tuple | None = None,
+    task, settings: Mapping[str, Any], seeds: int, evaluations: int,
+    jobs: int, ray: str | None, out: pathlib.Path,
 ) -> None:  # fmt: skip
     """Searches, writes and shows what was found."""
     from softgym_mj.jobs.executors import make_executor
     from softgym_mj.reality.identification.identify import identify, open_store
-    from softgym_mj.reality.identification.tasks import Task
     from softgym_mj.reality.identification.unknowns import fabric_of
 
     make_folder(out)
-    settings = {**settings, "base": dataclasses.asdict(base), "evaluations": evaluations}
+    settings = {**settings, "base": dataclasses.asdict(task.base), "evaluations": evaluations}
     store = open_store(out / "searches", settings)
-    fine = Task(finer[0], tuple(finer[1]), base) if finer else None
-    task = Task(scenes, tuple(recordings), base, fine)
     try:
         with _progress(seeds * evaluations) as progress, make_executor(jobs, ray) as executor:
             found = identify(task, executor, tuple(range(seeds)), evaluations, store, progress)
@@ -203,7 +203,7 @@ def _identify(
         raise KeyboardInterrupt(message) from None
     write_json(out / "identification.json", {**found, "settings": {**settings, "seeds": seeds}})
     values = {name: entry["value"] for name, entry in found["parameters"].items()}
-    write_json(out / "fabric.json", dataclasses.asdict(fabric_of(values, base)))
+    write_json(out / "fabric.json", dataclasses.asdict(fabric_of(values, task.base)))
     _show(found)
     console.print(f"wrote {out / 'identification.json'} and {out / 'fabric.json'}")
 

@@ -23,6 +23,7 @@ from softgym_mj.reality.identification.recordings import (
     looking,
     spread,
 )
+from softgym_mj.reality.identification.tasks import Task
 from softgym_mj.reality.meshes import Mesh, rectangle
 from softgym_mj.reality.rag_scene import TABLE, corners, hung
 from softgym_mj.reality.replay import Hold, replay
@@ -104,6 +105,25 @@ class RagScene(Scene):
             begin=begin, floor=self._table, step=self._step,
         )  # fmt: skip
         return Motion(times, positions)
+
+
+def read_task(folder: pathlib.Path, cloth: str, base: Fabric, **settings) -> Task:
+    """What a search has to meet, with a finer mesh for its last looks.
+
+    Args:
+        folder, cloth: as of `read_rags`.
+        base: as of `Task`.
+        **settings: other arguments of `read_rags`.
+
+    Raises:
+        StoreError: as of `read_rags`.
+    """
+
+    def task(finer: float, last: Task | None) -> Task:
+        scenes, recordings = read_rags(folder, cloth, finer=finer, **settings)
+        return Task(scenes, tuple(recordings), base, last)
+
+    return task(1.0, task(FINER, None))
 
 
 def read_rags(
