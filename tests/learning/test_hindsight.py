@@ -221,7 +221,7 @@ def test_it_learns_to_reach_points_that_it_hardly_ever_meets():
         goal = 2.0 * drawn(sources, number, 3, normal=False) - 1.0
         for t in range(horizon):
             seen = torch.cat([point, goal], -1)
-            action, _ = learner.act(seen, None, None, explore=explore)
+            action, _ = learner.act(seen, torch.full(seen.shape[:2], t == 0), None, explore=explore)
             point = torch.cat([(point[..., :2] + 0.25 * action).clamp(-1, 1), point[..., 2:]], -1)
             following = torch.cat([point, goal], -1)
             reward = of.task.measure(*of.read(following)).reward
