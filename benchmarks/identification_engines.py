@@ -30,7 +30,7 @@ from softgym_mj.entities.sheet import Fabric
 from softgym_mj.jobs.executors import Executor, make_executor
 from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
-from softgym_mj.reality.identification.rag_data import CAMERA, SIZE, SPACING, read_rags, replayed
+from softgym_mj.reality.identification.rag_data import CAMERA, SIZE, SPACING, read_task, replayed
 from softgym_mj.reality.identification.recordings import HELD_OUT
 from softgym_mj.reality.identification.search import EVALUATIONS, loss
 from softgym_mj.reality.identification.tasks import Task
@@ -46,7 +46,7 @@ FINE = SPACING / 1.5  # [m]
 FALL = 300  # Steps in which a falling rag gets as fast as it will be.
 
 # What a search knows: the density, and for the rest a tablecloth to start from.
-KNOWN = dataclasses.replace(Fabric.named("white_dots"), density=0.2)
+KNOWN = dataclasses.replace(Fabric.named("white_dots"), density=0.2, thickness=unknowns.THICKNESS)
 FABRIC = dataclasses.replace(
     KNOWN.bent(2.2e-5), stretch_stiffness=400.0, drag=1.4, friction=0.5, layer_friction=0.5
 )
@@ -133,8 +133,7 @@ def run(name: str, folder: pathlib.Path, seeds: int, evaluations: int, executor:
         print(f"{name}: recordings", flush=True)
     written = read_json(data / "truth.json")
     truth = Fabric(**written["fabric"])
-    scenes, recordings = read_rags(data, CLOTH, camera=CAMERA)
-    task = Task(scenes, tuple(recordings), KNOWN)
+    task = read_task(data, CLOTH, KNOWN, camera=CAMERA)
     store = identify.open_store(folder / "searches" / name.replace(" ", "_"), {"case": name})
 
     def progress(best: dict) -> None:
