@@ -90,9 +90,7 @@ def identify(
     start, fitted = first_look(task), task.only_fitted()
     searches = {seed: make_search(task, start, seed, evaluations) for seed in seeds}
     journals = {} if store is None else {seed: store.journal(seed) for seed in seeds}
-    together(
-        searches, lambda seed, *at: (fitted, *at), evaluate, executor, journals, progress
-    )  # fmt: skip
+    together(searches, lambda seed, *at: (fitted, *at), evaluate, executor, journals, progress)
     return report(task, start, [search.found() for search in searches.values()])
 
 

@@ -4,6 +4,7 @@ A rag is taken to be taut between its grippers: a pinch holds it within its corn
 a sheet hangs in one of several shapes, which even the step of the simulation may decide.
 """
 
+import dataclasses
 import pathlib
 from typing import Protocol
 
@@ -85,8 +86,16 @@ class RagScene(Scene):
     ):
         """Of a rag of some size [m] (between the grippers, down), until so many seconds."""
         self.mesh = rectangle(*size, spacing)
-        self._primitive, self._end, self._table, self._step = primitive, end, table, step
+        self._size, self._spacing, self._step = size, spacing, step
+        self._primitive, self._end, self._table = primitive, end, table
         self._slack, self._simulate = size[0] - GAP, simulate
+
+    def finer(self, by: float) -> "RagScene":
+        """The same with spacing and step divided."""
+        return RagScene(
+            self._primitive, self._end, self._size, self._spacing / by, self._table,
+            self._step / by, self._simulate,
+        )  # fmt: skip
 
     def motion(self, fabric):
         is_slack = abs(self._slack) > 1e-6
@@ -118,12 +127,14 @@ def read_task(folder: pathlib.Path, cloth: str, base: Fabric, **settings) -> Tas
     Raises:
         StoreError: as of `read_rags`.
     """
-
-    def task(finer: float, last: Task | None) -> Task:
-        scenes, recordings = read_rags(folder, cloth, finer=finer, **settings)
-        return Task(scenes, tuple(recordings), base, last)
-
-    return task(1.0, task(FINER, None))
+    scenes, recordings = read_rags(folder, cloth, **settings)
+    finer = {name: scene.finer(FINER) for name, scene in scenes.items()}
+    looked = []
+    for recording in recordings:
+        assert isinstance(recording.observation, Clouds)
+        clouds = recording.observation.of(finer[recording.scene].mesh)
+        looked.append(dataclasses.replace(recording, observation=clouds))
+    return Task(scenes, tuple(recordings), base, Task(finer, tuple(looked), base))
 
 
 def read_rags(
@@ -133,8 +144,7 @@ def read_rags(
     spacing: float = SPACING,
     table: float = TABLE,
     camera: tuple[float, float, float] | None = None,
-    finer: float = 1.0,
-) -> tuple[dict[str, Scene], list[Recording]]:
+) -> tuple[dict[str, RagScene], list[Recording]]:
     """Scenes by name, and all recordings of a cloth; of frames those until `LAST`.
 
     Args:
@@ -144,12 +154,11 @@ def read_rags(
         spacing: of the mesh's vertices [m].
         table: its height [m].
         camera: where it was [m]; None if unknown.
-        finer: by which spacing and step are divided.
 
     Raises:
         StoreError: if repeat 0 is not there, or files are damaged.
     """
-    scenes: dict[str, Scene] = {}
+    scenes: dict[str, RagScene] = {}
     found = []
     for repeat in rags.REPEATS:
         for primitive in rags.FRAMES:
@@ -161,10 +170,7 @@ def read_rags(
             chosen = spread(frames, _FRAMES[primitive])
             points = [clouds[i].points for i in chosen]
             end = (frames - 1) / rags.FRAME_RATE + _AFTER
-            scene = scenes.setdefault(
-                primitive,
-                RagScene(primitive, end, size, spacing / finer, table, solver.TIMESTEP / finer),
-            )
+            scene = scenes.setdefault(primitive, RagScene(primitive, end, size, spacing, table))
             seen_from = None if camera is None else looking(camera, points)
             found.append(
                 Recording(

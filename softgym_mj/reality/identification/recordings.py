@@ -1,6 +1,7 @@
 """Recordings as searches see them: what moves, which frames of it were seen, how far one is off."""
 
 import abc
+import copy
 import dataclasses
 
 import numpy as np
@@ -134,6 +135,12 @@ class Clouds(Observation):
             self._clouds.append(random.permutation(cloud)[:some].astype(np.float32))
         self._patches = [_patches(cloud[:_POINTS]) for cloud in self._clouds]
         self._mesh, self._camera = mesh, camera
+
+    def of(self, mesh: Mesh) -> "Clouds":
+        """The same clouds, of frames of another mesh."""
+        other = copy.copy(self)
+        other._mesh = mesh
+        return other
 
     def offsets(self, positions):
         surface = SurfaceDistance(self._mesh.triangles)

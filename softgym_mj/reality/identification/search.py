@@ -186,8 +186,7 @@ class Search:
         self._spurious = surface.spurious(x)
         if self._rounds < ROUNDS:
             return self._round()
-        self._first, self._steps = self._inside(self._estimate), self._most
-        self._is_round = False
+        self._first, self._steps, self._is_round = self._inside(x), self._most, False
         return self._step()
 
     def _look(self) -> list[np.ndarray]:
