@@ -1,5 +1,6 @@
 """`Flex`: a deformable object made of point-mass vertices, the base of `Sheet` and `Rope`."""
 
+import math
 from collections.abc import Sequence
 
 import mujoco
@@ -66,6 +67,10 @@ class Flex(Entity, Parametric):
     # [N] With which a held vertex may pull at its gripper, on average over a step: what two pads
     # that press with 10 N each hold at a friction of 0.5. A cloth's edges stretch by 15 % then.
     hold_force = 10.0
+    # [m] By which a held vertex may be behind where it is taken to. A picker goes 17 mm in a step,
+    # and a strand or a fold of cloth that it is pressed on is 13 mm thick at most; a vertex that is
+    # further behind is caught in a tangle, and no gripper holds it there.
+    hold_lag = 0.04
 
     def _start_model(self, name: str) -> None:
         """To be called first in a subclass's `_build`."""
@@ -210,9 +215,13 @@ class Flex(Entity, Parametric):
         """The force [N] of a held vertex on its gripper, averaged over the last physics step."""
         return solver.holding_force(self._model, self._data, int(self.vertex_ids[index]))
 
-    def is_overpowered(self, index: int) -> bool:
-        """Whether a held vertex pulls at its gripper with more than `hold_force`."""
-        return self.holding_force(index) > self.hold_force
+    def slips(self, index: int, goal: np.ndarray) -> bool:
+        """Whether a held vertex slips out of its gripper, which takes it to `goal` (3,) [m].
+
+        It pulls with more than `hold_force`, or is more than `hold_lag` behind.
+        """
+        behind = math.dist(goal, self.vertex(index))
+        return behind > self.hold_lag or self.holding_force(index) > self.hold_force
 
     def drive(self, index: int, target: np.ndarray, duration: float) -> None:
         """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s].

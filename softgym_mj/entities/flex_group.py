@@ -97,10 +97,10 @@ class FlexGroup:
         (flex, first), (other, second) = self.owner(first), self.owner(second)
         return flex.largest_gap(first, second) if flex is other else math.inf
 
-    def is_overpowered(self, index: int) -> bool:
-        """Whether a held vertex pulls at its gripper with more than its flex's `hold_force`."""
+    def slips(self, index: int, goal: np.ndarray) -> bool:
+        """Whether a held vertex slips out of its gripper, which takes it to `goal` (3,) [m]."""
         flex, index = self.owner(index)
-        return flex.is_overpowered(index)
+        return flex.slips(index, goal)
 
     def drive(self, index: int, target: np.ndarray, duration: float) -> None:
         """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s]."""

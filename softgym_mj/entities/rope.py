@@ -56,7 +56,6 @@ class Rope(Flex):
     parameters = PARAMETERS
     # Of a taut rope less than a cloth's: twice as much stretches pieces between two pickers by 8 %.
     hold_stretch = 0.05
-    hold_force = 50.0  # [N] Which stretches it by as much as `hold_stretch` allows, and some more.
 
     @typed
     def _build(self, fidelity: str = "default", color: Color = COLOR, name: str = "rope"):

@@ -66,8 +66,8 @@ class Attachment(Holding):
     height on the floor, and gives way to layers that it is pressed on. No force in the object can
     stop two that are pulled apart: before they get further from each other than
     `Flex.largest_gap`, the one that was taken later slips away. So does one that friction or weight
-    pulls at with more than `Flex.hold_force`. The gripper takes nothing more until it has been
-    open.
+    pulls at with more than `Flex.hold_force`, and one that is caught in a tangle: more than
+    `Flex.hold_lag` behind. The gripper takes nothing more until it has been open.
     """
 
     def __init__(self, num_grippers: int):
@@ -114,12 +114,12 @@ class Attachment(Holding):
                 self._target.drive(vertex, goal, timestep)
 
     def _give_way(self, goals: np.ndarray) -> None:
-        """Ends holds that pull too hard.
+        """Ends holds that pull too hard or are too far behind `goals` (n, 3) [m].
 
-        And later ones that `goals` (n, 3) [m] would pull too far from earlier ones.
+        And later ones that these would pull too far from earlier ones.
         """
         for i, vertex in enumerate(self.vertices):
-            if vertex >= 0 and self._target.is_overpowered(vertex):
+            if vertex >= 0 and self._target.slips(vertex, goals[i]):
                 self.slip(i)
         kept: list[int] = []
         vertices = self.vertices

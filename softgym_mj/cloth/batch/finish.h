@@ -116,7 +116,10 @@ inline void FinishMotion(const World& w) {
   Each(step->num_driven, [&](int i) {
     const int v = w.driven[i];
     w.mass[v] = m.At<double>(m.mass_at)[v];
-    for (int k = 0; k < 3; ++k) w.motion[3 * v + k] += w.given[3 * i + k];
+    for (int k = 0; k < 3; ++k) {
+      w.motion[3 * v + k] += w.given[3 * i + k];
+      w.speed[3 * v + k] += w.given[3 * i + k] / m.timestep;
+    }
   });
   int changed = PreventImpacts(w, false);
   // Pairs that were not of interest may be by now.

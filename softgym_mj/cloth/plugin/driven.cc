@@ -33,10 +33,13 @@ void Driven::Hold(const Points& points) {
   }
 }
 
-void Driven::Finish(const Mesh& mesh, Motion* motion) const {
+void Driven::Finish(const Mesh& mesh, double timestep, Motion* motion) const {
   for (const Vertex& vertex : vertices_) {
     motion->mass[vertex.id] = mesh.mass[vertex.id];
-    for (int k = 0; k < 3; ++k) motion->move[3 * vertex.id + k] += vertex.given[k];
+    for (int k = 0; k < 3; ++k) {
+      motion->move[3 * vertex.id + k] += vertex.given[k];
+      motion->velocity[3 * vertex.id + k] += vertex.given[k] / timestep;
+    }
   }
 }
 

@@ -23,8 +23,8 @@ class Driven {
     sweep();
     Hold(points);
   }
-  // Adds by how much they have given way in the step, and gives them their masses.
-  void Finish(const Mesh& mesh, Motion* motion) const;
+  // Adds by how much they have given way in the step [s], and gives them their masses.
+  void Finish(const Mesh& mesh, double timestep, Motion* motion) const;
 
  private:
   void Release(const Points& points);

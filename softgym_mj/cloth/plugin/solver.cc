@@ -175,7 +175,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
           held ? start.velocity[3 * v + k] : (static_cast<double>(now) - before_[4 * v + k]) / h_;
     }
   }
-  driven_.Finish(mesh, motion);
+  driven_.Finish(mesh, timestep_, motion);
   int changed = impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion);
   // Pairs that were not of interest may be by now.
   const float most = kVouched * *std::min_element(mesh.thickness.begin(), mesh.thickness.end());

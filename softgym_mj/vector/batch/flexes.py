@@ -59,7 +59,7 @@ class Flexes(Side):
         """See `Side`: the state, what pickers remember, and the mesh.
 
         model: of `ClothWorlds`. origin: of vertices [m]. ends, lengths: of edges, the lengths at
-        rest [m]. radius, hold_force, hold_stretch: of the flex.
+        rest [m]. radius, hold_force, hold_lag, hold_stretch: of the flex.
         """
         flex, model = self._flex, self._env.physics.model.ptr
         return {
@@ -74,6 +74,7 @@ class Flexes(Side):
             "num_edges": np.array(len(flex.edges)),
             "radius": np.array(flex.radius),
             "hold_force": np.array(flex.hold_force),
+            "hold_lag": np.array(flex.hold_lag),
             "hold_stretch": np.array(flex.hold_stretch),
         }
 
@@ -133,8 +134,12 @@ class Flexes(Side):
 
         pickers.plan(offsets, now["present"])
         goals = pickers.goals(now["radius"])
-        forces = xp.take_along_axis(now["holding_force"], xp.clip(now["held"], min=0), axis=1)
-        pickers.give_way(goals, forces > now["hold_force"][:, None], self._gap)
+        held = xp.clip(now["held"], min=0)
+        forces = xp.take_along_axis(now["holding_force"], held, axis=1)
+        places = now["origin"] + now["qpos"][:, : now["origin"].shape[1]]
+        behind = lengths(goals - xp.take_along_axis(places, held[..., None], axis=1))
+        slips = (forces > now["hold_force"][:, None]) | (behind > now["hold_lag"][:, None])
+        pickers.give_way(goals, slips, self._gap)
         self._worlds.step(now["centre"], now["held"], goals)
 
     def _gap(self, first: Array, second: Array) -> Array:

@@ -66,17 +66,17 @@ class Pickers:
         goals[..., 2] = self._xp.maximum(goals[..., 2], resting_height[:, None])
         return goals
 
-    def give_way(self, goals: Array, overpowered: Array, gap: Gap) -> None:
-        """Ends holds that pull too hard, and later ones that pull too far from earlier ones.
+    def give_way(self, goals: Array, slips: Array, gap: Gap) -> None:
+        """Ends holds of what slips away, and later ones that pull too far from earlier ones.
 
         Args:
             goals: from `goals`.
-            overpowered: whether a vertex pulls with more than a grip can take (num_worlds,
-                pickers) bool.
+            slips: whether a vertex pulls with more than a grip can take, or is too far behind
+                (num_worlds, pickers) bool.
             gap: how far pairs of vertices may be apart.
         """
         xp, order = self._xp, self._now["order"]
-        self._slip(overpowered & (self._now["held"] >= 0))
+        self._slip(slips & (self._now["held"] >= 0))
         holds = self._now["held"] >= 0
         last = xp.max(order, axis=1)[:, None] + 1
         ranks = xp.argsort(xp.where(holds, order, last), axis=1, stable=True)
