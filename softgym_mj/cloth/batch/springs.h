@@ -69,9 +69,9 @@ inline void Bend(const World& w, int substep) {
   EachBlock(0, chunks, [&](int i) { SpreadBend(w.points, kLanes * i, n); });
 }
 
-inline void SweepSprings(const World& w) {
+// See `ChainRows::Solve`.
+inline void SolveChains(const World& w, bool settles) {
   const Model& m = *w.model;
-  EachBlockOf(m.At<int>(m.edge_levels_at), m.edge_levels, [&](int b) { SweepEdges(w.points, w.edges + b); });
   for (int c = 0; c < m.chains; ++c) {
     const int first = m.At<int>(m.chain_first_at)[c], size = m.At<int>(m.chain_first_at)[c + 1] - first;
     const ChainRow chain = {size,
@@ -89,9 +89,15 @@ inline void SweepSprings(const World& w) {
     Each(size, [&](int e) { StartChainEdge(w.points, chain, e); });
     Each(size, [&](int e) { ConnectChainEdge(w.points, chain, e); });
     Once([&] { SolveChain(chain); });
-    Each(size + 1, [&](int i) { MoveChainVertex(w.points, chain, i); });
+    Each(size + 1, [&](int i) { MoveChainVertex(w.points, chain, i, settles); });
     Each(size, [&](int e) { EndChainEdge(w.points, chain, e); });
   }
+}
+
+inline void SweepSprings(const World& w) {
+  const Model& m = *w.model;
+  EachBlockOf(m.At<int>(m.edge_levels_at), m.edge_levels, [&](int b) { SweepEdges(w.points, w.edges + b); });
+  SolveChains(w, false);
 }
 
 // Adds with which force edges pull what is held: `share` times their impulses.

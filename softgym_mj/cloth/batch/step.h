@@ -228,6 +228,7 @@ inline void StepWorld(const World& w) {
   Each(3 * w.step->num_driven, [&](int i) { w.given[i] = 0; });
   const int search_interval = SearchInterval(w.step->fastest, m.substeps);
   for (int substep = 0; substep < m.substeps; ++substep) Substep(w, substep, search_interval);
+  SolveChains(w, true);
   KeepLayers(w);
   KeepSprings(w);
   Each(m.vertices, [&](int v) {

@@ -37,7 +37,7 @@ void ChainRows::Start(const std::vector<double>& position, const double* after) 
   }
 }
 
-void ChainRows::Solve(const Points& points) {
+void ChainRows::Solve(const Points& points, bool settles) {
   for (Row& row : rows_) {
     const int size = static_cast<int>(row.length.size());
     const ChainRow chain = {size,
@@ -55,7 +55,7 @@ void ChainRows::Solve(const Points& points) {
     for (int e = 0; e < size; ++e) StartChainEdge(points, chain, e);
     for (int e = 0; e < size; ++e) ConnectChainEdge(points, chain, e);
     SolveChain(chain);
-    for (int i = 0; i <= size; ++i) MoveChainVertex(points, chain, i);
+    for (int i = 0; i <= size; ++i) MoveChainVertex(points, chain, i, settles);
     for (int e = 0; e < size; ++e) EndChainEdge(points, chain, e);
   }
 }

@@ -23,7 +23,9 @@ class ChainRows {
   void Reset(const Mesh& mesh, double h);
   // `after`: by how much each edge got longer after its last turn [m].
   void Start(const std::vector<double>& position, const double* after);
-  void Solve(const Points& points);
+  // Layers have the last word of a substep, and stretch what is caught between them; cords have that of a step, and pull
+  // it back where it is (`settles`), without a change of velocities.
+  void Solve(const Points& points, bool settles);
   // Adds with which force edges pull held vertices (n, 3) [N]: `share` times their last impulses.
   void AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const;
   // Writes `after` for the next step.

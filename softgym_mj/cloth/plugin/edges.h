@@ -89,12 +89,14 @@ inline void SolveChain(const ChainRow& row) {
   }
 }
 
-// then of each of its vertices, of which there is one more,
-inline void MoveChainVertex(const Points& points, const ChainRow& row, int i) {
-  float* p = points.now + 4 * row.vertex[i];
+// then of each of its vertices, of which there is one more, and which may keep their velocities,
+inline void MoveChainVertex(const Points& points, const ChainRow& row, int i, bool keeps_velocity) {
+  float *p = points.now + 4 * row.vertex[i], *before = points.before + 4 * row.vertex[i];
   for (int k = 0; k < 3; ++k) {
+    const float from = p[k];
     if (i < row.size) p[k] = static_cast<float>(p[k] - p[3] * row.right[i] * row.normal[3 * i + k]);
     if (i > 0) p[k] = static_cast<float>(p[k] + p[3] * row.right[i - 1] * row.normal[3 * i - 3 + k]);
+    if (keeps_velocity) before[k] += p[k] - from;
   }
 }
 

@@ -104,7 +104,7 @@ void Solver::Substep(int substep, Solids* solids) {
   const int to_search = std::min(search_interval_, settings_.substeps - substep);
   solids->Find(*kernels_, points_, substep % search_interval_ == 0 ? to_search : 0);
   edges_.Sweep(*kernels_, points_);
-  chains_.Solve(points_);
+  chains_.Solve(points_, false);
   if (moves_air_) kernels_->MoveAir(points_);
   if (warm) {
     driven_.Give(points_, [&] { kernels_->WarmLayers(points_, layers, near, kWarm); });
@@ -150,6 +150,7 @@ bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
     edges_.AddHoldingForces(points_, share, &holding_forces_);
     chains_.AddHoldingForces(points_, share, &holding_forces_);
   }
+  chains_.Solve(points_, true);
   layers_.Keep(mesh, points_, with_layers_.data(), Repeats(*solids), kept.after_layers,
                Kept::kPairs * mesh.NumVertices());
   edges_.Keep(points_, kept.after_edge);
