@@ -54,8 +54,9 @@ class Rope(Flex):
     """
 
     parameters = PARAMETERS
-    # Of a taut rope less than a cloth's: twice as much stretches pieces between two pickers by 8 %.
-    hold_stretch = 0.05
+    # Of a taut rope less than a cloth's: in a tangle some pieces stretch by twice as much.
+    hold_stretch = 0.03
+    hold_force = 30.0  # [N] Which stretches it by as much as `hold_stretch` allows, and some more.
 
     @typed
     def _build(self, fidelity: str = "default", color: Color = COLOR, name: str = "rope"):

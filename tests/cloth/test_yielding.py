@@ -87,8 +87,8 @@ def test_what_is_pulled_apart_hardly_stretches(task, vertices, strain):
 def test_a_rope_that_two_pickers_draw_taut_stays_held():
     env = lay(ROPE)
     hold(env, [0, 40])
-    for _ in range(20):
-        env.step(moves([-0.05, 0, 0], [0.05, 0, 0]))  # 2 cm in all: 4 % of it.
+    for _ in range(10):
+        env.step(moves([-0.05, 0, 0], [0.05, 0, 0]))  # 1 cm in all: 2 % of it.
     assert env.info()["yielded"] == 0
     for _ in range(10):
         env.step(moves([-0.05, 0, 0], [0.05, 0, 0]))
@@ -143,7 +143,7 @@ def test_a_gripper_takes_nothing_after_a_slip_until_it_has_been_open():
     assert env.task.actor.held.tolist() == [20, 24]
 
 
-@pytest.mark.parametrize("steps", [4, 10])
+@pytest.mark.parametrize("steps", [2, 10])
 def test_snapshots_before_and_after_a_slip_continue_bit_equal(steps):
     def start(**settings):
         return lay(ROPE, observation="full", **settings)
@@ -203,8 +203,8 @@ def test_a_vertex_that_pulls_too_hard_slips(monkeypatch):
 
 def test_ways_along_the_mesh():
     rope = lay(ROPE).task.objects[0]
-    assert rope.largest_gap(0, 40) == rope.largest_gap(40, 0) == pytest.approx(1.05 * 0.5)
-    assert rope.largest_gap(7, 8) == pytest.approx(1.05 * 0.0125)
+    assert rope.largest_gap(0, 40) == rope.largest_gap(40, 0) == pytest.approx(1.03 * 0.5)
+    assert rope.largest_gap(7, 8) == pytest.approx(1.03 * 0.0125)
     cloth = lay(CLOTH).task.cloth
     p1, p2, p3, _ = cloth.corners
     assert cloth.largest_gap(p1, p3) == pytest.approx(1.1 * cloth.size[0])

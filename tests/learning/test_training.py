@@ -174,7 +174,7 @@ def test_presets_suit_every_task(preset):
         training, method = find_preset("sac", preset, task)
         assert (training.task, method.name, method.preset) == (task, "sac", preset)
         assert method.settings.symmetric == (preset == "fast" and "water" not in task)
-        fast = 0.97 if "water" in task else 0.95
+        fast = 0.98 if task == "drop_cloth" else 0.97 if "water" in task else 0.95
         assert method.settings.discount == (0.99 if preset == "paper" else fast)
     assert find_preset("sac", "paper", "fold_cloth")[1].settings.alpha_rate == 2e-5
     training, method = find_preset("sac", preset, "fold_cloth", episodes=7, hidden=[8])

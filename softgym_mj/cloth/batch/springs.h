@@ -86,7 +86,7 @@ inline void SolveChains(const World& w, bool settles) {
                             w.chain_diagonal + first,
                             w.chain_right + first,
                             w.chain_normal + 3 * first};
-    Each(size, [&](int e) { StartChainEdge(w.points, chain, e); });
+    Each(size, [&](int e) { StartChainEdge(w.points, chain, e, settles); });
     Each(size, [&](int e) { ConnectChainEdge(w.points, chain, e); });
     Once([&] { SolveChain(chain); });
     Each(size + 1, [&](int i) { MoveChainVertex(w.points, chain, i, settles); });

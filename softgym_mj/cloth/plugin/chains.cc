@@ -52,7 +52,7 @@ void ChainRows::Solve(const Points& points, bool settles) {
                             row.diagonal.data(),
                             row.right.data(),
                             row.normal.data()};
-    for (int e = 0; e < size; ++e) StartChainEdge(points, chain, e);
+    for (int e = 0; e < size; ++e) StartChainEdge(points, chain, e, settles);
     for (int e = 0; e < size; ++e) ConnectChainEdge(points, chain, e);
     SolveChain(chain);
     for (int i = 0; i <= size; ++i) MoveChainVertex(points, chain, i, settles);

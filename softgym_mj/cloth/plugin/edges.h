@@ -50,7 +50,7 @@ struct ChainRow {
 };
 
 // The edges form a tridiagonal system, solved by Thomas' algorithm. First, of each edge alone,
-inline void StartChainEdge(const Points& points, const ChainRow& row, int e) {
+inline void StartChainEdge(const Points& points, const ChainRow& row, int e, bool settles) {
   double* n = row.normal + 3 * e;
   const float *a = points.now + 4 * row.vertex[e], *b = points.now + 4 * row.vertex[e + 1];
   double square = 0;
@@ -62,7 +62,7 @@ inline void StartChainEdge(const Points& points, const ChainRow& row, int e) {
   for (int k = 0; k < 3; ++k) n[k] /= now;
   const double length = row.length[e];
   row.diagonal[e] = static_cast<double>(a[3]) + b[3] + row.gamma[e];
-  row.right[e] = -((now - length) - row.keep[e] * (row.before[e] - length));
+  row.right[e] = settles ? row.before[e] - now : -((now - length) - row.keep[e] * (row.before[e] - length));
 }
 
 // then what each has to do with the one before it,
@@ -89,14 +89,14 @@ inline void SolveChain(const ChainRow& row) {
   }
 }
 
-// then of each of its vertices, of which there is one more, and which may keep their velocities,
-inline void MoveChainVertex(const Points& points, const ChainRow& row, int i, bool keeps_velocity) {
+// then of each of its vertices, of which there is one more,
+inline void MoveChainVertex(const Points& points, const ChainRow& row, int i, bool settles) {
   float *p = points.now + 4 * row.vertex[i], *before = points.before + 4 * row.vertex[i];
   for (int k = 0; k < 3; ++k) {
     const float from = p[k];
     if (i < row.size) p[k] = static_cast<float>(p[k] - p[3] * row.right[i] * row.normal[3 * i + k]);
     if (i > 0) p[k] = static_cast<float>(p[k] + p[3] * row.right[i - 1] * row.normal[3 * i - 3 + k]);
-    if (keeps_velocity) before[k] += p[k] - from;
+    if (settles) before[k] += p[k] - from;
   }
 }
 

@@ -81,7 +81,7 @@ class CrumpledCloth(_SizedCloth):
     """A cloth of random size lifted at a random vertex and dropped (facts 3.6)."""
 
     name: str = "crumpled_cloth"
-    _version: ClassVar[int] = 7
+    _version: ClassVar[int] = 8
 
     def begin(self, index, flex):
         return flex.flat()

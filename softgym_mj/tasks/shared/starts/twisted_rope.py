@@ -31,7 +31,7 @@ class TwistedRope(SettledFlex):
     def parameters(self) -> dict[str, object]:
         """What the states depend on."""
         rope = Rope(self.fidelity).physical_parameters
-        return {"version": 3, "fidelity": self.fidelity, "rope": rope}
+        return {"version": 4, "fidelity": self.fidelity, "rope": rope}
 
     @property
     def max_points(self) -> int:
