@@ -11,7 +11,7 @@ from typing import Any
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
 from softgym_mj.jobs.files import naming, read_whole
 from softgym_mj.kinds import typed
-from softgym_mj.learning.registry import LABELLED
+from softgym_mj.learning.registry import LABELLED, find_preset
 from softgym_mj.learning.results import Row
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
@@ -93,12 +93,15 @@ class QueuedRun:
     def is_done(self, rows: Iterable[Row]) -> bool:
         """Whether final rows of all its seeds are there, of as many held out episodes.
 
-        And of as many env steps, where it says how many: else the preset does.
+        And of as many env steps, where it says how many or replaces settings: else the preset does.
         """
         replaced = "small" if self.plans else "custom"
         preset = self.preset if LABELLED.issuperset(self.settings) else replaced
         wanted = self.task, self.method, self.observation, preset, self.replay
-        env_steps = self.settings.get("env_steps", self.env_steps)
+        env_steps = self.env_steps
+        if preset == "custom":
+            training, _ = find_preset(self.method, self.preset, self.task, **self.settings)
+            env_steps = training.env_steps
         found = {
             row.seed
             for row in rows

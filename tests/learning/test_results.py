@@ -264,10 +264,12 @@ def test_a_run_is_done_by_final_rows_of_all_its_seeds(changes):
 
 
 def test_commands_have_what_settings_replace(tmp_path):
-    run = QueuedRun("fold_cloth", "sac", "fast", 3, "", settings={"part": 5}, core_hours=2)
-    assert "--seeds 3 --settings '{\"part\": 5}' --device cuda --out training/" in run.command
+    run = QueuedRun("fold_cloth", "sac", "fast", 3, "", settings={"part": 512}, core_hours=2)
+    assert "--seeds 3 --settings '{\"part\": 512}' --device cuda --out training/" in run.command
     custom = ("fold_cloth", "sac", "reduced", "custom", "plain")
-    assert run.is_done([_row(seed, 5, "evaluate", 0.1, True, custom) for seed in range(3)])
+    for env_steps, done in ((819_200, True), (409_600, False)):
+        rows = [_row(seed, env_steps, "evaluate", 0.1, True, custom) for seed in range(3)]
+        assert run.is_done(rows) == done
     planner = {"observation": "simulator", "replay": "none", "episodes": 10, "gpu_minutes": 1}
     run = QueuedRun("fold_cloth", "cem", "paper", 1, "", settings={"budget": 7}, **planner)
     assert run.command.startswith("softgym-mj evaluate fold_cloth --policy cem --episodes 10")
