@@ -67,10 +67,9 @@ class Flex(Entity, Parametric):
     # [N] With which a held vertex may pull at its gripper, on average over a step: what two pads
     # that press with 10 N each hold at a friction of 0.5. A cloth's edges stretch by 15 % then.
     hold_force = 10.0
-    # [m] By which a held vertex may be behind where it is taken to. A picker goes 17 mm in a step,
-    # and a strand or a fold of cloth that it is pressed on is 13 mm thick at most; a vertex that is
-    # further behind is caught in a tangle, and no gripper holds it there.
-    hold_lag = 0.04
+    # [m] By which a held vertex may be behind where it is taken to, 17 mm of which are a picker's
+    # way in a step: what is further behind, under a pile of cloth, does not come free.
+    hold_lag = 0.1
 
     def _start_model(self, name: str) -> None:
         """To be called first in a subclass's `_build`."""

@@ -57,6 +57,7 @@ class Rope(Flex):
     # Of a taut rope less than a cloth's: in a tangle some pieces stretch by twice as much.
     hold_stretch = 0.03
     hold_force = 30.0  # [N] Which stretches it by as much as `hold_stretch` allows, and some more.
+    hold_lag = 0.04  # [m] A step's way and two strands: it is caught in a tangle.
 
     @typed
     def _build(self, fidelity: str = "default", color: Color = COLOR, name: str = "rope"):

@@ -66,7 +66,7 @@ class Attachment(Holding):
     height on the floor, and gives way to layers that it is pressed on. No force in the object can
     stop two that are pulled apart: before they get further from each other than
     `Flex.largest_gap`, the one that was taken later slips away. So does one that friction or weight
-    pulls at with more than `Flex.hold_force`, and one that is caught in a tangle: more than
+    pulls at with more than `Flex.hold_force`, and one that is caught: more than
     `Flex.hold_lag` behind. The gripper takes nothing more until it has been open.
     """
 

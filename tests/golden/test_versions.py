@@ -12,14 +12,14 @@ from tests.golden import episodes
 # numbers change") says whether `registry.VERSIONS` has to be raised; then both are written here.
 DECIDED = {
     "drop_cloth": (0, "e0106884eb9e314b"),
-    "drop_fold_cloth": (0, "1d8815f394b48f25"),
-    "fold_cloth": (0, "56b98151e36f5037"),
-    "fold_crumpled_cloth": (0, "7d2642ada9b2369e"),
+    "drop_fold_cloth": (0, "e53e97f1d388281c"),
+    "fold_cloth": (0, "376067788543c0a7"),
+    "fold_crumpled_cloth": (0, "613176afd6ba9367"),
     "pour_water": (0, "1c2027b8689698a7"),
     "pour_water_amount": (0, "38a0debf6ff4f1bd"),
-    "rope_configuration": (0, "5234268d4fa4a5da"),
-    "spread_cloth": (0, "7cb1bfa0b732769f"),
-    "straighten_rope": (0, "03d73ee2182b8260"),
+    "rope_configuration": (0, "e523e605e8ac278a"),
+    "spread_cloth": (0, "f9cea3dfdf751f0c"),
+    "straighten_rope": (0, "56d57d3bc6dd58de"),
     "transport_water": (0, "2447ffd7170d5df0"),
 }
 
