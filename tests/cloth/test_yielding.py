@@ -95,18 +95,45 @@ def test_a_rope_that_two_pickers_draw_taut_stays_held():
     assert env.info()["yielded"] == 1
 
 
+@pytest.mark.parametrize(
+    ("task", "lag", "slips"), [(ROPE, 0.03, 0), (ROPE, 0.05, 1), (CLOTH, 0.09, 0), (CLOTH, 0.11, 1)]
+)
+def test_what_lags_far_behind_its_gripper_slips_away(task, lag, slips):
+    env = lay(task)
+    hold(env, [0])
+    target = env.task.objects[0]
+    target.set_points(target.points() + [0.0, lag, 0.0])
+    env.step(moves([0, 0, 0], [0, 0, 0], grips=[1, -1]))
+    assert env.info()["yielded"] == slips
+
+
+@pytest.mark.parametrize(("variation", "axis"), [(1, 0), (16, 0), (10, 1), (19, 1)])
+def test_a_tangle_that_is_pulled_taut_hardly_stretches(variation, axis):
+    env = softgym_mj.load(ROPE, split=[variation])
+    env.reset()
+    env.task.actor.take([3, 37])
+    way = np.eye(3)[axis]
+    for _ in range(6):
+        env.step(moves(way, -way))
+        # 0.08 to 0.13 if layers have the last word of a step.
+        assert env.task.objects[0].edge_strain().max() < 0.04
+
+
 def test_what_is_pressed_on_another_strand_gives_way_to_it():
     env = softgym_mj.load(ROPE, split=[878], action_repeat=1, horizon=100)
     env.reset()  # Vertex 20 lies across pieces 4 and 5.
     hold(env, [0, 20])
-    strains, away = [], []
+    strains, away, rope = [], [], env.task.objects[0]
     for _ in range(20):
+        before = rope.vertex(20)
         env.step(moves([0.5, 0.8, 0.0], [0.5, 1.0, -1.0]))
-        strains.append(env.task.objects[0].edge_strain().max())
-        points = env.task.objects[0].points()
+        strains.append(rope.edge_strain().max())
+        points = rope.points()
+        velocity = (points[20] - before) / rope.timestep  # Which it keeps if it is let go.
+        np.testing.assert_allclose(rope.slide_velocities[20], velocity, atol=1e-6)
         away.append(np.linalg.norm(points[[4, 5, 6]] - points[20], axis=1).min())
     assert max(strains) < 0.1  # 0.2 if it goes where the picker goes, whatever lies there.
-    assert min(away) > 0.8 * 2.0 * env.task.objects[0].radius
+    assert min(away) > 0.8 * 2.0 * rope.radius
     assert env.info()["yielded"] == 0
 
 
