@@ -8,7 +8,7 @@ above the lower bound: `initial_normalized_performance` in info.
 Reduced state: 10 key points, evenly spaced along the rope (x, y, z each), picker 0, picker 1:
 36 entries [m].
 Start: dragged four times by a random vertex (facts 3.4). Pickers start 0.1 m above the floor
-around the centre of the rope's bounding box. In 43 of the 1000 variations, 11 of the 200 of
+around the centre of the rope's bounding box. In 37 of the 1000 variations, 8 of the 200 of
 `evaluate`, the ends lie right apart by chance and the start counts as success already, however the
 rest of the rope lies: a policy that does nothing has these. End: horizon only.
 """
