@@ -136,8 +136,10 @@ class Flexes(Side):
         goals = pickers.goals(now["radius"])
         held = xp.clip(now["held"], min=0)
         forces = xp.take_along_axis(now["holding_force"], held, axis=1)
-        places = now["origin"] + now["qpos"][:, : now["origin"].shape[1]]
-        behind = lengths(goals - xp.take_along_axis(places, held[..., None], axis=1))
+        start, way = (
+            xp.take_along_axis(now[name], held[..., None], axis=1) for name in ("origin", "qpos")
+        )
+        behind = lengths(goals - (start + way))
         slips = (forces > now["hold_force"][:, None]) | (behind > now["hold_lag"][:, None])
         pickers.give_way(goals, slips, self._gap)
         self._worlds.step(now["centre"], now["held"], goals)
