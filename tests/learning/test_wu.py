@@ -70,7 +70,7 @@ def test_cloth_pixels_are_those_of_the_labels(task):
         observation=["rgb", "segmentation"], image_size=(64, 64),
     )  # fmt: skip
     masks, labels = [], []
-    for variation in (0, 1, 800, 803):
+    for variation in (0, 1, 801, 804):
         timestep = env.reset(variation)
         for end in (False, True):
             masks.append(cloth_pixels(torch.tensor(timestep.observation["rgb"])).numpy())
@@ -84,7 +84,7 @@ def test_cloth_pixels_are_those_of_the_labels(task):
     assert (mask & label).sum() / (mask | label).sum() > 0.95
     assert each.min() > 0.9  # Of the smallest pieces a tenth of the pixels are edges.
     near = functional.max_pool2d(torch.tensor(label).float(), 3, 1, 1).numpy() > 0
-    assert (mask & ~near).sum() < 0.02 * mask.sum()  # Of the gripper a few.
+    assert (mask & ~near).sum() < 0.01 * mask.sum()
 
 
 def test_picks_are_cloth_pixels_with_equal_chances():
