@@ -17,6 +17,18 @@ ROPE, CLOTH = "straighten_rope", "spread_cloth"
 ABOVE = {ROPE: 0.03, CLOTH: 0.055}
 SECONDS = 0.32  # Of pulling.
 NEIGHBOURS = (180, 181)  # Vertices in the middle of the cloth, along X.
+# Of a learned policy: one picker takes hold of a tangled rope of variation 801 and whips it.
+WHIP = [
+    [-0.87, -1.0, -1.0, 1.0, -0.91, -1.0, -0.86, 0.02],
+    [1.0, 0.89, -0.33, -0.92, -1.0, -1.0, 0.85, 0.98],
+    [-0.48, -0.3, 0.27, -0.99, -1.0, -1.0, 0.9, 0.92],
+    [-0.57, 0.42, 0.83, -0.95, 0.17, -0.51, 0.95, -0.77],
+    [-0.54, 0.16, -0.97, 0.03, 0.55, 0.94, 0.53, -0.47],
+    [-0.99, -0.95, -0.87, 0.99, -0.16, 0.88, -0.18, 0.84],
+    [-1.0, -0.98, -0.99, 1.0, -0.18, 0.24, 0.29, 0.63],
+    [-0.95, -0.73, -0.98, 1.0, -0.16, 0.23, -0.28, 0.53],
+    [1.0, 1.0, -0.5, 0.87, -0.99, -1.0, -0.23, 0.05],
+]
 
 
 def lay(task, **settings):
@@ -117,6 +129,15 @@ def test_a_tangle_that_is_pulled_taut_hardly_stretches(variation, axis):
         env.step(moves(way, -way))
         # 0.08 to 0.13 if layers have the last word of a step.
         assert env.task.objects[0].edge_strain().max() < 0.04
+
+
+def test_a_strand_that_hits_another_hardly_stretches():
+    env = softgym_mj.load(ROPE, split=[801])
+    env.reset()
+    for action in WHIP:
+        env.step(action)
+    # 0.4, for a step, if the last resort of layers stretches cords.
+    assert env.info()["episode_max_edge_strain"] < 0.03
 
 
 def test_what_is_pressed_on_another_strand_gives_way_to_it():

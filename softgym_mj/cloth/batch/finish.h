@@ -4,6 +4,7 @@
 #define SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
 
 #include "cloth/batch/search.h"
+#include "cloth/batch/springs.h"
 #include "cloth/batch/world.h"
 #include "cloth/plugin/meets.h"
 #include "cloth/plugin/method.h"
@@ -75,6 +76,25 @@ inline int PreventImpacts(const World& w, bool stand) {
   return changed;
 }
 
+// See `Solver::Prevent`.
+inline int Prevent(const World& w) {
+  const int n = w.model->vertices;
+  int more = PreventImpacts(w, false), changed = more;
+  for (int turn = 0; more && turn < kCordTurns && w.model->chains > 0; ++turn) {
+    Each(n, [&](int v) {
+      for (int k = 0; k < 3; ++k) w.points.now[4 * v + k] = static_cast<float>(w.motion[3 * v + k]);
+    });
+    for (int solve = 0; solve < kCordSolves; ++solve) SolveChains(w, true);
+    Each(n, [&](int v) {
+      const bool moves = w.points.now[4 * v + 3] > 0;
+      for (int k = 0; moves && k < 3; ++k) w.motion[3 * v + k] = w.points.now[4 * v + k];
+    });
+    more = PreventImpacts(w, false);
+    changed += more;
+  }
+  return changed;
+}
+
 // See `Planes::LiftOut`. Whether there was anything.
 inline bool LiftOut(const World& w) {
   const Model& m = *w.model;
@@ -121,7 +141,7 @@ inline void FinishMotion(const World& w) {
       w.speed[3 * v + k] += w.given[3 * i + k] / m.timestep;
     }
   });
-  int changed = PreventImpacts(w, false);
+  int changed = Prevent(w);
   // Pairs that were not of interest may be by now.
   const float most = kVouched * m.thickness;
   for (int search = 0; search < kMaxSearches; ++search) {
@@ -145,7 +165,7 @@ inline void FinishMotion(const World& w) {
       for (int k = 0; k < 3; ++k) w.move[4 * v + k] = w.end[4 * v + k];
     });
     FindPairs(w);
-    const int more = PreventImpacts(w, false);
+    const int more = Prevent(w);
     changed += more;
     if (!more) break;
   }

@@ -69,28 +69,40 @@ inline void Bend(const World& w, int substep) {
   EachBlock(0, chunks, [&](int i) { SpreadBend(w.points, kLanes * i, n); });
 }
 
+inline ChainRow ChainOf(const World& w, int c) {
+  const Model& m = *w.model;
+  const int first = m.At<int>(m.chain_first_at)[c], size = m.At<int>(m.chain_first_at)[c + 1] - first;
+  return {size,
+          m.At<int>(m.chain_vertex_at) + c + first,
+          w.chain_start + 3 * first,
+          m.At<float>(m.chain_length_at) + first,
+          m.At<float>(m.chain_gamma_at) + first,
+          m.At<float>(m.chain_keep_at) + first,
+          w.chain_before + first,
+          w.chain_impulse + first,
+          w.chain_lower + first,
+          w.chain_diagonal + first,
+          w.chain_right + first,
+          w.chain_normal + 3 * first};
+}
+
 // See `ChainRows::Solve`.
 inline void SolveChains(const World& w, bool settles) {
-  const Model& m = *w.model;
-  for (int c = 0; c < m.chains; ++c) {
-    const int first = m.At<int>(m.chain_first_at)[c], size = m.At<int>(m.chain_first_at)[c + 1] - first;
-    const ChainRow chain = {size,
-                            m.At<int>(m.chain_vertex_at) + c + first,
-                            w.chain_start + 3 * first,
-                            m.At<float>(m.chain_length_at) + first,
-                            m.At<float>(m.chain_gamma_at) + first,
-                            m.At<float>(m.chain_keep_at) + first,
-                            w.chain_before + first,
-                            w.chain_impulse + first,
-                            w.chain_lower + first,
-                            w.chain_diagonal + first,
-                            w.chain_right + first,
-                            w.chain_normal + 3 * first};
+  for (int c = 0; c < w.model->chains; ++c) {
+    const ChainRow chain = ChainOf(w, c);
+    const int size = chain.size;
     Each(size, [&](int e) { StartChainEdge(w.points, chain, e, settles); });
     Each(size, [&](int e) { ConnectChainEdge(w.points, chain, e); });
     Once([&] { SolveChain(chain); });
     Each(size + 1, [&](int i) { MoveChainVertex(w.points, chain, i, settles); });
-    Each(size, [&](int e) { EndChainEdge(w.points, chain, e); });
+  }
+}
+
+// See `ChainRows::End`.
+inline void EndChains(const World& w) {
+  for (int c = 0; c < w.model->chains; ++c) {
+    const ChainRow chain = ChainOf(w, c);
+    Each(chain.size, [&](int e) { EndChainEdge(w.points, chain, e); });
   }
 }
 
@@ -98,6 +110,7 @@ inline void SweepSprings(const World& w) {
   const Model& m = *w.model;
   EachBlockOf(m.At<int>(m.edge_levels_at), m.edge_levels, [&](int b) { SweepEdges(w.points, w.edges + b); });
   SolveChains(w, false);
+  EndChains(w);
 }
 
 // Adds with which force edges pull what is held: `share` times their impulses.

@@ -229,6 +229,7 @@ inline void StepWorld(const World& w) {
   const int search_interval = SearchInterval(w.step->fastest, m.substeps);
   for (int substep = 0; substep < m.substeps; ++substep) Substep(w, substep, search_interval);
   SolveChains(w, true);
+  EndChains(w);
   KeepLayers(w);
   KeepSprings(w);
   Each(m.vertices, [&](int v) {

@@ -4,6 +4,24 @@
 #include "cloth/plugin/springs.h"
 
 namespace softgym_mj::cloth {
+namespace {
+
+ChainRow View(ChainRows::Row* row) {
+  return {static_cast<int>(row->length.size()),
+          row->vertex.data(),
+          row->start.data(),
+          row->length.data(),
+          row->gamma.data(),
+          row->keep.data(),
+          row->before.data(),
+          row->impulse.data(),
+          row->lower.data(),
+          row->diagonal.data(),
+          row->right.data(),
+          row->normal.data()};
+}
+
+}  // namespace
 
 void ChainRows::Reset(const Mesh& mesh, double h) {
   rows_.clear();
@@ -39,24 +57,19 @@ void ChainRows::Start(const std::vector<double>& position, const double* after) 
 
 void ChainRows::Solve(const Points& points, bool settles) {
   for (Row& row : rows_) {
-    const int size = static_cast<int>(row.length.size());
-    const ChainRow chain = {size,
-                            row.vertex.data(),
-                            row.start.data(),
-                            row.length.data(),
-                            row.gamma.data(),
-                            row.keep.data(),
-                            row.before.data(),
-                            row.impulse.data(),
-                            row.lower.data(),
-                            row.diagonal.data(),
-                            row.right.data(),
-                            row.normal.data()};
+    const ChainRow chain = View(&row);
+    const int size = chain.size;
     for (int e = 0; e < size; ++e) StartChainEdge(points, chain, e, settles);
     for (int e = 0; e < size; ++e) ConnectChainEdge(points, chain, e);
     SolveChain(chain);
     for (int i = 0; i <= size; ++i) MoveChainVertex(points, chain, i, settles);
-    for (int e = 0; e < size; ++e) EndChainEdge(points, chain, e);
+  }
+}
+
+void ChainRows::End(const Points& points) {
+  for (Row& row : rows_) {
+    const ChainRow chain = View(&row);
+    for (int e = 0; e < chain.size; ++e) EndChainEdge(points, chain, e);
   }
 }
 

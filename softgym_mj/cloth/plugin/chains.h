@@ -24,8 +24,10 @@ class ChainRows {
   // `after`: by how much each edge got longer after its last turn [m].
   void Start(const std::vector<double>& position, const double* after);
   // Layers have the last word of a substep, and stretch what is caught between them; cords have that of a step: they
-  // get as long again as after their last turn (`settles`), which changes no velocities.
+  // get as long again as when a turn last ended (`settles`), which changes no velocities.
   void Solve(const Points& points, bool settles);
+  // Ends a turn: notes lengths and impulses.
+  void End(const Points& points);
   // Adds with which force edges pull held vertices (n, 3) [N]: `share` times their last impulses.
   void AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const;
   // Writes `after` for the next step.

@@ -105,6 +105,7 @@ void Solver::Substep(int substep, Solids* solids) {
   solids->Find(*kernels_, points_, substep % search_interval_ == 0 ? to_search : 0);
   edges_.Sweep(*kernels_, points_);
   chains_.Solve(points_, false);
+  chains_.End(points_);
   if (moves_air_) kernels_->MoveAir(points_);
   if (warm) {
     driven_.Give(points_, [&] { kernels_->WarmLayers(points_, layers, near, kWarm); });
@@ -151,6 +152,7 @@ bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
     chains_.AddHoldingForces(points_, share, &holding_forces_);
   }
   chains_.Solve(points_, true);
+  chains_.End(points_);
   layers_.Keep(mesh, points_, with_layers_.data(), Repeats(*solids), kept.after_layers,
                Kept::kPairs * mesh.NumVertices());
   edges_.Keep(points_, kept.after_edge);
@@ -158,6 +160,25 @@ bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
   for (int v = 0; v < mesh.NumVertices(); ++v) kept.holding_force[v] = mju_norm3(&holding_forces_[3 * v]);
   Finish(mesh, start, solids, motion);
   return complete && layers_.complete();
+}
+
+int Solver::Prevent(Motion* motion) {
+  const auto prevent = [&] { return impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion); };
+  const int count = static_cast<int>(motion->mass.size());
+  int more = prevent(), changed = more;
+  for (int turn = 0; more && turn < kCordTurns && !chains_.rows().empty(); ++turn) {
+    for (int v = 0; v < count; ++v) {
+      for (int k = 0; k < 3; ++k) now_[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
+    }
+    for (int solve = 0; solve < kCordSolves; ++solve) chains_.Solve(points_, true);
+    for (int v = 0; v < count; ++v) {
+      const bool moves = now_[4 * v + 3] > 0;
+      for (int k = 0; moves && k < 3; ++k) motion->move[3 * v + k] = now_[4 * v + k];
+    }
+    more = prevent();
+    changed += more;
+  }
+  return changed;
 }
 
 void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion) {
@@ -177,7 +198,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
     }
   }
   driven_.Finish(mesh, timestep_, motion);
-  int changed = impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion);
+  int changed = Prevent(motion);
   // Pairs that were not of interest may be by now.
   const float most = kVouched * *std::min_element(mesh.thickness.begin(), mesh.thickness.end());
   for (int search = 0; search < kMaxSearches; ++search) {
@@ -200,7 +221,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
     move_ = end_;
     layers_.Find(mesh, position_, move_);
     layers_.Forget();
-    const int more = impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion);
+    const int more = Prevent(motion);
     changed += more;
     if (!more) break;
   }

@@ -52,6 +52,8 @@ class Solver {
   bool Repeats(const Solids& solids) const { return solids.TouchesBodies() && settings_.sweeps > 1; }
   void Substep(int substep, Solids* solids);
   void Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion);
+  // Nothing passes through anything, and cords that this pulls at get as long again. How many vertices are changed.
+  int Prevent(Motion* motion);
 
   const ClothKernels* kernels_ = nullptr;
   Settings settings_;
