@@ -26,6 +26,11 @@ def drawn(sources: Sequence[torch.Generator], *shape: int, normal: bool = True) 
     return torch.stack([draw(shape, generator=s, device=s.device) for s in sources])
 
 
+def any_actions(sources: Sequence[torch.Generator], number: int, size: int) -> Tensor:
+    """Random ones (seeds, number, size), all alike likely: before anything is learned."""
+    return 2.0 * drawn(sources, number, size, normal=False) - 1.0
+
+
 class Linear(nn.Module):
     """Layers of all seeds, with orthogonal weights and no bias at first."""
 

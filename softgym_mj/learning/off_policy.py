@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch, Replay
 from softgym_mj.learning.symmetries import symmetries
@@ -136,7 +136,7 @@ class OffPolicy:
     def _random(self, first: Tensor, before: Tensor | None) -> Tensor:
         """Actions (seeds, n, action), some of which are those of the env step before."""
         number, lasting = first.shape[1], self._settings.lasting
-        fresh = 2.0 * drawn(self._noise, number, self._problem.action, normal=False) - 1.0
+        fresh = any_actions(self._noise, number, self._problem.action)
         if lasting == 1 or before is None:
             return fresh
         ends = drawn(self._noise, number, normal=False) * lasting < 1.0

@@ -20,7 +20,7 @@ from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet.latent import WorldModel, centred
 from softgym_mj.learning.methods.sac import adam
-from softgym_mj.learning.networks import cut, drawn, generators
+from softgym_mj.learning.networks import any_actions, cut, drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
 
@@ -213,7 +213,7 @@ class PlaNet:
         noise = drawn(sources, number, own.latent)
         latent = model.posterior(belief, embedding).sample(noise)
         if explore and self._seen < own.random_steps:
-            action = 2.0 * drawn(sources, number, model.action, normal=False) - 1.0
+            action = any_actions(sources, number, model.action)
         else:
             action = plan(model, belief, latent, sources, own)
             wide = own.noise if explore else own.evaluation_noise

@@ -24,7 +24,7 @@ from softgym_mj.learning.methods.tdmpc2.networks import (
     WorldModelSettings,
     imagined,
 )
-from softgym_mj.learning.networks import cut, drawn, generators
+from softgym_mj.learning.networks import any_actions, cut, drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
 
@@ -151,7 +151,7 @@ class TDMPC2:
         """See `Learner`; the memory is the planner's last mean (seeds, n, horizon, action)."""
         number, size = observation.shape[1], self._action
         if explore and self._seen < self.settings.random_steps:
-            return 2.0 * drawn(self._noise, number, size, normal=False) - 1.0, None
+            return any_actions(self._noise, number, size), None
         with torch.no_grad():
             latent = self.model.encode(observation)
             if self.settings.plans == "never" or (explore and self.settings.plans != "always"):
