@@ -63,7 +63,7 @@ def _check(i, batch, alone):
 @pytest.mark.parametrize("task", softgym_mj.TASKS)
 def test_a_row_is_an_environment(task):
     envs, alone = _make(task), [_env(task) for _ in VARIATIONS]
-    batch = envs.reset(options={"variation": VARIATIONS})
+    batch = envs.reset(seed=0, options={"variation": VARIATIONS})
     for i, (env, variation) in enumerate(zip(alone, VARIATIONS, strict=True)):
         _check(i, batch, env.reset(options={"variation": variation}))
     for actions in _actions(envs, 6):
@@ -80,7 +80,7 @@ def test_domain_parameters_differ_from_row_to_row():
     domain = {"physics": "in_distribution"}
     task = "spread_cloth"
     envs, alone = _make(task, domain=domain), [_env(task, domain=domain) for _ in VARIATIONS]
-    batch = envs.reset(options={"variation": VARIATIONS})
+    batch = envs.reset(seed=0, options={"variation": VARIATIONS})
     for i, (env, variation) in enumerate(zip(alone, VARIATIONS, strict=True)):
         _check(i, batch, env.reset(options={"variation": variation}))
     for actions in _actions(envs, 3):
@@ -119,7 +119,7 @@ def test_who_resets_who_is_told_to():
     with pytest.raises(LifecycleError, match="have ended"):
         envs.step(actions[2])
     mask = np.array([False, True, False])
-    after, _ = envs.reset(options={"reset_mask": mask, "variation": 806})
+    after, _ = envs.reset(seed=0, options={"reset_mask": mask, "variation": 806})
     same = (before["reduced"] == after["reduced"]).all(1)
     assert same.tolist() == [True, False, True]
     envs.close()
@@ -128,7 +128,7 @@ def test_who_resets_who_is_told_to():
 @pytest.mark.parametrize("task", ["drop_cloth", "rope_configuration", "pour_water"])
 def test_snapshots_go_to_environments_and_back(task):
     envs = _make(task)
-    envs.reset(options={"variation": VARIATIONS})
+    envs.reset(seed=0, options={"variation": VARIATIONS})
     actions = _actions(envs, 8)
     for each in actions[:4]:
         envs.step(each)
@@ -222,7 +222,7 @@ def test_custom_tasks_are_played_if_they_are_functions_of_arrays(register):
         softgym_mj.make_vec("count_rope", 1, device="host")
     register("loosen_rope", _Looser)
     envs = softgym_mj.make_vec("loosen_rope", 2, device="host", fidelity="fast")
-    _, infos = envs.reset(options={"variation": [1, 807]})
+    _, infos = envs.reset(seed=0, options={"variation": [1, 807]})
     assert (infos["success"] == (infos["normalized_performance"] >= 0.5)).all()
     envs.close()
 
@@ -250,7 +250,7 @@ def test_threads_and_turns_change_no_bit():
         place = Processor(threads, turns)
         backend = BatchBackend(SoftGymEnv("spread_cloth", **settings), 3, place)
         envs = VectorEnv(backend, VARIATIONS, AutoresetMode.NEXT_STEP)
-        envs.reset(options={"variation": VARIATIONS})
+        envs.reset(seed=0, options={"variation": VARIATIONS})
         for each in np.random.default_rng(1).uniform(-1.0, 1.0, (3, *envs.action_space.shape)):
             seen = envs.step(each)
         outcomes.append(seen[0])
@@ -344,7 +344,7 @@ def test_processes_read_the_same_starts(task, monkeypatch):
     monkeypatch.setattr(softgym_mj.vector.batch.starts, "num_cores", lambda: 2)
     envs, alone = _make(task), _make(task)
     options = {"variation": VARIATIONS}
-    first, _ = envs.reset(options=options)
+    first, _ = envs.reset(seed=0, options=options)
     alone.backend._starts._make = None
     second, _ = alone.reset(options=options)
     assert same(first, second)
@@ -358,7 +358,7 @@ def test_processes_read_the_same_starts(task, monkeypatch):
 def test_arrays_stay_where_they_are(mode):
     """A graph of a GPU knows them by their places: nothing that happens between steps moves any."""
     _, envs = _twins("spread_cloth", mode=mode, horizon=3)
-    envs.reset(options={"variation": VARIATIONS})
+    envs.reset(seed=0, options={"variation": VARIATIONS})
     actions = torch.zeros(envs.action_space.shape)
     envs.step(actions)
 
@@ -371,9 +371,9 @@ def test_arrays_stay_where_they_are(mode):
     envs.step(actions)
     assert places() == before
     mask = np.array([True, False, False])
-    envs.reset(options={"variation": VARIATIONS[1], "reset_mask": mask})
+    envs.reset(seed=0, options={"variation": VARIATIONS[1], "reset_mask": mask})
     assert places() == before
-    envs.reset(options={"variation": VARIATIONS, "stagger": True})
+    envs.reset(seed=0, options={"variation": VARIATIONS, "stagger": True})
     assert places() == before
     envs.set_state(states)
     assert places() == before
