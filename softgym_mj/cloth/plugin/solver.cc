@@ -162,16 +162,19 @@ bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
   return complete && layers_.complete();
 }
 
+void Solver::Follow(const Motion& motion) {
+  for (size_t v = 0; v < motion.mass.size(); ++v) {
+    for (int k = 0; k < 3; ++k) now_[4 * v + k] = static_cast<float>(motion.move[3 * v + k]);
+  }
+}
+
 int Solver::Prevent(Motion* motion) {
   const auto prevent = [&] { return impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion); };
-  const int count = static_cast<int>(motion->mass.size());
   int more = prevent(), changed = more;
   for (int turn = 0; more && turn < kCordTurns && !chains_.rows().empty(); ++turn) {
-    for (int v = 0; v < count; ++v) {
-      for (int k = 0; k < 3; ++k) now_[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
-    }
+    Follow(*motion);
     for (int solve = 0; solve < kCordSolves; ++solve) chains_.Solve(points_, true);
-    for (int v = 0; v < count; ++v) {
+    for (size_t v = 0; v < motion->mass.size(); ++v) {
       const bool moves = now_[4 * v + 3] > 0;
       for (int k = 0; moves && k < 3; ++k) motion->move[3 * v + k] = now_[4 * v + k];
     }
@@ -228,9 +231,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
   if (!changed) return;
   for (int round = 0; round < kLifts; ++round) {
     before_ = now_;
-    for (int v = 0; v < count; ++v) {
-      for (int k = 0; k < 3; ++k) now_[4 * v + k] = static_cast<float>(motion->move[3 * v + k]);
-    }
+    Follow(*motion);
     solids->Find(*kernels_, points_, 1);
     solids->LiftOut(points_, motion);
   }

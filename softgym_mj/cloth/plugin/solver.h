@@ -54,6 +54,8 @@ class Solver {
   void Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion);
   // Nothing passes through anything, and cords that this pulls at get as long again. How many vertices are changed.
   int Prevent(Motion* motion);
+  // Points go where a motion takes the vertices.
+  void Follow(const Motion& motion);
 
   const ClothKernels* kernels_ = nullptr;
   Settings settings_;
