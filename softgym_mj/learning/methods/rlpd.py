@@ -53,6 +53,7 @@ class RLPDSettings(StateSACSettings):
     alpha_rate: float = 3e-4
     alpha: float = 1.0
     alpha_beta: float = 0.9
+    target_entropy: float = -0.5
     actor_every: int = 20
     target_every: int = 1
     demonstrations: int = 200
@@ -106,7 +107,6 @@ class RLPD(SAC):
         super().__init__(settings, seeds, observation, action, device)
         self._shown, self._own = shown, self.sources
         self.sources = [*self._own, *shown.sources]
-        self._entropy = -0.5 * action
 
     @property
     def number_of_critics(self) -> int:

@@ -20,6 +20,7 @@ from softgym_mj.learning.networks import Actor, Critics, Standard, drawn, genera
 from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
 from softgym_mj.learning.replay import Batch
 
+MOST_ENTROPY = math.log(2.0)  # [nats], of an entry that is uniform in -1..1.
 STANDARD_SAMPLE = 10_000  # Env steps whose means and deviations are taken.
 # [m], or a share: what hardly changes at random may well do so later.
 LEAST_DEVIATION = 0.1
@@ -37,6 +38,7 @@ class SACSettings(OffPolicySettings):
         actor_rate, critic_rate, alpha_rate: of Adam.
         alpha: entropy weight at first.
         alpha_beta: Adam's first one, of the entropy weight.
+        target_entropy: that the weight leads to, of each entry of an action [nats].
         actor_every, target_every: critic updates for each of the actor and of the targets.
         halved_every: updates after which the rates of actor and critics are halved; 0: never.
         log_std: least and largest of a deviation.
@@ -53,6 +55,7 @@ class SACSettings(OffPolicySettings):
     alpha_rate: float = 1e-3
     alpha: float = 0.1
     alpha_beta: float = 0.5
+    target_entropy: float = -1.0
     actor_every: int = 2
     target_every: int = 2
     halved_every: int = 0
@@ -66,6 +69,9 @@ class SACSettings(OffPolicySettings):
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
         check_count("halved_every", self.halved_every, 0)
+        if not self.target_entropy < MOST_ENTROPY:
+            valid = f"below {MOST_ENTROPY:.3f}, that of uniform actions"
+            raise InvalidArgumentError("target_entropy", self.target_entropy, valid)
 
 
 @typed
@@ -113,7 +119,7 @@ class SAC:
         self.targets = copy.deepcopy(self.critics).requires_grad_(False)
         start = torch.full((len(seeds),), settings.alpha, device=device).log()
         self.log_alpha = start.requires_grad_(True)
-        self._entropy = -float(action)
+        self._entropy = settings.target_entropy * action
         rates: tuple[float | Tensor, ...] = settings.actor_rate, settings.critic_rate
         if settings.halved_every:  # On the device, where they change.
             rates = tuple(torch.tensor(rate, device=device) for rate in rates)
