@@ -1,6 +1,7 @@
 """`OffPolicy`: learns from a replay of all that was done, by updates of an algorithm."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
@@ -9,6 +10,7 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
+from softgym_mj.learning.forms import Averaged
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.repetition import Repeated
@@ -29,6 +31,7 @@ class OffPolicySettings:
         replay: env steps of each seed that are kept.
         added: env steps whose rewards are added up.
         symmetric: whether replays show the symmetries of the task.
+        averaged: whether best actions are means over them.
         discount: of rewards, in each env step.
 
     Raises:
@@ -42,12 +45,15 @@ class OffPolicySettings:
     replay: int = 100_000
     added: int = 1
     symmetric: bool = False
+    averaged: bool = False
     discount: float = 0.99
 
     def __post_init__(self):
         for name in ("lasting", "updates", "batch", "replay", "added"):
             check_count(name, getattr(self, name), 1)
         check_count("random_steps", self.random_steps, 0)
+        if self.averaged and not self.symmetric:
+            raise InvalidArgumentError("averaged", True, "False, where symmetric is")
 
 
 class Algorithm(Protocol):
@@ -106,11 +112,17 @@ class OffPolicy:
             replay: makes one of the arguments of `Replay`.
         """
         self._settings, self._problem, self.algorithm = settings, problem, algorithm
+        self._symmetries = symmetries(problem.example()) if settings.symmetric else ()
+        self._best: Callable[[Tensor], Tensor] = functools.partial(algorithm.act, explore=False)
+        if settings.averaged:
+            if problem.observed not in ("reduced", "markov"):
+                valid = "'reduced' or 'markov', to be averaged"
+                raise InvalidArgumentError("observation", problem.observed, valid)
+            self._best = Averaged(self._best, self._symmetries, problem.device)
         self.replay = replay(
             settings.replay // problem.worlds, problem.seeds, problem.worlds, problem.observation,
             problem.action, discount=settings.discount, steps=settings.added,
-            symmetries=symmetries(problem.example()) if settings.symmetric else (),
-            device=problem.device,
+            symmetries=self._symmetries, device=problem.device,
         )  # fmt: skip
         self._noise = generators(problem.seeds, problem.device)
         if settings.updates % algorithm.period:
@@ -131,7 +143,9 @@ class OffPolicy:
         if explore and self._seen < self._settings.random_steps:
             action = self._random(first, memory)
             return action, action
-        return self.algorithm.act(observation, explore=explore), None
+        if not explore:
+            return self._best(observation), None
+        return self.algorithm.act(observation, explore=True), None
 
     def _random(self, first: Tensor, before: Tensor | None) -> Tensor:
         """Actions (seeds, n, action), some of which are those of the env step before."""
@@ -166,7 +180,8 @@ class OffPolicy:
 
     def policy(self, seed: int) -> nn.Module:
         """See `Learner`."""
-        return self.algorithm.policy(seed)
+        policy = self.algorithm.policy(seed)
+        return Averaged(policy, self._symmetries, "cpu") if self._settings.averaged else policy
 
     def get_state(self) -> dict[str, Any]:
         """See `Learner`."""

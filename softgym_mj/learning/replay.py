@@ -5,11 +5,11 @@ import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from softgym_mj.exceptions import check_count
+from softgym_mj.learning.forms import signed_orders
 from softgym_mj.learning.learner import Step
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.symmetries import Symmetry
@@ -88,7 +88,7 @@ class Replay:
         }
         # How many vector steps there are, and which is the oldest: what `sample` reads.
         self._extent = torch.zeros(2, dtype=torch.int64, device=device)
-        self._symmetries = _signed_orders(symmetries, device) if symmetries else None
+        self._symmetries = signed_orders(symmetries, device) if symmetries else None
 
     @property
     def sources(self) -> list[torch.Generator]:
@@ -190,21 +190,6 @@ class Replay:
 def _of(shares: Tensor, number: Tensor | int) -> Tensor:
     """Whole numbers from 0 to below `number`, of shares in 0..1."""
     return (shares * number).long().clamp(max=number - 1)
-
-
-def _signed_orders(
-    symmetries: Sequence[Symmetry], device: torch.device | str
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Order and sign (symmetries, n) by which numbers are taken: of observations, of actions."""
-    found: list[Tensor] = []
-    for name in ("observation", "action"):
-        matrices = np.stack([getattr(symmetry, name) for symmetry in symmetries])
-        # Turns by right angles and mirrors: one entry of 1 or -1 in a row.
-        assert (np.count_nonzero(matrices, axis=-1) == 1).all() and (abs(matrices) <= 1.0).all()
-        orders = np.abs(matrices).argmax(-1)
-        signs = np.take_along_axis(matrices, orders[..., None], -1)[..., 0]
-        found += [torch.tensor(orders, device=device), torch.tensor(signs, device=device).float()]
-    return found[0], found[1], found[2], found[3]
 
 
 def _shown(
