@@ -4,6 +4,7 @@ A seed's numbers do not depend on the others: its weights are drawn from a gener
 nothing mixes them.
 """
 
+import copy
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -12,7 +13,6 @@ import torch
 from torch import Tensor, nn
 
 _EPSILON = 1e-5  # Of LayerNorm.
-_TINY = 1e-6  # Added to a norm that divides (PyTorch's).
 
 
 def generators(seeds: Sequence[int], device: torch.device | str) -> list[torch.Generator]:
@@ -197,11 +197,16 @@ class Critics(nn.Module):
         return self.body(both)[..., 0].unflatten(0, (-1, self.number)).transpose(0, 1)
 
 
-def cut(parameters: Sequence[Tensor], seeds: int, largest: float) -> None:
-    """Scales gradients of arrays (a number for each seed, ...) to a norm in each seed, at most."""
-    gradients = [p.grad for p in parameters if p.grad is not None]
-    squares = [gradient.reshape(seeds, -1).square().sum(-1) for gradient in gradients]
-    factor = (largest / (torch.stack(squares).sum(0).sqrt() + _TINY)).clamp(max=1.0)
-    for gradient in gradients:
-        of_each = factor[:, None].expand(-1, len(gradient) // seeds)
-        gradient.mul_(of_each.reshape(-1, *[1] * (gradient.ndim - 1)))
+class Mean(nn.Module):
+    """The best action of one seed, by the `mean` of a network, of observations (n, k)."""
+
+    def __init__(self, actor: nn.Module, seed: int):
+        super().__init__()
+        self.actor = copy.deepcopy(actor).cpu()
+        seen = (one for one in self.actor.modules() if isinstance(one, Standard))
+        for array in (*self.actor.parameters(), *(b for one in seen for b in one.buffers())):
+            array.data = array.data[seed : seed + 1].clone()  # Other buffers are of no seed.
+        self.requires_grad_(False)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        return self.actor.mean(observation[None])[0]

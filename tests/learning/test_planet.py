@@ -24,7 +24,8 @@ from softgym_mj.learning.methods.planet.learner import (
     make,
     plan,
 )
-from softgym_mj.learning.networks import cut, drawn, generators
+from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.optimization import cut
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training

@@ -27,7 +27,8 @@ from softgym_mj.learning.methods.tdmpc2.two_hot import (
     symlog,
     two_hot,
 )
-from softgym_mj.learning.networks import cut, drawn, generators
+from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.optimization import cut
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training

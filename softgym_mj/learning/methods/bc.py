@@ -17,8 +17,8 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.sac import Mean, adam, step
-from softgym_mj.learning.networks import MLP, Standard, generators
+from softgym_mj.learning.networks import MLP, Mean, Standard, generators
+from softgym_mj.learning.optimization import adam, step
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.symmetries import Symmetry, symmetries

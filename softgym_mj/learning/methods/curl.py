@@ -19,9 +19,9 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.pixels import LEAST, PixelSAC, PixelSettings, cropped, picture_size
-from softgym_mj.learning.methods.sac import adam, follow, step
 from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
+from softgym_mj.learning.optimization import adam, follow, step
 from softgym_mj.learning.replay import Batch
 
 

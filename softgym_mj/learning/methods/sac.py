@@ -7,7 +7,7 @@ targets that always go on at the horizon, the entropy weight learned as it is.
 import copy
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -16,8 +16,9 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.networks import Actor, Critics, Standard, drawn, generators
+from softgym_mj.learning.networks import Actor, Critics, Mean, Standard, drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
+from softgym_mj.learning.optimization import adam, follow, step
 from softgym_mj.learning.replay import Batch
 
 MOST_ENTROPY = math.log(2.0)  # [nats], of an entry that is uniform in -1..1.
@@ -276,53 +277,6 @@ class SAC:
     @property
     def _adams(self) -> tuple[torch.optim.Adam, ...]:
         return self._actor_adam, self._critic_adam, self._alpha_adam
-
-
-def adam(
-    parameters: Iterable[Tensor], rate: float | Tensor, beta: float = 0.9, **settings: Any
-) -> torch.optim.Adam:
-    """An optimiser whose steps can be part of one of CUDA's graphs.
-
-    Args:
-        parameters: of networks of several seeds, all on one device.
-        rate: of learning; a number of the device may change.
-        beta: Adam's first one.
-        **settings: of `torch.optim.Adam`.
-    """
-    weights = [*parameters]
-    on_gpu = weights[0].device.type == "cuda"
-    # Capturable: what Adam counts lies beside the weights.
-    return torch.optim.Adam(
-        weights, rate, (beta, 0.999), capturable=on_gpu, fused=on_gpu, **settings
-    )
-
-
-def step(optimizer: torch.optim.Adam, losses: Tensor) -> None:
-    """Each seed's weights follow its own loss (seeds,): nothing mixes them."""
-    optimizer.zero_grad(set_to_none=True)
-    losses.sum().backward()
-    optimizer.step()
-
-
-def follow(targets: nn.Module, own: nn.Module, share: float) -> None:
-    """Moves each weight of targets by this share of the way to those that they follow."""
-    with torch.no_grad():
-        torch._foreach_lerp_([*targets.parameters()], [*own.parameters()], share)
-
-
-class Mean(nn.Module):
-    """The best action of one seed, by the `mean` of a network, of observations (n, k)."""
-
-    def __init__(self, actor: nn.Module, seed: int):
-        super().__init__()
-        self.actor = copy.deepcopy(actor).cpu()
-        seen = (one for one in self.actor.modules() if isinstance(one, Standard))
-        for array in (*self.actor.parameters(), *(b for one in seen for b in one.buffers())):
-            array.data = array.data[seed : seed + 1].clone()  # Other buffers are of no seed.
-        self.requires_grad_(False)
-
-    def forward(self, observation: Tensor) -> Tensor:
-        return self.actor.mean(observation[None])[0]
 
 
 def make(settings: SACSettings, problem: Problem) -> OffPolicy:

@@ -15,7 +15,6 @@ from torch import Tensor, nn
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.sac import Mean, adam, follow
 from softgym_mj.learning.methods.tdmpc2 import losses
 from softgym_mj.learning.methods.tdmpc2.mppi import MPPISettings, mppi
 from softgym_mj.learning.methods.tdmpc2.networks import (
@@ -24,7 +23,8 @@ from softgym_mj.learning.methods.tdmpc2.networks import (
     WorldModelSettings,
     imagined,
 )
-from softgym_mj.learning.networks import any_actions, cut, drawn, generators
+from softgym_mj.learning.networks import Mean, any_actions, drawn, generators
+from softgym_mj.learning.optimization import adam, cut, follow
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
 
