@@ -79,9 +79,11 @@ def _single(body, k):
     return nn.Sequential(*layers)
 
 
-def test_losses_are_those_of_the_paper():
+@pytest.mark.parametrize("entropy", [-1.0, 0.25])  # The paper's is the first.
+def test_losses_are_those_of_the_paper(entropy):
     seeds = [0, 1]
-    sac = SAC(SMALL, seeds, OBSERVATION, ACTION)
+    settings = dataclasses.replace(SMALL, target_entropy=entropy)
+    sac = SAC(settings, seeds, OBSERVATION, ACTION)
     sac.update(_batch(seeds))  # So that targets are no copies.
     sac.update(_batch(seeds, seed=1))
     batch, noise = _batch(seeds, seed=2), torch.randn(2, NUMBER, ACTION)
@@ -104,7 +106,7 @@ def test_losses_are_those_of_the_paper():
             chosen_input = torch.cat([batch.observation[k, i], chosen[k, i]])
             best = min(c(chosen_input).item() for c in pair)
             of_actor += (weight * density[k, i].item() - best) / NUMBER
-            of_alpha += weight * (-density[k, i].item() + ACTION) / NUMBER
+            of_alpha += weight * (-density[k, i].item() - entropy * ACTION) / NUMBER
         assert critic[k].item() == pytest.approx(expected, rel=1e-4)
         assert actor[k].item() == pytest.approx(of_actor, rel=1e-4)
         assert alpha[k].item() == pytest.approx(of_alpha, rel=1e-4)
@@ -234,7 +236,8 @@ def test_random_actions_last_as_long_as_they_are_told_to():
 
 
 def test_bad_settings_are_refused():
-    for name, value in (("tau", 0.0), ("discount", 1.5), ("actor_every", 0)):
+    wrong = ("tau", 0.0), ("discount", 1.5), ("actor_every", 0), ("target_entropy", 0.7)
+    for name, value in wrong:
         with pytest.raises(InvalidArgumentError, match=name):
             SACSettings(**{name: value})
 
