@@ -29,6 +29,8 @@ class TrainingSettings:
         final_episodes: held out, in the last one.
         fidelity: of the task.
         episode_steps: env steps of an episode; None for the task's own.
+        learned_steps: env steps after which an episode that is learned from is left for another
+            one, while its value goes on; None for all of it. Evaluations play all of it.
         actor: of the task.
 
     Raises:
@@ -47,6 +49,7 @@ class TrainingSettings:
     final_episodes: int = 200
     fidelity: str = "default"
     episode_steps: int | None = None
+    learned_steps: int | None = None
     actor: str | None = None
 
     def __post_init__(self):
@@ -61,6 +64,8 @@ class TrainingSettings:
                 raise InvalidArgumentError(
                     name, getattr(self, name), f"{self.worlds} times a number"
                 )
+        if self.learned_steps is not None:
+            check_count("learned_steps", self.learned_steps, 1)
         if self.env_steps % self.part:
             raise InvalidArgumentError("env_steps", self.env_steps, f"{self.part} times a number")
 

@@ -64,7 +64,8 @@ class Training:
         if self.learner_device == "cuda" and not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
         number = settings.worlds * len(self.seeds)
-        self._envs = self._make(number, autoreset_mode="SameStep")
+        left = {} if settings.learned_steps is None else {"horizon": settings.learned_steps}
+        self._envs = self._make(number, autoreset_mode="SameStep", **left)
         self._players: dict[int, Any] = {}  # Environments of evaluations, by their number.
         self._problem = Problem(
             settings.task, settings.task_settings, self.seeds, settings.worlds,
@@ -78,7 +79,7 @@ class Training:
         sized: dict[str, Any] = {"image_size": own.image_size} if images else {}
         return softgym_mj.make_vec(
             own.task, number, device=self.device, observation=own.observation, **sized,
-            **own.task_settings, **settings,
+            **{**own.task_settings, **settings},
         )  # fmt: skip
 
     @property
