@@ -33,6 +33,9 @@ class OffPolicySettings:
         symmetric: whether replays show the symmetries of the task.
         averaged: whether best actions are means over them.
         discount: of rewards, in each env step.
+        last_discount: what that rises to; None if it stays.
+        rising: env steps of each seed between which it does, so that its horizon,
+            1 / (1 - discount), grows by equal factors.
 
     Raises:
         InvalidArgumentError: for numbers out of range.
@@ -47,13 +50,28 @@ class OffPolicySettings:
     symmetric: bool = False
     averaged: bool = False
     discount: float = 0.99
+    last_discount: float | None = None
+    rising: tuple[int, int] = (0, 1)
 
     def __post_init__(self):
         for name in ("lasting", "updates", "batch", "replay", "added"):
             check_count(name, getattr(self, name), 1)
         check_count("random_steps", self.random_steps, 0)
+        if self.last_discount is not None and not self.discount <= self.last_discount < 1.0:
+            valid = f"{self.discount} to below 1"
+            raise InvalidArgumentError("last_discount", self.last_discount, valid)
+        if not 0 <= self.rising[0] < self.rising[1]:
+            raise InvalidArgumentError("rising", self.rising, "from one number to a larger one")
         if self.averaged and not self.symmetric:
             raise InvalidArgumentError("averaged", True, "False, where symmetric is")
+
+    def discount_at(self, env_steps: int) -> float:
+        """The discount after so many env steps of each seed."""
+        if self.last_discount is None:
+            return self.discount
+        first, last = self.rising
+        share = min(max((env_steps - first) / (last - first), 0.0), 1.0)
+        return 1.0 - (1.0 - self.discount) ** (1.0 - share) * (1.0 - self.last_discount) ** share
 
 
 class Algorithm(Protocol):
@@ -165,6 +183,7 @@ class OffPolicy:
         if learns and self.replay.size >= self._settings.added:
             if not self.updates:
                 self.algorithm.begin(self.replay.sample)
+            self.replay.discount.fill_(self._settings.discount_at(self._seen))
             wanted = self.updates + self._settings.updates
             for _ in range(self._settings.updates // self.algorithm.period):
                 found = self._few()

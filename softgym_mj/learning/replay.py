@@ -44,6 +44,7 @@ class Replay:
 
     Attributes:
         size: how many vector steps there are.
+        discount: a number on the device, of rewards in each env step; it may change.
     """
 
     def __init__(
@@ -73,7 +74,8 @@ class Replay:
             device: where.
         """
         self._steps = check_count("steps", steps, 1, capacity)
-        self._capacity, self._discount, self.size, self._next = capacity, discount, 0, 0
+        self._capacity, self.size, self._next = capacity, 0, 0
+        self.discount = torch.full((), discount, device=device)
         self._seeds, self._worlds = len(seeds), worlds
         self._sources = generators(seeds, device)
         lead = capacity, len(seeds), worlds
@@ -142,14 +144,15 @@ class Replay:
         kept = self.kept
         observation = kept["observation"][first, seed, world]
         action = kept["action"][first, seed, world]
-        reward, factor = torch.zeros(first.shape, device=first.device), 1.0
+        reward = torch.zeros(first.shape, device=first.device)
+        factor = torch.ones((), device=first.device)
         going = torch.ones_like(reward)  # Whether the episode still goes on.
         last, discount = first, torch.zeros_like(reward)
         for k in range(self._steps):
             at = (first + k) % self._capacity
             reward = reward + going * factor * kept["reward"][at, seed, world]
             last = torch.where(going > 0, at, last)
-            factor *= self._discount
+            factor = factor * self.discount
             # Of an episode that has come to its horizon the value goes on.
             lives = (~kept["terminated"][at, seed, world]).float()
             discount = torch.where(going > 0, factor * lives, discount)

@@ -200,7 +200,8 @@ def test_a_training_that_was_killed_ends_alike(tmp_path):
     )  # fmt: skip
     method = find_method(
         "rlpd", hidden=(8,), random_steps=4, updates=4, batch=4, replay=16, actor_every=2,
-        added=2, symmetric=True, demonstrations=2, jobs=1, critics=3,
+        added=2, symmetric=True, demonstrations=2, jobs=1, critics=3, discount=0.9,
+        last_discount=0.99, rising=(4, 20),
     )  # fmt: skip
 
     def kill(now, news):
@@ -216,6 +217,8 @@ def test_a_training_that_was_killed_ends_alike(tmp_path):
     assert all(map(torch.equal, *weights))
     assert [row["env_steps"] for row in again.rows] == [24] * 4
     assert again.learner.updates == 4 * (24 - 4) // 2
+    # Demonstrations are of the same discount as what was done.
+    assert again.learner.algorithm._shown.sample(9).discount.max() == pytest.approx(0.99**2)
 
 
 @pytest.mark.parametrize("preset", ["paper", "fast"])

@@ -152,4 +152,6 @@ def make(settings: RLPDSettings, problem: Problem) -> OffPolicy:
     )  # fmt: skip
     (size,) = problem.observation
     rlpd = RLPD(settings, problem.seeds, replay, size, problem.action, problem.device)
-    return OffPolicy(settings, problem, rlpd)
+    learner = OffPolicy(settings, problem, rlpd)
+    replay.discount = learner.replay.discount  # What changes for one does for the other.
+    return learner

@@ -1,0 +1,37 @@
+"""What methods that learn from a replay have in common."""
+
+import pytest
+import torch
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.off_policy import OffPolicySettings
+from softgym_mj.learning.registry import find_method
+
+RISES = {"discount": 0.95, "last_discount": 0.9875, "rising": (100, 300)}
+
+
+def test_the_horizon_grows_by_equal_factors():
+    settings = OffPolicySettings(**RISES)
+    for env_steps, horizon in ((0, 20.0), (100, 20.0), (200, 40.0), (300, 80.0), (900, 80.0)):
+        assert 1.0 / (1.0 - settings.discount_at(env_steps)) == pytest.approx(horizon)
+    assert OffPolicySettings(discount=0.9).discount_at(10**6) == 0.9
+
+
+def test_batches_are_of_the_discount_of_their_time():
+    settings = RISES | {"rising": (4, 8)}
+    method = find_method("sac", hidden=(8,), random_steps=0, updates=2, replay=32, **settings)
+    problem = Problem("straighten_rope", {}, [0], 2, (3,), 2, 1.0, "cpu")
+    learner, no = method.make(method.settings, problem), torch.zeros(1, 2, dtype=torch.bool)
+    found = []
+    for _ in range(5):
+        seen, reward = torch.randn(1, 2, 3), torch.zeros(1, 2)
+        learner.learn(Step(seen, torch.zeros(1, 2, 2), reward, seen, no, no))
+        found.append(learner.replay.sample(1).discount.item())
+    assert found == pytest.approx([0.95, 0.95, 1.0 - 0.05 / 2.0, 0.9875, 0.9875])
+
+
+def test_bad_settings_are_refused():
+    for name, value in (("last_discount", 0.9), ("last_discount", 1.0), ("rising", (3, 3))):
+        with pytest.raises(InvalidArgumentError, match=name):
+            OffPolicySettings(**{"discount": 0.95, name: value})
