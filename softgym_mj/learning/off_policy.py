@@ -183,7 +183,8 @@ class OffPolicy:
         if learns and self.replay.size >= self._settings.added:
             if not self.updates:
                 self.algorithm.begin(self.replay.sample)
-            self.replay.discount.fill_(self._settings.discount_at(self._seen))
+            if self._settings.last_discount is not None:
+                self.replay.discount.fill_(self._settings.discount_at(self._seen))
             wanted = self.updates + self._settings.updates
             for _ in range(self._settings.updates // self.algorithm.period):
                 found = self._few()

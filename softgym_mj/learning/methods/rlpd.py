@@ -133,7 +133,8 @@ class RLPD(SAC):
         action, density = self.actor.sample(batch.observation, noise)
         value = self.critics(batch.observation, action).mean(0)
         actor = (self.alpha[:, None] * density - value).mean(-1)
-        surplus = (-density - self._entropy).detach().mean(-1)
+        wanted = self.target_entropy * action.shape[-1]
+        surplus = (-density - wanted).detach().mean(-1)
         return actor, self.log_alpha.exp() * surplus
 
     def update(self, batch: Batch) -> dict[str, Tensor]:

@@ -96,6 +96,8 @@ class SAC:
     Attributes:
         settings: how.
         actor, critics, targets: the networks.
+        target_entropy: that entropy weights lead to, of each entry of an action [nats]: a number,
+            or one for each seed (seeds, 1).
         updates, sources, period: as of `Algorithm`.
     """
 
@@ -120,7 +122,7 @@ class SAC:
         self.targets = copy.deepcopy(self.critics).requires_grad_(False)
         start = torch.full((len(seeds),), settings.alpha, device=device).log()
         self.log_alpha = start.requires_grad_(True)
-        self._entropy = settings.target_entropy * action
+        self.target_entropy: float | Tensor = settings.target_entropy
         rates: tuple[float | Tensor, ...] = settings.actor_rate, settings.critic_rate
         if settings.halved_every:  # On the device, where they change.
             rates = tuple(torch.tensor(rate, device=device) for rate in rates)
@@ -205,7 +207,8 @@ class SAC:
         action, density = self.actor.sample(batch.observation, noise)
         value = self.critics(batch.observation, action).amin(0)
         actor = (self.alpha[:, None] * density - value).mean(-1)
-        surplus = (-density - self._entropy).detach().mean(-1)
+        wanted = self.target_entropy * action.shape[-1]
+        surplus = (-density - wanted).detach().mean(-1)
         return actor, self.log_alpha.exp() * surplus
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
