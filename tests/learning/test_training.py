@@ -21,8 +21,9 @@ from softgym_mj.policies.factory import make_policy
 
 SEEDS = [4, 9]
 METHOD = find_method(
-    "sac", hidden=(16, 16), random_steps=8, updates=2, batch=8, replay=24, added=2, symmetric=True
-)
+    "sac", hidden=(16, 16), random_steps=8, updates=2, batch=8, replay=24, added=2,
+    symmetric=True, averaged=True,
+)  # fmt: skip
 SETTINGS = TrainingSettings(
     "straighten_rope", env_steps=32, worlds=2, part=8, evaluate_every=2, episodes=1,
     final_episodes=2, fidelity="fast", episode_steps=6,
