@@ -27,7 +27,8 @@ from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
 
 LAST = 2  # Evaluations, whose mean is a score: one alone is of few episodes.
-VARIED = ("discount", "added", "target_entropy")
+OF_REPLAYS, OF_SAC = ("discount", "added"), ("target_entropy", "pessimism")
+VARIED = (*OF_REPLAYS, *OF_SAC)
 Varied = Mapping[str, Sequence[float]]
 
 
@@ -39,7 +40,7 @@ def varied(learner: OffPolicy, vary: Varied) -> OffPolicy:
         vary: by the name of a setting, one of `VARIED`.
     """
     for name, values in vary.items():
-        owner = learner.algorithm if name == "target_entropy" else learner.replay
+        owner = learner.algorithm if name in OF_SAC else learner.replay
         each = torch.tensor(values, device=learner.replay.discount.device)[:, None]
         setattr(owner, name, each)
     return learner

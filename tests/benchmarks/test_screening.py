@@ -9,7 +9,12 @@ from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.registry import find_method
 
 OBSERVATION, ACTION, WORLDS = 4, 2, 3
-VARY = {"discount": [0.9, 0.99], "added": [1, 3], "target_entropy": [0.25, -1.0]}
+VARY = {
+    "discount": [0.9, 0.99],
+    "added": [1, 3],
+    "target_entropy": [0.25, -1.0],
+    "pessimism": [0.0, 1.0],
+}
 
 
 def _learner(seeds, **settings):

@@ -79,10 +79,14 @@ def _single(body, k):
     return nn.Sequential(*layers)
 
 
-@pytest.mark.parametrize("entropy", [-1.0, 0.25])  # The paper's is the first.
-def test_losses_are_those_of_the_paper(entropy):
+@pytest.mark.parametrize(("entropy", "pessimism"), [(-1.0, 1.0), (0.25, 0.3)])
+def test_losses_are_those_of_the_paper(entropy, pessimism):  # Which has the first ones.
     seeds = [0, 1]
-    settings = dataclasses.replace(SMALL, target_entropy=entropy)
+    settings = dataclasses.replace(SMALL, target_entropy=entropy, pessimism=pessimism)
+
+    def judged(values):
+        return (1.0 - pessimism) * sum(values) / 2.0 + pessimism * min(values)
+
     sac = SAC(settings, seeds, OBSERVATION, ACTION)
     sac.update(_batch(seeds))  # So that targets are no copies.
     sac.update(_batch(seeds, seed=1))
@@ -99,12 +103,12 @@ def test_losses_are_those_of_the_paper(entropy):
         chosen, density = sac.actor.sample(batch.observation, noise)
         for i in range(NUMBER):
             next_input = torch.cat([batch.next_observation[k, i], following[k, i]])
-            value = min(t(next_input).item() for t in targets) - weight * later[k, i].item()
+            value = judged([t(next_input).item() for t in targets]) - weight * later[k, i].item()
             wanted = batch.reward[k, i].item() + 0.9 * value
             own_input = torch.cat([batch.observation[k, i], batch.action[k, i]])
             expected += sum((c(own_input).item() - wanted) ** 2 for c in pair) / NUMBER
             chosen_input = torch.cat([batch.observation[k, i], chosen[k, i]])
-            best = min(c(chosen_input).item() for c in pair)
+            best = judged([c(chosen_input).item() for c in pair])
             of_actor += (weight * density[k, i].item() - best) / NUMBER
             of_alpha += weight * (-density[k, i].item() - entropy * ACTION) / NUMBER
         assert critic[k].item() == pytest.approx(expected, rel=1e-4)
@@ -236,7 +240,13 @@ def test_random_actions_last_as_long_as_they_are_told_to():
 
 
 def test_bad_settings_are_refused():
-    wrong = ("tau", 0.0), ("discount", 1.5), ("actor_every", 0), ("target_entropy", 0.7)
+    wrong = (
+        ("tau", 0.0),
+        ("discount", 1.5),
+        ("actor_every", 0),
+        ("target_entropy", 0.7),
+        ("pessimism", 2),
+    )
     for name, value in wrong:
         with pytest.raises(InvalidArgumentError, match=name):
             SACSettings(**{name: value})

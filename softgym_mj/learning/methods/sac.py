@@ -40,6 +40,7 @@ class SACSettings(OffPolicySettings):
         alpha: entropy weight at first.
         alpha_beta: Adam's first one, of the entropy weight.
         target_entropy: that the weight leads to, of each entry of an action [nats].
+        pessimism: 1 takes the least of what critics say, as the paper does; 0 their mean.
         actor_every, target_every: critic updates for each of the actor and of the targets.
         halved_every: updates after which the rates of actor and critics are halved; 0: never.
         log_std: least and largest of a deviation.
@@ -57,6 +58,7 @@ class SACSettings(OffPolicySettings):
     alpha: float = 0.1
     alpha_beta: float = 0.5
     target_entropy: float = -1.0
+    pessimism: float = 1.0
     actor_every: int = 2
     target_every: int = 2
     halved_every: int = 0
@@ -67,6 +69,8 @@ class SACSettings(OffPolicySettings):
         for name in ("discount", "tau", "alpha", "actor_rate", "critic_rate", "alpha_rate"):
             if not 0.0 < getattr(self, name) <= 1.0:
                 raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
+        if not 0.0 <= self.pessimism <= 1.0:
+            raise InvalidArgumentError("pessimism", self.pessimism, "from 0 to 1")
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
         check_count("halved_every", self.halved_every, 0)
@@ -96,8 +100,7 @@ class SAC:
     Attributes:
         settings: how.
         actor, critics, targets: the networks.
-        target_entropy: that entropy weights lead to, of each entry of an action [nats]: a number,
-            or one for each seed (seeds, 1).
+        target_entropy, pessimism: as in the settings: a number, or one for each seed (seeds, 1).
         updates, sources, period: as of `Algorithm`.
     """
 
@@ -123,6 +126,7 @@ class SAC:
         start = torch.full((len(seeds),), settings.alpha, device=device).log()
         self.log_alpha = start.requires_grad_(True)
         self.target_entropy: float | Tensor = settings.target_entropy
+        self.pessimism: float | Tensor = settings.pessimism
         rates: tuple[float | Tensor, ...] = settings.actor_rate, settings.critic_rate
         if settings.halved_every:  # On the device, where they change.
             rates = tuple(torch.tensor(rate, device=device) for rate in rates)
@@ -179,11 +183,15 @@ class SAC:
 
     # ------------------------------------------------------------------ losses
 
+    def _judged(self, values: Tensor) -> Tensor:
+        """The value (seeds, n) by what critics say (critics, seeds, n)."""
+        return torch.lerp(values.mean(0), values.amin(0), self.pessimism)
+
     def wanted(self, batch: Batch, noise: Tensor) -> Tensor:
         """Returns (seeds, n) that critics are to find; arguments as of `critic_loss`."""
         with torch.no_grad():
             action, density = self.actor.sample(batch.next_observation, noise)
-            value = self.targets(batch.next_observation, action).amin(0)
+            value = self._judged(self.targets(batch.next_observation, action))
             value = value - self.alpha[:, None] * density
             return batch.reward + batch.discount * value
 
@@ -205,7 +213,7 @@ class SAC:
             noise: of actions (seeds, n, action).
         """
         action, density = self.actor.sample(batch.observation, noise)
-        value = self.critics(batch.observation, action).amin(0)
+        value = self._judged(self.critics(batch.observation, action))
         actor = (self.alpha[:, None] * density - value).mean(-1)
         wanted = self.target_entropy * action.shape[-1]
         surplus = (-density - wanted).detach().mean(-1)
