@@ -1,17 +1,26 @@
-// The programs of batches as a block of a GPU would carry them out, by threads of a processor: barriers, votes of eight
-// threads and atomics are real, so that a thread that goes another way than it should is found out.
+// The programs of batches as a block of a GPU would carry them out: barriers, votes of eight threads and atomics are
+// real, so that a thread that goes another way than it should is found out. Threads take turns from barrier to barrier,
+// each time in another order. With BY_THREADS they are threads of a processor, whose races can be looked for: slowly,
+// as each barrier wakes all of them.
 
 #define __CUDACC__ 1
 #define __shared__ static
 
-#include <barrier>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
-#include <thread>
 #include <vector>
+#ifdef BY_THREADS
+#include <barrier>
+#include <thread>
+#else
+#include <ucontext.h>
+
+#include <functional>
+#endif
 
 namespace {
 
@@ -20,15 +29,112 @@ constexpr int kGroup = 8;
 struct Index {
   unsigned x;
 };
-thread_local Index threadIdx;
 Index blockDim;
 
+#ifdef BY_THREADS
+
+thread_local Index threadIdx;
+using Barrier = std::barrier<>;
+
+// Calls f in each of so many threads.
+template <class F>
+void InTurns(int threads, F f) {
+  std::vector<std::thread> all;
+  for (int t = 0; t < threads; ++t) {
+    all.emplace_back([&, t] {
+      threadIdx.x = t;
+      f();
+    });
+  }
+  for (std::thread& thread : all) thread.join();
+}
+
+#else
+
+Index threadIdx;
+
+struct Turn {
+  ucontext_t context;
+  std::unique_ptr<char[]> stack;
+  bool ended = false;
+};
+std::vector<Turn> turns;
+ucontext_t outside;
+unsigned stride;   // From a turn to the next: odd, so that all come, of which there are a power of two.
+unsigned waiting;  // Turns since something went on.
+
+// Lets the next one that has not ended go on; the last one that ends goes outside.
+void Next() {
+  const unsigned count = turns.size(), own = threadIdx.x;
+  if (++waiting > 2 * count) {
+    std::fputs("threads of a block wait for each other for ever\n", stderr);
+    std::abort();
+  }
+  for (unsigned k = 1; k <= count; ++k) {
+    const unsigned other = (own + k * stride) % count;
+    if (turns[other].ended) continue;
+    if (other == own) return;
+    threadIdx.x = other;
+    swapcontext(&turns[own].context, &turns[other].context);
+    return;
+  }
+  swapcontext(&turns[own].context, &outside);
+}
+
+class Barrier {
+ public:
+  explicit Barrier(int threads) : threads_(threads) {}
+  void arrive_and_wait() {
+    const unsigned own = times_;
+    if (++arrived_ == threads_) {
+      arrived_ = 0;
+      ++times_;
+      stride = (stride + 2) % turns.size();
+      waiting = 0;
+      return;
+    }
+    while (times_ == own) Next();
+  }
+
+ private:
+  int threads_, arrived_ = 0;
+  unsigned times_ = 0;
+};
+
+std::function<void()> each;
+
+void Enter() {
+  each();
+  turns[threadIdx.x].ended = true;
+  waiting = 0;
+  Next();
+}
+
+// Calls f in each of so many threads, a power of two.
+void InTurns(int threads, std::function<void()> f) {
+  constexpr std::size_t kStack = 1 << 20;  // [bytes]
+  each = std::move(f);
+  turns = std::vector<Turn>(threads);
+  for (Turn& turn : turns) {
+    turn.stack = std::make_unique<char[]>(kStack);
+    getcontext(&turn.context);
+    turn.context.uc_stack.ss_sp = turn.stack.get();
+    turn.context.uc_stack.ss_size = kStack;
+    makecontext(&turn.context, Enter, 0);
+  }
+  stride = 1;
+  waiting = threadIdx.x = 0;
+  swapcontext(&outside, &turns[0].context);
+}
+
+#endif
+
 struct Group {
-  std::barrier<> barrier{kGroup};
+  Barrier barrier{kGroup};
   unsigned votes[kGroup];
   float values[kGroup];
 };
-std::unique_ptr<std::barrier<>> block;
+std::unique_ptr<Barrier> block;
 std::vector<std::unique_ptr<Group>> groups;
 
 Group& Own() { return *groups[threadIdx.x / kGroup]; }
@@ -111,17 +217,10 @@ template <class Batch, class F>
 void Emulate(const Batch& batch, int threads, F step) {
   blockDim.x = threads;
   for (int i = 0; i < batch.num_worlds; ++i) {
-    block = std::make_unique<std::barrier<>>(threads);
+    block = std::make_unique<Barrier>(threads);
     groups.clear();
     for (int g = 0; g < threads / kGroup; ++g) groups.push_back(std::make_unique<Group>());
-    std::vector<std::thread> all;
-    for (int t = 0; t < threads; ++t) {
-      all.emplace_back([&, t] {
-        threadIdx.x = t;
-        step(batch, i);
-      });
-    }
-    for (std::thread& thread : all) thread.join();
+    InTurns(threads, [&] { step(batch, i); });
   }
 }
 

@@ -12,13 +12,13 @@ from tests.native.emulated_steps import draw_and_check, step_and_check
 
 SOURCE = pathlib.Path(__file__).with_name("emulated_gpu.cc")
 ROOT = SOURCE.parents[2]
-STEPS = 2  # Sim steps: on few cores a barrier takes long.
+STEPS, OF_WATER = 8, 2  # Sim steps.
 CASES = [
     ("rope_configuration", 806),
     ("fold_crumpled_cloth", 806),
     ("drop_cloth", 811),
     ("transport_water", 806),
-    pytest.param("pour_water", 806, marks=pytest.mark.slow),
+    ("pour_water", 806),
 ]
 
 
@@ -40,7 +40,7 @@ def _emulated(tmp_path_factory):
 
 @pytest.mark.parametrize(("task", "variation"), CASES)
 def test_a_block_makes_the_steps_of_the_plugin(emulated, task, variation):
-    step_and_check(emulated, task, variation, 1 if "water" in task else STEPS)
+    step_and_check(emulated, task, variation, OF_WATER if "water" in task else STEPS)
 
 
 @pytest.mark.parametrize("task", ["straighten_rope", "drop_cloth", "pour_water"])
@@ -50,7 +50,7 @@ def test_a_block_draws_the_same(emulated, task):
 
 @pytest.mark.slow
 def test_threads_of_a_block_do_not_race(tmp_path):
-    file = _compile(tmp_path, "-O1", "-g", "-fsanitize=thread")
+    file = _compile(tmp_path, "-O1", "-g", "-fsanitize=thread", "-DBY_THREADS")
     found = subprocess.run(
         ["g++", "-print-file-name=libtsan.so"], check=True, capture_output=True, text=True
     )
@@ -60,7 +60,7 @@ def test_threads_of_a_block_do_not_race(tmp_path):
         "TSAN_OPTIONS": "exitcode=0",
         "PYTHONPATH": str(ROOT),
     }
-    for task, variation in (case.values if hasattr(case, "values") else case for case in CASES):
+    for task, variation in CASES:
         command = [sys.executable, "-m", "tests.native.emulated_steps"]
         outcome = subprocess.run(
             [*command, file, task, str(variation), "1"], env=environment, cwd=ROOT,
