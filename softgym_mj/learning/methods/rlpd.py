@@ -36,6 +36,7 @@ class RLPDSettings(StateSACSettings):
         critics: how many.
         least_of: of how many the least is a target.
         backup_entropy: whether targets have the entropy of next actions.
+        pessimism: of what the actor follows; targets have `least_of`.
 
     Raises:
         InvalidArgumentError: for numbers out of range.
@@ -54,6 +55,7 @@ class RLPDSettings(StateSACSettings):
     alpha: float = 1.0
     alpha_beta: float = 0.9
     target_entropy: float = -0.5
+    pessimism: float = 0.0
     actor_every: int = 20
     target_every: int = 1
     demonstrations: int = 200
@@ -127,15 +129,6 @@ class RLPD(SAC):
             if settings.backup_entropy:
                 value = value - self.alpha[:, None] * density
             return batch.reward + batch.discount * value
-
-    def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """As of `SAC`, but for the value: the mean of all critics."""
-        action, density = self.actor.sample(batch.observation, noise)
-        value = self.critics(batch.observation, action).mean(0)
-        actor = (self.alpha[:, None] * density - value).mean(-1)
-        wanted = self.target_entropy * action.shape[-1]
-        surplus = (-density - wanted).detach().mean(-1)
-        return actor, self.log_alpha.exp() * surplus
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Learns from a batch and as many demonstrated steps; returns as `SAC.update`."""
