@@ -158,11 +158,11 @@ class OffPolicy:
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
         """See `Learner`."""
-        if explore and self._seen < self._settings.random_steps:
-            action = self._random(first, memory)
-            return action, action
         if not explore:
             return self._best(observation), None
+        if self._seen < self._settings.random_steps:
+            action = self._random(first, memory)
+            return action, action
         return self.algorithm.act(observation, explore=True), None
 
     def _random(self, first: Tensor, before: Tensor | None) -> Tensor:
