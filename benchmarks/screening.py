@@ -10,6 +10,7 @@ what they draw, too, so that small differences say nothing.
 
 import argparse
 import collections
+import dataclasses
 import json
 import pathlib
 from collections.abc import Mapping, Sequence
@@ -19,11 +20,10 @@ import numpy as np
 import torch
 
 from softgym_mj.exceptions import InvalidArgumentError, check_name
-from softgym_mj.learning.learner import Method, Problem
+from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import make
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.registry import find_preset
-from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
 
 LAST = 2  # Evaluations, whose mean is a score: one alone is of few episodes.
@@ -69,30 +69,25 @@ def screen(
     def make_varied(settings: Any, problem: Problem) -> OffPolicy:
         return varied(make(settings, problem), vary)
 
-    own = Method(method.name, method.preset, method.settings, make_varied)
+    own = dataclasses.replace(method, make=make_varied)
     (number,) = lengths
     run = Training(training, own, range(number), folder, device)
     run.run(_tell)
-    return scores(run, training)
+    return scores(run, LAST)
 
 
-def scores(run: Training, training: TrainingSettings) -> list[float]:
-    """Of each seed: means over all episodes of the last evaluations."""
-    last = sorted({row["env_steps"] for row in run.rows})[-LAST:]
+def scores(run: Training, last: int) -> list[float]:
+    """Of each seed: means over all episodes of so many last evaluations."""
+    evaluations = sorted({row["env_steps"] for row in run.rows})[-last:]
     found = collections.defaultdict(list)
     for row in run.rows:
-        if row["env_steps"] in last:
+        if row["env_steps"] in evaluations:
             found[row["seed"]] += [row["normalized_performance"]] * row["episodes"]
     return [float(np.mean(found[seed])) for seed in run.seeds]
 
 
 def _tell(now: Training, news: Mapping[str, Any]) -> None:
-    last = [row for row in now.rows if row["env_steps"] == now.env_steps]
-    means = [
-        np.mean([row["normalized_performance"] for row in last if row["seed"] == seed])
-        for seed in now.seeds
-    ]
-    print(now.env_steps, *(f"{mean:.3f}" for mean in means), flush=True)
+    print(now.env_steps, *(f"{score:.3f}" for score in scores(now, 1)), flush=True)
 
 
 def main() -> None:
