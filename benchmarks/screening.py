@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import make
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.registry import find_preset
-from softgym_mj.learning.training import Training
+from softgym_mj.learning.training import CHECKPOINT, Training
 
 LAST = 2  # Evaluations, whose mean is a score: one alone is of few episodes.
 OF_REPLAYS, OF_SAC = ("discount", "added"), ("target_entropy", "pessimism")
@@ -54,7 +54,10 @@ def screen(
 
     Raises:
         InvalidArgumentError: for what does not vary, or lists of different lengths.
+        StoreError: if the folder has a training: it does not know of which numbers.
     """
+    if (folder / CHECKPOINT).exists():
+        raise StoreError(f"{folder} has a training: choose another folder")
     for name in vary:
         check_name("vary", name, VARIED)
     lengths = {len(values) for values in vary.values()}
@@ -63,6 +66,8 @@ def screen(
     # Numbers are checked one by one, as settings.
     for numbers in zip(*vary.values(), strict=True):
         find_preset("sac", preset, task, **{**settings, **dict(zip(vary, numbers, strict=True))})
+    if "discount" in vary and settings.get("last_discount") is not None:
+        raise InvalidArgumentError("last_discount", settings["last_discount"], "none: it varies")
     most = {"added": max(vary["added"])} if "added" in vary else {}
     training, method = find_preset("sac", preset, task, **{**settings, **most})
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from benchmarks.screening import screen, varied
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.registry import find_method
 
@@ -64,6 +64,14 @@ def test_a_task_is_screened(tmp_path):
     vary = {"discount": [0.9, 0.99], "added": [1, 3]}
     scores = screen("straighten_rope", "fast", settings, vary, tmp_path, "host")
     assert len(scores) == 2 and all(-3.0 < score <= 1.0 for score in scores)
+    with pytest.raises(StoreError, match="another folder"):  # Of which numbers is not known.
+        screen("straighten_rope", "fast", settings, {"discount": [0.8, 0.9]}, tmp_path, "host")
+
+
+def test_a_discount_that_varies_does_not_rise(tmp_path):
+    with pytest.raises(InvalidArgumentError, match="last_discount"):
+        settings = {"last_discount": 0.99}
+        screen("straighten_rope", "fast", settings, {"discount": [0.9]}, tmp_path, "host")
 
 
 @pytest.mark.parametrize(
