@@ -53,6 +53,8 @@ def find_preset(
 ) -> tuple[TrainingSettings, Method]:
     """What a method learns, and how, by a preset of its file.
 
+    A preset may have settings of its own for a task, and for an observation that is not its first.
+
     Args:
         name: one of `METHODS`.
         preset: of the method's file, such as "paper" or "fast".
@@ -66,9 +68,11 @@ def find_preset(
     file = pathlib.Path(__file__).parent / "methods" / "presets" / f"{name}.toml"
     presets = tomllib.loads(file.read_text())
     check_name("preset", preset, presets)
-    own = presets[preset].get("tasks", {}).get(task, {})
+    whole = presets[preset]
+    seen = whole.get("observations", {}).get(replaced.get("observation"), {})
+    layers = (whole, _own(whole, task), seen, _own(seen, task))  # Later ones count.
     found = {
-        part: {**presets[preset].get(part, {}), **own.get(part, {})}
+        part: {key: value for layer in layers for key, value in layer.get(part, {}).items()}
         for part in ("training", "method")
     }
     module, kind = METHODS[name]
@@ -85,6 +89,10 @@ def find_preset(
     method = find_method(name, **{key: _tuples(value) for key, value in found["method"].items()})
     named = preset if LABELLED.issuperset(replaced) else "custom"
     return TrainingSettings(task, **found["training"]), dataclasses.replace(method, preset=named)
+
+
+def _own(preset: dict[str, Any], task: str) -> dict[str, Any]:
+    return preset.get("tasks", {}).get(task, {})
 
 
 def _tuples(value: Any) -> Any:

@@ -190,7 +190,6 @@ def test_presets_suit_every_task(preset):
         assert method.settings.symmetric == (preset == "fast" and "water" not in task)
         fast = 0.98 if task == "drop_cloth" else 0.97 if "water" in task else 0.95
         assert method.settings.discount == (0.99 if preset == "paper" else fast)
-    assert find_preset("sac", "paper", "fold_cloth")[1].settings.alpha_rate == 2e-5
     training, method = find_preset("sac", preset, "fold_cloth", episodes=7, hidden=[8])
     assert (training.episodes, method.settings.hidden, method.preset) == (7, (8,), "custom")
     with pytest.raises(InvalidArgumentError, match="preset='slow'"):
@@ -199,6 +198,24 @@ def test_presets_suit_every_task(preset):
         find_preset("none", preset, "fold_cloth")
     with pytest.raises(InvalidArgumentError, match="settings='hiden'"):
         find_preset("sac", preset, "fold_cloth", hiden=[8])
+
+
+@pytest.mark.parametrize(
+    "task, observation, rate, halved, alpha_rate",
+    [
+        ("straighten_rope", "reduced", 1e-3, 150_000, 1e-3),
+        ("straighten_rope", "full", 5e-4, 150_000, 1e-3),
+        ("fold_cloth", "reduced", 5e-4, 0, 2e-5),
+        ("fold_cloth", "full", 5e-4, 150_000, 2e-5),
+        ("spread_cloth", "reduced", 1e-3, 0, 1e-3),
+        ("transport_water", "full", 1e-3, 150_000, 1e-3),
+    ],
+)
+def test_rates_of_the_paper(task, observation, rate, halved, alpha_rate):
+    # The paper's table of rates, and the launch scripts where full states are not in it.
+    settings = find_preset("sac", "paper", task, observation=observation)[1].settings
+    assert (settings.actor_rate, settings.critic_rate) == (rate, rate)
+    assert (settings.halved_every, settings.alpha_rate) == (halved, alpha_rate)
 
 
 def test_the_command(tmp_path):
