@@ -267,7 +267,7 @@ def test_commands_have_what_settings_replace(tmp_path):
     run = QueuedRun("fold_cloth", "sac", "fast", 3, "", settings={"part": 512}, core_hours=2)
     assert "--seeds 3 --settings '{\"part\": 512}' --device cuda --out training/" in run.command
     custom = ("fold_cloth", "sac", "reduced", "custom", "plain")
-    for env_steps, done in ((819_200, True), (409_600, False)):
+    for env_steps, done in ((1_024_000, True), (409_600, False)):
         rows = [_row(seed, env_steps, "evaluate", 0.1, True, custom) for seed in range(3)]
         assert run.is_done(rows) == done
     planner = {"observation": "simulator", "replay": "none", "episodes": 10, "gpu_minutes": 1}
