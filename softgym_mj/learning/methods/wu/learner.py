@@ -142,7 +142,7 @@ class PickAndPlace(SAC):
             critic.judge(features, pick, place)[..., 0]
             for critic, features in zip(self.critics.pair, pair, strict=True)
         ]
-        value = torch.stack(judged).amin(0).where(mask.gather(-1, order), -math.inf)
+        value = self._judged(torch.stack(judged)).where(mask.gather(-1, order), -math.inf)
         rank = _below((self.settings.best_share * count).ceil().long(), share)[:, None]
         at = value.argsort(-1, descending=True).gather(-1, rank)[..., None]
         return torch.cat([pick, place], -1).take_along_dim(at, 1)[:, 0]
