@@ -179,17 +179,16 @@ def _panel(
     axes: Any, task: str, own: Mapping[Name, np.ndarray], known: Sequence[Reference]
 ) -> None:
     """The curves of a task, and numbers of others for the same methods and observations."""
-    for name, points in own.items():
-        if name.task != task:
-            continue
+    shown = {name: points for name, points in own.items() if name.task == task}
+    for name, points in shown.items():
         steps, median, low, high = points.T
         (line,) = axes.plot(steps / 1000, median, label=" ".join(name[1:]))
         color = line.get_color()
         axes.fill_between(steps / 1000, low, high, color=color, alpha=0.2, linewidth=0)
-        for r in known:
-            if (r.task, r.method, r.observation) == name[:3] and r.bound == "is":
-                label = f"others: {r.value:g}"
-                axes.axhline(r.value, color=color, linewidth=0.8, linestyle="--", label=label)
+    for r in known:
+        if r.bound == "is" and (r.task, r.method, r.observation) in {name[:3] for name in shown}:
+            label = f"others, {r.method} {r.observation}: {r.value:g}"
+            axes.axhline(r.value, color="0.4", linewidth=0.8, linestyle="--", label=label)
     axes.set_title(task, fontsize="small")
     axes.set_ylim(min(max(axes.get_ylim()[0], _LOWEST), 0.0), 1.05)
     axes.set_xlabel("env steps [1000]", fontsize="small")
