@@ -1,7 +1,9 @@
 """The folder of an evaluation: whose it is, and what can be added to it."""
 
+import concurrent.futures
 import dataclasses
 import hashlib
+import multiprocessing
 
 import pytest
 
@@ -89,6 +91,13 @@ def test_a_folder_goes_on_with_other_variations_and_seeds(tmp_path):
     assert evaluate(SIMPLE, tmp_path / "a")["episodes"][3] == first["episodes"][1]
     whole = (tmp_path / "a" / "result.json").read_bytes()
     assert whole == (tmp_path / "b" / "result.json").read_bytes()
+
+
+def test_processes_share_a_folder(tmp_path):
+    several = [dataclasses.replace(SIMPLE, variations=own) for own in ((800, 802), (801,))]
+    with concurrent.futures.ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        list(pool.map(evaluate, several, [tmp_path / "a"] * 2))
+    assert evaluate(SIMPLE, tmp_path / "a") == evaluate(SIMPLE, tmp_path / "b")
 
 
 def test_a_failed_evaluation_leaves_its_folder_free(tmp_path):
