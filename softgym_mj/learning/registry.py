@@ -69,7 +69,7 @@ def find_preset(
     presets = tomllib.loads(file.read_text())
     check_name("preset", preset, presets)
     whole = presets[preset]
-    seen = whole.get("observations", {}).get(replaced.get("observation"), {})
+    seen = whole.get("observations", {}).get(str(replaced.get("observation")), {})
     layers = (whole, _own(whole, task), seen, _own(seen, task))  # Later ones count.
     found = {
         part: {key: value for layer in layers for key, value in layer.get(part, {}).items()}

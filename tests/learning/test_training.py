@@ -198,6 +198,8 @@ def test_presets_suit_every_task(preset):
         find_preset("none", preset, "fold_cloth")
     with pytest.raises(InvalidArgumentError, match="settings='hiden'"):
         find_preset("sac", preset, "fold_cloth", hiden=[8])
+    with pytest.raises(InvalidArgumentError, match="observation="):
+        find_preset("sac", preset, "fold_cloth", observation=["full"])
 
 
 @pytest.mark.parametrize(
