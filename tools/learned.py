@@ -185,8 +185,9 @@ def _panel(
         (line,) = axes.plot(steps / 1000, median, label=" ".join(name[1:]))
         color = line.get_color()
         axes.fill_between(steps / 1000, low, high, color=color, alpha=0.2, linewidth=0)
+    comparable = {name[:3] for name in shown}
     for r in known:
-        if r.bound == "is" and (r.task, r.method, r.observation) in {name[:3] for name in shown}:
+        if r.bound == "is" and (r.task, r.method, r.observation) in comparable:
             label = f"others, {r.method} {r.observation}: {r.value:g}"
             axes.axhline(r.value, color="0.4", linewidth=0.8, linestyle="--", label=label)
     axes.set_title(task, fontsize="small")
