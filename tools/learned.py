@@ -91,9 +91,9 @@ def against_sb3() -> str:
 def overview() -> str:
     """For the README, a table of tasks and methods, once a learner has final rows: else nothing.
 
-    Planners stand there with the paper's budget only.
+    Planners stand there with the paper's budget only, learners with their presets.
     """
-    lines = numbers_of(rows())
+    lines = [line for line in numbers_of(rows()) if line["preset"] != "custom"]
     if all(line["method"] in PLANNERS for line in lines):
         return ""
     cells: dict[str, dict[str, str]] = {}
