@@ -3,6 +3,8 @@
 import csv
 import dataclasses
 import json
+import pathlib
+import tomllib
 import zipfile
 
 import numpy as np
@@ -13,12 +15,14 @@ from typer.testing import CliRunner
 import softgym_mj
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.learning import methods
 from softgym_mj.learning.curves import COLUMNS
-from softgym_mj.learning.registry import find_method, find_preset
-from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.registry import METHODS, find_method, find_preset
+from softgym_mj.learning.settings import OBSERVATIONS, TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.policies.factory import make_policy
 
+PRESETS = pathlib.Path(methods.__path__[0]) / "presets"
 SEEDS = [4, 9]
 METHOD = find_method(
     "sac", hidden=(16, 16), random_steps=8, updates=2, batch=8, replay=24, added=2,
@@ -200,6 +204,19 @@ def test_presets_suit_every_task(preset):
         find_preset("sac", preset, "fold_cloth", hiden=[8])
     with pytest.raises(InvalidArgumentError, match="observation="):
         find_preset("sac", preset, "fold_cloth", observation=["full"])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_sections_of_presets_are_of_tasks_and_observations(method):
+    # Those with another name would never count.
+    for preset in tomllib.loads((PRESETS / f"{method}.toml").read_text()).values():
+        observations = preset.pop("observations", {})
+        assert set(observations) <= set(OBSERVATIONS)
+        for layer in (preset, *observations.values()):
+            tasks = layer.pop("tasks", {})
+            assert set(tasks) <= set(softgym_mj.TASKS)
+            for settings in (layer, *tasks.values()):
+                assert set(settings) <= {"training", "method"}
 
 
 @pytest.mark.parametrize(
