@@ -91,36 +91,42 @@ def against_sb3() -> str:
 def overview() -> str:
     """For the README, a table of tasks and methods, once a learner has final rows: else nothing.
 
-    Planners stand there with the paper's budget only, learners with their presets.
+    Of a method and a preset it has the best row of each task. Planners stand there with the paper's
+    budget only, learners with their presets.
     """
-    lines = [line for line in numbers_of(rows()) if line["preset"] != "custom"]
+    lines = [
+        line
+        for line in numbers_of(rows())
+        if line["preset"] != ("small" if line["method"] in PLANNERS else "custom")
+    ]
     if all(line["method"] in PLANNERS for line in lines):
         return ""
     cells: dict[str, dict[str, str]] = {}
-    for line in lines:
-        if line["method"] in PLANNERS and line["preset"] != "paper":
-            continue
-        shown = f"{line['median']:.2f}{_range(line, 'percentile_25', 'percentile_75')}"
-        cells.setdefault(_title(line), {})[line["task"]] = shown
+    for line in sorted(lines, key=lambda line: line["median"]):  # The best one comes last.
+        title, shown = _cell(line)
+        cells.setdefault(title, {})[line["task"]] = shown
+    titles = sorted(cells, key=lambda title: (-len(cells[title]), title))
     found = [
-        _row(f"`{task}`", *(own.get(task, "") for own in cells.values()))
+        _row(f"`{task}`", *(cells[title].get(task, "") for title in titles))
         for task in TASKS
         if any(task in own for own in cells.values())
     ]
-    return table(f"| task | {' | '.join(cells)} |", found) + (
-        "\n\nWhat was learned: normalised performance on held out variations, median and quartiles "
-        "over seeds, by the last checkpoints ([all numbers, curves, policies]"
-        "(docs/results.md#learned)); the oracle knows the dynamics and learns nothing. Other "
+    return table(f"| task | {' | '.join(titles)} |", found) + (
+        "\n\nWhat was learned: normalised performance on held out variations by the last "
+        "checkpoints, median and quartiles over seeds, of what each preset was best with: states "
+        "that it sees, symmetric replay or plain ([all numbers, curves, policies]"
+        "(docs/results.md#learned)). The oracle knows the dynamics and learns nothing. Other "
         "methods and tasks wait for time on a GPU: `softgym-mj learning queue`."
     )
 
 
-def _title(line: Mapping[str, Any]) -> str:
-    """A method, what it sees, its preset and replay, in words."""
+def _cell(line: Mapping[str, Any]) -> tuple[str, str]:
+    """Column and text of a result in the overview."""
+    shown = f"{line['median']:.2f}{_range(line, 'percentile_25', 'percentile_75')}"
     if line["method"] in PLANNERS:
-        return f"{line['method'].upper()}, the oracle"
-    shown = ", symmetric replay" if line["replay"] == "symmetric" else ""
-    return f"{line['method'].upper()}, {line['observation']}, {line['preset']}{shown}"
+        return f"{line['method'].upper()}, the oracle", shown
+    how = line["observation"] + (", symmetric" if line["replay"] == "symmetric" else "")
+    return f"{line['method'].upper()}, {line['preset']}", f"{shown}, {how}"
 
 
 def _row(*cells: str) -> str:
