@@ -37,8 +37,8 @@ def results() -> str:
     lines = []
     for line in numbers_of(rows(), references()):
         numbers = [
-            f"{line['median']:.2f}{_range(line, 'percentile_25', 'percentile_75')}",
-            f"{line['iqm']:.2f}{_range(line, 'iqm_low', 'iqm_high')}",
+            _ranged(line, "median", "percentile_25", "percentile_75"),
+            _ranged(line, "iqm", "iqm_low", "iqm_high"),
             f"{line['min']:.2f}",
             f"{line['success_rate']:.2f}",
             _optional(line["gap"], ".2f"),
@@ -94,11 +94,7 @@ def overview() -> str:
     Of a method and a preset it has the best row of each task. Planners stand there with the paper's
     budget only, learners with their presets.
     """
-    lines = [
-        line
-        for line in numbers_of(rows())
-        if line["preset"] != ("small" if line["method"] in PLANNERS else "custom")
-    ]
+    lines = [line for line in numbers_of(rows()) if line["preset"] not in ("small", "custom")]
     if all(line["method"] in PLANNERS for line in lines):
         return ""
     cells: dict[str, dict[str, str]] = {}
@@ -122,7 +118,7 @@ def overview() -> str:
 
 def _cell(line: Mapping[str, Any]) -> tuple[str, str]:
     """Column and text of a result in the overview."""
-    shown = f"{line['median']:.2f}{_range(line, 'percentile_25', 'percentile_75')}"
+    shown = _ranged(line, "median", "percentile_25", "percentile_75")
     if line["method"] in PLANNERS:
         return f"{line['method'].upper()}, the oracle", shown
     how = line["observation"] + (", symmetric" if line["replay"] == "symmetric" else "")
@@ -133,8 +129,10 @@ def _row(*cells: str) -> str:
     return "".join(f"| {cell} " if cell else "| " for cell in cells) + "|"
 
 
-def _range(line: Mapping[str, Any], low: str, high: str) -> str:
-    return "" if line[low] is None else f" ({line[low]:.2f} to {line[high]:.2f})"
+def _ranged(line: Mapping[str, Any], value: str, low: str, high: str) -> str:
+    """A number, and its range if it has one."""
+    shown = "" if line[low] is None else f" ({line[low]:.2f} to {line[high]:.2f})"
+    return f"{line[value]:.2f}{shown}"
 
 
 def _optional(value: float | None, form: str) -> str:

@@ -28,6 +28,7 @@ METHODS = {
     "curl": ("curl", "CURLSettings"),
     "drq": ("drq", "DrQSettings"),
 }
+PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # A file of each method.
 _ROOM = "softgym_mj.learning.methods"
 LABELLED = {"observation", "symmetric"}  # Settings that curves name beside the preset.
 
@@ -65,8 +66,7 @@ def find_preset(
         InvalidArgumentError: for a name that there is not, or a bad value.
     """
     check_name("method", name, METHODS)
-    file = pathlib.Path(__file__).parent / "methods" / "presets" / f"{name}.toml"
-    presets = tomllib.loads(file.read_text())
+    presets = tomllib.loads((PRESETS / f"{name}.toml").read_text())
     check_name("preset", preset, presets)
     whole = presets[preset]
     seen = whole.get("observations", {}).get(str(replaced.get("observation")), {})

@@ -15,6 +15,7 @@ from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.exceptions import StoreError
 from softgym_mj.learning import curves, results
 from softgym_mj.learning.queue import QueuedRun, read_queue
+from softgym_mj.learning.registry import PRESETS
 from softgym_mj.learning.results import Reference, Row
 from softgym_mj.policies.planners import BUDGET
 from softgym_mj.registry import TASKS
@@ -333,12 +334,11 @@ def test_the_committed_queue_suits_presets_and_tasks():
     assert len(set(commands_)) == len(commands_)
     outs = [command.split("--out ")[1] for command in commands_]
     assert len(set(outs)) == len(outs)
-    presets = ROOT / "softgym_mj" / "learning" / "methods" / "presets"
     for run in runs:
         if run.plans:
             budget = run.settings.get("budget", BUDGET)
             assert run.env_steps == TASKS[run.task].horizon * budget
             continue
-        file = presets / f"{run.method}.toml"
+        file = PRESETS / f"{run.method}.toml"
         if file.exists():  # Of a method that is there already.
             assert run.preset in tomllib.loads(file.read_text())

@@ -3,7 +3,6 @@
 import csv
 import dataclasses
 import json
-import pathlib
 import tomllib
 import zipfile
 
@@ -15,14 +14,12 @@ from typer.testing import CliRunner
 import softgym_mj
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.learning import methods
 from softgym_mj.learning.curves import COLUMNS
-from softgym_mj.learning.registry import METHODS, find_method, find_preset
+from softgym_mj.learning.registry import METHODS, PRESETS, find_method, find_preset
 from softgym_mj.learning.settings import OBSERVATIONS, TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.policies.factory import make_policy
 
-PRESETS = pathlib.Path(methods.__path__[0]) / "presets"
 SEEDS = [4, 9]
 METHOD = find_method(
     "sac", hidden=(16, 16), random_steps=8, updates=2, batch=8, replay=24, added=2,
