@@ -5,6 +5,7 @@ import json
 import random
 import subprocess
 import sys
+import time
 
 import pytest
 import torch
@@ -30,9 +31,23 @@ def _ended(folder):
     output, _ = process.communicate(timeout=300)
     assert process.returncode == 0, output.decode()
     with (folder / "curve.csv").open() as file:
-        rows = [{**row, "seconds": ""} for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file))
+    seconds = [float(row.pop("seconds")) for row in rows]
     state = torch.load(folder / "checkpoint.pt", weights_only=True)
-    return rows, state["learner"]["algorithm"]
+    return rows, state["learner"]["algorithm"], seconds[-1]
+
+
+def _killed(folder, delay):
+    """Kills a training some seconds after its next checkpoint; whether it still ran."""
+    file = folder / "checkpoint.pt"
+    before, process = file.exists() and file.stat().st_mtime_ns, _start(folder)
+    while process.poll() is None and (file.exists() and file.stat().st_mtime_ns) == before:
+        time.sleep(0.002)
+    time.sleep(delay)
+    is_running = process.poll() is None
+    process.kill()
+    process.communicate()
+    return is_running
 
 
 def _same(first, second):
@@ -47,17 +62,11 @@ def _same(first, second):
 
 @pytest.mark.slow
 def test_kills_at_random_moments_change_nothing(tmp_path):
-    rows, weights = _ended(tmp_path / "whole")
-    chance, caught = random.Random(1), 0
-    for _ in range(KILLS):
-        process = _start(tmp_path / "killed")
-        try:
-            process.wait(timeout=chance.uniform(4.0, 14.0))
-        except subprocess.TimeoutExpired:
-            caught += 1
-        process.kill()
-        process.communicate()
-    again, found = _ended(tmp_path / "killed")
+    rows, weights, seconds = _ended(tmp_path / "whole")
+    chance = random.Random(1)
+    part = seconds * SETTINGS["part"] / SETTINGS["env_steps"]  # However fast the machine is.
+    caught = sum(_killed(tmp_path / "killed", chance.uniform(0.0, part)) for _ in range(KILLS))
+    again, found, _ = _ended(tmp_path / "killed")
     assert caught >= 2  # Some were not through.
     assert again == rows and len(rows) == 10 * 2 * 2
     assert _same(found, weights)
