@@ -128,6 +128,7 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.origin_at = write(origin);
   model.inverse_mass_at = write(inverse_mass);
   model.mass_at = write(mesh.mass);
+  model.vertex_thickness_at = write(mesh.vertex_thickness);
 
   const EdgeRows& edges = w.solver.edges();
   const HingeRows& hinges = w.solver.hinges();

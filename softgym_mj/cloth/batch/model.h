@@ -20,7 +20,7 @@ struct Model {
   double timestep, h;           // [s]
   double gravity[3];            // [m/s^2]
   ContactRow contact, plane_row, gripper_row;
-  float thickness, friction;  // Of layers.
+  float thickness, friction;  // Of layers; the largest thickness there is [m].
   double radius, density;     // [m], [kg/m^2]
   double drag, added_mass;    // See Material.
   double plane_point[3], plane_normal[3];
@@ -28,6 +28,7 @@ struct Model {
 
   // (vertices, 3) [m] where slides are 0; (vertices,) 1 / their masses [1/kg], and their masses [kg].
   int origin_at, inverse_mass_at, mass_at;
+  int vertex_thickness_at;  // (vertices,) See Mesh [m].
   // Rows of edges and hinges as they are at rest, the edge of each lane or -1, and the first block of each level.
   int edge_blocks_at, edge_order_at, edge_levels_at;
   int hinge_blocks_at, hinge_order_at, hinge_levels_at;

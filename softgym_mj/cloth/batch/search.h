@@ -143,8 +143,9 @@ inline void FindPairs(const World& w) {
                        &m.thickness,
                        1,
                        kInterest};
+  const float* thickness = m.At<float>(m.vertex_thickness_at);
   const auto append = [&](const Pair& pair) {
-    const bool counts = Counts(rules, pair, m.thickness);
+    const bool counts = Counts(rules, pair, Thickness(thickness, pair));
     if (counts || !pair.edges || !AreCords(rules, pair)) {
       const int n = Add(&w.step->num_found, 1);
       if (n < m.found) w.found[n] = pair;

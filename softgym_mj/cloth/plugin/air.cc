@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "cloth/plugin/drag.h"
+#include "cloth/plugin/layers.h"
 
 namespace softgym_mj::cloth {
 void AddDrag(const Mesh& mesh, const Start& start, double timestep, std::vector<double>* acceleration) {
@@ -45,7 +46,7 @@ bool StartAir(const Mesh& mesh, const Start& start, const std::vector<Pair>& pai
   std::vector<bool> touches(mesh.NumVertices());
   for (const Pair& pair : pairs) {
     const int* v = pair.vertex;
-    if (pair.distance > (1 + kTouching) * mesh.thickness[mesh.Pair(v[0], v[3])]) continue;
+    if (pair.distance > (1 + kTouching) * Layers::Thickness(mesh, pair)) continue;
     for (int k = 0; k < 4; ++k) {
       if (IsAcross(pair, &(*air)[4 * v[k]])) touches[v[k]] = true;
     }

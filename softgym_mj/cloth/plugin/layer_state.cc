@@ -43,7 +43,7 @@ void Layers::Start(const Mesh& mesh, const double* position, const double* after
     const double key = KeyOf(mesh, pair);
     int found = head_[FirstOf(mesh, key)];
     while (found >= 0 && after[4 * found] != key) found = next_[found];
-    double gap = -mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])];
+    double gap = -Thickness(mesh, pair);
     for (int k = 0; k < 3; ++k) {
       double apart = 0;
       for (int c = 0; c < 4; ++c) apart += static_cast<double>(pair.weight[c]) * position[3 * pair.vertex[c] + k];

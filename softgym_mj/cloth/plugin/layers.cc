@@ -223,11 +223,17 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
   pairs.clear();
   const PairRules rules = {owned_.data(), sides_.data(), normals_.data(), chain_.data(), place_.data(), owner_.data()};
   const auto left_out = [&](const Pair& pair) {
-    const bool counts = Counts(rules, pair, mesh.thickness[mesh.Pair(pair.vertex[0], pair.vertex[3])]);
+    const bool counts = Counts(rules, pair, Thickness(mesh, pair));
     if (counts) pairs.push_back(pair);
     return !counts && pair.edges && AreCords(rules, pair);
   };
   found_.erase(std::remove_if(found_.begin(), found_.end(), left_out), found_.end());
+}
+
+float Layers::Thickness(const Mesh& mesh, const Pair& pair) {
+  const int v = pair.vertex[0], w = pair.vertex[3];
+  if (mesh.part[v] != mesh.part[w]) return mesh.thickness[mesh.Pair(v, w)];
+  return cloth::Thickness(mesh.vertex_thickness.data(), pair);
 }
 
 // 0 of pairs near marked vertices that push, 1 of others near them, 2 of others. It depends on the reference positions
@@ -240,7 +246,7 @@ std::vector<int> Layers::GroupRows(const Mesh& mesh, const std::vector<bool>& ne
     for (size_t i = 0; i < pairs.size(); ++i) {
       const int* v = pairs[i].vertex;
       if (!marked[v[0]] && !marked[v[1]] && !marked[v[2]] && !marked[v[3]]) continue;
-      group[i] = pairs[i].distance > (1 + kNotYet) * mesh.thickness[mesh.Pair(v[0], v[3])];
+      group[i] = pairs[i].distance > (1 + kNotYet) * Thickness(mesh, pairs[i]);
       for (int k = 0; k < 4; ++k) next[v[k]] = true;
     }
     marked = next;

@@ -37,6 +37,8 @@ class Layers {
 
   // Makes the next rows anew: `Find` has been called for other displacements.
   void Forget() { found_once_ = false; }
+  // Distance [m] at which a pair touches.
+  static float Thickness(const Mesh& mesh, const Pair& pair);
   // All pairs that were found, those too whose work others do: they are what must not pass through each other.
   const std::vector<Pair>& all() const { return found_; }
   // Whether these are all there are: pairs are left out where too many vertices lie in one place or are too fast.

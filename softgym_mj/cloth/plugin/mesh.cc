@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <utility>
 
@@ -11,8 +10,8 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Layers of the same flex are kept a diameter apart, but no further than this share of the smallest height of a
-// triangle: a vertex must not touch its neighbour's triangle in a flat cloth.
+// Layers of the same flex are kept a diameter apart, but a vertex's surroundings no further than this share of the
+// smallest height of its triangles: in a flat sheet a vertex must not touch the triangles beside it.
 constexpr double kMaxThickness = 0.9;
 // The edges of a grid of springs, with diagonals of 0.3 times the stiffness, together resist more than its rows do.
 constexpr double kGrid = 1.2;
@@ -32,18 +31,6 @@ double Heron(double a, double b, double c) {
 
 // Cotangent of the angle between sides a and b, opposite of c, in a triangle of this area.
 double Cotangent(double a, double b, double c, double area) { return (a * a + b * b - c * c) / (4 * area); }
-
-double SmallestHeight(const mjModel* m, int flex) {
-  double smallest = std::numeric_limits<double>::infinity();
-  if (m->flex_dim[flex] != 2) return smallest;
-  const double* length = m->flexedge_length0 + m->flex_edgeadr[flex];
-  const int* side = m->flex_elemedge + m->flex_elemedgeadr[flex];
-  for (int t = 0; t < m->flex_elemnum[flex]; ++t, side += 3) {
-    const double a = length[side[0]], b = length[side[1]], c = length[side[2]];
-    smallest = std::min(smallest, 2 * Heron(a, b, c) / std::max({a, b, c}));
-  }
-  return smallest;
-}
 
 void AddTriangles(const mjModel* m, int flex, int first, Mesh* mesh) {
   Mesh::Edge* edges = mesh->edges.data() + mesh->edges.size() - m->flex_edgenum[flex];
@@ -73,6 +60,10 @@ void AddTriangles(const mjModel* m, int flex, int first, Mesh* mesh) {
       if (place == 0) triangle.owned |= 1 << ((1 << k) | (1 << (k + 1) % 3));
     }
     triangle.area = Heron(side[0], side[1], side[2]);
+    const double height = 2 * triangle.area / std::max({side[0], side[1], side[2]});
+    for (int v : triangle.vertex) {
+      mesh->vertex_thickness[v] = std::min(mesh->vertex_thickness[v], static_cast<float>(kMaxThickness * height));
+    }
     for (int k = 0; k < 3; ++k)
       edges[triangle.edge[k] - first_edge].share += side[k] > 0 ? triangle.area / (side[k] * side[k]) : 0;
     mesh->triangles.push_back(triangle);
@@ -166,6 +157,8 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vecto
     const int f = flexes[p], first = mesh.NumVertices(), first_edge = static_cast<int>(mesh.edges.size());
     mesh.first.push_back(first);
     mesh.part.insert(mesh.part.end(), m->flex_vertnum[f], p);
+    mesh.vertex_thickness.insert(mesh.vertex_thickness.end(), m->flex_vertnum[f],
+                                 static_cast<float>(2 * m->flex_radius[f]));
     double mass = 0, size = 0;
     for (int i = 0; i < m->flex_vertnum[f]; ++i) {
       mesh.mass.push_back(m->body_mass[m->flex_vertbodyid[m->flex_vertadr[f] + i]]);
@@ -202,9 +195,9 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vecto
   for (int p = 0; p < count; ++p) {
     for (int q = 0; q < count; ++q) {
       const int f = flexes[p], g = flexes[q];
-      double thickness = m->flex_radius[f] + m->flex_radius[g];
-      if (p == q) thickness = std::min(thickness, kMaxThickness * SmallestHeight(m, f));
-      mesh.thickness.push_back(static_cast<float>(thickness));
+      const float* own = mesh.vertex_thickness.data() + mesh.first[p];
+      mesh.thickness.push_back(p == q ? *std::max_element(own, own + m->flex_vertnum[f])
+                                      : static_cast<float>(m->flex_radius[f] + m->flex_radius[g]));
       mesh.friction.push_back(static_cast<float>(std::max(materials[p].friction, materials[q].friction)));
     }
   }

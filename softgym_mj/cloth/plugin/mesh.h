@@ -69,8 +69,10 @@ struct Mesh {
   std::vector<Triangle> triangles;
   std::vector<Chain> chains;
   std::vector<Hinge> hinges;
-  // For each pair of flexes, `flexes.size()` squared: distance at which they touch [m], friction.
+  // For each pair of flexes, `flexes.size()` squared: largest distance at which they touch [m], friction.
   std::vector<float> thickness, friction;
+  // Of each vertex: distance [m] at which features of its own flex touch it, less at slim triangles.
+  std::vector<float> vertex_thickness;
 
   int NumVertices() const { return static_cast<int>(part.size()); }
   int Pair(int v, int w) const { return part[v] * static_cast<int>(flexes.size()) + part[w]; }

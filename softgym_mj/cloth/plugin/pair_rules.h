@@ -37,6 +37,19 @@ inline void FindNormal(const float* position, const int* corner, float* normal) 
   for (int k = 0; k < 3; ++k) normal[k] = length > 0 ? n[k] / length : 0;
 }
 
+// Distance [m] at which two features of one flex touch, from that of each vertex. A side is as thin as its thinnest
+// vertex; where the two sides differ, the thicker one has room for its distance: slim triangles are thin among
+// themselves only.
+inline float Thickness(const float* of_vertex, const Pair& pair) {
+  float side[2] = {of_vertex[pair.vertex[0]], of_vertex[pair.vertex[3]]};
+  for (int k = 1; k < 3; ++k) {
+    float& least = side[k > pair.edges];
+    const float other = of_vertex[pair.vertex[k]];
+    least = other < least ? other : least;
+  }
+  return side[0] > side[1] ? side[0] : side[1];
+}
+
 inline bool AreCords(const PairRules& rules, const Pair& pair) {
   return rules.chain[pair.first] >= 0 && rules.chain[pair.second] >= 0;
 }
