@@ -48,7 +48,8 @@ def irregular(seed: int, count: int = 350, size: float = 0.36) -> Flex:
     points = np.vstack([rim, np.random.default_rng(seed).uniform(0.0, size, (count, 2))])
     triangles = Delaunay(points).simplices
     u, v = (points[triangles[:, i]] - points[triangles[:, 0]] for i in (1, 2))
-    triangles = triangles[u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 1e-7]  # [m^2] Qhull has flat ones.
+    # Qhull also returns triangles without an area along the rim.
+    triangles = triangles[u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 1e-7]
     flat = np.column_stack([points - size / 2.0, np.full(len(points), RADIUS)])
     mass = WOVEN.density * size**2
     return dataclasses.replace(_sheet(), points=flat, elements=triangles, mass=mass)
