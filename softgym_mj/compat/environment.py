@@ -90,6 +90,7 @@ class OldEnv:
             record, split=range(settings["num_variations"]), actor=self._mode.actor,
             observation=(names.OBSERVATION_MODES[observation_mode], *goal),
             image_size=(settings["camera_height"], settings["camera_width"]),
+            goal_marks=name == "PourWaterAmount",  # SoftGym draws the red line in all images.
             horizon=settings["horizon"], action_repeat=settings["action_repeat"],
             **(pickers if "num_pickers" in record.arguments else {}),
         )  # fmt: skip
@@ -234,8 +235,8 @@ class OldEnv:
         return self._task.last_evaluation.reward
 
     def get_image(self, width: int = 720, height: int = 720) -> np.ndarray:
-        """The camera's image (height, width, 3) uint8, without marks of goals, as observed."""
-        new = CameraView("task", height, width, marks=False)
+        """The camera's image (height, width, 3) uint8, as observed: of marks with the red line."""
+        new = CameraView("task", height, width, marks=self._task.goal_marks)
         view = self._views.setdefault((width, height), new)
         return view.rgb(self.dm_env.physics)
 

@@ -22,7 +22,7 @@ _blank = contextvars.ContextVar("blank", default=False)
 
 
 class LabelledView(CameraView):
-    """A camera that knows what it sees; no marks of goals.
+    """A camera that also labels what it shows. Labels, distances and points never have marks.
 
     What is behind glass counts as seen, for labels and points; colours show it, and distances are
     of the glass.
@@ -53,6 +53,10 @@ class LabelledView(CameraView):
         labels, depth = self._labelled(physics)
         shown = labels == LABELS.index("object")
         return point_clouds.seen_points(depth, shown, self.calibration(physics))
+
+    def surfaces(self, physics) -> tuple[np.ndarray, np.ndarray]:
+        """What each pixel shows and its distance, as of `CameraView`; without marks of goals."""
+        return self._surfaces(physics, marks=False)
 
     def _labelled(self, physics) -> tuple[np.ndarray, np.ndarray]:
         """Labels (height, width) and distances [m], of an object where it is behind glass."""

@@ -37,6 +37,7 @@ _REMEDY = (
     "Install software OpenGL with `apt-get install -y libegl1 libgl1-mesa-dri`, unset MUJOCO_GL "
     "(or set it to egl, osmesa or glfw) and start Python again."
 )
+SHOWN_SITES = 3  # Groups of sites below this number are drawn, as by MuJoCo's defaults.
 GLASS_GROUP = 1  # Of translucent geoms, which are left out to see what is behind them.
 
 
@@ -115,6 +116,7 @@ class CameraView:
     Attributes:
         camera: its name.
         size: (height, width) of images [pixels].
+        marks: whether images show the marks of goals, which are sites.
     """
 
     def __init__(
@@ -135,7 +137,8 @@ class CameraView:
             height, width: of images, each in 1..`LARGEST_IMAGE` [pixels].
             passes: of which a coloured image is the mean, 1..`MOST_PASSES`; None for as many as the
                 look has.
-            marks: whether sites are drawn, which show goals: not in observations.
+            marks: whether sites are drawn, which show goals; images of observations have them with
+                `goal_marks=True` only.
             glass: whether the walls of cups are drawn.
 
         Raises:
@@ -144,7 +147,7 @@ class CameraView:
         if passes is not None:
             check_count("passes", passes, 1, MOST_PASSES)
         self.camera, self._passes = camera, passes
-        self._marks, self._glass = marks, glass
+        self.marks, self._glass = marks, glass
         self.size = check_image_size("size", (height, width), LARGEST_IMAGE)
         self._data: Any = None
         self._view: Any = None
@@ -165,7 +168,11 @@ class CameraView:
 
     def surfaces(self, physics) -> tuple[np.ndarray, np.ndarray]:
         """`segmentation` and `depth` of one pass: they agree at every edge."""
-        shown, depth = self._render(physics, lambda view: view.surfaces())
+        return self._surfaces(physics)
+
+    def _surfaces(self, physics, marks: bool | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """`surfaces`, with marks or without; None for what the attribute says."""
+        shown, depth = self._render(physics, lambda view: view.surfaces(), marks)
         return shown.copy(), depth.astype(np.float32)
 
     def calibration(self, physics) -> Calibration:
@@ -179,7 +186,9 @@ class CameraView:
         check_name("camera", self.camera, cameras)
         return cameras[self.camera]
 
-    def _render(self, physics, draw: "Callable[[SceneCamera], Any]") -> Any:
+    def _render(
+        self, physics, draw: "Callable[[SceneCamera], Any]", marks: bool | None = None
+    ) -> Any:
         import mujoco
 
         from softgym_mj.rendering.drawing import SceneCamera
@@ -195,9 +204,8 @@ class CameraView:
                 seen = SizedView(physics, *self.size) if sized else physics
                 self._view = SceneCamera(seen, *self.size, camera)
                 self._view.option.geomgroup[GLASS_GROUP] = self._glass
-                if not self._marks:
-                    self._view.option.sitegroup[:] = 0
                 self._data = data
+            self._view.option.sitegroup[:SHOWN_SITES] = self.marks if marks is None else marks
             return draw(self._view)
         except (RuntimeError, ImportError, OSError, mujoco.FatalError) as error:
             if _OTHER_THREAD in str(error):

@@ -1,12 +1,12 @@
 """PourWaterAmount: pour a given share of the water of one cup into another.
 
 Goal: a share t of the water in the target cup, uniform in 0.1..1 and marked by a red bar on the
-target's inner wall, about where the water will stand. The cup moves along X and Z, at most 0.01 m a
-sim step each, and turns about the middle of its floor, at most 0.015 rad a sim step; 100 env steps
-of 8 sim steps, as in PourWater, so that its policies fit; SoftGym's code, by a call too many, lets
-16 pass and the cup move at half the speed (facts 5, row 49). A move that would put it into the
-ground or the target is rejected as a whole; info counts these (`rejected_moves` of the env step's
-sim steps).
+target's inner wall, about where the water will stand; images show it with `goal_marks=True` only.
+The cup moves along X and Z, at most 0.01 m a sim step each, and turns about the middle of its
+floor, at most 0.015 rad a sim step; 100 env steps of 8 sim steps, as in PourWater, so that its
+policies fit; SoftGym's code, by a call too many, lets 16 pass and the cup move at half the speed
+(facts 5, row 49). A move that would put it into the ground or the target is rejected as a whole;
+info counts these (`rejected_moves` of the env step's sim steps).
 
 Reward = performance: -|floor(N t) - N_poured| / N, N particles, of which those count as poured that
 are in the target's box and not in the cup's. The cup's box turns with it, where SoftGym's stays
@@ -44,7 +44,7 @@ class PourWaterAmount(Task):
     difficulty, material = "hard", "water"
     success = 0.9  # Ours: a tenth of the share may be missing or too much.
     actors, view, reset_height = CUP_ACTORS, "pour_water", 0.0
-    planning_horizon, softgym_name = 40, "PourWaterAmount"
+    planning_horizon, softgym_name, hidden_goal = 40, "PourWaterAmount", True
 
     def __init__(
         self,

@@ -9,7 +9,8 @@ Bounds: lower = at reset, upper = 0. The goal lies at the rope's own height and 
 rope, so that it can be reached; SoftGym's hovers 5 cm above the floor (facts 5, rows 23 and 24).
 Reduced state: 10 key points of the rope, 10 of the goal, evenly spaced (x, y, z each), picker 0,
 picker 1: 66 entries [m]. Full state: all vertices, then those of the goal, then the pickers.
-The observation "goal_rgb" is the task camera's image with the rope on the letter.
+The observation "goal_rgb" is the task camera's image with the rope on the letter;
+other images show the letter with `goal_marks=True` only.
 Start: as in StraightenRope. End: horizon only.
 """
 
@@ -53,7 +54,7 @@ class RopeConfiguration(Task):
     success = 0.8  # Ours: key points within 1 to 3 cm of the letter on average.
     workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
     reset_height, view = 0.1, "rope_configuration"
-    softgym_name = "RopeConfiguration"
+    softgym_name, hidden_goal = "RopeConfiguration", True
 
     def __init__(
         self,

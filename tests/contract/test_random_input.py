@@ -50,6 +50,7 @@ GOOD = {
     "count_intersections": [True, False],
     "sizes": [(60, 70), (60, 61)],
     "look": ["fast", "paper"],
+    "goal_marks": [True, False],
     "split": ["all", "train", [3], (800, 3)],
     "horizon": [1, 3, None],
     "random_state": [0, None],

@@ -10,7 +10,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.batch.deformables import add_deformable
 from softgym_mj.rendering.batch.layout import ARRAYS, EYE, LIGHT, SCENE, TEXTURE
 from softgym_mj.rendering.batch.materials import depth_of, levels_of, sky_of
-from softgym_mj.rendering.batch.solids import add_glasses, solids_of
+from softgym_mj.rendering.batch.solids import add_glasses, marks_of, solids_of
 from softgym_mj.rendering.look import FAST, look_of
 from softgym_mj.rendering.offscreen import camera_ids
 
@@ -35,6 +35,7 @@ def describe(
     cameras: Sequence[str],
     movers: Mapping[int, int],
     parts: Mapping[str, Sequence[str]],
+    marks: bool = False,
 ) -> Described:
     """What pictures of a model show, all but where things are.
 
@@ -43,6 +44,7 @@ def describe(
         cameras: names, as in `camera_ids`.
         movers: numbers by body: what these bodies carry is drawn where they are.
         parts: as of `LabelledView`.
+        marks: whether the marks of goals are drawn: only for colors, where they look like panes.
 
     Raises:
         InvalidArgumentError: for what cannot be drawn so.
@@ -55,6 +57,8 @@ def describe(
     scene, arrays = np.zeros((), SCENE), {}
     textures: list[np.ndarray] = []
     arrays["solids"], glasses = solids_of(model, data, movers, parts, textures)
+    if marks:
+        glasses += marks_of(model, data)
     glass_faces = add_glasses(scene, arrays, glasses)
     add_deformable(scene, arrays, model, textures)
     arrays["triangles"] = np.concatenate(

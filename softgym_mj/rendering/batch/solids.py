@@ -1,5 +1,6 @@
 """Solids and glass of a scene."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import mujoco
@@ -10,6 +11,7 @@ from softgym_mj.rendering.batch.layout import GLASS, SOLID
 from softgym_mj.rendering.batch.materials import material_of
 from softgym_mj.rendering.batch.ragged import part_of
 from softgym_mj.rendering.observables import geom_labels
+from softgym_mj.rendering.offscreen import SHOWN_SITES
 
 _BOX, _SPHERE, _CYLINDER, _MESH = (
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")) for name in ("BOX", "SPHERE", "CYLINDER", "MESH")
@@ -61,6 +63,41 @@ def solids_of(
     if len(solids) > _MOST_SOLIDS:
         raise InvalidArgumentError("geoms", len(solids), f"at most {_MOST_SOLIDS} to draw")
     return np.array([_flat(solid) for solid in solids], SOLID), glasses
+
+
+def marks_of(model: mujoco.MjModel, data: mujoco.MjData) -> list:
+    """Sites that are drawn, as panes: what `solids_of` returns of each glass.
+
+    Raises:
+        InvalidArgumentError: for sites that are no boxes.
+    """
+    found = []
+    for site in np.flatnonzero(model.site_group < SHOWN_SITES):
+        kind = int(model.site_type[site])
+        if kind != _BOX:
+            raise InvalidArgumentError("site", mujoco.mjtGeom(kind).name, "boxes")
+        rotation = data.site_xmat[site].reshape(3, 3)
+        places = _BOX_CORNERS * model.site_size[site] @ rotation.T + data.site_xpos[site]
+        material = material_of(model, model.site_matid[site], model.site_rgba[site], [])
+        found.append((-1, places, _BOX_NORMALS @ rotation.T, _BOX_FACES, material))
+    return found
+
+
+def _box() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Corners and normals (24, 3), and triangles (12, 3), of a box of half sizes 1."""
+    corners, normals = [], []
+    for axis, sign in itertools.product(range(3), (-1.0, 1.0)):
+        normal, first = sign * np.eye(3)[axis], np.eye(3)[axis - 2]
+        second = np.cross(normal, first)  # Corners go round counterclockwise, seen from outside.
+        corners += [
+            normal + a * first + b * second for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+        ]
+        normals += [normal] * 4
+    faces = [4 * side + np.array(face) for side in range(6) for face in ((0, 1, 2), (0, 2, 3))]
+    return np.array(corners), np.array(normals), np.array(faces)
+
+
+_BOX_CORNERS, _BOX_NORMALS, _BOX_FACES = _box()
 
 
 def _flat(values: tuple) -> tuple:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 # Arguments that say what is observed, or are part of every snapshot's key by themselves.
 NOT_OF_STATES = (
-    "observation", "image_size", "look", "visual", "action_repeat", "domain", "actor",
+    "observation", "image_size", "goal_marks", "look", "visual", "action_repeat", "domain", "actor",
     "num_pickers", "arms", "grasp", "action", "count_intersections",
 )  # fmt: skip
 

@@ -29,7 +29,12 @@ from softgym_mj.robots.factory import GRIPPERS
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import actors, checks
 from softgym_mj.tasks.shared.driving import Driving
-from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, STATES, make_observables
+from softgym_mj.tasks.shared.observations import (
+    DEFAULT_IMAGE_SIZE,
+    STATES,
+    make_observables,
+    warn_of_hidden_goal,
+)
 from softgym_mj.tasks.shared.scene import Scene
 from softgym_mj.tasks.shared.settings import show_settings
 from softgym_mj.tasks.shared.state import Episode, State
@@ -61,6 +66,8 @@ class Task(composer.Task, abc.ABC):
             and, for hard tasks, the authors' code.
         example_variation: the one that shows it best.
         softgym_name: what SoftGym calls it.
+        hidden_goal: whether the goal depends on the variation and nothing in images without marks
+            shows it.
         driven: whether an `Environment` makes as many sim steps as an action takes.
         actor: what acts.
         scene: everything that is there.
@@ -71,6 +78,7 @@ class Task(composer.Task, abc.ABC):
         domain: what varies besides the initial state.
         random: the generator of the environment, which dm_control's wrappers draw from.
         counts_intersections: whether info has them.
+        goal_marks: whether colored images show the marks of the goal.
         arguments: those, as text, that have to agree for a snapshot to fit, besides `snapshot_key`.
     """
 
@@ -84,7 +92,7 @@ class Task(composer.Task, abc.ABC):
     view: View | str = "cloth"
     planning_horizon, example_variation = 15, 806
     softgym_name: str | None = None
-    driven = False
+    hidden_goal = driven = False
 
     def __init_subclass__(cls, **kwargs: Any):
         super().__init_subclass__(**kwargs)
@@ -102,6 +110,7 @@ class Task(composer.Task, abc.ABC):
         actor: str | Actor | None = None,
         observation: str | Sequence[str] = "reduced",
         image_size: tuple[int, int] = DEFAULT_IMAGE_SIZE,
+        goal_marks: bool = False,
         look: str = FAST.name,
         action_repeat: int | None = None,
         domain: str | Mapping[str, object] = "nominal",
@@ -115,12 +124,13 @@ class Task(composer.Task, abc.ABC):
                 not yet attached.
             start: the initial states of the first object; None if `arrange` places all of them.
             tool: a cup for the actor to move; None for grippers.
-            marks: what shows the goal to people, by sites: images of observations lack them.
+            marks: what shows the goal to people, by sites; images of observations have them with
+                `goal_marks=True` only.
             timestep: physics step [s], a sim step or a whole part of it; by default the largest
                 that suits all objects.
-            actor, observation, image_size, look, action_repeat, domain, count_intersections: as in
-                `ClothTaskSettings`. With several objects, the domain parameters of one have its
-                model name before theirs: "rope_friction".
+            actor, observation, image_size, goal_marks, look, action_repeat, domain,
+                count_intersections: as in `ClothTaskSettings`. With several objects, the domain
+                parameters of one have its model name before theirs: "rope_friction".
             **actor_settings: `num_pickers`, `arms`, `grasp`, `visual` and `action`, alike.
 
         Raises:
@@ -146,7 +156,12 @@ class Task(composer.Task, abc.ABC):
             control_timestep=self.action_repeat * SIM_STEP,
             physics_timestep=checks.checked_timestep(timestep, self.scene.materials.values()),
         )
-        self._observables = make_observables(self, observation, image_size)
+        if goal_marks and not marks:
+            raise InvalidArgumentError("goal_marks", goal_marks, "False: this task draws no goal")
+        self.goal_marks = goal_marks
+        self._observables = make_observables(self, observation, image_size, goal_marks)
+        if self.hidden_goal:
+            warn_of_hidden_goal(self._observables, goal_marks)
         self._variation, self._chosen = 0, False
         self._episode: Episode | None = None
         self._stored: dict[str, np.ndarray] = {}

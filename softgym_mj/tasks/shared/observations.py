@@ -1,7 +1,8 @@
 """Observations as data: those that follow from the state, and their names."""
 
 import collections
-from collections.abc import Callable, Iterable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from array_api_compat import device
@@ -9,7 +10,12 @@ from dm_control.composer.observation import observable
 
 from softgym_mj.exceptions import InvalidArgumentError, check_image_size
 from softgym_mj.metrics import Array, namespace
-from softgym_mj.rendering.observables import EXTERNAL_RGB, WRIST_RGB, fixed_observables
+from softgym_mj.rendering.observables import (
+    EXTERNAL_RGB,
+    WRIST_RGB,
+    CameraObservable,
+    fixed_observables,
+)
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.tasks.shared.state import Episode, State
 
@@ -112,6 +118,7 @@ TAKEN = (
     WRIST_RGB,
 )  # What has the faults of a sensor, where a domain has some.
 GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can show it.
+_SHOW_GOAL = {"full", "reduced", "markov", GOAL_RGB}  # Without marks in images.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 
 
@@ -136,7 +143,10 @@ def enabled_names(observation: str | Sequence[str], available: Iterable[str]) ->
 
 
 def make_observables(
-    task: Any, observation: str | Sequence[str], image_size: tuple[int, int]
+    task: Any,
+    observation: str | Sequence[str],
+    image_size: tuple[int, int],
+    goal_marks: bool = False,
 ) -> "collections.OrderedDict[str, observable.Observable]":
     """All observables of a task by name, those of a setting enabled.
 
@@ -144,6 +154,7 @@ def make_observables(
         task: with its scene and actor.
         observation: as in `enabled_names`.
         image_size: (height, width) of images [pixels].
+        goal_marks: whether colored images show the marks of the task's goal.
     """
     height, width = check_image_size("image_size", image_size, LARGEST_IMAGE)
     states = {
@@ -159,6 +170,27 @@ def make_observables(
         found[name].corruptor = lambda images, random_state, name=name: task.scene.seen(
             name, images, task.variation
         )
+        if isinstance(found[name], CameraObservable):
+            for view in found[name].views:
+                view.marks = goal_marks
     for name in enabled_names(observation, found):
         found[name].enabled = True
     return found
+
+
+def warn_of_hidden_goal(observables: Mapping[str, observable.Observable], goal_marks: bool) -> None:
+    """Warns if no enabled observation shows a goal that depends on the variation.
+
+    Args:
+        observables: by name, as `make_observables` returns them.
+        goal_marks: whether colored images show the marks of the goal.
+    """
+    enabled = {name for name, seen in observables.items() if seen.enabled}
+    if enabled & _SHOW_GOAL or (goal_marks and enabled & set(TAKEN)):
+        return
+    others = sorted(_SHOW_GOAL & set(observables))
+    warnings.warn(
+        f"observation={sorted(enabled)} does not show the goal, which depends on the variation: "
+        f"load the task with goal_marks=True and 'rgb', or observe one of {others}, too",
+        stacklevel=3,
+    )

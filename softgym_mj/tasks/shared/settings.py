@@ -19,6 +19,8 @@ class CupTaskSettings(TypedDict, total=False):
         meshes of MuJoCo Menagerie. Only for arms.
     observation: a name, or a sequence of names, of `observations.OBSERVATIONS`.
     image_size: (height, width) of images [pixels].
+    goal_marks: whether "rgb", "external_rgb" and "wrist_rgb" show the marks of the goal that
+        `render` draws; depths, labels and point clouds never do. Tasks without marks refuse True.
     look: how finely it is drawn: "fast", or "paper" for what is shown to people; a name of
         `rendering.look.LOOKS`. Nothing else depends on it.
     action_repeat: sim steps of 0.01 s per env step; None for the usual number.
@@ -35,6 +37,7 @@ class CupTaskSettings(TypedDict, total=False):
     visual: str | None
     observation: str | Sequence[str]
     image_size: tuple[int, int]
+    goal_marks: bool
     look: str
     action_repeat: int | None
     domain: str | Mapping[str, object]

@@ -65,6 +65,7 @@ class Cameras:
         faults = [name for name in task.domain.varying if name.startswith(_FAULTS)]
         if faults and any(image.shows == "colors" for image in self._images.values()):
             raise InvalidArgumentError("domain", faults, "without these, of images on this device")
+        self._has_marks = task.goal_marks
         name, image = next(iter(self._images.items()))
         shape = env.observation_spec()[name].shape[image.is_stack :]
         self._pictures = Pictures(
@@ -76,17 +77,21 @@ class Cameras:
         """How many times arrays of its own have been replaced."""
         return self._pictures.grown if self._images else 0
 
-    def read(self, env: Environment, side: Side) -> Arrays:
+    def read(self, env: Environment, side: Side) -> dict[str, Described]:
         """What is seen of an environment, all but where things are, for `placed`."""
         if not self._images:
             return {}
         model, scene = env.physics.model.ptr, env.task.scene
         movers = {body: i for i, body in enumerate(side.movers())}
-        return describe(model, self.names, movers, scene.segmentation_models)._asdict()
+        told = model, self.names, movers, scene.segmentation_models
+        found = {"scene": describe(*told)}
+        if self._has_marks:
+            found["marked"] = describe(*told, marks=True)
+        return found
 
-    def placed(self, read: Arrays) -> Arrays:
+    def placed(self, read: Mapping[str, Described]) -> Arrays:
         """What `read` said, in any process, as a row for `draw`."""
-        return {"scene": np.array(self._pictures.load(Described(**read)))} if read else {}
+        return {name: np.array(self._pictures.load(described)) for name, described in read.items()}
 
     def draw(self, views: Mapping[str, Array], points: Array, poses: Array) -> dict[str, Array]:
         """Images of all worlds by name.
@@ -97,12 +102,14 @@ class Cameras:
             poses: positions [m] and quaternions of what moves (num_worlds, movers, 7).
         """
         seen: dict[str, Any] = {}
-        told = views.get("scene"), points, poses
+        told = points, poses
         shown = {image.shows for image in self._images.values()}
         if "colors" in shown:
-            seen["colors"] = self._pictures.colors(*told)
+            seen["colors"] = self._pictures.colors(
+                views["marked" if self._has_marks else "scene"], *told
+            )
         if shown - {"colors"}:
-            seen["labels"], seen["distances"] = self._pictures.surfaces(*told)
+            seen["labels"], seen["distances"] = self._pictures.surfaces(views["scene"], *told)
         found = {}
         for name, image in self._images.items():
             first = self.names.index(image.cameras[0])
