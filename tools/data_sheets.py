@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from softgym_mj.envs.environment import Environment
+from softgym_mj.envs.gymnasium_env import space_of
 from softgym_mj.envs.load import load
 from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.observables import EXTERNAL, WRIST_RGB
@@ -113,8 +114,11 @@ def observations(
     summaries = {**OBSERVATIONS, **further}
     shown = {**spec, WRIST_RGB: arms.observation_spec()[WRIST_RGB]}
     yield table(
-        ("observation", "shape", "dtype", "what"),
-        ((f"`{name}`", s.shape, s.dtype, summaries[name]) for name, s in shown.items()),
+        ("observation", "shape", "dtype in dm_env", "in Gymnasium", "what"),
+        (
+            (f"`{name}`", s.shape, s.dtype, space_of(s).dtype, summaries[name])
+            for name, s in shown.items()
+        ),
     )
     yield "### `reduced`\n"
     yield entry_table(reduced_entries(task))
@@ -240,7 +244,7 @@ def sheet(name: str) -> str:
     usual, arm = next(iter(tasks)), next(actor for actor in tasks if actor in ARMS)
     own = [seen for seen in (HELD, GOAL_RGB) if seen in tasks[usual].task_observables]
     env = load(name, observation=(*OBSERVATIONS, *own))
-    arms = load(name, actor=arm, observation=WRIST_RGB)
+    arms = load(name, actor=arm, observation=("reduced", WRIST_RGB))
     lower, upper = bounds(env)
     text, task = paragraphs(record), env.task
     facts = table(

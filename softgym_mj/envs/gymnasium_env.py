@@ -71,7 +71,8 @@ def draw_variation(generator: np.random.Generator, variations: Sequence[int]) ->
     return int(variations[int(generator.integers(len(variations)))])
 
 
-def _space(spec: specs.Array) -> gymnasium.spaces.Box:
+def space_of(spec: specs.Array) -> gymnasium.spaces.Box:
+    """Returns the Gymnasium space of an observation of dm_env: uint8 stays, others are float32."""
     if spec.dtype == np.uint8:
         return gymnasium.spaces.Box(0, 255, spec.shape, np.uint8)
     return gymnasium.spaces.Box(-np.inf, np.inf, spec.shape, np.float32)
@@ -139,7 +140,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         frames_per_second = round(1 / self.dm_env.control_timestep(), 3)
         self.metadata = {**self.metadata, "render_fps": frames_per_second}
         spaces: dict[str, gymnasium.Space] = {
-            name: _space(spec) for name, spec in self.dm_env.observation_spec().items()
+            name: space_of(spec) for name, spec in self.dm_env.observation_spec().items()
         }
         self.observation_space = (
             gymnasium.spaces.Dict(spaces) if len(spaces) > 1 else next(iter(spaces.values()))

@@ -1,5 +1,6 @@
 """Data sheets say what the tasks are: they equal what is generated, their entries add up."""
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -28,6 +29,15 @@ def test_sheets_are_up_to_date(task):
 def test_there_is_a_sheet_for_every_task_and_no_other():
     assert {path.stem for path in data_sheets.FOLDER.iterdir()} == set(softgym_mj.TASKS)
     assert all(set(ARMS) < set(task.resolve().actors) for task in softgym_mj.TASKS.values())
+
+
+def test_sheets_have_the_dtypes_of_both_interfaces():
+    sheet = (data_sheets.FOLDER / "fold_cloth.md").read_text()
+    for name in (*STATES, "full_mask", "rgb", "depth"):
+        in_dm_env = softgym_mj.load("fold_cloth", observation=name).observation_spec()[name]
+        in_gymnasium = gymnasium.make("softgym_mj/FoldCloth-v0", observation=name)
+        dtypes = in_dm_env.dtype, in_gymnasium.observation_space.dtype
+        assert f"| `{name}` | {in_dm_env.shape} | {dtypes[0]} | {dtypes[1]} |" in sheet
 
 
 @pytest.mark.parametrize(("name", "settings"), CASES, ids=str)
