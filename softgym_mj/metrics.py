@@ -76,6 +76,11 @@ def normalize(performance: Array, lower: Array, upper: Array) -> Array:
     return (performance - lower) / (span + (span == 0)) * (span != 0)
 
 
+def flat(values: Array) -> Array:
+    """Values (..., rows, columns) as (..., rows * columns)."""
+    return values.reshape((*values.shape[:-2], math.prod(values.shape[-2:])))
+
+
 def mean(values: Array, counts: Array) -> Array:
     """Means (...) over the last axis of values (..., n), of those with counts (..., n) of 1."""
     xp = namespace(values)
@@ -164,8 +169,9 @@ def _covered_area(vertices: np.ndarray, triangles: np.ndarray, lines: int) -> fl
 def _covered_areas(vertices: Array, triangles: Array, lines: int) -> Array:
     """`covered_area` of PyTorch's tensors."""
     leading, coordinates = vertices.shape[:-2], vertices.shape[-1]
-    points = vertices.double().reshape((-1, vertices.shape[-2], coordinates))
-    corners = triangles.long().reshape((len(points), -1, 3))
+    number = math.prod(leading)
+    points = vertices.double().reshape((number, vertices.shape[-2], coordinates))
+    corners = triangles.long().reshape((number, triangles.shape[-2], 3))
     return measures.covered_areas(points, corners, lines).reshape(leading)
 
 
@@ -186,8 +192,7 @@ def particles(shape: Mapping[str, Array], points: Array) -> Array:
     """
     xp = namespace(points)
     grid = shape["grid"]
-    flat = grid.reshape((*grid.shape[:-2], -1))
-    sheet = taken(points, flat).reshape((*grid.shape, 3))
+    sheet = taken(points, flat(grid)).reshape((*grid.shape, 3))
     across = xp.einsum("...ic,...rck->...rik", shape["by_column"], sheet)
     return xp.einsum("...jr,...rik->...jik", shape["by_row"], across)
 
@@ -201,7 +206,7 @@ def offsets(shape: Mapping[str, Array], points: Array, goal: Array) -> Array:
     """
     away = lengths(particles(shape, points) - goal)
     counts = shape["rows"][..., :, None] * shape["columns"][..., None, :]
-    return mean(_flat(away), _flat(counts))
+    return mean(flat(away), flat(counts))
 
 
 def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
@@ -219,9 +224,9 @@ def fold(shape: Mapping[str, Array], points: Array, goal: Array) -> Measures:
     """
     sheet = particles(shape, points)
     mirror = _columns(sheet, shape["second_half"])
-    counts = _flat(shape["rows"][..., :, None] * shape["pairs"][..., None, :])
-    pair = mean(_flat(lengths(_columns(sheet, shape["first_half"]) - mirror)), counts)
-    moved = mean(_flat(lengths(mirror - _columns(goal, shape["second_half"]))), counts)
+    counts = flat(shape["rows"][..., :, None] * shape["pairs"][..., None, :])
+    pair = mean(flat(lengths(_columns(sheet, shape["first_half"]) - mirror)), counts)
+    moved = mean(flat(lengths(mirror - _columns(goal, shape["second_half"]))), counts)
     rewards = {"pair_distance": -pair, "displacement": -DISPLACEMENT_WEIGHT * moved}
     return Measures(
         sum(rewards.values()), rewards, info={"pair_distance": pair, "displacement": moved}
@@ -234,11 +239,6 @@ def _columns(sheet: Array, indices: Array) -> Array:
         return sheet[:, indices]
     xp = namespace(sheet)
     return xp.take_along_axis(sheet, indices[..., None, :, None], axis=-2)
-
-
-def _flat(values: Array) -> Array:
-    """Values (..., rows, columns) as (..., rows * columns)."""
-    return values.reshape((*values.shape[:-2], -1))
 
 
 def inside(points: Array, pose: Array, size: Array) -> Array:
@@ -287,9 +287,9 @@ def matched_distance(points: Array, goal: Array) -> Array:
     They are matched so that it is smallest (Jonker and Volgenant, 1987).
     """
     apart = lengths(points[..., :, None, :] - goal[..., None, :, :])
-    number = points.shape[-2]
-    matrices, leading = apart.reshape((-1, number, number)), points.shape[:-2]
+    number, leading = points.shape[-2], points.shape[:-2]
+    matrices = apart.reshape((math.prod(leading), number, number))
     if array_api_compat.is_torch_array(points):
         return measures.matched_distances(matrices.double()).reshape(leading)
     found = [np.mean(matrix[linear_sum_assignment(matrix)]) for matrix in matrices]
-    return np.stack(found).reshape(leading)[()]
+    return np.array(found).reshape(leading)[()]

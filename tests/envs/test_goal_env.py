@@ -37,6 +37,8 @@ def test_rewards_are_those_of_the_environment(name, matching):
     assert len(set(rewards.tolist())) > 1
     # What has been achieved is the best goal there is.
     np.testing.assert_array_equal(env.compute_reward(achieved, achieved, {}), np.zeros(len(steps)))
+    # Hindsight without any goals of its own asks for none.
+    assert env.compute_reward(achieved[:0], desired[:0], []).shape == (0,)
     env.close()
 
 

@@ -41,6 +41,17 @@ def tensors(value: Any) -> Any:
     return torch.from_numpy(value)
 
 
+def none_of(value: Any) -> Any:
+    """A batch without members, of arrays with as many axes."""
+    if isinstance(value, dict):
+        return {key: none_of(part) for key, part in value.items()}
+    if isinstance(value, State):
+        return State(*map(none_of, value))
+    if isinstance(value, Episode):
+        return Episode(*(none_of(getattr(value, f.name)) for f in dataclasses.fields(value)))
+    return value[:0]
+
+
 def flattened(measured) -> dict[str, Any]:
     """All that is measured, by name."""
     measures, bounds, reduced = measured
@@ -85,3 +96,6 @@ def test_a_batch_is_measured_as_its_members(task):
             assert isinstance(values, kind | float)
             all_of_them = np.broadcast_to(np.asarray(values), expected.shape)
             np.testing.assert_allclose(all_of_them, expected, rtol=1e-6, atol=1e-9, err_msg=key)
+        for key, values in measured(task, *map(none_of, batch)).items():
+            shape = np.shape(found[key])
+            assert np.shape(values) == ((0, *shape[1:]) if shape else ()), (name, key)

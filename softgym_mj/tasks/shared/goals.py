@@ -63,7 +63,7 @@ class RopeGoals(Goals):
         return self._made(full[..., :end], full[..., end : 2 * end], full[..., 2 * end :])
 
     def _made(self, rope: Array, goal: Array, sensed: Array) -> tuple[State, Episode]:
-        points, places = (array.reshape((*array.shape[:-1], -1, 3)) for array in (rope, goal))
+        points, places = _points(rope), _points(goal)
         there = namespace(points).ones_like(points[..., 0]) > 0
         state = State({"rope": points}, {"rope": there}, {}, sensed, sensed[..., :0])
         return state, Episode(0, {}, {"rope": {}}, {"rope": places}, 0.0)
@@ -74,11 +74,11 @@ class RopeGoals(Goals):
 
     def achieved(self, state: State, episode: Episode) -> Array:
         """See `Goals`."""
-        return _flat(state.points["rope"])
+        return metrics.flat(state.points["rope"])
 
     def desired(self, state: State, episode: Episode) -> Array:
         """See `Goals`."""
-        return _flat(episode.goal["rope"])
+        return metrics.flat(episode.goal["rope"])
 
     def reward(self, achieved: Array, desired: Array) -> Array:
         """See `Goals`."""
@@ -97,7 +97,7 @@ class PourGoals(Goals):
     def read(self, full: Array) -> tuple[State, Episode]:
         """See `Goals`."""
         end = 3 * self.task.max_points
-        water = full[..., :end].reshape((*full.shape[:-1], -1, 3))
+        water = _points(full[..., :end])
         xp = namespace(full)
         poses, shapes = {}, {}
         for k, (name, wall) in enumerate(self._walls.items()):
@@ -165,6 +165,6 @@ def depends_on_goal(task: Any, name: str) -> np.ndarray:
     return seen != moved
 
 
-def _flat(points: Array) -> Array:
-    """Points (..., n, 3) as numbers (..., 3 n)."""
-    return points.reshape((*points.shape[:-2], -1))
+def _points(numbers: Array) -> Array:
+    """Numbers (..., 3 n) as points (..., n, 3)."""
+    return numbers.reshape((*numbers.shape[:-1], numbers.shape[-1] // 3, 3))

@@ -1,6 +1,7 @@
 """Observations as data: those that follow from the state, and their names."""
 
 import collections
+import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -74,7 +75,7 @@ def _sensed(task: Any, state: State) -> list[Array]:
 
 def _joined(arrays: Iterable[Array], lead: tuple[int, ...]) -> Array:
     """All numbers of some arrays in one (..., n)."""
-    parts = [array.reshape((*lead, -1)) for array in arrays]
+    parts = [array.reshape((*lead, math.prod(array.shape[len(lead) :]))) for array in arrays]
     return namespace(parts[0]).concat(parts, axis=-1)
 
 
