@@ -62,7 +62,7 @@ class OldEnv:
     recording, video_frames: whether a video is being recorded, and its pictures.
     """
 
-    def __init__(self, name: str, observation_mode: str, action_mode: str, **settings: Any):
+    def __init__(self, /, name: str, observation_mode: str, action_mode: str, **settings: Any):
         """Builds the environment.
 
         Args:

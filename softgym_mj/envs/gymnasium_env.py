@@ -98,6 +98,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def __init__(
         self,
+        /,  # An argument that is called "self" is refused by name.
         task: str | registry.TaskRecord,
         render_mode: str | None = None,
         *,

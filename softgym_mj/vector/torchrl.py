@@ -27,6 +27,7 @@ class TorchRLEnv(EnvBase):
 
     def __init__(
         self,
+        /,
         task: str | TaskRecord,
         num_envs: int,
         *,
