@@ -206,9 +206,9 @@ def _scores(env: Environment, variation: int, seed: int, total: float) -> dict:
     return {
         "variation": variation,
         "seed": seed,
-        "normalized_performance": info["normalized_performance"],
-        "performance": info["performance"],
-        "success": info["success"],
+        "normalized_performance": float(info["normalized_performance"]),
+        "performance": float(info["performance"]),
+        "success": bool(info["success"]),
         "return": total,
         "quality": env.task.last_quality,
     }

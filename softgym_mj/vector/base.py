@@ -11,14 +11,14 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from softgym_mj.envs.environment import Snapshot
-from softgym_mj.envs.gymnasium_env import brief, check_options, checked_state
+from softgym_mj.envs.gymnasium_env import brief, check_known, checked_options, checked_state
 from softgym_mj.exceptions import (
     InvalidArgumentError,
     LifecycleError,
     SnapshotError,
     check_count,
 )
-from softgym_mj.kinds import check_kind
+from softgym_mj.kinds import as_array, check_kind
 from softgym_mj.registry import HorizonSpec
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
@@ -36,6 +36,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     Attributes:
         backend: what simulates.
+        autoreset_mode: what follows the last step of an episode, as `metadata` has it, too.
     """
 
     _spec: EnvSpec | None = None
@@ -48,7 +49,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             variations: indices to draw from.
             autoreset_mode: what follows the last step of an episode, see `make_vec`.
         """
-        self.backend, self.num_envs, self._mode = backend, backend.num_envs, autoreset_mode
+        self.backend, self.num_envs = backend, backend.num_envs
+        self.autoreset_mode = autoreset_mode
         backend.draws = Draws(backend.num_envs, variations)
         self.metadata = {**backend.metadata, "autoreset_mode": autoreset_mode}
         self.render_mode = backend.render_mode
@@ -68,6 +70,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._spec = made_of and HorizonSpec.of(made_of, self.get_attr("horizon")[0])
 
     def _begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
+        if self.closed:
+            raise LifecycleError("this vector environment was closed: make a new one")
         if self._pending is not None:
             raise LifecycleError("a step has begun: call step_wait() first")
         return self.backend.begin(function, *args)
@@ -92,12 +96,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         Raises:
             InvalidArgumentError, SnapshotError: for bad seeds or options.
         """
-        options = dict(options or {})
+        options = checked_options(options)
         mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
         stagger = options.pop("stagger", False)
         check_kind("stagger", stagger, bool | int)
         parts = self.num_envs if stagger is True else check_count("stagger", int(stagger), 0)
-        check_options(seed, options)
+        check_known(seed, options)
         if "state" in options:
             states = _states_of_each(options["state"], self.num_envs)
             return self._run(self._restore, mask, states)
@@ -141,7 +145,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             LifecycleError: if another step has begun, as of all methods but `close`.
         """
         actions = self.backend.checked(actions)
-        self._pending = self._begin(self.backend.advance, actions, self._mode)
+        self._pending = self._begin(self.backend.advance, actions, self.autoreset_mode)
 
     def step_wait(self):
         """What `step` returns or raises, of the step that has begun; if this is interrupted, never.
@@ -165,7 +169,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             InvalidArgumentError: for a bad action; no environment is stepped then.
         """
         actions = self.backend.checked(actions)
-        return self._run(self.backend.advance, actions, self._mode)
+        return self._run(self.backend.advance, actions, self.autoreset_mode)
 
     def render(self) -> tuple[Any, ...] | None:
         """What `render` of each environment returns."""
@@ -224,21 +228,22 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
 def _seed_of_each(seed: Any, number: int) -> list[int | None]:
     """Seeds from one, which the next has one more of, from a sequence, or from None."""
-    valid = f"a whole number, or {number} of them"
+    valid = f"a whole number, 0 or more, or {number} of them"
     try:
         if seed is None or isinstance(seed, (int, np.integer)):
-            return [None if seed is None else int(seed) + i for i in range(number)]
-        seeds = [None if one is None else operator.index(one) for one in seed]
+            seeds = [None if seed is None else int(seed) + i for i in range(number)]
+        else:
+            seeds = [None if one is None else operator.index(one) for one in seed]
     except TypeError:
         raise InvalidArgumentError("seed", seed, valid) from None
-    if len(seeds) != number:
+    if len(seeds) != number or any(one is not None and one < 0 for one in seeds):
         raise InvalidArgumentError("seed", seed, valid)
     return seeds
 
 
 def _checked_mask(mask: Any, number: int) -> np.ndarray:
     """Gymnasium's option "reset_mask", (number,) bool: who is to be reset; None for all."""
-    mask = np.ones(number, bool) if mask is None else np.asarray(mask)
+    mask = np.ones(number, bool) if mask is None else as_array("reset_mask", mask)
     if mask.shape != (number,) or mask.dtype != bool or not mask.any():
         valid = f"({number},) bool, at least one of them true"
         raise InvalidArgumentError("reset_mask", mask, valid)

@@ -215,6 +215,6 @@ class Session:
             ended=self._timestep.last(),
             time=self._sim_steps * SIM_STEP,
             reward=self._timestep.reward or 0.0,
-            normalized_performance=self.env.info()["normalized_performance"],
+            normalized_performance=float(self.env.info()["normalized_performance"]),
             speed=self._pace.speed,
         )

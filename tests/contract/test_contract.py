@@ -131,6 +131,7 @@ def test_reward_is_the_sum_of_the_info_terms(case):
         info = env.info()
         terms = [value for key, value in info.items() if key.startswith("reward_")]
         assert terms and timestep.reward == sum(terms) == info["performance"]
+        assert all(isinstance(value, np.generic) for value in info.values())
 
 
 @pytest.mark.parametrize("task", ["straighten_rope", "pour_water"])

@@ -5,6 +5,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.monitor import Monitor
@@ -62,3 +63,26 @@ def test_torchrl(task, kwargs):
 
 def test_torchrl_wraps_what_is_made():
     check_env_specs(GymWrapper(gymnasium.make(identifier("straighten_rope"))), seed=0)
+
+
+@pytest.mark.parametrize("task", FEW)
+def test_torchrl_reads_infos(task):
+    env = GymEnv(identifier(task)).auto_register_info_dict()
+    check_env_specs(env, seed=0)
+    assert "normalized_performance" in env.observation_spec.keys(True)
+    played = env.rollout(3)
+    score = env._env.unwrapped.dm_env.info()["normalized_performance"]
+    assert played["next", "normalized_performance"][-1].item() == pytest.approx(score, rel=1e-6)
+    env.close()
+
+
+@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
+@pytest.mark.parametrize("device", ["cpu", "host"])
+def test_torchrl_wraps_many_environments(device, mode):
+    settings = {"num_workers": 1, "autoreset_mode": mode, "device": device, "horizon": 4}
+    envs = gymnasium.make_vec(identifier("straighten_rope"), 2, **settings)
+    assert envs.autoreset_mode == envs.metadata["autoreset_mode"] == AutoresetMode(mode)
+    env = GymWrapper(envs)
+    rewards = env.rollout(4)["next", "reward"]
+    assert rewards.shape[:2] == (2, 4) and len(set(rewards.flatten().tolist())) > 4
+    env.close()

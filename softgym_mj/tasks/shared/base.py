@@ -381,16 +381,16 @@ class Task(composer.Task, abc.ABC):
         """A performance of this episode in terms of its bounds."""
         return metrics.normalize(performance, *self.bounds(self.episode))
 
-    def info(self) -> dict[str, float | int | bool]:
-        """Scalars of the last evaluation; the reward is the sum of the "reward_*" entries."""
-        found = self.describe(self.state(), self.episode, self.last_evaluation)
-        return {
-            **{name: np.asarray(value).item() for name, value in found.items()},
+    def info(self) -> dict[str, np.generic]:
+        """NumPy scalars of the last evaluation; "reward_*" entries add up to the reward."""
+        found = {
+            **self.describe(self.state(), self.episode, self.last_evaluation),
             **self.diagnostics(),
             **self.actor.diagnostics(),
             **{f"domain_{name}": self.domain.values[name] for name in self.domain.varying},
             "variation": self._variation,
         }
+        return {name: np.asarray(value).flat[0] for name, value in found.items()}
 
     def describe(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
         """What info says of a state by its points alone: (...) by name."""
