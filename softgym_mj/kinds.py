@@ -70,6 +70,20 @@ def check_kind(argument: str, value: object, kind: Any) -> None:
         raise InvalidArgumentError(argument, value, words)
 
 
+def as_array(argument: str, value: object) -> np.ndarray:
+    """Returns an array of a value, which may be a sequence, an array or a tensor.
+
+    Raises:
+        InvalidArgumentError: if NumPy makes none of it, for whatever reason: ragged lists, tensors
+            that need gradients or have a type or device that NumPy lacks.
+    """
+    try:
+        return np.asarray(value)
+    except Exception as error:  # Whatever the value's own class raises.
+        reason = f"{type(value).__name__}: {error}"
+        raise InvalidArgumentError(f"{argument} is no array of real numbers: {reason}") from error
+
+
 def _is_of(value: Any, kind: Any) -> bool:
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if kind in _NUMBERS:

@@ -56,6 +56,7 @@ env_arg_dict = Table({
 
 
 def __getattr__(name: str) -> Any:
-    if name in REPLACED:  # `from ... import` would hide an AttributeError.
-        raise UnavailableError(str(ReplacedError(name, REPLACED[name])))
+    use = f"SOFTGYM_ENVS[{name!r}]" if name in SOFTGYM_ENVS else REPLACED.get(name)
+    if use is not None:  # `from ... import` would hide an AttributeError.
+        raise UnavailableError(str(ReplacedError(name, use)))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import as_array
 from softgym_mj.robots.workspace import Workspace
 
 
@@ -28,8 +29,9 @@ def checked(action: object, space: gymnasium.spaces.Box, clip: bool = False) -> 
         InvalidArgumentError: for a wrong shape, NaN or, unless they are clipped, other numbers than
             those of the space.
     """
+    array = as_array("action", action)
     with contextlib.suppress(TypeError, ValueError):
-        array = np.asarray(action, float)
+        array = array.astype(float)
         if array.shape == space.shape:
             array = np.clip(array, space.low, space.high) if clip else array
             if space.contains(array.astype(np.float32)):

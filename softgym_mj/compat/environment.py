@@ -153,7 +153,13 @@ class OldEnv:
         )
 
     def seed(self, seed: int | None = None) -> None:
-        """Seeds the draw of variations and of `action_space`."""
+        """Seeds the draw of variations and of `action_space`.
+
+        Raises:
+            InvalidArgumentError: unless the seed is a whole number, 0 or more, or None.
+        """
+        if seed is not None:
+            check_count("seed", seed, 0)
         self._random = np.random.default_rng(seed)
         self.action_space.seed(seed)
 

@@ -27,7 +27,8 @@ _USES = {
     "dm_env.control_timestep()": "dt",
     "numpy.random": "rand_float rand_int",
     "gymnasium.make": "metadata spec unwrapped",
-    "an actor of your own": "picker_radius picker_threshold Picker PickerPickPlace PickerQPG",
+    "an actor of your own": "picker_radius picker_threshold Picker PickerPickPlace PickerQPG "
+    "ActionToolBase",
     "fidelity of softgym_mj.load": "particle_radius",
     "matching='vertices' of softgym_mj.load": "reward_type",
     "action_mode='picker'": "sphere",
@@ -42,10 +43,12 @@ _USES = {
     "gymnasium.wrappers.NormalizeReward": "normalize_reward reward_alpha",
     "SOFTGYM_ENVS": "PassWater1DEnv PourWaterPosControlEnv PourWaterAmountPosControlEnv "
     "RopeFlattenEnv RopeConfigurationEnv ClothFlattenEnv ClothFoldEnv ClothDropEnv "
-    "ClothFoldCrumpledEnv ClothFoldDropEnv",
+    "ClothFoldCrumpledEnv ClothFoldDropEnv FlexEnv ClothEnv FluidEnv RopeNewEnv "
+    "register_flex_envs",
     "dm_env.task.scene": "ClothPos ClothStiff flip_mesh target_pos init_pos stretchstiffness "
     "bendingstiffness radius mass scale env_idx target_height",
-    "dm_env.task.scene and dm_env.physics of an environment": "pyflex",
+    "dm_env.task.scene and dm_env.physics of an environment": "pyflex center_object "
+    "random_pick_and_place",
 }
 REPLACED = {name: use for use, names in _USES.items() for name in names.split()}
 OTHER_ACTION_MODES = ("sphere", "sawyer", "franka", "rotation_top")

@@ -58,6 +58,7 @@ class Environment(composer.Environment):
         variations: variation indices that `reset` draws from.
         started: the variation that was last started; None before the first reset.
         step_count: env steps since reset, or as many as are to count.
+        maker: makes another such environment of a `random_state`; `load` sets it.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class Environment(composer.Environment):
                 check_count("random_state", random_state, 0, 2**32 - 1)
             random_state = np.random.RandomState(random_state)
         self.name, self.horizon, self.variations = name, horizon, split_indices(split)
+        self.maker: Callable[..., Environment] | None = None
         self.started: int | None = None
         self.step_count = 0
         plain = Task.initialize_episode_mjcf, composer.Entity.initialize_episode_mjcf
@@ -122,9 +124,11 @@ class Environment(composer.Environment):
         for _ in range(self._task.actor.sim_steps or 1):  # What some actors need for an action.
             super()._substep(action)
 
-    def info(self) -> dict[str, float | int | bool]:
-        """Scalars that describe the state after the last step or reset."""
-        return {**self._task.info(), "physics_warnings": int(self._data.warning.number.sum())}
+    def info(self) -> dict[str, np.generic]:
+        """NumPy scalars that describe the state after the last step or reset."""
+        self._check_open()
+        warnings = np.int64(self._data.warning.number.sum())
+        return {**self._task.info(), "physics_warnings": warnings}
 
     def cameras(self) -> dict[str, Calibration]:
         """The cameras that the observation is from, by name, where they are now."""
@@ -143,6 +147,7 @@ class Environment(composer.Environment):
         Raises:
             InvalidArgumentError: if there is no such variation.
         """
+        self._check_open()
         if variation is None:
             variation = self.variations[self._random_state.randint(len(self.variations))]
         self._start(check_variation(variation))
@@ -168,6 +173,7 @@ class Environment(composer.Environment):
             InvalidArgumentError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
             PhysicsError: if the simulation diverges.
         """
+        self._check_open()
         if self._reset_next_step:
             return self.reset()
         timestep = super().step(action)
@@ -179,12 +185,32 @@ class Environment(composer.Environment):
 
     # ------------------------------------------------------------------ snapshots
 
+    def __reduce__(self):
+        """A copy or a pickle continues the episode; hooks that were added do not come along.
+
+        Raises:
+            LifecycleError: for one that `load` has not made, or that is closed.
+        """
+        self._check_open()
+        if self.maker is None:
+            raise LifecycleError(
+                "an Environment that softgym_mj.load has not made can be neither copied nor "
+                "pickled: make another one and use other.set_state(env.get_state())"
+            )
+        snapshot = None if self.started is None else self.get_state()
+        return _remade, (self.maker, self._random_state.get_state(), snapshot)
+
+    def _check_open(self) -> None:
+        if self._physics is None:
+            raise LifecycleError("this environment was closed: make a new one")
+
     def get_state(self) -> Snapshot:
         """A snapshot of the running episode, independent of this environment; picklable.
 
         Raises:
-            LifecycleError: before the first reset.
+            LifecycleError: before the first reset; after `close()`, as of all that play.
         """
+        self._check_open()
         if self.started is None:
             raise LifecycleError("no episode has started: call reset() before get_state()")
         physics = np.empty(mujoco.mj_stateSize(self._model, _STATE))
@@ -208,6 +234,7 @@ class Environment(composer.Environment):
         Raises:
             SnapshotError: if it was taken from another task or other settings, or is none.
         """
+        self._check_open()
         if not isinstance(snapshot, Snapshot):
             raise SnapshotError(f"expected what `get_state` returned, not {snapshot!r}")
         self._check_origin(snapshot)
@@ -294,4 +321,14 @@ class Environment(composer.Environment):
 
     def observation(self) -> dict[str, np.ndarray]:
         """The current observation (of `observation_spec()`), for example after `set_state`."""
+        self._check_open()
         return self._observation_updater.get_observation()
+
+
+def _remade(maker: Callable[..., Environment], random: tuple, snapshot: Snapshot | None):
+    """An environment as another one was: what a pickle of that calls."""
+    env = maker(random_state=np.random.RandomState())
+    env.random_state.set_state(random)
+    if snapshot is not None:
+        env.set_state(snapshot)
+    return env

@@ -8,6 +8,7 @@ from gymnasium.utils import RecordConstructorArgs
 
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import as_array
 from softgym_mj.tasks.shared.goals import depends_on_goal, goals
 from softgym_mj.tasks.shared.observations import STATES
 
@@ -75,7 +76,8 @@ class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):
         Returns:
             A number, or (n,).
         """
-        return self._goals.reward(np.asarray(achieved_goal), np.asarray(desired_goal))
+        goals = {"achieved_goal": achieved_goal, "desired_goal": desired_goal}
+        return self._goals.reward(*(as_array(name, goal) for name, goal in goals.items()))
 
     def _seen(self, observation: np.ndarray) -> dict[str, np.ndarray]:
         return {**self._both(), "observation": observation[self._kept]}

@@ -19,6 +19,7 @@ from softgym_mj.exceptions import (
     LifecycleError,
     SnapshotError,
     UnexpectedArgumentError,
+    check_count,
     check_image_size,
     check_name,
 )
@@ -31,7 +32,20 @@ _OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera")
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
 
 
-def check_options(seed: object, options: Mapping[str, Any]) -> None:
+def checked_options(options: object) -> dict[Any, Any]:
+    """A copy of the options of a reset.
+
+    Raises:
+        InvalidArgumentError: for what is no dict.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise InvalidArgumentError("options", options, 'a dict such as {"variation": 800}, or None')
+    return dict(options)
+
+
+def check_known(seed: object, options: Mapping[str, Any]) -> None:
     """Raises unless a reset can have these options.
 
     Raises:
@@ -84,7 +98,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
     Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
     Box for one observation, a Dict of them for several, in the order of their names: Gymnasium
     sorts spaces so, and observations have the order of the space. An episode is truncated after
-    `horizon` env steps and never terminates. `info` is `Environment.info`; where images or points
+    `horizon` env steps and never terminates. `info` is `Environment.info`, its bools as arrays (); where images or points
     are observed, "cameras" in it has the "intrinsics" and "extrinsics" of the cameras that they are
     from, by name, as in `Calibration`. A copy or a pickle continues the episode where it stands.
 
@@ -177,11 +191,11 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             LifecycleError: after `close()`, as of all methods but `close()`.
         """
         self._check_open()
-        options = options or {}
-        check_options(seed, options)
+        options = checked_options(options)
+        check_known(seed, options)
         if "state" in options:
             return self.set_state(options["state"])
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else check_count("seed", seed, 0))
         variation = options.get("variation")
         if variation is None:
             variation = draw_variation(self.np_random, self.dm_env.variations)
@@ -212,6 +226,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     def _info(self) -> dict[str, Any]:
         found: dict[str, Any] = self.dm_env.info()
+        # Gymnasium's vector environments make objects of NumPy's bool, but not of arrays of it.
+        found |= {k: np.asarray(v) for k, v in found.items() if isinstance(v, np.bool_)}
         if cameras := self.dm_env.cameras():
             found["cameras"] = {name: {**vars(camera)} for name, camera in cameras.items()}
         return found

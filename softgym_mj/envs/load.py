@@ -1,5 +1,6 @@
 """`load`: from the name of a task to its environment."""
 
+import functools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,8 @@ def load(
             Snapshots of a custom task fit only where they are the same, but for observations.
 
     Returns:
-        The environment; actions are (n,) in [-1, 1], observations arrays by name.
+        The environment; actions are (n,) in [-1, 1], observations arrays by name. A copy or a
+        pickle of it continues the episode where it stands.
 
     Raises:
         InvalidArgumentError, UnexpectedArgumentError: for a bad name or value.
@@ -50,6 +52,8 @@ def load(
         built.arguments = arguments_of_states(record.resolve(), task_kwargs)
     if horizon is None:
         horizon = built.actor.horizon or record.horizon
-    return Environment(
+    env = Environment(
         built, name=record.name, horizon=horizon, split=split, random_state=random_state
     )
+    env.maker = functools.partial(load, record, split=split, horizon=horizon, **task_kwargs)
+    return env

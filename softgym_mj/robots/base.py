@@ -11,6 +11,7 @@ from dm_env import specs
 from softgym_mj.entities.entity import Entity
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import as_array
 from softgym_mj.rendering.observables import wrist_observables
 from softgym_mj.robots.workspace import ToolStart
 
@@ -146,10 +147,7 @@ class Actor(abc.ABC):
         Raises:
             InvalidArgumentError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
         """
-        try:
-            array = np.asarray(action)
-        except ValueError:  # Ragged.
-            array = np.empty(0, object)
+        array = as_array("action", action)
         if array.dtype.kind not in "fiub":
             raise InvalidArgumentError(f"action={action!r} is not an array of real numbers.")
         array = array.astype(float)

@@ -10,6 +10,7 @@ from gymnasium.vector.utils import batch_space, iterate
 
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
+from softgym_mj.kinds import as_array
 from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.vector.draws import Draws
 
@@ -106,10 +107,7 @@ def checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.nda
         InvalidArgumentError: unless there is one for each; for one of the wrong shape, or outside
             the action space of each, a Box.
     """
-    try:
-        actions = np.array(actions)  # A copy: an interrupted step may come to it later.
-    except ValueError:  # Ragged.
-        actions = np.empty(0, object)
+    actions = as_array("actions", actions).copy()  # An interrupted step may come to it later.
     if actions.shape[:1] != (number,):
         valid = f"an action for each of the {number} environments"
         raise InvalidArgumentError("actions", f"an array of shape {actions.shape}", valid)

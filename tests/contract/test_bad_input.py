@@ -12,6 +12,7 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+import torch
 
 import softgym_mj
 from softgym_mj import exceptions
@@ -175,6 +176,13 @@ def test_bad_variation(env, variation):
     assert_same_state(env.get_state(), before)
 
 
+class Raises:
+    """What fails when NumPy makes an array of it."""
+
+    def __array__(self, *args, **kwargs):
+        raise KeyError("own")
+
+
 # Actions and what the message says of them.
 BAD_ACTIONS = {
     "nan": ([0, 0, np.nan, 0, 0, 0, 0, 0], "[2]", "nan", "[-1, 1]"),
@@ -198,6 +206,10 @@ BAD_ACTIONS = {
     "dictionary": ({"dx": 0.0},),
     "object": (object(),),
     "complex": (np.full(8, 0.1 + 0.5j),),
+    "gradients": (torch.zeros(8, requires_grad=True), "Tensor", "detach()"),
+    "bfloat16": (torch.zeros(8, dtype=torch.bfloat16), "Tensor", "BFloat16"),
+    "sparse": (torch.zeros(8).to_sparse(), "Tensor"),
+    "raises": (Raises(), "Raises", "own"),
 }
 
 
@@ -248,6 +260,7 @@ def test_bad_action_changes_nothing(env, expected, name):
         [1] * 8,
         (-1.0,) * 8,
         np.zeros(8, int),
+        torch.ones(8),
     ],
 )
 def test_good_actions(rope, action):
@@ -376,6 +389,33 @@ def test_before_the_first_reset():
             gym.reset(options={"variation": 1000})
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"options": 5}, ("options=5", "dict")),
+        ({"options": [1]}, ("options=[1]", "dict")),
+        ({"options": {"x": 1}}, ("options key='x'", "'variation'")),
+        ({"seed": -1}, ("seed=-1", "0 or more")),
+        ({"seed": 1.5}, ("seed=1.5", "0 or more")),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("many", [False, True])
+def test_bad_reset(arguments, words, many):
+    made = softgym_mj.make_vec(ROPE, 2, device="host") if many else make(ROPE_ID)
+    with pytest.raises(exceptions.InvalidArgumentError) as error:
+        made.reset(**arguments)
+    assert_says(error, *words)
+    made.close()
+
+
+def test_bad_seed_in_a_sequence():
+    envs = softgym_mj.make_vec(ROPE, 2, device="host")
+    with pytest.raises(exceptions.InvalidArgumentError, match=r"seed=\[3, -1\]"):
+        envs.reset(seed=[3, -1])
+    envs.close()
+
+
 def test_step_after_truncation():
     gym = make(ROPE_ID, horizon=2)
     for _ in range(2):
@@ -402,6 +442,37 @@ def test_use_after_close():
         with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
             use()
     gym.close()
+    env = gym.dm_env
+    for use in (
+        env.reset,
+        lambda: env.step(np.zeros(8)),
+        env.observation,
+        env.info,
+        env.get_state,
+        lambda: env.set_state(state[0]),
+    ):
+        with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
+            use()
+
+
+@pytest.mark.parametrize("device", ["cpu", "host"])
+def test_use_of_many_after_close(device):
+    envs = softgym_mj.make_vec(ROPE, 1, device=device)
+    envs.reset()
+    states, actions = envs.get_state(), np.zeros((1, 8), np.float32)
+    envs.close()
+    for use in (
+        envs.reset,
+        lambda: envs.step(actions),
+        lambda: envs.step_async(actions),
+        envs.render,
+        envs.get_state,
+        lambda: envs.set_state(states),
+        lambda: envs.call("horizon"),
+    ):
+        with pytest.raises(exceptions.LifecycleError, match="closed: make a new one"):
+            use()
+    envs.close()
 
 
 # ---------------------------------------------------------------- separate processes

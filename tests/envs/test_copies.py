@@ -1,4 +1,4 @@
-"""Copies and pickles of Gymnasium environments continue where the original stands."""
+"""Copies and pickles of environments continue where the original stands."""
 
 import copy
 import pickle
@@ -7,6 +7,8 @@ import gymnasium
 import numpy as np
 import pytest
 
+import softgym_mj
+from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import (
     InvalidArgumentError,
@@ -46,6 +48,33 @@ def test_in_the_middle_of_an_episode(copied):
     for _ in range(3):
         env.step(env.action_space.sample())
     assert continues(env, copied(env))
+
+
+@pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
+@pytest.mark.parametrize("started", [False, True])
+def test_of_load(copied, started):
+    env = softgym_mj.load("straighten_rope", horizon=4, random_state=3, observation=["reduced"])
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (12, 8))
+    if started:
+        env.reset(), env.step(actions[0])
+    twin = copied(env)
+    assert twin.task is not env.task and twin.horizon == 4
+    if not started:
+        env.reset(), twin.reset()
+    for action in actions:  # Over three episodes.
+        one, other = env.step(action), twin.step(action)
+        np.testing.assert_array_equal(one.observation["reduced"], other.observation["reduced"])
+        assert one[:3] == other[:3] and env.info() == twin.info()
+
+
+def test_of_a_constructor_and_after_close():
+    env = softgym_mj.load("straighten_rope")
+    own = Environment(env.task, name="own", horizon=3)
+    with pytest.raises(LifecycleError, match="get_state"):
+        copy.deepcopy(own)
+    env.close()
+    with pytest.raises(LifecycleError, match="closed"):
+        pickle.dumps(env)
 
 
 def test_of_gymnasium_make():

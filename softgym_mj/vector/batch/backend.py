@@ -181,7 +181,7 @@ class BatchBackend(Backend):
             raise InvalidArgumentError(
                 f"actions are {actions.dtype}{tuple(actions.shape)}; expected real numbers {shape}."
             )
-        return self._xp.clip(actions.double(), -1.0, 1.0)
+        return self._xp.clip(actions.detach().double(), -1.0, 1.0)
 
     def replay(self, trials: Sequence[tuple[Snapshot, np.ndarray]]) -> np.ndarray:
         """Undiscounted returns (num_envs,) of action sequences from states.
