@@ -98,9 +98,10 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
     Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
     Box for one observation, a Dict of them for several, in the order of their names: Gymnasium
     sorts spaces so, and observations have the order of the space. An episode is truncated after
-    `horizon` env steps and never terminates. `info` is `Environment.info`, its bools as arrays (); where images or points
-    are observed, "cameras" in it has the "intrinsics" and "extrinsics" of the cameras that they are
-    from, by name, as in `Calibration`. A copy or a pickle continues the episode where it stands.
+    `horizon` env steps and never terminates. `info` is `Environment.info`, with bools as arrays of
+    shape (); where images or points are observed, "cameras" in it has the "intrinsics" and
+    "extrinsics" of the cameras that they are from, by name, as in `Calibration`. A copy or a pickle
+    continues the episode where it stands.
 
     Attributes:
         dm_env: the dm_control environment underneath.
