@@ -135,16 +135,16 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
             horizon: env steps in an episode; the task's own when None.
             **task_kwargs: keyword arguments of the task, such as `observation` or `actor`.
         """
-        EzPickle.__init__(
-            self, task, render_mode, render_size=render_size, camera=camera, split=split,
-            horizon=horizon, **task_kwargs,
-        )  # fmt: skip
         if "random_state" in task_kwargs:
             raise UnexpectedArgumentError(
                 "SoftGymEnv got an unexpected keyword argument 'random_state': seed it by "
                 "reset(seed=...)."
             )
         registry.find(task).check_arguments(task_kwargs, _OF_ENVIRONMENT)
+        EzPickle.__init__(
+            self, task, render_mode, render_size=render_size, camera=camera, split=split,
+            horizon=horizon, **task_kwargs,
+        )  # fmt: skip
         check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         self.render_mode = render_mode
         check_image_size("render_size", render_size, LARGEST_IMAGE)
