@@ -55,12 +55,18 @@ class _Commands(typer.core.TyperGroup):
     """Ends with one line and exit status 130 when it is interrupted."""
 
     def invoke(self, ctx):
+        before = signal.getsignal(signal.SIGINT)
         try:
+            if before is signal.SIG_DFL:  # Of `softgym_mj_command`, which is silent.
+                signal.signal(signal.SIGINT, signal.default_int_handler)
             return super().invoke(ctx)
         except KeyboardInterrupt as interrupt:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)  # Once more, and it ends at once.
+            before = signal.SIG_DFL  # Once more, and it ends at once.
+            signal.signal(signal.SIGINT, before)
             typer.echo("; ".join(["interrupted", *map(str, interrupt.args)]), err=True)
             raise typer.Exit(130) from None
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 app = typer.Typer(

@@ -30,7 +30,7 @@ COMMANDS = {
     "record": "record straighten_rope --policy random --episodes 400 --dataset rope/x-v0",
 }
 # As the console script does: CPython ends `python -m` by the signal if it came within exec("").
-MAIN = "from softgym_mj.cli.commands import main; main()"
+MAIN = "from softgym_mj_command import main; main()"
 LONG = ("film", "oracle", "demo", "rollout", "generate by two")
 
 
@@ -72,6 +72,20 @@ def test_ctrl_c_ends_with_one_line(name, pause, tmp_path):
     assert sum(line.startswith("interrupted") for line in error.splitlines()) == 1, error
     assert "KeyboardInterrupt" not in error and "EOFError" not in error
     assert not [path for path in files(tmp_path) if path.endswith(".partial")]
+
+
+@pytest.mark.parametrize("count", [6, pytest.param(40, marks=pytest.mark.slow)])
+def test_ctrl_c_in_the_first_second(count, tmp_path):
+    """Python's own start, some hundredths of a second, comes before anything of this package."""
+    draw = random.Random(0)
+    for _ in range(count):
+        command, moment = draw.choice([*COMMANDS.values()]), draw.uniform(0.15, 1.2)
+        with start(command, tmp_path) as process:
+            time.sleep(moment)
+            os.killpg(process.pid, signal.SIGINT)
+            _, error = process.communicate(timeout=60)
+        assert process.returncode in (130, -signal.SIGINT), (command, moment, error)
+        assert "Traceback" not in error and "KeyboardInterrupt" not in error, (command, moment)
 
 
 def sweep(command, folder, moments):
