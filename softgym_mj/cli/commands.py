@@ -175,7 +175,7 @@ def rollout(
     grasp: Grasp = None,
     split: Annotated[str, typer.Option(help="train, evaluate or all.")] = "evaluate",
     episodes: Annotated[int, typer.Option(min=1)] = 5,
-    seed: Annotated[int, typer.Option(help="Seed of the random policy.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random policy.", min=0)] = 0,
     trust: Trust = False,
     look: Look = None,
     video: Annotated[

@@ -13,7 +13,7 @@ from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.look import LOOKS, PAPER
 from softgym_mj.variations.indices import split_indices
 
-console = rich.console.Console()
+console = rich.console.Console(markup=False, emoji=False)  # Users give much of the text.
 
 Task = Annotated[
     str,
@@ -71,7 +71,7 @@ def parsed_settings(settings: str) -> dict[str, Any]:
     """
     try:
         parsed = json.loads(settings)
-    except ValueError:
+    except (ValueError, RecursionError):
         parsed = None
     if not isinstance(parsed, dict):
         raise InvalidArgumentError("settings", settings, "a JSON object")
@@ -105,7 +105,7 @@ def first_variations(split: str, episodes: int, start: int | None = None) -> Seq
 def progress_bar(*columns: rich.progress.ProgressColumn) -> rich.progress.Progress:
     """A bar with counts and times, and further columns behind them."""
     return rich.progress.Progress(
-        rich.progress.TextColumn("{task.description}"),
+        rich.progress.TextColumn("{task.description}", markup=False),
         rich.progress.BarColumn(),
         rich.progress.MofNCompleteColumn(),
         rich.progress.TimeElapsedColumn(),

@@ -86,7 +86,7 @@ def record(
     ] = None,
     look: Look = None,
     settings: Settings = "{}",
-    seed: Annotated[int, typer.Option(help="Of the random policy and noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random policy and noise.", min=0)] = 0,
     trust: Trust = False,
     successful_only: Annotated[
         bool, typer.Option("--successful-only", help="Leave out episodes without success.")

@@ -22,7 +22,7 @@ from softgym_mj.cli.console import (
     parsed_settings,
     progress_bar,
 )
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.policies.planners import BUDGET, ITERATIONS, PLANNERS, Plan
 from softgym_mj.registry import TASKS, find
 
@@ -170,7 +170,10 @@ def _progress(configuration: "Configuration") -> Iterator["Progress"]:
     from softgym_mj.evaluation import Progress
 
     planning = configuration.planning
-    steps = configuration.settings.get("horizon") or TASKS[configuration.task].horizon
+    steps = configuration.settings.get("horizon")
+    if steps is None:
+        steps = TASKS[configuration.task].horizon
+    check_count("horizon", steps, 1)
     decisions = -(-steps // planning.replan_every) if planning else 1  # Of an episode.
     scores: list[float] = []
     env_steps, start = 0, time.perf_counter()
@@ -187,7 +190,7 @@ def _progress(configuration: "Configuration") -> Iterator["Progress"]:
         note = f"best return {plan.best_return:.3f}, {rate:.0f} env steps/s"
         bar.update(shown, advance=1, note=note)
 
-    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as bar:
+    with progress_bar(rich.progress.TextColumn("{task.fields[note]}", markup=False)) as bar:
         name = "decisions" if decisions > 1 else "episodes"
         shown = bar.add_task(name, total=len(configuration.episodes) * decisions, note="")
         yield Progress(on_episode, on_decision)

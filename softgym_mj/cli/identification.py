@@ -211,7 +211,7 @@ def _identify(
 @contextlib.contextmanager
 def _progress(total: int) -> Iterator[Any]:
     """Shows how many evaluations are made, and the least loss."""
-    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as bar:
+    with progress_bar(rich.progress.TextColumn("{task.fields[note]}", markup=False)) as bar:
         shown = bar.add_task("evaluations", total=total, note="")
 
         def on_generation(best: dict[Any, tuple[int, float]]) -> None:

@@ -39,11 +39,13 @@ def photo(
     ] = None,
 ) -> None:
     """Photographs a task with a renderer that follows light: seconds to minutes a picture."""
-    record = find(task)
+    record, ending = find(task), ".mp4" if film else ".png"
+    file = out or pathlib.Path(f"{record.name}{ending}")
+    if file.suffix.lower() != ending:
+        raise InvalidArgumentError("out", str(file), f"a file that ends in {ending}")
     view = photos.PhotoCamera(camera, size, samples, denoise)  # Refuses before anything is played.
     env = softgym_mj.load(record, split="all", **for_people(record, actor, grasp))
     act = make_policy(policy, env, trust=trust)
-    file = out or pathlib.Path(f"{record.name}.{'mp4' if film else 'png'}")
     with progress_bar() as progress:
         if film:
             bar = progress.add_task("env steps", total=env.horizon)

@@ -218,7 +218,7 @@ def _replaced(fabric: Fabric, parameters: pathlib.Path | None) -> Fabric:
 
 def _say_missing(missing: Sequence[str], where: str) -> None:
     if missing:
-        console.print(f"[bold]Missing[/bold]: {', '.join(missing)}. They are in {where}.")
+        console.print(f"Missing: {', '.join(missing)}. They are in {where}.")
 
 
 def _report(

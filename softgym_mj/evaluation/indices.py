@@ -4,23 +4,26 @@ import re
 from collections.abc import Iterable
 
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.variations.indices import NUM_VARIATIONS
 
-_PART = re.compile(r"(\d+)(?:-(\d+))?")
+_PART = re.compile(r"(\d{1,20})(?:-(\d{1,20}))?")
 
 
 def parsed(argument: str, text: str) -> tuple[int, ...]:
-    """The indices that a text names, in its order; a range includes its end.
+    """The indices of variations that a text names, in its order; a range includes its end.
 
     Raises:
-        InvalidArgumentError: naming `argument`, for another text.
+        InvalidArgumentError: naming `argument`, for another text, or an index above 999.
     """
     found: list[int] = []
     for part in text.split(","):
         match = _PART.fullmatch(part.strip())
         if match is None:
             raise InvalidArgumentError(argument, text, "indices and ranges such as 800,803,810-819")
-        first, last = match.groups()
-        found += range(int(first), int(last or first) + 1)
+        first, last = (int(end or match[1]) for end in match.groups())
+        if max(first, last) >= NUM_VARIATIONS:
+            raise InvalidArgumentError(argument, text, f"indices in 0..{NUM_VARIATIONS - 1}")
+        found += range(first, last + 1)
     return tuple(found)
 
 

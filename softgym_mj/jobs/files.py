@@ -31,7 +31,11 @@ def naming(path: str | os.PathLike[str], action: str) -> Iterator[None]:
         yield
     except SoftGymError:
         raise
-    except (OSError, ValueError, RuntimeError) as error:  # The latter of odd paths and HDF5.
+    except (
+        OSError,
+        ValueError,
+        RuntimeError,
+    ) as error:  # The latter of odd paths, HDF5 and deep JSON.
         reason = getattr(error, "strerror", None) or error
         raise StoreError(f"{path} cannot be {action}: {reason}") from error
 

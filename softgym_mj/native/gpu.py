@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError, UnavailableError, check_name
+from softgym_mj.exceptions import UnavailableError, check_name
 from softgym_mj.native.caches import cache_folder
 from softgym_mj.native.places import Copy, Place
 
@@ -73,8 +73,7 @@ def compiled(name: str, architecture: str) -> bytes:
     macros = [("SGM_THREADS", str(threads)), ("SGM_BLOCKS", str(blocks))]
     settings = {**_OPTIONS, "define_macro": macros}
     key = hashlib.sha256(f"{_source(room, file)}{settings}".encode()).hexdigest()[:16]
-    if not architecture.isdecimal():
-        raise InvalidArgumentError("architecture", architecture, "such as '90'")
+    check_name("architecture", architecture, _architectures())
     kept = cache_folder() / "programs" / f"{name}-sm_{architecture}-{key}.cubin"
     if not kept.exists():
         _log.warning(_NOTICE, name, architecture)
@@ -88,6 +87,15 @@ def compiled(name: str, architecture: str) -> bytes:
         whole.write_bytes(code)
         whole.replace(kept)
     return kept.read_bytes()
+
+
+@functools.cache
+def _architectures() -> tuple[str, ...]:
+    """What NVIDIA's compiler knows: "90" and others."""
+    from cuda.bindings import nvrtc
+
+    _, known = nvrtc.nvrtcGetSupportedArchs()
+    return tuple(map(str, known))
 
 
 @functools.cache

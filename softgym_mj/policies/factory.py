@@ -4,7 +4,7 @@ import dm_env
 import numpy as np
 
 from softgym_mj.envs.environment import Environment
-from softgym_mj.exceptions import check_name
+from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.policies.saved import Policy, is_saved, make_saved, takes_seed
 
 SIMPLE = ("scripted", "random", "zero")
@@ -49,6 +49,7 @@ def make_policy(name: str, env: Environment, seed: int = 0, *, trust: bool = Fal
     size = env.task.actor.action_size
     if name == "zero":
         return lambda timestep: np.zeros(size)
+    check_count("seed", seed, 0)
     random = np.random.default_rng()
 
     def act(timestep: dm_env.TimeStep) -> np.ndarray:

@@ -9,15 +9,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.robots.base import Actor
 
 LARGEST = 1.0  # Half the range of an action: more is mostly clipped.
 _KEY = 0x44415254  # Keeps the numbers apart from those of the random policy.
 
 
-def check_noise(noise: float) -> None:
-    """Raises `InvalidArgumentError` unless actions can have noise of this deviation."""
+def check_noise(noise: float, seed: int = 0) -> None:
+    """Raises `InvalidArgumentError` unless actions can have noise of this deviation and seed."""
+    check_count("seed", seed, 0)
     if not 0.0 <= noise <= LARGEST:
         raise InvalidArgumentError("noise", noise, f"0..{LARGEST:g}, of actions in -1..1")
 

@@ -107,7 +107,7 @@ def record(
     check_name("idle", idle, IDLE)
     if idle == "drop" and policy != "scripted":
         raise InvalidArgumentError("idle", idle, f"'keep' with policy={policy!r}")
-    check_noise(noise)
+    check_noise(noise, seed)
     if not variations:
         raise InvalidArgumentError("variations", variations, "at least one")
     check_settings(settings)

@@ -140,7 +140,7 @@ class Browser:
         return gizmo
 
     def _drag(self, part: int, target: np.ndarray, phase: str) -> None:
-        if self._session.teleoperation is None:
+        if self._session.teleoperation is None or not np.isfinite(target).all():
             return
         self._session.teleoperation.aim(part, target)
         if phase == "end":
@@ -170,7 +170,12 @@ class Browser:
         self._pause.on_click(self._posting(lambda _: self._toggle_pause()))
         again.on_click(self._posting(lambda _: session.play()))
         following.on_click(self._posting(lambda _: session.play_next()))
-        self._variation.on_update(self._posting(lambda index: session.play(variation=int(index))))
+        self._variation.on_update(self._posting(self._play_variation))
+
+    def _play_variation(self, index: Any) -> None:
+        if index in range(NUM_VARIATIONS):  # A message may hold anything.
+            self._session.play(variation=int(index))
+        self._shown = None  # The panel shows again what is played.
 
     def _posting(self, function: Callable[[Any], object]) -> Callable[[Any], Any]:
         """A handler: has the session call a function with the value that a person chooses."""
@@ -185,7 +190,7 @@ class Browser:
     def _add_grip(self, part: int, name: str) -> Any:
         def close(closed: bool) -> None:
             if self._session.teleoperation is not None:
-                self._session.teleoperation.grips[part] = closed
+                self._session.teleoperation.grips[part] = bool(closed)
 
         with self._grip_folder:
             box = self._server.gui.add_checkbox(f"{name} closed", False)

@@ -82,6 +82,8 @@ def test_its_own_page_connects(host, origin, port):
         ("127.0.0.1:{port}", "http://hub.example.com"),  # Not the proxy's scheme.
         ("127.0.0.1:{port}", "https://hub.example.com.evil.example"),
         ("hub.example.com", "https://evil.example"),
+        ("localhost:{port}", "https://localhost:{port}"),  # Not the viewer's scheme.
+        ("localhost:{port}", "file://localhost:{port}"),
     ],
 )
 def test_other_pages_do_not(host, origin, port):
@@ -136,6 +138,18 @@ def test_only_its_own_page_drives():
             drives(session, server, *pause, "http://evil.example", lambda: session.paused)
         assert not session.paused and not server.get_clients()
         assert drives(session, server, *pause, own, lambda: session.paused)
+
+
+def test_values_that_the_panel_does_not_offer_change_nothing():
+    session = unhurried("straighten_rope")
+    with browser.open_server(port=0) as server:
+        shown = browser.Browser(session, server)
+        own = f"http://127.0.0.1:{server.get_port()}"
+        for value in (-1, 1000, 2.5, float("nan"), 1e300, "x", None, [1]):
+            shown._play_variation(value)
+            assert session.status.variation == 800
+        assert drives(session, server, shown._variation, 7, own,
+                      lambda: session.status.variation == 7)  # fmt: skip
 
 
 @pytest.mark.long

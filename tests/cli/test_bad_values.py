@@ -1,0 +1,76 @@
+"""Values that commands refuse by name, and texts of users that are shown as they are."""
+
+import pathlib
+
+import pytest
+
+from softgym_mj.cli import commands
+
+RESULTS = pathlib.Path(__file__).parents[2] / "docs" / "results"
+
+ROPE = "straighten_rope"
+EVALUATE = ["evaluate", ROPE, "--policy", "zero", "--episodes", "1"]
+REFUSED = {
+    "range": ["evaluate", ROPE, "--policy", "zero", "--variations", "0-99999999999"],
+    "index": ["evaluate", ROPE, "--policy", "zero", "--variations", "3,1000"],
+    "deep": [*EVALUATE, "--settings", "[" * 100_000],
+    "horizon": ["evaluate", ROPE, "--policy", "cem", "--settings", '{"horizon": "a"}'],
+    "seed of rollout": ["rollout", ROPE, "--policy", "random", "--seed", "-1"],
+    "seed of record": ["record", ROPE, "--policy", "random", "--seed", "-1"],
+    "NaN": ["bench", ROPE, "--seconds", "nan"],
+    "infinity": ["bench", ROPE, "--seconds", "inf"],
+    "ending": ["photo", ROPE, "--out", "x.zzz"],
+    "ending of a film": ["photo", ROPE, "--film", "--out", "x.png"],
+    "architecture": ["compile", "--arch", "3"],
+    "markup of a task": ["rollout", "[/b]"],
+    "markup of a number": ["rollout", ROPE, "--episodes", "[/b]"],
+    "markup of a folder": ["validate", "markers", "nowhere[/b]"],
+}
+WORDS = {
+    "range": ["variations='0-99999999999'", "0..999"], "index": ["variations='3,1000'", "0..999"],
+    "deep": ["settings=", "JSON"], "horizon": ["horizon='a'"], "seed of rollout": ["--seed", "0"],
+    "seed of record": ["--seed", "0"], "NaN": ["seconds=nan"], "infinity": ["seconds=inf"],
+    "ending": ["out='x.zzz'", ".png"], "ending of a film": ["out='x.png'", ".mp4"],
+    "architecture": ["architecture='3'", "'90'"], "markup of a task": ["[/b]"],
+    "markup of a number": ["--episodes"], "markup of a folder": ["[/b]"],
+}  # fmt: skip
+
+
+def run(arguments, capsys, monkeypatch):
+    """Exit status and all that was printed."""
+    monkeypatch.setattr("sys.argv", ["softgym-mj", *arguments])
+    with pytest.raises(SystemExit) as end:
+        commands.main()
+    printed = capsys.readouterr()
+    return end.value.code, printed.out + printed.err
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused_by_name(name, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    status, printed = run(REFUSED[name], capsys, monkeypatch)
+    assert status in (1, 2) and "Traceback" not in printed
+    assert all(word in printed for word in WORDS[name]), printed
+
+
+QUEUE = """
+[[run]]
+task = "straighten_rope"
+method = "sac"
+preset = "fast"
+replay = "symmetric"
+seeds = 5
+gpu_minutes = 5
+why = "[/b] and [red]"
+"""
+
+
+def test_texts_of_users_are_no_markup(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    status, printed = run([*EVALUATE, "--out", "a[/b]"], capsys, monkeypatch)
+    assert status == 0 and "a[/b]" in "".join(printed.split())
+    (tmp_path / "queue.toml").write_text(QUEUE)
+    (tmp_path / "learning.csv").write_text((RESULTS / "learning.csv").read_text())
+    monkeypatch.setenv("COLUMNS", "200")
+    status, printed = run(["learning", "queue", "--results", "."], capsys, monkeypatch)
+    assert status == 0 and "[/b] and [red]" in printed
