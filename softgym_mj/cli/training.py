@@ -13,7 +13,6 @@ from softgym_mj.cli.console import (
     console,
     given,
     parsed_settings,
-    progress_bar,
 )
 from softgym_mj.exceptions import check_count, check_name
 from softgym_mj.jobs.executors import make_executor
@@ -58,17 +57,20 @@ def train(
     check_count("seeds", seeds, 1, 100)
     chosen: dict[str, Any] = {**parsed_settings(settings), **given(observation=observation)}
     training, found = find_preset(method, preset, find(task).name, **chosen)
-    if jobs == 1 and ray is None:
-        run = Training(training, found, range(seeds), out, device, learner_device)
-        rows = _side_by_side(run, log)
-    else:
-        check_name("log", log, ("none",))  # Of seeds side by side only.
-        with progress_bar() as progress, make_executor(jobs, ray) as executor:
-            bar = progress.add_task(f"{method} {training.task}, seeds", total=seeds)
-            rows = train_each(
-                training, found, range(seeds), out, device, learner_device, executor,
-                lambda seed, own: progress.update(bar, advance=1),
-            )  # fmt: skip
+    try:
+        if jobs == 1 and ray is None:
+            run = Training(training, found, range(seeds), out, device, learner_device)
+            rows = _side_by_side(run, log)
+        else:
+            check_name("log", log, ("none",))  # Of seeds side by side only.
+            with make_executor(jobs, ray) as executor:
+                rows = train_each(
+                    training, found, range(seeds), out, device, learner_device, executor,
+                    lambda seed, own: print(f"seed {seed} has ended", flush=True),
+                )  # fmt: skip
+    except KeyboardInterrupt:
+        message = f"{out} keeps its last checkpoint: the same command continues from it"
+        raise KeyboardInterrupt(message) from None
     for row in rows:
         if row["final"]:
             console.print(
@@ -79,17 +81,25 @@ def train(
 
 
 def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
-    """Trains all seeds here; returns the curve."""
+    """Trains all seeds here; shows a bar or, without a terminal, lines. Returns the curve."""
+    from softgym_mj.learning import reports
     from softgym_mj.learning.logs import make_log
 
-    settings, tell = training.settings, make_log(log, training.folder)
-    with progress_bar(rich.progress.TextColumn("{task.fields[note]}")) as progress:
-        name = f"{training.method.name} {settings.task}"
-        bar = progress.add_task(name, total=settings.env_steps, note="")
+    tell = make_log(log, training.folder)
+    if not console.is_terminal:
+        with reports.repeated(
+            lambda: reports.line(training, training.summary()), reports.LINE_SECONDS
+        ):
+            training.run(tell, lambda now: reports.line(now, reports.start(now)))
+        return training.rows
+    text = rich.progress.TextColumn("{task.fields[note]}")
+    elapsed = rich.progress.TimeElapsedColumn()
+    with rich.progress.Progress(text, elapsed, console=console) as progress:
+        bar = progress.add_task("", total=training.settings.env_steps, note=training.summary())
 
-        def show(now: "Training", news: dict[str, list[float]]) -> None:
-            progress.update(bar, completed=now.done * settings.part, note=now.said())
-            tell(now, news)
+        def show() -> None:
+            progress.update(bar, completed=training.covered, note=training.summary())
 
-        training.run(show)
+        with reports.repeated(show, 1.0):
+            training.run(tell, lambda now: reports.line(now, reports.start(now)))
     return training.rows

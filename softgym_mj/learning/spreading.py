@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from softgym_mj.jobs.executors import Executor
+from softgym_mj.learning import reports
+from softgym_mj.learning.checkpoints import alone
 from softgym_mj.learning.curves import write_curve
 from softgym_mj.learning.learner import Method
 from softgym_mj.learning.settings import TrainingSettings
@@ -23,7 +25,9 @@ def train_each(
     executor: Executor,
     progress: Callable[[int, list[Row]], None] = lambda seed, rows: None,
 ) -> list[Row]:
-    """Trains each seed by a call of its own, which goes on where it was killed.
+    """Trains each seed by a call of its own, which prints a line a minute.
+
+    A call that was killed continues from its last checkpoint.
 
     Args:
         settings, method, device, learner_device: as of `Training`.
@@ -40,12 +44,13 @@ def train_each(
     where = device, learner_device
     calls = [(settings, method, seed, folder / f"seed_{seed}", *where) for seed in seeds]
     rows: list[Row] = []
-    for i, own in executor.results(_trained, calls):
-        found[seeds[i]] = own
-        rows = [row for seed in sorted(found) for row in found[seed]]
-        rows.sort(key=lambda row: (row["env_steps"], row["split"] != "train"))
-        write_curve(folder, rows)
-        progress(seeds[i], own)
+    with alone(folder):
+        for i, own in executor.results(_trained, calls):
+            found[seeds[i]] = own
+            rows = [row for seed in sorted(found) for row in found[seed]]
+            rows.sort(key=lambda row: (row["env_steps"], row["split"] != "train"))
+            write_curve(folder, rows)
+            progress(seeds[i], own)
     return rows
 
 
@@ -58,5 +63,6 @@ def _trained(
     learner_device: str | None,
 ) -> list[Row]:
     training = Training(settings, method, [seed], folder, device, learner_device)
-    training.run()
+    with reports.repeated(lambda: reports.line(training, training.summary()), reports.LINE_SECONDS):
+        training.run(on_start=lambda now: reports.line(now, reports.start(now)))
     return training.rows

@@ -1,8 +1,9 @@
 """`Training`: policies of several seeds learn a task side by side, by any method.
 
-It may be killed at any time: it goes in parts, after each of which all of it is kept. Environments
-begin anew at the start of a part, from seeds of the part's own: so what was killed goes on with the
-same numbers.
+A training goes in parts. Environments begin anew at the start of a part, from seeds of the part's
+own. Checkpoints are written at the end of each part and, by the clock, within one: those have the
+actions of the part so far, which environments repeat when the training continues. So a training
+that was killed ends with the same numbers, wherever its checkpoints were.
 """
 
 import dataclasses
@@ -23,14 +24,16 @@ from softgym_mj.exceptions import (
     StoreError,
     UnavailableError,
 )
-from softgym_mj.jobs.files import read_whole, write_json, write_whole
+from softgym_mj.jobs.files import write_json, write_whole
+from softgym_mj.learning.checkpoints import alone, moved, read_checkpoint, refused, write_checkpoint
 from softgym_mj.learning.curves import write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
-CHECKPOINT, CARD, POLICY = "checkpoint.pt", "card.json", "policy_{seed}.pt2"
+CARD, POLICY = "card.json", "policy_{seed}.pt2"
+KEEP_SECONDS = 120.0  # Between two checkpoints within a part.
 
 
 @dataclasses.dataclass
@@ -46,6 +49,8 @@ class Training:
         rows: the curve so far: by `curves.COLUMNS`, one of each evaluation, seed and split.
         done: parts so far.
         learner: what learns.
+        phase: what it does: "starts", "starts a part", "repeats a part", "learns", "evaluates" or
+            "ended".
     """
 
     settings: TrainingSettings
@@ -57,9 +62,14 @@ class Training:
     rows: list[dict[str, Any]] = dataclasses.field(default_factory=list, init=False)
     done: int = dataclasses.field(default=0, init=False)
     learner: Learner = dataclasses.field(init=False)
+    phase: str = dataclasses.field(default="starts", init=False)
 
     def __post_init__(self):
         settings, self._seconds = self.settings, 0.0
+        # Vector steps of the part so far, their actions (seeds, worlds, n), and what the learner
+        # remembers of the episodes.
+        self._step, self._actions, self._memory = 0, list[Tensor](), None
+        self._kept = time.monotonic()
         own = "cuda" if self.device == "cuda" else "cpu"
         if self.learner_device == "cuda" and not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
@@ -83,80 +93,125 @@ class Training:
         )  # fmt: skip
 
     @property
+    def covered(self) -> int:
+        """Env steps of each seed so far, of `settings.env_steps`."""
+        return self.done * self.settings.part + self._step * self.settings.worlds
+
+    @property
     def env_steps(self) -> int:
-        """Of each seed, that were learned from so far."""
+        """Env steps of each seed that were learned from so far."""
         if isinstance(self.learner, Offline):
             return self.learner.demonstrated
-        return self.done * self.settings.part
+        return self.covered
 
     # ------------------------------------------------------------------ learning
 
-    def run(self, progress: Callable[["Training", dict], None] = lambda training, news: None):
+    def run(
+        self,
+        progress: Callable[["Training", dict], None] = lambda training, news: None,
+        on_start: Callable[["Training"], None] = lambda training: None,
+    ):
         """Trains to the end, from the last checkpoint if there is one.
 
         Args:
             progress: called after each part, with losses (seeds,) and the like by name.
+            on_start: called when the last checkpoint, if there is one, has been read.
 
         Raises:
-            StoreError: if the folder has a training of other settings.
+            StoreError: if the folder has a training of other settings, one that runs, or a
+                damaged checkpoint.
         """
         torch.set_float32_matmul_precision("high")  # TF32 on a GPU; a processor's bits stay.
-        self._restore()
-        self._catch_up()
-        while self.done < self.settings.parts:
-            start = time.perf_counter()
-            news = {name: value.tolist() for name, value in self._learn().items()}
-            self.done += 1
-            self._seconds += time.perf_counter() - start
-            self._keep()  # Before an evaluation, which may fail.
+        with alone(self.folder):
+            self._restore()
+            on_start(self)
             self._catch_up()
-            progress(self, news)
-        self._export()
+            while self.done < self.settings.parts:
+                news = {name: value.tolist() for name, value in self._learn().items()}
+                self._keep()  # Before an evaluation, which may fail.
+                self._catch_up()
+                progress(self, news)
+            self._export()
+        self.phase = "ended"
         for envs in (self._envs, *self._players.values()):
             envs.close()
 
     def _catch_up(self) -> None:
-        """Evaluates what is due, unless that has been done."""
+        """Evaluates at the end of a part if that is due, unless it has been done."""
         is_last = self.done == self.settings.parts
         is_due = self.done > 0 and self.done % self.settings.evaluate_every == 0
         # Curves are over env steps: one that makes none has one point.
-        if not is_last and (not is_due or isinstance(self.learner, Offline)):
+        if self._step or (not is_last and (not is_due or isinstance(self.learner, Offline))):
             return
         if not any(row["env_steps"] == self.env_steps for row in self.rows):
             self._evaluate(final=is_last)
             self._keep()
 
     def _learn(self) -> dict[str, Tensor]:
-        """One part."""
+        """Learns to the end of a part; returns the last losses and the like."""
         settings, news = self.settings, dict[str, Tensor]()
-        number = settings.worlds
-        if isinstance(self.learner, Offline):  # As often as others step their environments.
-            for _ in range(settings.part // number):
+        steps, is_offline = settings.part // settings.worlds, isinstance(self.learner, Offline)
+        self.phase = "starts a part"
+        observation, first = (None, None) if is_offline else self._begin_part()
+        self.phase = "learns"
+        while self._step < steps:
+            start = time.perf_counter()
+            if isinstance(self.learner, Offline):  # As often as others step their environments.
                 news = self.learner.study()
-            return news
+            else:
+                is_last = self._step == steps - 1
+                observation, first, found = self._learn_step(observation, first, is_last)
+                news = found or news
+            self._step += 1
+            self._seconds += time.perf_counter() - start
+            if self._step < steps and time.monotonic() - self._kept > KEEP_SECONDS:
+                self._keep()
+        self.done, self._step, self._actions, self._memory = self.done + 1, 0, [], None
+        return news
+
+    def _begin_part(self) -> tuple[Tensor, Tensor]:
+        """Starts the part's episodes and repeats its actions so far.
+
+        Returns:
+            Observations, and whether each is the first of an episode (seeds, worlds).
+        """
+        number = self.settings.worlds
         firsts = [(seed * _PARTS + self.done) * number for seed in self.seeds]
         each = [first + i for first in firsts for i in range(number)]
         seen, _ = self._envs.reset(seed=each, options={"stagger": number})
-        observation, memory = worlds_of(self._problem, seen), None
+        observation = worlds_of(self._problem, seen)
         first = torch.ones(observation.shape[:2], dtype=torch.bool, device=observation.device)
-        steps = settings.part // number
-        for k in range(steps):
-            action, memory = self.learner.act(observation, first, memory, explore=True)
-            seen, rewards, terminated, truncated, infos = self._envs.step(self._told(action))
-            following = worlds_of(self._problem, seen)
-            terminated, truncated = (
-                worlds_of(self._problem, each) for each in (terminated, truncated)
-            )
-            first = terminated | truncated
-            step = Step(
-                observation, action,
-                settings.reward_scale * worlds_of(self._problem, rewards).float(),
-                self._last(following, infos), terminated,
-                first | (k == steps - 1),  # The next part begins elsewhere.
-            )  # fmt: skip
-            observation = following
-            news = self.learner.learn(step) or news
-        return news
+        for action in self._actions:
+            self.phase = "repeats a part"
+            seen, _, terminated, truncated, _ = self._envs.step(self._told(action))
+            observation = worlds_of(self._problem, seen)
+            first = worlds_of(self._problem, terminated) | worlds_of(self._problem, truncated)
+        return observation, first
+
+    def _learn_step(
+        self, observation: Tensor, first: Tensor, is_last: bool
+    ) -> tuple[Tensor, Tensor, dict[str, Tensor]]:
+        """Steps all environments and learns from it.
+
+        Args:
+            observation, first: as `_begin_part` returns them.
+            is_last: whether the part ends, so that no episode is followed any further.
+
+        Returns:
+            The next observations, whether each is the first of an episode, and losses.
+        """
+        action, self._memory = self.learner.act(observation, first, self._memory, explore=True)
+        seen, rewards, terminated, truncated, infos = self._envs.step(self._told(action))
+        following = worlds_of(self._problem, seen)
+        terminated, truncated = (worlds_of(self._problem, each) for each in (terminated, truncated))
+        ended = terminated | truncated
+        step = Step(
+            observation, action,
+            self.settings.reward_scale * worlds_of(self._problem, rewards).float(),
+            self._last(following, infos), terminated, ended | is_last,
+        )  # fmt: skip
+        self._actions.append(action)
+        return following, ended, self.learner.learn(step)
 
     def _told(self, action: Tensor) -> Any:
         """Actions (seeds, worlds, n) as environments take them."""
@@ -181,6 +236,7 @@ class Training:
 
     def _evaluate(self, *, final: bool) -> None:
         """Plays variations of both splits with the best actions, all held out ones in the end."""
+        self.phase = "evaluates"
         settings, chosen = self.settings, dict[str, range]()
         is_symmetric = getattr(self.method.settings, "symmetric", False)
         for split in ("train", "evaluate"):
@@ -239,13 +295,19 @@ class Training:
                 seen, _ = envs.reset(options=options)
         return {name: values.reshape(len(self.seeds), -1) for name, values in found.items()}
 
-    def said(self) -> str:
-        """How it goes, in a few words: rates, and the last scores of held out variations."""
-        steps = self.done * self.settings.part * len(self.seeds)
-        found = f"{steps / self._seconds:.0f} env steps/s, {self.learner.updates} updates"
+    def summary(self) -> str:
+        """Progress in a line: env steps, their rate, updates, time left and the last scores."""
+        total, rate = self.settings.env_steps, self.covered / max(self._seconds, 1e-9)
+        words = [f"{self.phase}: {self.covered:,} of {total:,} env steps"]
+        if self._seconds and self.covered:
+            minutes = (total - self.covered) / rate / 60.0
+            words.append(f"{rate * len(self.seeds):.0f}/s, {minutes:.0f} min left")
+        words.append(f"{self.learner.updates:,} updates")
         scores = [row for row in self.rows if row["split"] == "evaluate"][-len(self.seeds) :]
-        mean = np.mean([row["normalized_performance"] for row in scores]) if scores else np.nan
-        return f"{found}, held out {mean:.3f}"
+        if scores:
+            mean = np.mean([row["normalized_performance"] for row in scores])
+            words.append(f"held out {mean:.3f}")
+        return ", ".join(words)
 
     # ------------------------------------------------------------------ checkpoints
 
@@ -275,16 +337,15 @@ class Training:
 
     def _keep(self) -> None:
         """Writes checkpoint, card and curve: each whole or not at all."""
+        part = {"steps": self._step, "memory": moved(self._memory, "cpu")}
+        if self._actions:
+            part["actions"] = torch.stack(self._actions).cpu()
         state = {
-            "owner": self._owner(),
-            "learner": self.learner.get_state(),
-            "rows": self.rows,
-            "done": self.done,
-            "seconds": self._seconds,
-        }
-        file = io.BytesIO()
-        torch.save(state, file)
-        write_whole(self.folder / CHECKPOINT, file.getvalue())
+            "owner": self._owner(), "learner": self.learner.get_state(), "rows": self.rows,
+            "done": self.done, "part": part, "seconds": self._seconds,
+        }  # fmt: skip
+        write_checkpoint(self.folder, state)
+        self._kept = time.monotonic()
         write_curve(self.folder, self.rows)
         write_json(self.folder / CARD, self.card())
 
@@ -305,15 +366,34 @@ class Training:
             write_whole(self.folder / POLICY.format(seed=seed), file.getvalue())
 
     def _restore(self) -> None:
-        file = self.folder / CHECKPOINT
-        if not file.exists():
+        """Goes back to the last checkpoint, if there is one."""
+        state = read_checkpoint(self.folder)
+        if state is None:
             return
-        # Random numbers' states stay on the processor, and all else is copied to where it belongs.
-        state = torch.load(io.BytesIO(read_whole(file)), map_location="cpu", weights_only=True)
-        if state["owner"] != self._owner():
+        if differences := _differences(state["owner"], self._owner()):
             raise StoreError(
-                f"{self.folder} has a training of other settings: choose another folder"
+                f"{self.folder} has a training of other settings ({differences}): choose another "
+                "folder"
             )
-        self.learner.set_state(state["learner"])
-        self.rows, self.done = state["rows"], state["done"]
+        part, device = state["part"], self._problem.device
+        try:
+            self.learner.set_state(state["learner"])
+            self.rows, self.done = state["rows"], state["done"]
+            self._step, self._memory = part["steps"], moved(part["memory"], device)
+            self._actions = list(part["actions"].to(device)) if "actions" in part else []
+        except (RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
+            raise refused(self.folder, str(error)) from error
         self._seconds = state["seconds"]
+
+
+def _differences(kept: Mapping[str, Any], own: Mapping[str, Any]) -> str:
+    """The settings that differ from a checkpoint's, in words; nothing if none does."""
+    found = []
+    for name, value in own.items():
+        other = kept.get(name)
+        if isinstance(value, Mapping) and isinstance(other, Mapping):
+            names = {*value, *other}
+            found += sorted(each for each in names if value.get(each) != other.get(each))
+        elif value != other:
+            found.append(name)
+    return ", ".join(found)

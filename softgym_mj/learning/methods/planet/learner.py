@@ -90,9 +90,9 @@ class PlaNetSettings:
 
 
 class Memory(NamedTuple):
-    """What is known of the environments (seeds, n, ...), and where random numbers come from."""
+    """Belief about the environments (seeds, n, ...), and an evaluation's random numbers."""
 
-    sources: list[torch.Generator]
+    sources: list[torch.Generator] | None
     belief: Tensor
     latent: Tensor
     action: Tensor
@@ -201,13 +201,14 @@ class PlaNet:
         """See `Learner`; evaluations have random numbers of their own, always the same."""
         own, model, number = self.settings, self.model, observation.shape[1]
         if memory is None:
-            sources = self._sources
-            if not explore:
-                sources = generators(self.problem.seeds, self.problem.device)
+            own_sources = None if explore else generators(self.problem.seeds, self.problem.device)
             belief, latent = model.nothing(number)
-            memory = Memory(sources, belief, latent, belief.new_zeros(*first.shape, model.action))
-        sources, going = memory.sources, (~first[..., None]).float()
-        belief = model.advance(going * memory.belief, going * memory.latent, going * memory.action)
+            action = belief.new_zeros(*first.shape, model.action)
+            memory = Memory(own_sources, belief, latent, action)
+        own_sources, belief, latent, action = memory
+        sources = self._sources if own_sources is None else own_sources
+        going = (~first[..., None]).float()
+        belief = model.advance(going * belief, going * latent, going * action)
         shares = drawn(sources, *observation.shape[1:], normal=False)
         embedding = model.encoder(centred(observation, own.bits, shares))
         noise = drawn(sources, number, own.latent)
@@ -219,7 +220,7 @@ class PlaNet:
             wide = own.noise if explore else own.evaluation_noise
             action = action + wide * drawn(sources, number, model.action)
         action = action.clamp(-1.0, 1.0)
-        return action, Memory(sources, belief, latent, action)
+        return action, Memory(own_sources, belief, latent, action)
 
     def policy(self, seed: int) -> nn.Module:
         """See `Learner`.

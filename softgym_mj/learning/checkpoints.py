@@ -1,0 +1,122 @@
+"""Checkpoints: files of PyTorch with a checksum, of which a folder keeps the last two.
+
+And the lock by which one process alone trains in a folder.
+"""
+
+import contextlib
+import hashlib
+import io
+import os
+import pathlib
+import pickle
+import platform
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import filelock
+import torch
+from torch import Tensor
+
+from softgym_mj.exceptions import StoreError
+from softgym_mj.jobs.files import (
+    make_folder,
+    naming,
+    read_json,
+    read_whole,
+    write_json,
+    write_whole,
+)
+
+FILE, PREVIOUS = "checkpoint.pt", "checkpoint.previous.pt"
+LOCK, HOLDER = "training.lock", "training.json"
+_DIGEST = 64  # Characters of a SHA-256 in hexadecimal.
+_PARTS = {"owner", "learner", "rows", "done", "part", "seconds"}
+
+
+def write_checkpoint(folder: pathlib.Path, state: Mapping[str, Any]) -> None:
+    """Writes `folder`/checkpoint.pt whole; the one that was there becomes the previous one.
+
+    Raises:
+        StoreError: if it cannot be written; the previous one is there then.
+    """
+    buffer = io.BytesIO()
+    torch.save(dict(state), buffer)
+    # The checksum is the comment of the zip file, so that `torch.load` reads the file as well.
+    body = buffer.getvalue()[:-2] + _DIGEST.to_bytes(2, "little")
+    if (folder / FILE).exists():
+        with naming(folder / PREVIOUS, "written"):
+            os.replace(folder / FILE, folder / PREVIOUS)
+    write_whole(folder / FILE, body + hashlib.sha256(body).hexdigest().encode())
+
+
+def read_checkpoint(folder: pathlib.Path) -> dict[str, Any] | None:
+    """Returns the newest checkpoint of a folder, its arrays on the processor; None without one.
+
+    Raises:
+        StoreError: for a file that is damaged, or that `write_checkpoint` has not written.
+    """
+    name = next((name for name in (FILE, PREVIOUS) if os.path.lexists(folder / name)), None)
+    if name is None:
+        return None
+    content = read_whole(folder / name)
+    body, digest = content[:-_DIGEST], content[-_DIGEST:]
+    if hashlib.sha256(body).hexdigest().encode() != digest:
+        raise refused(folder, "its checksum is wrong")
+    try:
+        state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except (pickle.UnpicklingError, RuntimeError, LookupError, ValueError, TypeError) as error:
+        raise refused(folder, str(error)) from error
+    if not isinstance(state, dict) or state.keys() != _PARTS:
+        raise refused(folder, f"it does not have the parts {sorted(_PARTS)}")
+    return state
+
+
+def refused(folder: pathlib.Path, reason: str) -> StoreError:
+    """Returns the error for the newest checkpoint of a folder."""
+    if not os.path.lexists(folder / FILE):
+        file, advice = folder / PREVIOUS, "to begin anew"
+    elif os.path.lexists(folder / PREVIOUS):
+        file, advice = folder / FILE, f"to continue from {folder / PREVIOUS}"
+    else:
+        file, advice = folder / FILE, "to begin anew"
+    message = f"{file} is damaged, or no checkpoint of this training: {reason}"
+    return StoreError(f"{message}; delete it {advice}")
+
+
+def moved(value: Any, device: str) -> Any:
+    """Returns tensors, or tuples and lists of them, on a device."""
+    if isinstance(value, Tensor):
+        return value.to(device)
+    if isinstance(value, tuple | list):
+        return tuple(moved(each, device) for each in value)
+    return value
+
+
+@contextlib.contextmanager
+def alone(folder: pathlib.Path) -> Iterator[None]:
+    """Locks a folder; the lock ends with its process.
+
+    Raises:
+        StoreError: if another training holds the lock, with its process; if there is no folder.
+    """
+    make_folder(folder)
+    lock = filelock.FileLock(folder / LOCK, thread_local=False)
+    with naming(folder / LOCK, "written"):
+        try:
+            lock.acquire(blocking=False)
+        except filelock.Timeout:
+            message = f"{folder} is in use by another training{_holder(folder)}"
+            raise StoreError(message) from None
+    try:
+        write_json(folder / HOLDER, {"pid": os.getpid(), "host": platform.node()})
+        yield
+    finally:
+        lock.release()
+
+
+def _holder(folder: pathlib.Path) -> str:
+    """The process that holds the lock, in words; nothing if it has just begun."""
+    if not (folder / HOLDER).exists():
+        return ""
+    found = read_json(folder / HOLDER)
+    return f", process {found.get('pid')} on {found.get('host')}"
