@@ -8,7 +8,6 @@ import typer
 
 from softgym_mj.cli.console import (
     Ray,
-    Settings,
     Task,
     console,
     given,
@@ -37,7 +36,20 @@ def train(
     observation: Annotated[
         str | None, typer.Option(help="reduced, markov, full or rgb, not the preset's.")
     ] = None,
-    settings: Settings = "{}",
+    settings: Annotated[
+        str,
+        typer.Option(
+            help="Settings of the training or the method as JSON, in place of the preset's: "
+            "'{\"env_steps\": 200000}'."
+        ),
+    ] = "{}",
+    task_settings: Annotated[
+        str,
+        typer.Option(
+            help="Arguments of the task as JSON: "
+            '\'{"domain": "in_distribution", "action_repeat": 4}\'.'
+        ),
+    ] = "{}",
     jobs: Annotated[
         int, typer.Option(help="Processes that train a seed each; 1: all side by side.", min=1)
     ] = 1,
@@ -47,7 +59,8 @@ def train(
         "training"
     ),
 ) -> None:
-    """Trains a policy; may be killed and run again. --settings are those of preset files."""
+    """Trains a policy; may be killed and run again."""
+    from softgym_mj.learning import reports
     from softgym_mj.learning.registry import find_preset
     from softgym_mj.learning.spreading import train_each
     from softgym_mj.learning.training import Training
@@ -56,9 +69,12 @@ def train(
     check_name("learner_device", learner_device, (None, "cpu", "cuda"))
     check_count("seeds", seeds, 1, 100)
     chosen: dict[str, Any] = {**parsed_settings(settings), **given(observation=observation)}
+    if arguments := parsed_settings(task_settings):
+        chosen["arguments"] = arguments
     training, found = find_preset(method, preset, find(task).name, **chosen)
     try:
         if jobs == 1 and ray is None:
+            reports.line(f"{method} {training.task}: makes {training.worlds * seeds} environments")
             run = Training(training, found, range(seeds), out, device, learner_device)
             rows = _side_by_side(run, log)
         else:
@@ -87,10 +103,8 @@ def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
 
     tell = make_log(log, training.folder)
     if not console.is_terminal:
-        with reports.repeated(
-            lambda: reports.line(training, training.summary()), reports.LINE_SECONDS
-        ):
-            training.run(tell, lambda now: reports.line(now, reports.start(now)))
+        with reports.repeated(lambda: reports.progress(training), reports.LINE_SECONDS):
+            training.run(tell, reports.start)
         return training.rows
     text = rich.progress.TextColumn("{task.fields[note]}")
     elapsed = rich.progress.TimeElapsedColumn()
@@ -101,5 +115,5 @@ def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
             progress.update(bar, completed=training.covered, note=training.summary())
 
         with reports.repeated(show, 1.0):
-            training.run(tell, lambda now: reports.line(now, reports.start(now)))
+            training.run(tell, reports.start)
     return training.rows

@@ -10,7 +10,7 @@ import pathlib
 import tomllib
 from typing import Any
 
-from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.learning.learner import Method
 from softgym_mj.learning.settings import TrainingSettings
 
@@ -30,10 +30,11 @@ METHODS = {
 }
 PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # A file of each method.
 _ROOM = "softgym_mj.learning.methods"
+LARGEST_LAYER, LARGEST_BATCH = 16_384, 1_000_000
 LABELLED = {"observation", "symmetric"}  # Settings that curves name beside the preset.
 
 
-def find_method(name: str, **settings: Any) -> Method:
+def find_method(name: str, /, **settings: Any) -> Method:
     """A method with settings of one's own.
 
     Args:
@@ -46,11 +47,13 @@ def find_method(name: str, **settings: Any) -> Method:
     check_name("method", name, METHODS)
     module, kind = METHODS[name]
     found = importlib.import_module(f"{_ROOM}.{module}")
-    return Method(name, "custom", getattr(found, kind)(**settings), found.make)
+    made = getattr(found, kind)(**settings)
+    _check_sizes(made)
+    return Method(name, "custom", made, found.make)
 
 
 def find_preset(
-    name: str, preset: str, task: str, **replaced: Any
+    name: str, preset: str, task: str, /, **replaced: Any
 ) -> tuple[TrainingSettings, Method]:
     """What a method learns, and how, by a preset of its file.
 
@@ -89,6 +92,17 @@ def find_preset(
     method = find_method(name, **{key: _tuples(value) for key, value in found["method"].items()})
     named = preset if LABELLED.issuperset(replaced) else "custom"
     return TrainingSettings(task, **found["training"]), dataclasses.replace(method, preset=named)
+
+
+def _check_sizes(settings: Any) -> None:
+    """Raises `InvalidArgumentError` for layers or batches that no network can have."""
+    for field in dataclasses.fields(settings):
+        value = getattr(settings, field.name)
+        if field.type == tuple[int, ...]:
+            for size in value:
+                check_count(field.name, size, 1, LARGEST_LAYER)
+        elif field.name == "batch":
+            check_count(field.name, value, 1, LARGEST_BATCH)
 
 
 def _own(preset: dict[str, Any], task: str) -> dict[str, Any]:

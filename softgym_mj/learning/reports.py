@@ -29,15 +29,24 @@ def repeated(function: Callable[[], None], seconds: float) -> Iterator[None]:
         function()
 
 
-def line(training: Training, text: str) -> None:
-    """Prints a line about a training with the time of day, and flushes it."""
-    seeds = ", ".join(map(str, training.seeds))
-    name = f"{training.method.name} {training.settings.task}, seeds {seeds}"
-    print(f"{time.strftime('%H:%M:%S')} {name}: {text}", flush=True)
+def line(text: str) -> None:
+    """Prints a line with the time of day, and flushes it."""
+    print(f"{time.strftime('%H:%M:%S')} {text}", flush=True)
 
 
-def start(training: Training) -> str:
-    """How a training starts, in words; of one whose checkpoint has been read."""
+def progress(training: Training) -> None:
+    """Prints a line about the progress of a training."""
+    line(f"{_name(training)}: {training.summary()}")
+
+
+def start(training: Training) -> None:
+    """Prints a line about the start of a training, whose checkpoint has been read."""
+    text = f"starts in {training.folder}"
     if training.covered:
-        return f"continues from {training.covered:,} env steps of {training.folder}"
-    return f"starts in {training.folder}"
+        text = f"continues from {training.covered:,} env steps in {training.folder}"
+    line(f"{_name(training)}: {text}")
+
+
+def _name(training: Training) -> str:
+    seeds = ", ".join(map(str, training.seeds))
+    return f"{training.method.name} {training.settings.task}, seeds {seeds}"

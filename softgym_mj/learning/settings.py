@@ -1,6 +1,7 @@
 """`TrainingSettings`: what is learned, whatever the method."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
@@ -9,6 +10,11 @@ from softgym_mj.registry import find
 from softgym_mj.variations.indices import SPLITS
 
 OBSERVATIONS = ("reduced", "markov", "full", "rgb")
+# Arguments of a task that trainings set themselves, and by which of their settings.
+_OWN = {
+    "observation": "observation", "image_size": "image_size", "horizon": "episode_steps",
+    "split": "none: they learn from the training split",
+}  # fmt: skip
 
 
 @typed
@@ -32,9 +38,12 @@ class TrainingSettings:
         learned_steps: env steps after which an episode that is learned from is left for another
             one, while its value goes on; None for all of it. Evaluations play all of it.
         actor: of the task.
+        arguments: further keyword arguments of the task, such as domain, action, action_repeat,
+            fidelity or actor; evaluations have them as well.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: for numbers out of range, or an argument that has a setting above.
+        UnexpectedArgumentError: for an argument that the task does not have.
     """
 
     task: str
@@ -51,9 +60,14 @@ class TrainingSettings:
     episode_steps: int | None = None
     learned_steps: int | None = None
     actor: str | None = None
+    arguments: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self):
-        find(self.task)
+        for name, own in _OWN.items():
+            if name in self.arguments:
+                valid = f"other arguments of the task; the setting of a training for it is {own}"
+                raise InvalidArgumentError("task settings", name, valid)
+        find(self.task).check_arguments(self.arguments)
         check_name("observation", self.observation, OBSERVATIONS)
         for name in ("env_steps", "worlds", "evaluate_every"):
             check_count(name, getattr(self, name), 1)
@@ -81,4 +95,4 @@ class TrainingSettings:
         found = {name: value for name, value in named.items() if value is not None}
         if "fidelity" in find(self.task).arguments:
             found["fidelity"] = self.fidelity
-        return found
+        return {**found, **self.arguments}

@@ -63,6 +63,6 @@ def _trained(
     learner_device: str | None,
 ) -> list[Row]:
     training = Training(settings, method, [seed], folder, device, learner_device)
-    with reports.repeated(lambda: reports.line(training, training.summary()), reports.LINE_SECONDS):
-        training.run(on_start=lambda now: reports.line(now, reports.start(now)))
+    with reports.repeated(lambda: reports.progress(training), reports.LINE_SECONDS):
+        training.run(on_start=reports.start)
     return training.rows

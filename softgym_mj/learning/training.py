@@ -21,6 +21,7 @@ from torch import Tensor
 import softgym_mj
 from softgym_mj.exceptions import (
     InvalidArgumentError,
+    SoftGymError,
     StoreError,
     UnavailableError,
 )
@@ -33,7 +34,9 @@ from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
 CARD, POLICY = "card.json", "policy_{seed}.pt2"
-KEEP_SECONDS = 120.0  # Between two checkpoints within a part.
+# Between two checkpoints within a part; and as a multiple of the seconds that writing one takes, as
+# those of images have gigabytes.
+KEEP_SECONDS, KEEP_RATIO = 60.0, 50.0
 
 
 @dataclasses.dataclass
@@ -69,7 +72,7 @@ class Training:
         # Vector steps of the part so far, their actions (seeds, worlds, n), and what the learner
         # remembers of the episodes.
         self._step, self._actions, self._memory = 0, list[Tensor](), None
-        self._kept = time.monotonic()
+        self._due = time.monotonic() + KEEP_SECONDS  # Of the next checkpoint within a part.
         own = "cuda" if self.device == "cuda" else "cpu"
         if self.learner_device == "cuda" and not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
@@ -82,7 +85,15 @@ class Training:
             self._envs.single_observation_space.shape, self._envs.single_action_space.shape[-1],
             settings.reward_scale, self.learner_device or own, settings.observation,
         )  # fmt: skip
-        self.learner = self.method.make(self.method.settings, self._problem)
+        try:
+            self.learner = self.method.make(self.method.settings, self._problem)
+        except SoftGymError:
+            raise
+        except (RuntimeError, MemoryError) as error:  # PyTorch has no memory for such sizes.
+            raise InvalidArgumentError(
+                f"the networks or the replay of {self.method.name} cannot be made with these "
+                f"settings: {error}"
+            ) from error
 
     def _make(self, number: int, **settings: Any) -> Any:
         own, images = self.settings, self.settings.observation == "rgb"
@@ -164,7 +175,7 @@ class Training:
                 news = found or news
             self._step += 1
             self._seconds += time.perf_counter() - start
-            if self._step < steps and time.monotonic() - self._kept > KEEP_SECONDS:
+            if self._step < steps and time.monotonic() > self._due:
                 self._keep()
         self.done, self._step, self._actions, self._memory = self.done + 1, 0, [], None
         return news
@@ -337,6 +348,7 @@ class Training:
 
     def _keep(self) -> None:
         """Writes checkpoint, card and curve: each whole or not at all."""
+        start = time.monotonic()
         part = {"steps": self._step, "memory": moved(self._memory, "cpu")}
         if self._actions:
             part["actions"] = torch.stack(self._actions).cpu()
@@ -345,9 +357,10 @@ class Training:
             "done": self.done, "part": part, "seconds": self._seconds,
         }  # fmt: skip
         write_checkpoint(self.folder, state)
-        self._kept = time.monotonic()
         write_curve(self.folder, self.rows)
         write_json(self.folder / CARD, self.card())
+        now = time.monotonic()
+        self._due = now + max(KEEP_SECONDS, KEEP_RATIO * (now - start))
 
     def _export(self) -> None:
         """Writes the policy of each seed to a file, for `softgym-mj evaluate --policy`."""

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import re
 import tomllib
 import zipfile
 
@@ -252,3 +253,61 @@ def test_other_settings_are_refused(whole):
     for name, value in (("part", 7), ("worlds", 0), ("episodes", 500)):
         with pytest.raises(InvalidArgumentError, match=name):
             TrainingSettings(**{**vars(SETTINGS), name: value})
+
+
+@pytest.mark.parametrize(
+    "device, own", [("host", {}), ("cpu", {"actor": "franka", "action": "joints"})]
+)
+def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, device, own):
+    arguments = {"domain": {"friction": [1.31, 1.32]}, "action_repeat": 1, **own}
+    small = {**vars(SETTINGS), **vars(METHOD.settings), "arguments": arguments, "env_steps": 8}
+    if own:  # Arms have no symmetries.
+        small |= {"symmetric": False, "averaged": False, "final_episodes": 1}
+    settings, method = find_preset("sac", "fast", small.pop("task"), **small)
+    training = Training(settings, method, [0], tmp_path, device)
+    training.run()
+    card = json.loads((tmp_path / "card.json").read_text())
+    assert card["preset"] == method.preset == "custom"
+    assert card["training"]["arguments"] == arguments
+    envs = training._make(1, split="all")  # Evaluations have them as well.
+    _, infos = envs.reset(seed=3)
+    assert 1.31 <= infos["domain_friction"][0] <= 1.32
+    assert envs.single_action_space.shape == ((16,) if own else (8,))  # Seven joints, a gripper.
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        ({"observation": "full"}, "observation"),
+        ({"image_size": [8, 8]}, "image_size"),
+        ({"horizon": 3}, "episode_steps"),
+        ({"split": "all"}, "training split"),
+        ({"actoin": "pose"}, "unexpected keyword argument 'actoin'.*'action_repeat'"),
+        ({"action_repeat": "4"}, "action_repeat='4'"),
+    ],
+)
+def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, said):
+    command = ["train", "sac", "straighten_rope", "--device", "host", "--out", str(tmp_path)]
+    done = CliRunner().invoke(commands.app, [*command, "--task-settings", json.dumps(arguments)])
+    assert done.exit_code != 0
+    assert re.search(said, " ".join(f"{done.output} {done.exception}".split()))
+
+
+@pytest.mark.parametrize(
+    "settings, said",
+    [
+        ({"task": "fold_cloth"}, "settings='task'"),
+        ({"name": "bc"}, "settings='name'"),
+        ({"hidden": [0]}, "hidden=0"),
+        ({"hidden": [10**9]}, "hidden=1000000000"),
+        ({"batch": 10**12}, "batch=1000000000000"),
+        (
+            {"replay": 10**12, "worlds": 4, "env_steps": 4, "part": 4},
+            "replay of sac cannot be made",
+        ),
+    ],
+)
+def test_impossible_settings_are_refused(tmp_path, settings, said):
+    settings |= {"worlds": 4, "env_steps": 4, "part": 4}
+    with pytest.raises(InvalidArgumentError, match=said):
+        Training(*find_preset("sac", "night", "straighten_rope", **settings), [0], tmp_path, "host")
