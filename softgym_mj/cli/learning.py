@@ -9,6 +9,7 @@ import rich.table
 import typer
 
 from softgym_mj.cli.console import console
+from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.files import read_json
 
 app = typer.Typer(help="Learned results, trainings, what is still to be run.", no_args_is_help=True)
@@ -41,10 +42,13 @@ def print_table(
     numbers of references.csv.
     """
     from softgym_mj.learning import results as learned
+    from softgym_mj.learning.entering import enter
 
-    file = results / "learning.csv"
-    rows = learned.merged(learned.read_rows(file), *map(learned.read_folder, folders or ()))
-    lines = learned.table(rows, learned.read_references(results / "references.csv"))
+    file = _published(results, "learning.csv")
+    known = learned.read_rows(file)
+    read = enter if merge else learned.read_folder
+    rows = learned.merged(known, *map(read, folders or ()))
+    lines = learned.table(rows, learned.read_references(_published(results, "references.csv")))
     shown = rich.table.Table(show_lines=True, box=rich.box.SIMPLE)
     titles = (
         "task\nhow",
@@ -75,7 +79,23 @@ def print_table(
         console.print(f"wrote {csv}")
     if merge:
         learned.write_rows(rows, file)
-        console.print(f"wrote {file}: {len(rows)} rows")
+        number = len(rows) - len(known)
+        console.print(f"wrote {file}: {len(rows)} rows, {number} of them new")
+
+
+def _published(folder: pathlib.Path, name: str) -> pathlib.Path:
+    """A file of the published results.
+
+    Raises:
+        StoreError: if the folder does not have it.
+    """
+    if not (folder / name).exists():
+        raise StoreError(
+            f"there is no {folder / name}: published results are in docs/results of a checkout of "
+            "the repository, not in the installed package; run this command there or pass "
+            "--results FOLDER"
+        )
+    return folder / name
 
 
 @app.command()
@@ -113,7 +133,10 @@ def status(
 def _env_steps(card: pathlib.Path) -> int | None:
     """Of a whole training, by its card; None without one."""
     found = read_json(card).get("training") if card.exists() else None
-    return found.get("env_steps") if isinstance(found, dict) else None
+    number = found.get("env_steps") if isinstance(found, dict) else None
+    if not isinstance(number, int | None):
+        raise StoreError(f"{card}: training.env_steps={number!r} is no whole number")
+    return number
 
 
 @app.command("queue")
@@ -127,7 +150,8 @@ def print_queue(
     from softgym_mj.learning.queue import read_queue
     from softgym_mj.learning.results import read_rows
 
-    rows, runs = read_rows(results / "learning.csv"), read_queue(results / "queue.toml")
+    rows = read_rows(_published(results, "learning.csv"))
+    runs = read_queue(_published(results, "queue.toml"))
     if is_next:
         waiting = [run.command for run in runs if not run.is_done(rows)]
         typer.echo(waiting[0] if waiting else "Everything is done.")

@@ -17,6 +17,7 @@ COLUMNS = (
 FILE = "curve.csv"  # In the folder of a training.
 
 
+CARD = "card.json"
 EPISODES = "episodes.csv"  # Of the last evaluation, held out.
 # Of an episode's infos, those that there are.
 _KEPT = (

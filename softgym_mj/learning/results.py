@@ -143,10 +143,11 @@ def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
     columns, found = [field.name for field in fields], []
     with naming(file, "read"):
         lines = csv.reader(io.StringIO(read_whole(file).decode(), newline=""))
-    if (header := next(lines, [])) != columns:
+        table = _cells(lines)
+    if (header := table[0][1] if table else []) != columns:
         raise StoreError(f"{file}, line 1: columns {header} are refused; valid: {columns}")
-    for cells in lines:
-        values, where = [], f"{file}, line {lines.line_num}"
+    for number, cells in table[1:]:
+        values, where = [], f"{file}, line {number}"
         if len(cells) != len(columns):
             last = columns[min(len(cells), len(columns)) - 1]
             raise StoreError(f"{where}: it ends at column {last!r}; valid: all of {columns}, once")
@@ -160,6 +161,14 @@ def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
                 raise StoreError(message) from None
         found.append(kind(*values))
     return found
+
+
+def _cells(lines: Any) -> list[tuple[int, list[str]]]:
+    """The number of each line, and its cells."""
+    try:
+        return [(lines.line_num, cells) for cells in lines]
+    except csv.Error as error:  # A field above 131,072 characters.
+        raise ValueError(f"line {lines.line_num}: {error}") from error
 
 
 def read_rows(file: pathlib.Path) -> list[Row]:

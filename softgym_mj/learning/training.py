@@ -27,13 +27,13 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.jobs.files import write_json, write_whole
 from softgym_mj.learning.checkpoints import alone, moved, read_checkpoint, refused, write_checkpoint
-from softgym_mj.learning.curves import write_curve, write_episodes
+from softgym_mj.learning.curves import CARD, write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
-CARD, POLICY = "card.json", "policy_{seed}.pt2"
+POLICY = "policy_{seed}.pt2"
 # Between two checkpoints within a part; and as a multiple of the seconds that writing one takes, as
 # those of images have gigabytes.
 KEEP_SECONDS, KEEP_RATIO = 60.0, 50.0
@@ -150,9 +150,8 @@ class Training:
     def _catch_up(self) -> None:
         """Evaluates at the end of a part if that is due, unless it has been done."""
         is_last = self.done == self.settings.parts
-        is_due = self.done > 0 and self.done % self.settings.evaluate_every == 0
-        # Curves are over env steps: one that makes none has one point.
-        if self._step or (not is_last and (not is_due or isinstance(self.learner, Offline))):
+        is_early = isinstance(self.learner, Offline) and not is_last
+        if self._step or is_early or self.env_steps not in self.evaluations():
             return
         if not any(row["env_steps"] == self.env_steps for row in self.rows):
             self._evaluate(final=is_last)
@@ -245,6 +244,15 @@ class Training:
 
     # ------------------------------------------------------------------ evaluation
 
+    def evaluations(self) -> list[int]:
+        """Env steps of each seed at which a whole curve has its points."""
+        settings = self.settings
+        # Curves are over env steps: one that makes none has one point.
+        if isinstance(self.learner, Offline):
+            return [self.env_steps]
+        apart = settings.part * settings.evaluate_every
+        return [*range(apart, settings.env_steps, apart), settings.env_steps]
+
     def _evaluate(self, *, final: bool) -> None:
         """Plays variations of both splits with the best actions, all held out ones in the end."""
         self.phase = "evaluates"
@@ -336,6 +344,7 @@ class Training:
         return {
             **self._owner(),
             "preset": self.method.preset,
+            "evaluations": self.evaluations(),
             "env_steps": self.env_steps,
             "updates": self.learner.updates,
             "seconds": round(self._seconds, 1),

@@ -14,6 +14,7 @@ from softgym_mj.cli import commands
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.exceptions import StoreError
 from softgym_mj.learning import curves, results
+from softgym_mj.learning.entering import enter
 from softgym_mj.learning.queue import QueuedRun, read_queue
 from softgym_mj.learning.registry import PRESETS
 from softgym_mj.learning.results import Reference, Row
@@ -25,6 +26,7 @@ ROOT = pathlib.Path(__file__).parents[2]
 RESULTS = ROOT / "docs" / "results"
 SCORES = (0.4, 1.0, 0.0, 0.9, 0.5)  # Of seeds 0..4, held out, at the end.
 NAME = ("straighten_rope", "sac", "reduced", "fast", "symmetric")
+OWN = ("straighten_rope", "sac_own", *NAME[2:])  # A method of somebody else.
 HEAD = ",".join(curves.COLUMNS)
 LINE = "straighten_rope,sac,reduced,fast,plain,0,100,50,6.5,evaluate,200,0.5,0.25,1"
 
@@ -46,6 +48,28 @@ def _training(name=NAME):
     ]
 
 
+def _own():
+    return [
+        dataclasses.replace(row, normalized_performance=min(row.normalized_performance, 1.0))
+        for row in _training(OWN)
+    ]
+
+
+def _publish(folder, rows):
+    """Writes a whole training in a folder."""
+    results.write_rows(rows, folder / "curve.csv")
+    final = [row for row in rows if row.final and row.split == "evaluate"]
+    infos = {name: np.array([[getattr(row, name)] * 200 for row in final])
+             for name in ("normalized_performance", "success")}  # fmt: skip
+    curves.write_episodes(folder, [row.seed for row in final], range(800, 1000), infos)
+    card = {
+        "method": rows[0].method, "preset": rows[0].preset, "seeds": [row.seed for row in final],
+        "evaluations": sorted({row.env_steps for row in rows}), "seconds": 180.0,
+        "training": {"task": rows[0].task, "observation": rows[0].observation, "env_steps": 300},
+    }  # fmt: skip
+    (folder / "card.json").write_text(json.dumps(card))
+
+
 @pytest.fixture(name="folder")
 def _folder(tmp_path):
     """Published results, of nothing yet, and a queue."""
@@ -57,9 +81,7 @@ def _folder(tmp_path):
         for seeds in (5, 6)
     ]
     (tmp_path / "queue.toml").write_text("".join(f"[[run]]\n{entry}" for entry in entries))
-    training = tmp_path / "training"
-    results.write_rows(_training(), training / "curve.csv")
-    (training / "card.json").write_text(json.dumps({"training": {"env_steps": 300}}))
+    _publish(tmp_path / "training", _own())
     return tmp_path
 
 
@@ -225,12 +247,95 @@ def test_the_table_takes_in_trainings_once(folder):
     shown = _command("table", folder / "training", "--results", folder)
     assert "0.500" in shown and "0.40..0.90" in shown
     assert results.read_rows(folder / "learning.csv") == []
-    for _ in range(2):
-        _command("table", folder / "training", "--merge", "--results", folder)
+    for number in (30, 0):
+        shown = _command("table", folder / "training", "--merge", "--results", folder)
+        assert f"30 rows, {number} of them new" in " ".join(shown.split())
         assert len(results.read_rows(folder / "learning.csv")) == 30
     _command("table", "--results", folder, "--csv", folder / "table.csv")
     head, row = (folder / "table.csv").read_text().splitlines()
     assert dict(zip(head.split(","), row.split(","), strict=True))["median"] == "0.5"
+
+
+def _changed(rows, change, which=lambda row: True):
+    return [dataclasses.replace(row, **change) if which(row) else row for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("rows", "card", "said"),
+    [
+        (lambda rows: _changed(rows, {"normalized_performance": 7.5}), {}, "score 7.5.*above 1"),
+        (lambda rows: [row for row in rows if not row.seed], {"seeds": [0]}, r"seeds \[0\], not 0"),
+        (lambda rows: _changed(rows, {"seed": 9}, lambda row: row.seed == 4), {}, "seeds are"),
+        (lambda rows: _changed(rows, {"episodes": 4}, lambda row: row.final), {}, r"of \[4\] held"),
+        (lambda rows: [row for row in rows if row.env_steps != 200], {}, "not whole: 10 of 30"),
+        (lambda rows: rows[:-1], {}, "not whole: 1 of 30"),
+        (lambda rows: _changed(rows, {"final": False}), {}, "rows are final before the last"),
+        (lambda rows: _changed(rows, {"final": True}), {}, "rows are final before the last"),
+        (lambda rows: rows, {"evaluations": [100, 200, 300, 400]}, "not whole: 10 of 40"),
+        (lambda rows: rows, {"evaluations": [100, 300]}, "10 rows are of evaluations that"),
+        (lambda rows: rows, {"evaluations": ["100"]}, "card.json does not list"),
+        (lambda rows: rows, {"seeds": [0, 1]}, r"and \[0, 1\] in card.json"),
+        (lambda rows: rows, {"seconds": "many"}, "seconds in card.json are 'many'"),
+        (lambda rows: rows, {"method": "sac"}, "method is sac_own in curve.csv and 'sac' in card"),
+        (lambda rows: rows, {"training": {"task": "fold_cloth"}}, "task is straighten_rope in"),
+        (
+            lambda rows: rows,
+            {"training": {"task": NAME[0], "observation": NAME[2], "fidelity": "fast"}},
+            "not the table's: fidelity is 'fast'",
+        ),
+        (
+            lambda rows: rows,
+            {"training": {"task": NAME[0], "observation": NAME[2], "arguments": {"domain": "x"}}},
+            "arguments is {'domain': 'x'}",
+        ),
+        (
+            lambda rows: _changed(rows, {"normalized_performance": 0.99}, lambda row: row.final),
+            {},
+            "seed 0 has 0.99 in curve.csv, and 0.4 is the mean of episodes.csv",
+        ),
+        (lambda rows: _changed(rows, {"method": "sac"}), {"method": "sac"}, "512000 in the preset"),
+    ],
+)
+def test_results_that_break_rules_are_not_merged(folder, rows, card, said):
+    training = folder / "training"
+    results.write_rows(rows(_own()), training / "curve.csv")
+    content = json.loads((training / "card.json").read_text())
+    (training / "card.json").write_text(json.dumps({**content, **card}))
+    with pytest.raises(StoreError, match=rf"(?s)training is not merged: .*{said}"):
+        enter(training)
+    done = CliRunner().invoke(
+        commands.app, ["learning", "table", str(training), "--merge", "--results", str(folder)]
+    )
+    assert done.exit_code != 0 and results.read_rows(folder / "learning.csv") == []
+
+
+def test_results_without_their_other_files_are_not_merged(folder):
+    (folder / "training" / "episodes.csv").write_text("seed,variation\n0,800\n")
+    with pytest.raises(StoreError, match=r"episodes\.csv cannot be read: line 2"):
+        enter(folder / "training")
+    (folder / "training" / "episodes.csv").unlink()
+    with pytest.raises(StoreError, match=r"there is no episodes\.csv"):
+        enter(folder / "training" / "curve.csv")
+    (folder / "training" / "card.json").unlink()
+    with pytest.raises(StoreError, match=r"there is no card\.json"):
+        enter(folder / "training")
+
+
+def test_published_results_are_those_of_a_checkout(tmp_path):
+    for command in (["table"], ["queue"]):
+        done = CliRunner().invoke(commands.app, ["learning", *command, "--results", str(tmp_path)])
+        assert done.exit_code != 0
+        assert "pass --results" in str(done.exception)
+
+
+def test_long_fields_and_cards_of_text_are_refused(tmp_path):
+    (tmp_path / "curve.csv").write_text(f"{HEAD}\n{'a' * 200_000}{LINE}\n")
+    with pytest.raises(StoreError, match=r"curve\.csv cannot be read: line 2: field larger"):
+        results.read_folder(tmp_path)
+    results.write_rows(_training(), tmp_path / "curve.csv")
+    (tmp_path / "card.json").write_text(json.dumps({"training": {"env_steps": "300"}}))
+    done = CliRunner().invoke(commands.app, ["learning", "status", str(tmp_path)])
+    assert "training.env_steps='300'" in str(done.exception)
 
 
 def test_the_status_says_how_far_a_training_is(folder):
@@ -246,7 +351,7 @@ def test_the_status_says_how_far_a_training_is(folder):
 def test_the_queue_goes_on_with_what_is_not_done(folder):
     command = "softgym-mj train sac straighten_rope --preset fast --seeds {}"
     assert _command("queue", "--next", "--results", folder).startswith(command.format(5))
-    _command("table", folder / "training", "--merge", "--results", folder)
+    results.write_rows(_training(), folder / "learning.csv")
     assert _command("queue", "--next", "--results", folder).startswith(command.format(6))
     shown = _command("queue", "--results", folder)
     assert [word for word in shown.split() if word in ("yes", "no")] == ["yes", "no"]

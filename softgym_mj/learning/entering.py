@@ -1,0 +1,186 @@
+"""Rules by which results enter the published ones: `learning table --merge`.
+
+A result is a folder with curve.csv (columns `curves.COLUMNS`), episodes.csv (how each held-out
+episode of the last evaluation ended) and card.json. docs/results.md describes these files for code
+that is not of this package.
+"""
+
+import csv
+import io
+import math
+import pathlib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.jobs.files import naming, read_json, read_whole
+from softgym_mj.learning.curves import CARD, EPISODES, FILE
+from softgym_mj.learning.registry import METHODS, find_preset
+from softgym_mj.learning.results import Row, read_folder
+from softgym_mj.variations.indices import SPLITS
+
+HELD_OUT = SPLITS["evaluate"]
+# Normalized performance; a stretched cloth covers 2e-5 more than a flat one.
+HIGHEST_SCORE = 1.001
+# Seeds of a result; the latter where a training takes a GPU for hours.
+SEEDS, SEEDS_OF_HOURS, HOURS = 5, 3, 3600.0
+_ROUNDING = 1e-6  # Of scores in files of text.
+_SPLITS = ("train", "evaluate")
+
+
+def enter(path: pathlib.Path) -> list[Row]:
+    """Returns the rows of a result that keeps all rules.
+
+    Args:
+        path: folder of a training, or folder or file of a planner's evaluation.
+
+    Raises:
+        StoreError: for a result that breaks rules, with all of them; see `read_folder`.
+    """
+    rows = read_folder(path)
+    broken = [*_bad_scores(rows)]
+    if (path / FILE).exists() or path.suffix == ".csv":
+        folder = path if path.is_dir() else path.parent
+        if (folder / CARD).exists():
+            broken += _of_training(rows, read_json(folder / CARD), folder)
+        else:
+            broken.append(f"there is no {CARD}, the card of the training")
+    if broken:
+        raise StoreError(f"{path} is not merged: {'; '.join(broken)}")
+    return rows
+
+
+def _bad_scores(rows: Sequence[Row]) -> Iterator[str]:
+    if not rows:
+        yield "it has no rows"
+    for row in rows:
+        score = row.normalized_performance
+        if not (math.isfinite(score) and score <= HIGHEST_SCORE):
+            where = f"seed {row.seed}, {row.env_steps:,} env steps, {row.split}"
+            yield f"the score {score:g} ({where}) is above 1"
+            return
+
+
+def _of_training(
+    rows: Sequence[Row], card: Mapping[str, Any], folder: pathlib.Path
+) -> Iterator[str]:
+    """The rules that a training breaks, in words."""
+    training = card.get("training")
+    training = training if isinstance(training, Mapping) else {}
+    own = {
+        "task": training.get("task"), "method": card.get("method"), "preset": card.get("preset"),
+        "observation": training.get("observation"),
+    }  # fmt: skip
+    for name, value in own.items():
+        found = sorted({getattr(row, name) for row in rows})
+        if found != [value]:
+            yield f"{name} is {', '.join(found)} in {FILE} and {value!r} in {CARD}"
+    yield from _bad_task(training, card.get("preset"))
+    seeds, points = sorted({row.seed for row in rows}), card.get("evaluations")
+    if seeds != card.get("seeds"):
+        yield f"seeds are {seeds} in {FILE} and {card.get('seeds')} in {CARD}"
+    yield from _bad_seeds(seeds, card)
+    if not _are_counts(points):
+        yield f"{CARD} does not list the env steps of all evaluations as 'evaluations'"
+        return
+    assert isinstance(points, list)
+    yield from _bad_length(points, own, training)
+    yield from _missing(rows, seeds, points)
+    yield from _bad_episodes(rows, seeds, folder / EPISODES)
+
+
+def _bad_task(training: Mapping[str, Any], preset: object) -> Iterator[str]:
+    """What makes the task another one than that of the table."""
+    usual = {"fidelity": "default", "episode_steps": None, "arguments": {}}
+    if preset == "custom":  # Presets may need an actor.
+        usual["actor"] = None
+    for name, value in usual.items():
+        if (found := training.get(name, value)) != value:
+            yield f"the task is not the table's: {name} is {found!r}"
+
+
+def _bad_seeds(seeds: Sequence[int], card: Mapping[str, Any]) -> Iterator[str]:
+    seconds = card.get("seconds")
+    if not isinstance(seconds, int | float):
+        yield f"seconds in {CARD} are {seconds!r}, not a number"
+        return
+    takes_hours = card.get("backend") == "cuda" and seconds >= HOURS
+    least = SEEDS_OF_HOURS if takes_hours else SEEDS
+    if len(seeds) < least or [*seeds] != [*range(len(seeds))]:
+        yield f"there are seeds {[*seeds]}, not 0 to {least - 1} or more"
+
+
+def _are_counts(points: object) -> bool:
+    counts = points if isinstance(points, list) else [None]
+    return bool(counts) and all(type(point) is int and point >= 0 for point in counts)
+
+
+def _bad_length(
+    points: Sequence[int], own: Mapping[str, Any], training: Mapping[str, Any]
+) -> Iterator[str]:
+    """Whether the training is as long as the preset says."""
+    if own["method"] not in METHODS or own["preset"] == "custom":
+        return
+    try:
+        preset, _ = find_preset(
+            own["method"], own["preset"], own["task"], observation=own["observation"]
+        )
+    except InvalidArgumentError as error:
+        yield str(error)
+        return
+    if training.get("env_steps") != preset.env_steps or points[-1] > preset.env_steps:
+        yield f"env steps are {training.get('env_steps')}, and {preset.env_steps} in the preset"
+
+
+def _missing(rows: Sequence[Row], seeds: Sequence[int], points: Sequence[int]) -> Iterator[str]:
+    """Whether evaluations are missing, or are others than planned."""
+    found = {(row.env_steps, row.seed, row.split) for row in rows}
+    wanted = {(at, seed, split) for at in points for seed in seeds for split in _SPLITS}
+    if missing := sorted(wanted - found):
+        at, seed, split = missing[0]
+        yield (
+            f"the curve is not whole: {len(missing)} of {len(wanted)} rows are missing, such as "
+            f"that of seed {seed}, {at:,} env steps, {split}"
+        )
+    if more := sorted(found - wanted):
+        yield f"{len(more)} rows are of evaluations that {CARD} does not list, such as {more[0]}"
+    for row in rows:
+        if row.final != (row.env_steps == points[-1]):
+            yield f"rows are final before the last of {points[-1]:,} env steps, or not there"
+            return
+    episodes = {row.episodes for row in rows if row.final and row.split == "evaluate"}
+    if episodes != {len(HELD_OUT)}:
+        yield f"final rows are of {sorted(episodes)} held-out episodes, not {len(HELD_OUT)}"
+
+
+def _bad_episodes(rows: Sequence[Row], seeds: Sequence[int], file: pathlib.Path) -> Iterator[str]:
+    """Whether final rows are the means of the episodes that are listed."""
+    if not file.exists():
+        yield f"there is no {file.name}, how each held-out episode ended"
+        return
+    scores: dict[int, dict[int, tuple[float, float]]] = {}
+    with naming(file, "read"):
+        lines = csv.DictReader(io.StringIO(read_whole(file).decode(), newline=""))
+        try:
+            for line in lines:
+                own = scores.setdefault(int(line["seed"]), {})
+                numbers = float(line["normalized_performance"]), float(line["success"])
+                own[int(line["variation"])] = numbers
+        except (csv.Error, LookupError, TypeError, ValueError) as error:
+            raise ValueError(f"line {lines.line_num}: {error}") from error
+    for row in rows:
+        if not (row.final and row.split == "evaluate"):
+            continue
+        own = scores.get(row.seed, {})
+        if sorted(own) != [*HELD_OUT]:
+            yield f"{file.name} does not have variations 800 to 999 of seed {row.seed}, once each"
+            continue
+        means = [math.fsum(column) / len(own) for column in zip(*own.values(), strict=True)]
+        pairs = zip(means, (row.normalized_performance, row.success), strict=True)
+        if not all(abs(mean - value) <= _ROUNDING for mean, value in pairs):
+            yield (
+                f"seed {row.seed} has {row.normalized_performance:g} in {FILE}, and "
+                f"{means[0]:g} is the mean of {file.name}"
+            )
+        if max(score for score, _ in own.values()) > HIGHEST_SCORE:
+            yield f"scores of seed {row.seed} in {file.name} are above 1"
