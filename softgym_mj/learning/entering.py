@@ -91,7 +91,7 @@ def _of_training(
 
 def _bad_task(training: Mapping[str, Any], preset: object) -> Iterator[str]:
     """What makes the task another one than that of the table."""
-    usual = {"fidelity": "default", "episode_steps": None, "arguments": {}}
+    usual: dict[str, Any] = {"fidelity": "default", "episode_steps": None, "arguments": {}}
     if preset == "custom":  # Presets may need an actor.
         usual["actor"] = None
     for name, value in usual.items():

@@ -65,6 +65,7 @@ def test_a_training_killed_within_a_part_ends_alike(tmp_path, monkeypatch, name)
     whole = _training(name, tmp_path / "whole")
     whole.run()
     monkeypatch.setattr(module, "KEEP_SECONDS", -1.0)  # A checkpoint after each vector step.
+    monkeypatch.setattr(module, "KEEP_RATIO", 0.0)
     killed = _training(name, tmp_path / "killed")
     keep = killed._keep
 
