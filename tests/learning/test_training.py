@@ -74,14 +74,19 @@ def test_a_curve_has_a_row_of_each_evaluation_seed_and_split(whole):
 def test_episodes_are_left_early_where_they_are_learned_from(tmp_path):
     settings = dataclasses.replace(SETTINGS, learned_steps=4, worlds=1, evaluate_every=4)
     training = _training(tmp_path, settings=settings)
-    played = []
-    monitored = training._make
-    training._make = lambda *own, **named: played.append(monitored(*own, **named)) or played[-1]
+    horizons, make = [], training._make
+
+    def monitored(*own, **named):
+        envs = make(*own, **named)
+        horizons.append(envs.get_attr("horizon")[0])
+        return envs
+
+    training._make = monitored
     training.run()
     ended = training.learner.replay.kept["ended"][:, 0, 0].tolist()
     # The newest 24 of four parts of 8, each of which begins anew: episodes of 4, none of 6.
     assert ended == 6 * [False, False, False, True]
-    assert [envs.get_attr("horizon")[0] for envs in played] == [6]  # Of evaluations.
+    assert horizons == [6]  # Of evaluations.
 
 
 def test_how_each_episode_of_the_last_evaluation_ended_is_written(whole):
