@@ -1,13 +1,55 @@
 """`SizedPhysics`: physics with an off-screen buffer as large as its largest image."""
 
+import functools
 import threading
 
 import mujoco
 import numpy as np
 from dm_control import _render, mjcf
-from dm_control._render import base
+from dm_control._render import base, executor
 from dm_control.mujoco import engine, wrapper
 from dm_control.rl import control
+
+_ABANDONED: list[base.ContextBase] = []  # Kept, as dm_control knows contexts by their id.
+
+
+class _BoundToThread:
+    """OpenGL context that its own thread frees; elsewhere it stays until the process ends.
+
+    OpenGL lets no other thread free what a thread uses.
+    """
+
+    def __init__(self, *args, **kwargs):
+        self._thread = threading.current_thread()
+        super().__init__(*args, **kwargs)
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether another thread has made it, and has to free it; GLFW has a thread of its own."""
+        kind = executor.PassthroughRenderExecutor
+        own = threading.current_thread() is self._thread
+        return not own and isinstance(self._render_executor, kind)  # type: ignore[attr-defined]
+
+    def _free_unconditionally(self) -> None:
+        if self.is_elsewhere:
+            _ABANDONED.append(self)
+        else:
+            super()._free_unconditionally()  # type: ignore[misc]
+
+
+@functools.cache
+def _bound(renderer: type) -> type:
+    """A kind of OpenGL context that only its own thread frees."""
+    return type(renderer.__name__, (_BoundToThread, renderer), {})
+
+
+class _MjrContext(wrapper.MjrContext):
+    """MuJoCo's part of an OpenGL context, which is freed with it."""
+
+    def free(self) -> None:
+        """Frees it, unless another thread would have to."""
+        if self._gl_context and not self._gl_context.is_elsewhere:
+            super().free()
 
 
 class SizedPhysics(mjcf.Physics):
@@ -63,10 +105,11 @@ class SizedPhysics(mjcf.Physics):
         largest = size.offheight, size.offwidth
         size.offheight, size.offwidth = height, width
         if self._gl is None:
-            self._gl, self._thread = _render.Renderer(width, height), threading.get_ident()
+            self._gl = _bound(_render.Renderer)(width, height)
+            self._thread = threading.get_ident()
             self._gl.increment_refcount()
         try:
-            made = wrapper.MjrContext(self.model, self._gl)
+            made = _MjrContext(self.model, self._gl)
         finally:
             size.offheight, size.offwidth = largest
         self._contexts = engine.Contexts(gl=self._gl, mujoco=made)
