@@ -15,6 +15,10 @@ TRAINING_STEPS = 160  # Of the agent in 07_training, which learns from 20,000.
 
 
 QUICK = ("01_quickstart",)  # The others run in `make test-long`, as in CI.
+# Cells appended to notebooks, which check the results of the cells above them.
+CHECKS = {
+    "01_quickstart": "assert len(yours) >= 10 and yours.min() > max(0.95, idle.max())",
+}
 
 
 @pytest.mark.parametrize(
@@ -27,6 +31,8 @@ QUICK = ("01_quickstart",)  # The others run in `make test-long`, as in CI.
 def test_notebook_runs(file, monkeypatch):
     monkeypatch.setenv("SOFTGYM_MJ_NOTEBOOK_STEPS", str(TRAINING_STEPS))
     notebook = nbformat.read(file, as_version=4)
+    if file.stem in CHECKS:
+        notebook.cells.append(nbformat.v4.new_code_cell(CHECKS[file.stem]))
     nbclient.NotebookClient(notebook, timeout=300).execute()
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     outputs = [output for cell in cells for output in cell.outputs]
