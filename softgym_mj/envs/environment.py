@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from dm_control import composer
 
+from softgym_mj.envs import discarded
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError, check_count
 from softgym_mj.kinds import check_kind
 from softgym_mj.rendering.calibration import Calibration
@@ -89,6 +90,8 @@ class Environment(composer.Environment):
             if random_state is not None:
                 check_count("random_state", random_state, 0, 2**32 - 1)
             random_state = np.random.RandomState(random_state)
+        discarded.collect()
+        discarded.watch(self)
         self.name, self.horizon, self.variations = name, horizon, split_indices(split)
         self.maker: Callable[..., Environment] | None = None
         self.started: int | None = None
