@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from softgym_mj.cloth import solver
-from softgym_mj.entities.garment import read_mesh
+from softgym_mj.entities.mesh_files import read_mesh
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import StoreError
 from softgym_mj.reality.garments import ARMS, Capture
