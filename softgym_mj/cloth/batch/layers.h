@@ -92,7 +92,7 @@ inline void MakeLayerRows(const World& w) {
     const double key = KeptKey(m, pair);
     int found = w.head[FirstOf(m, key)];
     while (found >= 0 && w.after_layers[4 * found] != key) found = w.next[found];
-    double gap = -Thickness(m.At<float>(m.vertex_thickness_at), pair);
+    double gap = -ThicknessOf(m, pair);
     for (int k = 0; k < 3; ++k) {
       double apart = 0;
       for (int c = 0; c < 4; ++c) apart += static_cast<double>(pair.weight[c]) * w.start[3 * pair.vertex[c] + k];

@@ -99,6 +99,7 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
   model.gripper_row = w.solver.contact();
   model.gripper_row.most = MostPush(w.solver.substep());
   model.thickness = mesh.thickness[0];
+  model.has_slim = mesh.has_slim;
   model.friction = mesh.friction[0];
   model.radius = mesh.radius[0];
   model.density = mesh.density[0];

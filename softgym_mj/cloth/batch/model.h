@@ -15,6 +15,7 @@ struct Model {
   int vertices, padded, triangles, edges;  // `padded`: see Points.
   int edge_blocks, edge_levels, hinge_blocks, hinge_levels, chains, chain_edges;
   int bend_interval, substeps, takes_air;
+  int has_slim;  // See Mesh.
   int grippers;
   int candidates, found, rows;  // Places for candidates of each kind, for pairs that may touch, and for their rows.
   double timestep, h;           // [s]

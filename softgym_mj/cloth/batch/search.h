@@ -127,6 +127,11 @@ inline void FindCandidates(const World& w) {
   });
 }
 
+// See `Layers::Thickness`.
+inline float ThicknessOf(const Model& m, const Pair& pair) {
+  return m.has_slim ? Thickness(m.At<float>(m.vertex_thickness_at), pair) : m.thickness;
+}
+
 // Fills `found`, those that must not pass through each other, and `pairs`, those that push.
 inline void FindPairs(const World& w) {
   const Model& m = *w.model;
@@ -143,9 +148,8 @@ inline void FindPairs(const World& w) {
                        &m.thickness,
                        1,
                        kInterest};
-  const float* thickness = m.At<float>(m.vertex_thickness_at);
   const auto append = [&](const Pair& pair) {
-    const bool counts = Counts(rules, pair, Thickness(thickness, pair));
+    const bool counts = Counts(rules, pair, ThicknessOf(m, pair));
     if (counts || !pair.edges || !AreCords(rules, pair)) {
       const int n = Add(&w.step->num_found, 1);
       if (n < m.found) w.found[n] = pair;

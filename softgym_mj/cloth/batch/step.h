@@ -146,7 +146,7 @@ inline void StartAirOf(const World& w) {
   });
   Each(w.step->num_pairs, [&](int i) {
     const Pair& pair = w.pairs[i];
-    if (pair.distance > (1 + kTouching) * Thickness(m.At<float>(m.vertex_thickness_at), pair)) return;
+    if (pair.distance > (1 + kTouching) * ThicknessOf(m, pair)) return;
     for (int k = 0; k < 4; ++k) {
       if (IsAcross(pair, air + 4 * pair.vertex[k])) SetBits(&w.touches[pair.vertex[k]], 1);
     }

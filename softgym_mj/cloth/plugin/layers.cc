@@ -230,12 +230,6 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
   found_.erase(std::remove_if(found_.begin(), found_.end(), left_out), found_.end());
 }
 
-float Layers::Thickness(const Mesh& mesh, const Pair& pair) {
-  const int v = pair.vertex[0], w = pair.vertex[3];
-  if (mesh.part[v] != mesh.part[w]) return mesh.thickness[mesh.Pair(v, w)];
-  return cloth::Thickness(mesh.vertex_thickness.data(), pair);
-}
-
 // 0 of pairs near marked vertices that push, 1 of others near them, 2 of others. It depends on the reference positions
 // only, not on gaps.
 std::vector<int> Layers::GroupRows(const Mesh& mesh, const std::vector<bool>& near) {

@@ -9,6 +9,7 @@
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/levels.h"
 #include "cloth/plugin/mesh.h"
+#include "cloth/plugin/pair_rules.h"
 #include "native/aligned.h"
 
 namespace softgym_mj::cloth {
@@ -38,7 +39,11 @@ class Layers {
   // Makes the next rows anew: `Find` has been called for other displacements.
   void Forget() { found_once_ = false; }
   // Distance [m] at which a pair touches.
-  static float Thickness(const Mesh& mesh, const Pair& pair);
+  static float Thickness(const Mesh& mesh, const Pair& pair) {
+    const int v = pair.vertex[0], w = pair.vertex[3];
+    if (!mesh.has_slim || mesh.part[v] != mesh.part[w]) return mesh.thickness[mesh.Pair(v, w)];
+    return cloth::Thickness(mesh.vertex_thickness.data(), pair);
+  }
   // All pairs that were found, those too whose work others do: they are what must not pass through each other.
   const std::vector<Pair>& all() const { return found_; }
   // Whether these are all there are: pairs are left out where too many vertices lie in one place or are too fast.

@@ -196,8 +196,9 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vecto
     for (int q = 0; q < count; ++q) {
       const int f = flexes[p], g = flexes[q];
       const float* own = mesh.vertex_thickness.data() + mesh.first[p];
-      mesh.thickness.push_back(p == q ? *std::max_element(own, own + m->flex_vertnum[f])
-                                      : static_cast<float>(m->flex_radius[f] + m->flex_radius[g]));
+      const auto [least, most] = std::minmax_element(own, own + m->flex_vertnum[f]);
+      mesh.has_slim |= *least < *most;
+      mesh.thickness.push_back(p == q ? *most : static_cast<float>(m->flex_radius[f] + m->flex_radius[g]));
       mesh.friction.push_back(static_cast<float>(std::max(materials[p].friction, materials[q].friction)));
     }
   }

@@ -73,6 +73,7 @@ struct Mesh {
   std::vector<float> thickness, friction;
   // Of each vertex: distance [m] at which features of its own flex touch it, less at slim triangles.
   std::vector<float> vertex_thickness;
+  bool has_slim = false;  // Whether one of them is less than the largest of its flex.
 
   int NumVertices() const { return static_cast<int>(part.size()); }
   int Pair(int v, int w) const { return part[v] * static_cast<int>(flexes.size()) + part[w]; }
