@@ -15,7 +15,7 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import BUDGET, CEM, ITERATIONS, PLANNERS, make_planner
-from softgym_mj.policies.saved import SEED, is_saved, sha256
+from softgym_mj.policies.saved import SEED, is_saved, observes, sha256
 from softgym_mj.variations.indices import check_variation, split_indices
 
 # Counts up when scores of the same episode would differ: results of two versions are not mixed.
@@ -57,7 +57,8 @@ class Configuration:
         variations: indices.
         seeds: of the policy; one, unless it depends on a seed.
         settings: keyword arguments of the task that JSON can hold, such as actor and fidelity;
-            policies see its `observation`, "reduced" if it has none.
+            policies see its `observation`; if it has none, the one that a policy's file names, or
+            "reduced".
         planning: of a planner; None for other policies.
     """
 
@@ -84,6 +85,7 @@ class Configuration:
             valid += f"on it by FILE{SEED}.pt2 or by an argument `seed` of the FUNCTION"
             raise InvalidArgumentError("number of seeds", len(self.seeds), valid)
         check_settings(self.settings)
+        self._observe()
         if self.policy in PLANNERS:
             planning = self.planning or Planning()
             horizon = planning.planner(self.policy, self.task).horizon
@@ -92,6 +94,15 @@ class Configuration:
             check_count("replan_every", planning.replan_every, 1, horizon)
         elif self.planning is not None:
             raise StoreError(f"planning is for {', '.join(PLANNERS)}, not for {self.policy!r}")
+
+    def _observe(self) -> None:
+        """Sets the observation that the policies' files name."""
+        for seed in self.seeds:
+            for name, value in observes(self.policy, seed).items():
+                if (given := self.settings.get(name, value)) != value:
+                    valid = f"{value!r}, with which {self.policy!r} was trained"
+                    raise InvalidArgumentError(f"settings: {name}", given, valid)
+                object.__setattr__(self, "settings", {**self.settings, name: value})
 
     @property
     def episodes(self) -> list[tuple[int, int]]:

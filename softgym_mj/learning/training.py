@@ -8,6 +8,7 @@ that was killed ends with the same numbers, wherever its checkpoints were.
 
 import dataclasses
 import io
+import json
 import pathlib
 import platform
 import time
@@ -30,6 +31,7 @@ from softgym_mj.learning.checkpoints import alone, moved, read_checkpoint, refus
 from softgym_mj.learning.curves import CARD, write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.policies.saved import NOTE
 from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
@@ -96,11 +98,10 @@ class Training:
             ) from error
 
     def _make(self, number: int, **settings: Any) -> Any:
-        own, images = self.settings, self.settings.observation == "rgb"
-        sized: dict[str, Any] = {"image_size": own.image_size} if images else {}
+        own = self.settings
         return softgym_mj.make_vec(
-            own.task, number, device=self.device, observation=own.observation, **sized,
-            **{**own.task_settings, **settings},
+            own.task, number, device=self.device,
+            **{**self._observed(), **own.task_settings, **settings},
         )  # fmt: skip
 
     @property
@@ -384,8 +385,14 @@ class Training:
             for node in exported.graph.nodes:  # Else the file says where this machine has what.
                 node.meta.pop("stack_trace", None)
             file = io.BytesIO()
-            torch.export.save(exported, file)
+            torch.export.save(exported, file, extra_files={NOTE: json.dumps(self._observed())})
             write_whole(self.folder / POLICY.format(seed=seed), file.getvalue())
+
+    def _observed(self) -> dict[str, Any]:
+        """What policies observe, as arguments of the task."""
+        own = self.settings
+        sized = {"image_size": own.image_size} if own.observation == "rgb" else {}
+        return {"observation": own.observation, **sized}
 
     def _restore(self) -> None:
         """Goes back to the last checkpoint, if there is one."""

@@ -20,6 +20,7 @@ from softgym_mj.learning.registry import METHODS, PRESETS, find_method, find_pre
 from softgym_mj.learning.settings import OBSERVATIONS, TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.policies.factory import make_policy
+from softgym_mj.policies.saved import observes
 
 SEEDS = [4, 9]
 METHOD = find_method(
@@ -126,7 +127,9 @@ def test_who_sees_what_is_held_plays_as_its_evaluation(tmp_path):
         "straighten_rope", split="all", observation="markov", **settings.task_settings
     )
     for k, seed in enumerate(SEEDS):
-        act = make_policy(str(tmp_path / f"policy_{seed}.pt2"), env, seed, trust=True)
+        name = str(tmp_path / f"policy_{seed}.pt2")
+        assert observes(name, seed) == {"observation": "markov"}
+        act = make_policy(name, env, seed, trust=True)
         timestep = env.reset(830)
         while not timestep.last():
             timestep = env.step(act(timestep))

@@ -1,5 +1,6 @@
 """Policies of files and modules: what they are given, what their seeds are, what is none."""
 
+import json
 import pathlib
 
 import numpy as np
@@ -9,7 +10,7 @@ import softgym_mj
 from softgym_mj.evaluation import Configuration, evaluate
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.policies.factory import depends_on_seed, make_policy
-from softgym_mj.policies.saved import sha256
+from softgym_mj.policies.saved import NOTE, observes, sha256
 from tests.jobs.test_files import ODD, odd
 
 SHORT = {"horizon": 6}
@@ -168,3 +169,44 @@ def test_what_is_no_file(kind, env, tmp_path):
         make_policy(name, env, trust=True)
     with pytest.raises(StoreError, match="cannot be read: "):
         sha256(name, 0)
+
+
+def _noted(folder, where, observation):
+    """Writes a policy whose file, or a card beside it, names what it observes."""
+    import torch
+
+    module = torch.nn.Linear(ROPE + 8, 8)
+    program = torch.export.export(module, (torch.zeros(1, ROPE + 8),))
+    note = {"observation": observation, "image_size": [8, 8]}
+    extra = {NOTE: json.dumps(note)} if where == "file" else {}
+    torch.export.save(program, folder / "policy_3.pt2", extra_files=extra)
+    if where == "card":
+        (folder / "policy_3.json").write_text(json.dumps({"training": note}))
+    return str(folder / "policy_{seed}.pt2")
+
+
+@pytest.mark.parametrize("where", ["file", "card"])
+def test_a_policy_observes_what_its_file_names(env, tmp_path, where):
+    name = _noted(tmp_path, where, "markov")
+    configuration = Configuration("straighten_rope", name, (800,), (3,), SHORT)
+    assert configuration.settings == {**SHORT, "observation": "markov"}
+    told = Configuration("straighten_rope", name, (800,), (3,), configuration.settings)
+    assert told.settings == configuration.settings
+    result = evaluate(configuration, tmp_path / "evaluation", trust=True)
+    assert np.isfinite(result["summary"]["mean"])
+    with pytest.raises(InvalidArgumentError, match=r"observation='full'.*'markov', with which"):
+        Configuration("straighten_rope", name, (800,), (3,), {"observation": "full"})
+    act = make_policy(name, env, 3, trust=True)
+    with pytest.raises(InvalidArgumentError, match=r"observation='markov'; .* observes reduced"):
+        act(env.reset(800))
+
+
+def test_policies_of_images_name_their_size_and_others_nothing(tmp_path):
+    name = _noted(tmp_path, "file", "rgb")
+    assert observes(name, 3) == {"observation": "rgb", "image_size": [8, 8]}
+    assert observes(name, 4) == observes("scripted", 0) == {}  # There is no such file.
+    exported(tmp_path / "policy_4.pt2")
+    assert observes(name, 4) == {}
+    (tmp_path / "policy_4.json").write_text('{"training": {}}')
+    with pytest.raises(InvalidArgumentError, match="what it observes cannot be read"):
+        observes(name, 4)
