@@ -23,7 +23,13 @@ if TYPE_CHECKING:
 
 
 def train(
-    method: Annotated[str, typer.Argument(help="Such as sac; an unknown one lists all.")],
+    method: Annotated[
+        str,
+        typer.Argument(
+            help="Such as sac; an unknown one lists all. MODULE:FUNCTION for one of a module of "
+            "yours, installed or in the current folder."
+        ),
+    ],
     task: Task,
     preset: Annotated[str, typer.Option(help="paper, fast, or night (sac).")] = "fast",
     seeds: Annotated[int, typer.Option(help="How many, side by side: 0..", min=1)] = 1,

@@ -11,7 +11,7 @@ from typing import Any
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
 from softgym_mj.jobs.files import naming, read_whole
 from softgym_mj.kinds import typed
-from softgym_mj.learning.registry import LABELLED, find_preset
+from softgym_mj.learning.registry import LABELLED, METHODS, find_preset
 from softgym_mj.learning.results import Row
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
@@ -52,6 +52,8 @@ class QueuedRun:
 
     def __post_init__(self):
         check_name("task", self.task, TASKS)
+        if ":" not in self.method:
+            check_name("method", self.method, (*METHODS, *PLANNERS, "MODULE:FUNCTION"))
         check_name("device", self.device, DEVICES)
         check_count("seeds", self.seeds, 1, 100)
         check_count("episodes", self.episodes, 1, len(SPLITS["evaluate"]))

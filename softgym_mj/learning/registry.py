@@ -1,14 +1,17 @@
 """Methods by name: settings, and what makes a learner of them.
 
 Each is a module of the folder `methods` with a dataclass of settings and a function `make(settings,
-problem)`, and a file of presets.
+problem)`, and a file of presets; or a function of another module, "module:function", the first
+argument of which has the dataclass as its annotation. That module may have `PRESETS`.
 """
 
 import dataclasses
 import importlib
+import inspect
 import pathlib
 import tomllib
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.learning.learner import Method
@@ -38,18 +41,51 @@ def find_method(name: str, /, **settings: Any) -> Method:
     """A method with settings of one's own.
 
     Args:
-        name: one of `METHODS`.
+        name: one of `METHODS`, or "module:function".
         **settings: of its dataclass.
 
     Raises:
         InvalidArgumentError: for a name that there is not, or a bad value.
     """
-    check_name("method", name, METHODS)
-    module, kind = METHODS[name]
-    found = importlib.import_module(f"{_ROOM}.{module}")
-    made = getattr(found, kind)(**settings)
+    found = _find(name)
+    made = found.settings(**settings)
     _check_sizes(made)
     return Method(name, "custom", made, found.make)
+
+
+class _Found(NamedTuple):
+    """The class of a method's settings, what makes its learners, and its presets by name."""
+
+    settings: type
+    make: Callable[..., Any]
+    presets: Mapping[str, Any]
+
+
+def _find(name: str) -> _Found:
+    if isinstance(name, str) and ":" in name:
+        return _imported(name)
+    check_name("method", name, (*METHODS, "MODULE:FUNCTION"))
+    module, kind = METHODS[name]
+    found = importlib.import_module(f"{_ROOM}.{module}")
+    presets = tomllib.loads((PRESETS / f"{name}.toml").read_text())
+    return _Found(getattr(found, kind), found.make, presets)
+
+
+def _imported(name: str) -> _Found:
+    """A method of a module that is not of this package."""
+    module_name, function = name.split(":", 1)
+    try:
+        module = importlib.import_module(module_name)
+        make = getattr(module, function)
+        first = next(iter(inspect.signature(make, eval_str=True).parameters.values())).annotation
+    except Exception as error:  # Whatever the code of the module raises.
+        raise InvalidArgumentError(
+            f"method={name!r} cannot be imported: {type(error).__name__}: {error}"
+        ) from error
+    if not (isinstance(first, type) and dataclasses.is_dataclass(first)):
+        valid = "a function make(settings: Settings, problem), Settings being a dataclass"
+        raise InvalidArgumentError("method", name, valid)
+    return _Found(first, make, getattr(module, "PRESETS", {"fast": {}}))
 
 
 def find_preset(
@@ -60,16 +96,16 @@ def find_preset(
     A preset may have settings of its own for a task, and for an observation that is not its first.
 
     Args:
-        name: one of `METHODS`.
-        preset: of the method's file, such as "paper" or "fast".
+        name: one of `METHODS`, or "module:function".
+        preset: of the method's file, such as "paper" or "fast"; of a module, a key of its `PRESETS`
+            or, where it has none, "fast", which replaces nothing.
         task: its name.
         **replaced: settings of the training or the method in place of the preset's.
 
     Raises:
         InvalidArgumentError: for a name that there is not, or a bad value.
     """
-    check_name("method", name, METHODS)
-    presets = tomllib.loads((PRESETS / f"{name}.toml").read_text())
+    method_class, _, presets = _find(name)
     check_name("preset", preset, presets)
     whole = presets[preset]
     seen = whole.get("observations", {}).get(str(replaced.get("observation")), {})
@@ -78,11 +114,9 @@ def find_preset(
         part: {key: value for layer in layers for key, value in layer.get(part, {}).items()}
         for part in ("training", "method")
     }
-    module, kind = METHODS[name]
-    fields = getattr(importlib.import_module(f"{_ROOM}.{module}"), kind)
     names = {
         "training": {field.name for field in dataclasses.fields(TrainingSettings)} - {"task"},
-        "method": {field.name for field in dataclasses.fields(fields)},
+        "method": {field.name for field in dataclasses.fields(method_class)},
     }
     for key, value in replaced.items():
         parts = [part for part in names if key in names[part]]

@@ -120,11 +120,16 @@ def _one_of(*names: str) -> _Parser:
 _WORD = _parser(
     str, "small letters, digits, _ + . -", re.compile("[a-z0-9][a-z0-9_+.-]*").fullmatch
 )
+# MODULE:FUNCTION as well.
+_METHOD = _parser(
+    str, "letters, digits, _ + . : -", re.compile("[A-Za-z0-9][A-Za-z0-9_+.:-]*").fullmatch
+)
 _COUNT = _parser(int, "a whole number, 0 or more", lambda value: value >= 0)
 _SCORE = _parser(float, "a finite number", math.isfinite)
 _PARSERS: dict[str, _Parser] = {
     "task": _one_of(*TASKS),
-    **dict.fromkeys(("method", "observation", "preset", "replay"), _WORD),
+    "method": _METHOD,
+    **dict.fromkeys(("observation", "preset", "replay"), _WORD),
     **dict.fromkeys(("seed", "env_steps", "updates", "episodes"), _COUNT),
     "seconds": _parser(float, "0 or more, or nothing", lambda value: 0 <= value < math.inf),
     "split": _one_of("train", "evaluate"),

@@ -50,7 +50,7 @@ class TrainingSettings:
     observation: str = "reduced"
     image_size: tuple[int, int] = (128, 128)
     env_steps: int = 1_000_000
-    worlds: int = 64
+    worlds: int = 50
     reward_scale: float = 50.0
     part: int = 50_000
     evaluate_every: int = 1

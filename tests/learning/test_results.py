@@ -394,10 +394,13 @@ def test_commands_have_what_settings_replace(tmp_path):
         ("core_hours = 2\ngpu_minutes = 2", "run 1: gpu_minutes"),
         ("core_hours = 'two'", "run 1: core_hours='two'"),
         ("core_hours = ", "cannot be read"),
+        ('gpu_minutes = 2\nmethod = "sacc"', "run 1: method='sacc'.*'sac_hindsight'"),
     ],
 )
 def test_bad_queues_are_refused(tmp_path, change, said):
-    entry = 'task = "fold_cloth"\nmethod = "sac"\npreset = "fast"\nseeds = 1\n'
+    entry = 'task = "fold_cloth"\npreset = "fast"\nseeds = 1\n'
+    if "method" not in change:
+        entry += 'method = "sac"\n'
     (tmp_path / "queue.toml").write_text(f'[[run]]\n{entry}why = "w"\n{change}\n')
     with pytest.raises(StoreError, match=said):
         read_queue(tmp_path / "queue.toml")

@@ -1,0 +1,106 @@
+"""Methods of other modules: trained by name, published in the same format."""
+
+import dataclasses
+
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from softgym_mj.cli import commands
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.learner import Problem
+from softgym_mj.learning.registry import find_method, find_preset
+from softgym_mj.learning.results import read_folder
+
+NAME = "tests.learning.test_plugins:make"
+SHORT = {
+    "env_steps": 4, "worlds": 2, "part": 4, "episodes": 1, "final_episodes": 1,
+    "fidelity": "fast", "episode_steps": 3,
+}  # fmt: skip
+PRESETS = {"still": {"training": SHORT, "method": {"push": 0.25}}, "other": {}}
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """Settings of a learner that does not learn."""
+
+    push: float = 0.5
+    hidden: tuple[int, ...] = (8,)
+
+
+class _Same(torch.nn.Module):
+    def __init__(self, push, size):
+        super().__init__()
+        self.action = torch.nn.Parameter(torch.full((size,), push))
+
+    def forward(self, observation):
+        return self.action.expand(observation.shape[0], -1) + 0.0 * observation[:, :1]
+
+
+class Learner:
+    """Does the same in every env step."""
+
+    def __init__(self, settings, problem):
+        self.settings, self.problem, self.updates = settings, problem, 0
+
+    def act(self, observation, first, memory, *, explore):
+        shape = *first.shape, self.problem.action
+        return torch.full(shape, self.settings.push, device=observation.device), memory
+
+    def learn(self, step):
+        self.updates += 1
+        return {"loss": torch.zeros(len(self.problem.seeds))}
+
+    def policy(self, seed):
+        return _Same(self.settings.push, self.problem.action)
+
+    def get_state(self):
+        return {"updates": self.updates}
+
+    def set_state(self, state):
+        self.updates = state["updates"]
+
+
+def make(settings: Settings, problem: Problem) -> Learner:
+    """Returns a learner."""
+    return Learner(settings, problem)
+
+
+def untyped(settings, problem):
+    """Returns no learner: nothing says what its settings are."""
+
+
+def test_a_method_of_another_module_is_trained(tmp_path):
+    command = ["train", NAME, "straighten_rope", "--preset", "still", "--device", "host"]
+    done = CliRunner().invoke(commands.app, [*command, "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    rows = read_folder(tmp_path)
+    assert {(row.method, row.preset, row.updates) for row in rows} == {(NAME, "still", 2)}
+    assert (tmp_path / "policy_0.pt2").exists()
+
+
+def test_presets_and_settings_of_another_module():
+    training, method = find_preset(NAME, "still", "fold_cloth", env_steps=8, push=1.0)
+    assert (training.env_steps, method.settings.push, method.preset) == (8, 1.0, "custom")
+    assert find_preset(NAME, "other", "fold_cloth")[1].settings == Settings()
+    with pytest.raises(InvalidArgumentError, match=r"preset='fast'.*'still'"):
+        find_preset(NAME, "fast", "fold_cloth")
+    with pytest.raises(InvalidArgumentError, match=r"settings='pull'.*'push'"):
+        find_preset(NAME, "still", "fold_cloth", pull=1.0)
+    with pytest.raises(InvalidArgumentError, match="hidden=0"):
+        find_method(NAME, hidden=(0,))
+
+
+@pytest.mark.parametrize(
+    "name, said",
+    [
+        ("no_such_module:make", "ModuleNotFoundError"),
+        (f"{__name__}:nothing", "AttributeError"),
+        (f"{__name__}:untyped", "being a dataclass"),
+        (f"{__name__}:NAME", "TypeError"),
+        ("sacc", "'sac_hindsight'.*'MODULE:FUNCTION'"),
+    ],
+)
+def test_what_is_no_method_is_refused(name, said):
+    with pytest.raises(InvalidArgumentError, match=f"(?s)method=.*{said}"):
+        find_method(name)
