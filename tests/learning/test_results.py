@@ -154,15 +154,31 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
         for preset, score in (("paper", 0.9), ("small", 0.4))
     ]
     monkeypatch.setattr(learned, "rows", lambda: planned)
+    monkeypatch.setattr(learned, "idle", lambda: {"fold_cloth": 0.25})
     assert learned.overview() == ""
     worse = [
         dataclasses.replace(row, replay="plain", normalized_performance=0.1) for row in _training()
     ]
     monkeypatch.setattr(learned, "rows", lambda: [*planned, *worse, *_training()])
     head, _, *rows = learned.overview().splitlines()[:4]
-    assert head == "| task | CEM, the oracle | SAC, fast |"
-    best = "0.50 (0.40 to 0.90), reduced, symmetric"
-    assert rows == ["| `fold_cloth` | 0.90 | |", f"| `straighten_rope` | | {best} |"]
+    assert head == "| task | does nothing | CEM, true dynamics | SAC, preset fast |"
+    best = "0.50 (0.40 to 0.90) \u2020, success 0.40; reduced, 300 env steps, symmetric"
+    assert rows == [
+        "| `fold_cloth` | 0.25 | 0.90, success 1.00 | |", f"| `straighten_rope` | | | {best} |",
+    ]  # fmt: skip
+    alone = [row for row in _training() if not row.seed]
+    monkeypatch.setattr(learned, "rows", lambda: alone)
+    assert "symmetric, 1 seed |" in learned.overview()
+
+
+def test_what_doing_nothing_scores_is_of_all_held_out_variations():
+    assert set(learned.idle()) >= {"straighten_rope", "rope_configuration", "drop_cloth"}
+    assert learned.idle()["straighten_rope"] == pytest.approx(0.493, abs=0.002)
+
+
+def test_what_is_marked_as_old_is_published():
+    names = {(row.task, row.method, row.preset, row.observation) for row in learned.rows()}
+    assert names >= learned.STALE
 
 
 # ---------------------------------------------------------------------- files
