@@ -124,11 +124,12 @@ def overview() -> str:
     return table(f"| task | does nothing | {' | '.join(titles)} |", found) + (
         "\n\nNormalized performance on held-out variations by the last checkpoint: median "
         "(quartiles) over five seeds, and the share of episodes that succeed, of the best "
-        "combination of observation and replay for each preset. Env steps are of each seed; *1 seed* has no "
-        "spread. *Does nothing* is the mean over the same 200 variations without any action. CEM "
-        "knows the dynamics, learns nothing and plays ten episodes. \u2020 is of start states that "
-        "have been replaced since. [All numbers, curves and policies](docs/results.md#learned); "
-        "`softgym-mj learning queue` lists what has not been run."
+        "combination of observation and replay for each preset. Env steps are of each seed; "
+        "*1 seed* has no spread. *Does nothing* is the mean over the same 200 variations "
+        "without any action. CEM knows the dynamics, learns nothing and plays ten episodes. "
+        "\u2020 is of start states that have been replaced since. [All numbers, curves and "
+        "policies](docs/results.md#learned); `softgym-mj learning queue` lists what has not "
+        "been run."
     )
 
 
