@@ -3,10 +3,11 @@
     python -m tools.cameras --jobs 2                # all; some minutes
     python -m tools.cameras fold_cloth drop_cloth   # these views
 
-writes softgym_mj/entities/views.py. What has to be in the picture is the object, with the cups,
-pickers from which it hangs and the hands of arms: at the resets of many variations of `train`, and
-along some episodes of the scripted experts. Of all directions that one is taken from which the
-object is largest in the picture: worst share of it at a reset times median along the episodes.
+writes softgym_mj/entities/views.py. What has to be in the picture is the object, with the cups, the
+marks of the goal, pickers from which the object hangs and the hands of arms: at the resets of many
+variations of `train`, and along some episodes of the scripted experts. Of all directions that one
+is taken from which the object is largest in the picture: worst share of it at a reset times median
+along the episodes.
 """
 
 import argparse
@@ -30,7 +31,7 @@ from softgym_mj.fluid import Water
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.native.meshes import tube, tube_faces
 from softgym_mj.registry import TASKS
-from softgym_mj.rendering.offscreen import refresh_poses
+from softgym_mj.rendering.offscreen import SHOWN_SITES, refresh_poses
 from softgym_mj.robots.arm_actor import ArmActor
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.menagerie import SHOWN_GROUPS
@@ -120,6 +121,15 @@ def cup_corners(cup: Cup) -> np.ndarray:
     return turn.apply(middle + CORNERS * half) + pose[:3]
 
 
+def mark_corners(env: Environment) -> np.ndarray:
+    """Corners (n, 3) [m] of the boxes that mark the goal."""
+    model, data = env.physics.model.ptr, env.physics.data.ptr
+    sites = np.flatnonzero(model.site_group < SHOWN_SITES)
+    turns = data.site_xmat[sites].reshape(-1, 3, 3)
+    corners = np.einsum("gij,gkj->gki", turns, CORNERS * model.site_size[sites, None])
+    return (corners + data.site_xpos[sites, None]).reshape(-1, 3)
+
+
 def contents(env: Environment, hangs: bool) -> Iterator[tuple[np.ndarray, float, int]]:
     """Points (n, 3) [m] of what has to be seen now, their radius, how many need not be seen."""
     scene, actor = env.task.scene, env.task.actor
@@ -132,6 +142,8 @@ def contents(env: Environment, hangs: bool) -> Iterator[tuple[np.ndarray, float,
             yield points, thing.radius, 0
     for cup in scene.cups:
         yield cup_corners(cup), 0.0, 0
+    if len(marks := mark_corners(env)):
+        yield marks, 0.0, 0
     if isinstance(actor, ArmActor):
         yield hand_corners(env).reshape(-1, 3), 0.0, 0
     elif hangs:

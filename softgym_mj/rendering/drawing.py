@@ -12,6 +12,10 @@ from softgym_mj.rendering.surfaces import Surface, find_surfaces
 
 MAX_GEOMS = 2000  # In a scene: arms from meshes have some hundred.
 CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL gives glass a black one.
+# Geoms of the room, which lie below everything: they cast no shadows. Software OpenGL would draw
+# speckles on them, as it rounds their depths differently in the map of shadows and in the picture.
+GROUND = ("table", "table_edge", "room")
+_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _LIGHT = (np.arange(256) / 255.0).astype(np.float32) ** GAMMA  # Of the values of a pixel.
 
@@ -47,6 +51,8 @@ class SceneCamera(engine.Camera):
         model = physics.model.ptr
         self.look = look_of(model)
         self._surfaces: list[Surface] = find_surfaces(model, physics.data.ptr, self.look)
+        ids = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in GROUND)
+        self._ground = {i for i in ids if i >= 0}
         show_surfaces(self.option)
 
     def update(self, scene_option=None):
@@ -55,7 +61,9 @@ class SceneCamera(engine.Camera):
         for surface in self._surfaces:
             surface.write(scene.skinvert.reshape(-1, 3), scene.skinnormal.reshape(-1, 3))
         for geom in itertools.islice(scene.geoms, scene.ngeom):
-            if geom.rgba[3] < CLEAR and geom.type != mujoco.mjtGeom.mjGEOM_SKIN:
+            is_clear = geom.rgba[3] < CLEAR and geom.type != mujoco.mjtGeom.mjGEOM_SKIN
+            is_ground = geom.objtype == _GEOM and geom.objid in self._ground
+            if is_clear or is_ground:
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR
 
     def surfaces(self) -> tuple[np.ndarray, np.ndarray]:

@@ -251,3 +251,17 @@ def test_other_viewers_show_what_only_our_cameras_draw():
         drawn = mujoco.mjtGeom.mjGEOM_FLEX, mujoco.mjtGeom.mjGEOM_TRIANGLE
         assert kinds[0] & set(drawn) and mujoco.mjtGeom.mjGEOM_SKIN not in kinds[0]
         assert mujoco.mjtGeom.mjGEOM_SKIN in kinds[1] and not kinds[1] & set(drawn)
+
+
+def test_no_speckles_are_on_the_table():
+    """Far from what throws shadows the table is lit everywhere."""
+    env = softgym_mj.load("fold_cloth", split="all", observation="reduced")
+    env.reset(806)
+    view = CameraView("left", 256, 256)
+    image, depth = view.rgb(env.physics), view.depth(env.physics)
+    rows, columns = np.indices(depth.shape)
+    pixels = np.column_stack([columns.ravel(), rows.ravel()])
+    points = view.calibration(env.physics).unproject(pixels, depth.ravel())
+    far = (np.hypot(*points[:, :2].T) > 0.9) & (abs(points[:, 2]) < 0.01)
+    assert far.sum() > 5000
+    assert image.reshape(-1, 3)[far].max(axis=1).min() > 160
