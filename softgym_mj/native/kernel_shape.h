@@ -16,6 +16,7 @@ struct KernelShape {
   double metric[6];  // xx, yy, zz, yz, xz, xy.
   double reach[3];   // Half the extents along the axes.
   double amplitude;
+  int neighbors;
 };
 
 namespace {
@@ -33,6 +34,11 @@ constexpr double kDropReach = 1.32;
 constexpr double kMoved = 0.5;
 constexpr double kLeastReach = 1.95;  // [voxels] The surface around a lone drop must have a point of the grid inside.
 constexpr int kMostInCell = 64;       // Of the particles in one place that count as neighbors; at rest there are 11.
+// Particles with fewer neighbors are drops. Where a surface takes too many triangles its voxels grow, and drops grow
+// with them: the number of triangles of each stays, so at every growth half of the drops that were left are left out.
+// Voxels grow by about the square root of two, so the drops together keep their area in a picture.
+constexpr int kLeastNeighbors = 4;
+constexpr int kMostHalvings = 24;
 constexpr float kLevel = 0.5f;        // Weight of the water at its surface: about one inside, none outside.
 
 // The number of a cell, of those less than a million away from the origin.
@@ -42,6 +48,12 @@ inline unsigned long long CellKey(long long x, long long y, long long z) {
 }
 
 inline double Square(double a) { return a * a; }
+
+// Whether a particle, by its number, is left out after voxels have grown so often.
+inline bool IsLeftOut(const KernelShape& kernel, int particle, int growths) {
+  const int halvings = std::min(growths, kMostHalvings);
+  return kernel.neighbors < kLeastNeighbors && particle % (1 << halvings) != 0;
+}
 
 // How far q is from p for a metric, squared.
 inline double Distance(const double metric[6], const Vector& d) {
@@ -56,10 +68,12 @@ inline KernelShape FitKernel(const Vector& centre, double spacing, const Offsets
   const double scale = 1 / Square(kNear * spacing);
   double sum = 1;  // Of the weights, with its own.
   Vector mean = {0, 0, 0};
+  int neighbors = 0;
   double square[6] = {0, 0, 0, 0, 0, 0};
   offsets([&](const Vector& d) {
     const double weight = 1 - scale * Dot(d, d);
     sum += weight;
+    ++neighbors;
     mean = mean + weight * d;
     const double products[6] = {d.x * d.x, d.y * d.y, d.z * d.z, d.y * d.z, d.x * d.z, d.x * d.y};
     for (int k = 0; k < 6; ++k) square[k] += weight * products[k];
@@ -76,7 +90,7 @@ inline KernelShape FitKernel(const Vector& centre, double spacing, const Offsets
                             xy * xz - xx * yz, xy * yz - yy * xz, xz * yz - zz * xy};
   const double determinant = xx * minors[0] + xy * minors[5] + xz * minors[4];
   const Vector moved = centre + kMoved * mean;
-  KernelShape shape = {{moved.x, moved.y, moved.z}, {}, {}, 1};
+  KernelShape shape = {{moved.x, moved.y, moved.z}, {}, {}, 1, neighbors};
   for (int k = 0; k < 6; ++k) shape.metric[k] = minors[k] / determinant;
   for (int k = 0; k < 3; ++k) shape.reach[k] = std::sqrt(extent[k]);
   // So that the water weighs about one wherever particles are.

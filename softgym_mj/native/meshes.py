@@ -15,6 +15,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.native.library import open_library
 
 MOST_TRIANGLES = 2_000_000  # Of a surface: 250 times those of a cup of water.
+LEAST_TRIANGLES = 400  # Of a surface of water: enough for any particles, in large voxels.
 _MOST_POINTS, _MOST_SIDES, _MOST_RINGS = 100_000, 256, 64
 _FARTHEST = 1e30  # [m]: single precision has no squares of more.
 
@@ -175,10 +176,11 @@ def water_mesh(
         positions: of the particles (n, 3) [m]; what is not finite or a million voxels away is left
             out.
         spacing: distance of particles at rest [m].
-        voxel: about the distance of vertices [m], spacing/8 to 8 spacings; it grows where there
-            would be too many triangles.
+        voxel: about the distance of vertices [m], spacing/8 to 8 spacings. Where there would be
+            too many triangles, it grows by factors of 1.4. Each time drops (particles with fewer
+            than 4 neighbors) grow with it and every other one is left out: their area stays.
         offset: by which the surface is moved outwards [m]; below 0 it comes off the walls.
-        most_triangles: number of triangles.
+        most_triangles: largest number of triangles; `LEAST_TRIANGLES` are always enough.
 
     Returns:
         The surface, closed; `mesh.vertices[mesh.faces]` are loose triangles (f, 3, 3).

@@ -36,10 +36,15 @@ class Surface(abc.ABC):
         """
         self.skin, first = skin, model.skin_vertadr[skin]
         self._part = slice(first, first + model.skin_vertnum[skin])
+        self._num_faces = int(model.skin_facenum[skin])
 
     @abc.abstractmethod
-    def write(self, vertices: np.ndarray, normals: np.ndarray) -> None:
-        """Writes the skin's part of a scene's vertices (n, 3) [m] and normals (n, 3)."""
+    def write(self, vertices: np.ndarray, normals: np.ndarray) -> int:
+        """Writes the skin's part of a scene's vertices (n, 3) [m] and normals (n, 3).
+
+        Returns:
+            The number of the skin's faces, from the first on, that have an area.
+        """
 
 
 class RopeSurface(Surface):
@@ -54,6 +59,7 @@ class RopeSurface(Surface):
 
     def write(self, vertices, normals):
         vertices[self._part], normals[self._part] = tube(self._points, self._radius, **self._shape)
+        return self._num_faces
 
 
 class WaterSurface(Surface):
@@ -77,6 +83,7 @@ class WaterSurface(Surface):
         corners, own = mesh.faces.ravel(), vertices[self._part]
         own[: len(corners)], own[len(corners) :] = mesh.vertices[corners], 0.0
         normals[self._part][: len(corners)] = mesh.normals[corners]
+        return len(mesh.faces)
 
 
 def rope_shape(look: Look) -> dict:

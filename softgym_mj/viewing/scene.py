@@ -168,12 +168,14 @@ class Scene:
 
     def _show_skins(self) -> None:
         vertices = self._picture.skinvert.reshape(-1, 3)
-        for surface in self._surfaces:
-            surface.write(vertices, self._picture.skinnormal.reshape(-1, 3))
+        normals = self._picture.skinnormal.reshape(-1, 3)
+        written = {surface.skin: surface.write(vertices, normals) for surface in self._surfaces}
         for skin, parts in enumerate(self._parts):
             first = self._model.skin_vertadr[skin]
             for i, (rgba, used, faces) in enumerate(parts):
-                self._show(f"/skins/{skin}/{i}", vertices[first + used], faces, rgba)
+                shown = faces[: written.get(skin, len(faces))]  # Water fills a part of its skin.
+                own = vertices[first + used[: shown.max(initial=-1) + 1]]
+                self._show(f"/skins/{skin}/{i}", own, shown, rgba)
 
     def _show(self, name: str, vertices: np.ndarray, faces: np.ndarray, rgba: np.ndarray) -> None:
         vertices = np.asarray(vertices, np.float32)
@@ -184,3 +186,5 @@ class Scene:
             )
             return
         mesh.vertices = vertices
+        if len(mesh.faces) != len(faces):
+            mesh.faces = faces

@@ -9,7 +9,15 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.native.meshes import PLAIN, ROPE, Strands, tube, tube_faces, water_mesh
+from softgym_mj.native.meshes import (
+    LEAST_TRIANGLES,
+    PLAIN,
+    ROPE,
+    Strands,
+    tube,
+    tube_faces,
+    water_mesh,
+)
 
 SPACING = 0.015
 RADIUS = 0.0625
@@ -309,7 +317,15 @@ def test_a_surface_keeps_to_the_number_of_triangles():
     assert most / 3 < len(coarse.faces) <= most
     Surface(*coarse).check()
     with pytest.raises(InvalidArgumentError, match=r"^most_triangles="):
-        water_mesh(10 * points, SPACING, SPACING, most_triangles=100)
+        water_mesh(points, SPACING, SPACING, most_triangles=7)
+
+
+@pytest.mark.parametrize("distance", [3.0, 30.0, 3e3, 9e5])
+def test_some_hundred_triangles_are_enough_for_any_drops(distance):
+    points = distance * SPACING * np.random.default_rng(0).uniform(-1, 1, (400, 3))
+    mesh = water_mesh(points, SPACING, 1.25 * SPACING, most_triangles=LEAST_TRIANGLES)
+    assert 0 < len(mesh.faces) <= LEAST_TRIANGLES
+    Surface(*mesh).check(0.6)  # Drops have few corners.
 
 
 @pytest.mark.parametrize(

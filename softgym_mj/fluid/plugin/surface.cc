@@ -18,7 +18,8 @@ constexpr double kMostCells = 1e6;
 // Of 8 KB: as many as 200000 particles fill, finely, that lie together. Scattered drops would take eight each.
 constexpr size_t kMostBlocks = 1 << 15;
 constexpr double kCoarser = 1.4;  // Growth of the voxels until the surface fits.
-constexpr int kMostTries = 8;
+// Voxels that grow so often are as large as the space in which particles are drawn.
+constexpr int kMostTries = 48;
 // Taubin (1995): passes of smoothing, each followed by one that undoes the loss of volume; of some vertices of a drop
 // it does not. Less one, as many as voxels in this many spacings.
 constexpr double kSmoothed = 2;
@@ -180,11 +181,13 @@ void SurfaceExtractor::FindNormals() {
   }
 }
 
-// In voxels. False if it does not fit.
-bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spacing, double voxel, size_t most) {
+// In voxels, which have grown so often. False if it does not fit.
+bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spacing, double voxel, size_t most,
+                                int growths) {
   index_.clear();
   blocks_.clear();
   centres_.clear();
+  particles_.clear();
   mesh_.vertices.clear();
   mesh_.faces.clear();
   for (int i = 0; i < count; ++i) {
@@ -192,9 +195,12 @@ bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spaci
     const auto has_cell = [&](double a) { return std::fabs(a) < kMostCells * std::min(voxel, spacing); };
     if (!has_cell(x[0]) || !has_cell(x[1]) || !has_cell(x[2])) continue;
     for (int k = 0; k < 3; ++k) centres_.push_back(x[k] / voxel);
+    particles_.push_back(i);
   }
-  for (const KernelShape& kernel : kernels_.Find(centres_, spacing / voxel)) {
-    Splat(kernel);
+  const std::vector<KernelShape>& kernels = kernels_.Find(centres_, spacing / voxel);
+  for (size_t i = 0; i < kernels.size(); ++i) {
+    if (IsLeftOut(kernels[i], particles_[i], growths)) continue;
+    Splat(kernels[i]);
     if (blocks_.size() > kMostBlocks) return false;
   }
   for (Block& block : blocks_) {
@@ -211,7 +217,7 @@ bool SurfaceExtractor::TryVoxel(const double* positions, int count, double spaci
 const SurfaceMesh* SurfaceExtractor::Extract(const double* positions, int count, double spacing, double voxel, int most,
                                              double offset) {
   int tries = 0;
-  while (!TryVoxel(positions, count, spacing, voxel, most)) {
+  while (!TryVoxel(positions, count, spacing, voxel, most, tries)) {
     if (++tries == kMostTries) return nullptr;
     voxel *= kCoarser;
   }

@@ -24,7 +24,7 @@ struct SurfaceMesh {
 class SurfaceExtractor {
  public:
   // The surface around `count` particles (x y z each) `spacing` apart at rest, with a vertex about every `voxel`
-  // metres, or further apart where there would be more than `most` triangles. `offset` [m] moves it outwards. The
+  // metres, or further apart and without some lone drops where there would be more than `most` triangles. `offset` [m] moves it outwards. The
   // result is valid until the next call; null if none will do, or they would take too much memory.
   const SurfaceMesh* Extract(const double* positions, int count, double spacing, double voxel, int most,
                              double offset = 0);
@@ -45,7 +45,7 @@ class SurfaceExtractor {
     bool crossed;                      // Whether some are inside, some are not.
   };
 
-  bool TryVoxel(const double* positions, int count, double spacing, double voxel, size_t most);
+  bool TryVoxel(const double* positions, int count, double spacing, double voxel, size_t most, int growths);
   Block& FindBlock(int x, int y, int z);
   void Splat(const KernelShape& kernel);
   void LookAround(const Block& block, Surroundings* around) const;
@@ -56,6 +56,7 @@ class SurfaceExtractor {
 
   KernelShapes kernels_;
   std::vector<double> centres_;
+  std::vector<int> particles_;  // Of the centres.
   std::unordered_map<uint64_t, int> index_;
   std::vector<Block> blocks_;
   std::vector<Vec3<float>> sums_;

@@ -27,7 +27,7 @@ constexpr int kShadowSide = 256, kShadowTexels = kShadowSide * kShadowSide;
 constexpr int kMostShadows = 3;  // Of lights; what is beyond throws none.
 // Where water is drawn: blocks of voxels around the origin, as many as lie in the memory.
 constexpr int kBlockSide = 8, kVoxels = kBlockSide * kBlockSide * kBlockSide;
-constexpr int kBlocksX = 32, kBlocksZ = 16, kBlocks = kBlocksX * kBlocksX * kBlocksZ, kMostBlocks = 256;
+constexpr int kBlocksX = 32, kBlocksZ = 16, kBlocks = kBlocksX * kBlocksX * kBlocksZ, kMostBlocks = 2048;
 constexpr int kBuckets = 4096;  // Of particles by their cells.
 
 struct Material {

@@ -11,7 +11,7 @@ namespace {
 constexpr float kUnit = 1.0f / (1 << 20);  // Of weights: sums of whole numbers are the same in any order.
 constexpr double kMostCells = 1e6;         // As there.
 constexpr float kCoarser = 1.4f;           // Growth of voxels until they lie in the memory.
-constexpr int kMostTries = 12;
+constexpr int kMostTries = 48;  // Voxels are then as large as the space in which particles are drawn.
 
 inline long long CellOf(double x, double side) { return static_cast<long long>(floor(x / side)); }
 inline int BucketOf(long long x, long long y, long long z) {
@@ -105,9 +105,10 @@ struct Reach {
 };
 
 // Numbers the blocks in which there is water; whether they lie in the memory.
-inline bool FindBlocks(const Canvas& c) {
+inline bool FindBlocks(const Canvas& c, int growths) {
   Each(kBlocks, [&](int i) { c.blocks[i] = 0; });
   Each(c.bucket_starts[kBuckets], [&](int i) {
+    if (IsLeftOut(c.kernels[i], c.in_buckets[i], growths)) return;
     const Reach reach(c.kernels[i], 1);
     for (int z = reach.low[2] >> 3; z <= reach.high[2] >> 3; ++z) {
       for (int y = reach.low[1] >> 3; y <= reach.high[1] >> 3; ++y) {
@@ -144,10 +145,11 @@ inline bool FindBlocks(const Canvas& c) {
 
 inline int VoxelOf(int x, int y, int z) { return (x & 7) | (y & 7) << 3 | (z & 7) << 6; }
 
-inline void Weigh(const Canvas& c) {
+inline void Weigh(const Canvas& c, int growths) {
   Each(c.wet[kMostBlocks] * kVoxels, [&](int i) { c.weights[i] = 0; });
   Each(c.bucket_starts[kBuckets], [&](int i) {
     const KernelShape& kernel = c.kernels[i];
+    if (IsLeftOut(kernel, c.in_buckets[i], growths)) return;
     const Reach reach(kernel, 0);
     float metric[6], centre[3];
     for (int k = 0; k < 6; ++k) metric[k] = static_cast<float>(k < 3 ? kernel.metric[k] : 2 * kernel.metric[k]);
@@ -212,8 +214,8 @@ inline bool FindCells(const Canvas& c) {
 inline void PlaceWater(Canvas* c) {
   for (int i = 0; i < kMostTries; ++i) {
     FindKernels(*c);
-    if (FindBlocks(*c)) {
-      Weigh(*c);
+    if (FindBlocks(*c, i)) {
+      Weigh(*c, i);
       if (FindCells(*c)) return;
     }
     Once([&] { c->voxel *= kCoarser; });
