@@ -24,7 +24,7 @@ from softgym_mj.envs import suite
 from softgym_mj.envs.load import load
 from softgym_mj.native import library
 from softgym_mj.registry import TASKS, register
-from softgym_mj.rendering import offscreen
+from softgym_mj.rendering import offscreen, opengl
 from softgym_mj.vector.make import make_vec
 
 __version__ = "0.1.0"
@@ -37,6 +37,7 @@ def __dir__() -> list[str]:
 
 library.check_release()
 offscreen.choose_backend()
+opengl.defer()
 suite.register()
 for _record in TASKS.values():
     registry.add_gymnasium_id(_record)

@@ -39,7 +39,7 @@ constexpr int kMostInCell = 64;       // Of the particles in one place that coun
 // Voxels grow by about the square root of two, so the drops together keep their area in a picture.
 constexpr int kLeastNeighbors = 4;
 constexpr int kMostHalvings = 24;
-constexpr float kLevel = 0.5f;        // Weight of the water at its surface: about one inside, none outside.
+constexpr float kLevel = 0.5f;  // Weight of the water at its surface: about one inside, none outside.
 
 // The number of a cell, of those less than a million away from the origin.
 inline unsigned long long CellKey(long long x, long long y, long long z) {

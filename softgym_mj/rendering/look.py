@@ -34,8 +34,8 @@ class Look:
         is_endless: whether the floor of the room vanishes in haze.
         slices: corners of what stands for a circle.
         water_cell: side of the grid that the surface of water is found on [rest distances].
-        water_triangles: largest number of triangles of this surface; larger cells, and fewer drops, keep
-            it below.
+        water_triangles: largest number of triangles of this surface; larger cells, and fewer
+            drops, keep it below.
     """
 
     name: str

@@ -12,6 +12,7 @@ import numpy as np
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import UnavailableError
 from softgym_mj.rendering.offscreen import refresh
+from softgym_mj.rendering.opengl import load_triton_first
 from softgym_mj.robots.picker import Picker
 from softgym_mj.viewing.camera import orbit, pose
 from softgym_mj.viewing.keys import Keyboard, Mouse, keys_of
@@ -94,6 +95,7 @@ class Window:
         self._data = mujoco.MjData(model)
         self._copy_state()
         others = set(threading.enumerate())
+        load_triton_first()
         try:
             window = self._launch(
                 model,

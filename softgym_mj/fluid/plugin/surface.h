@@ -24,8 +24,9 @@ struct SurfaceMesh {
 class SurfaceExtractor {
  public:
   // The surface around `count` particles (x y z each) `spacing` apart at rest, with a vertex about every `voxel`
-  // metres, or further apart and without some lone drops where there would be more than `most` triangles. `offset` [m] moves it outwards. The
-  // result is valid until the next call; null if none will do, or they would take too much memory.
+  // metres, or further apart and without some lone drops where there would be more than `most` triangles. `offset` [m]
+  // moves it outwards. The result is valid until the next call; null if none will do, or they would take too much
+  // memory.
   const SurfaceMesh* Extract(const double* positions, int count, double spacing, double voxel, int most,
                              double offset = 0);
 

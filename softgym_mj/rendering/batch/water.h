@@ -11,7 +11,7 @@ namespace {
 constexpr float kUnit = 1.0f / (1 << 20);  // Of weights: sums of whole numbers are the same in any order.
 constexpr double kMostCells = 1e6;         // As there.
 constexpr float kCoarser = 1.4f;           // Growth of voxels until they lie in the memory.
-constexpr int kMostTries = 48;  // Voxels are then as large as the space in which particles are drawn.
+constexpr int kMostTries = 48;             // Voxels are then as large as the space in which particles are drawn.
 
 inline long long CellOf(double x, double side) { return static_cast<long long>(floor(x / side)); }
 inline int BucketOf(long long x, long long y, long long z) {

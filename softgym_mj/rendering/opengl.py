@@ -1,0 +1,93 @@
+"""Loads OpenGL with the first image: environments of states need none.
+
+dm_control and MuJoCo open the library of `MUJOCO_GL` when they are imported. Mesa's software
+renderer brings an LLVM whose symbols a triton (PyTorch's compiler) that is loaded later takes for
+its own: the process then ends with a segmentation fault. The other order works.
+"""
+
+import contextlib
+import ctypes
+import functools
+import importlib
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import os
+import pathlib
+import sys
+from collections.abc import Iterator
+from types import ModuleType
+from typing import Any
+
+# Modules that choose a backend when they are executed, and the classes that they then have.
+_CONTEXTS = {"dm_control._render": "Renderer", "mujoco.rendering.classic.gl_context": "GLContext"}
+_VARIABLE = "MUJOCO_GL"
+
+
+@functools.cache
+def load_triton_first() -> None:
+    """Loads the library of triton, if it is installed; to be called before OpenGL is loaded.
+
+    It takes an eighth of a second; `import triton` finds it loaded.
+    """
+    if sys.platform != "linux" or "triton" in sys.modules:
+        return
+    spec = importlib.util.find_spec("triton")
+    for folder in (spec and spec.submodule_search_locations) or ():
+        for library in sorted((pathlib.Path(folder) / "_C").glob("libtriton*.so")):
+            with contextlib.suppress(OSError):  # `import triton` then raises the error.
+                ctypes.CDLL(str(library))
+
+
+def defer() -> None:
+    """Has dm_control and MuJoCo, where they are not imported yet, load OpenGL when it is used."""
+    found = any(isinstance(finder, _Finder) for finder in sys.meta_path)
+    if sys.platform == "linux" and not found:
+        sys.meta_path.insert(0, _Finder())
+
+
+@contextlib.contextmanager
+def _without_backend() -> Iterator[None]:
+    chosen = os.environ.get(_VARIABLE)
+    os.environ[_VARIABLE] = "disable"
+    try:
+        yield
+    finally:
+        del os.environ[_VARIABLE]
+        if chosen is not None:
+            os.environ[_VARIABLE] = chosen
+
+
+def _put_off(module: ModuleType, name: str) -> None:
+    """Replaces the class of that name, which makes contexts, by a function that loads it."""
+
+    def load(*args: Any, **kwargs: Any) -> Any:
+        load_triton_first()
+        if getattr(module, name) is load:
+            try:
+                importlib.reload(module)
+            except BaseException:
+                setattr(module, name, load)  # The next call raises the error again.
+                raise
+        return getattr(module, name)(*args, **kwargs)
+
+    setattr(module, name, load)
+
+
+class _Finder(importlib.abc.MetaPathFinder):
+    """Executes the modules of `_CONTEXTS` without a backend at first."""
+
+    def find_spec(self, fullname, path, target=None):
+        if fullname not in _CONTEXTS or target is not None:  # A target is reloaded.
+            return None
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
+        if spec is not None and spec.loader is not None:
+            execute = spec.loader.exec_module
+
+            def exec_module(module):
+                with _without_backend():
+                    execute(module)
+                _put_off(module, _CONTEXTS[fullname])
+
+            spec.loader.exec_module = exec_module  # type: ignore[method-assign]
+        return spec
