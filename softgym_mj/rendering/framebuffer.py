@@ -2,6 +2,8 @@
 
 import functools
 import threading
+from collections.abc import Callable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -9,6 +11,8 @@ from dm_control import _render, mjcf
 from dm_control._render import base, executor
 from dm_control.mujoco import engine, wrapper
 from dm_control.rl import control
+
+from softgym_mj.rendering import opengl
 
 _ABANDONED: list[base.ContextBase] = []  # Kept, as dm_control knows contexts by their id.
 
@@ -38,8 +42,10 @@ class _BoundToThread:
 
 
 @functools.cache
-def _bound(renderer: type) -> type:
+def _bound(renderer: Callable[..., Any]) -> Callable[..., Any]:
     """A kind of OpenGL context that only its own thread frees."""
+    if not isinstance(renderer, type):  # Without a backend, a function that raises the error.
+        return renderer
     return type(renderer.__name__, (_BoundToThread, renderer), {})
 
 
@@ -105,7 +111,7 @@ class SizedPhysics(mjcf.Physics):
         largest = size.offheight, size.offwidth
         size.offheight, size.offwidth = height, width
         if self._gl is None:
-            self._gl = _bound(_render.Renderer)(width, height)
+            self._gl = _bound(opengl.context_class(_render))(width, height)
             self._thread = threading.get_ident()
             self._gl.increment_refcount()
         try:

@@ -15,7 +15,7 @@ import importlib.util
 import os
 import pathlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
 
@@ -58,20 +58,34 @@ def _without_backend() -> Iterator[None]:
             os.environ[_VARIABLE] = chosen
 
 
-def _put_off(module: ModuleType, name: str) -> None:
-    """Replaces the class of that name, which makes contexts, by a function that loads it."""
+def context_class(module: ModuleType) -> Callable[..., Any]:
+    """Returns what makes the contexts of a module of `_CONTEXTS`; loads OpenGL."""
+    load_triton_first()
+    found = getattr(module, _CONTEXTS[module.__name__])
+    return found.load() if isinstance(found, _Deferred) else found
 
-    def load(*args: Any, **kwargs: Any) -> Any:
-        load_triton_first()
-        if getattr(module, name) is load:
+
+class _Deferred:
+    """Stands for the class of contexts of a module until OpenGL is loaded."""
+
+    def __init__(self, module: ModuleType):
+        self._module = module
+        setattr(module, _CONTEXTS[module.__name__], self)
+
+    def load(self) -> Callable[..., Any]:
+        """Returns the class, which takes the place of this object."""
+        name = _CONTEXTS[self._module.__name__]
+        if getattr(self._module, name) is self:
             try:
-                importlib.reload(module)
+                importlib.reload(self._module)
             except BaseException:
-                setattr(module, name, load)  # The next call raises the error again.
+                setattr(self._module, name, self)  # The next call raises the error again.
                 raise
-        return getattr(module, name)(*args, **kwargs)
+        return getattr(self._module, name)
 
-    setattr(module, name, load)
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        load_triton_first()
+        return self.load()(*args, **kwargs)
 
 
 class _Finder(importlib.abc.MetaPathFinder):
@@ -87,7 +101,7 @@ class _Finder(importlib.abc.MetaPathFinder):
             def exec_module(module):
                 with _without_backend():
                     execute(module)
-                _put_off(module, _CONTEXTS[fullname])
+                _Deferred(module)
 
             spec.loader.exec_module = exec_module  # type: ignore[method-assign]
         return spec
