@@ -1,0 +1,52 @@
+"""A solid in a task of one's own: the example of docs/arguments.md, by pickers and by arms."""
+
+import pathlib
+import re
+
+import numpy as np
+import pytest
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.policies.factory import make_policy
+
+PAGE = pathlib.Path(__file__).parents[2] / "docs" / "arguments.md"
+
+
+@pytest.fixture(scope="module")
+def page():
+    """What the page defines."""
+    (code,) = re.findall(r"```python\n([^`]*class HangTowel[^`]*)```", PAGE.read_text())
+    namespace: dict = {"__name__": "page"}
+    exec(code, namespace)
+    return namespace
+
+
+def played(page, actor, variation):
+    """The environment after an episode of the task's expert."""
+    task = page["HangTowel"](actor=actor)
+    env = Environment(task, name="hang_towel", horizon=task.horizon, split="all")
+    timestep = env.reset(variation)
+    policy = make_policy("scripted", env)
+    while not timestep.last():
+        timestep = env.step(policy(timestep))
+    return env
+
+
+@pytest.mark.parametrize("actor", ["picker", "franka"])
+@pytest.mark.parametrize("variation", [803, 811])
+def test_a_towel_hangs_over_a_bar(page, actor, variation):
+    env = played(page, actor, variation)
+    assert env.info()["performance"] > 0.6
+    assert max(env.task.actor.held) < 0
+    bar = page["BAR"]
+    points = env.task.towel.points()
+    # It lies on the bar, and nothing is within it.
+    distance = np.hypot(points[:, 0] - bar[0], points[:, 2] - bar[2])
+    assert page["RADIUS"] < distance.min() < page["RADIUS"] + 0.02
+    assert points[:, 2].max() < bar[2] + 0.03
+
+
+@pytest.mark.parametrize("actor", ["picker", "franka"])
+def test_the_towel_slides_off_where_grippers_open_next_to_the_bar(page, actor, monkeypatch):
+    monkeypatch.setitem(page, "BEYOND", 0.03)
+    assert played(page, actor, 803).info()["performance"] < 0.3
