@@ -1,5 +1,7 @@
 #include "flex.h"
 
+#include <cmath>
+
 #include "pose.h"
 #include "reset.h"
 
@@ -23,14 +25,21 @@ Pose SlidPose(const mjModel* m, const mjData* d, int body, const Pose& parent) {
   return pose;
 }
 
+// Of axes that count as at right angles: their largest inner product.
+constexpr mjtNum kSquare = 1e-6;
+
+}  // namespace
+
 bool OnSlides(const mjModel* m, int body) {
   if (m->body_jntnum[body] != 3 || m->body_mocapid[body] >= 0) return false;
   const int joint = m->body_jntadr[body];
-  return m->jnt_type[joint] == mjJNT_SLIDE && m->jnt_type[joint + 1] == mjJNT_SLIDE &&
-         m->jnt_type[joint + 2] == mjJNT_SLIDE;
+  for (int j = 0; j < 3; ++j) {
+    if (m->jnt_type[joint + j] != mjJNT_SLIDE) return false;
+    const mjtNum *axis = m->jnt_axis + 3 * (joint + j), *next = m->jnt_axis + 3 * (joint + (j + 1) % 3);
+    if (std::abs(mju_dot3(axis, next)) > kSquare) return false;
+  }
+  return true;
 }
-
-}  // namespace
 
 std::string CollectFlexes(const mjModel* m, std::vector<FlexElement>* elements) {
   elements->clear();

@@ -21,6 +21,9 @@ struct FlexElement {
 // cord nor a cloth.
 std::string CollectFlexes(const mjModel* m, std::vector<FlexElement>* elements);
 
+// Whether three slides, along axes at right angles, move a body.
+bool OnSlides(const mjModel* m, int body);
+
 // World positions (nflexvert, 3) of the vertices from qpos and mocap_pos: see BodyPose. False if one
 // is not finite, or huge: see `AreSane`.
 bool FindVertices(const mjModel* m, const mjData* d, std::vector<mjtNum>* positions);

@@ -12,6 +12,11 @@ struct Pose {
   double quaternion[4];  // (w, x, y, z), unit.
 };
 
+// Velocity of a body, as that of the point of it that is at the world's origin [m/s] and its rotation [rad/s].
+struct Twist {
+  double linear[3], angular[3];
+};
+
 // Whether a body moves by joints: neither fixed to the world nor carried by a mocap body alone.
 bool IsDynamic(const mjModel* m, int body);
 
@@ -19,8 +24,13 @@ bool IsDynamic(const mjModel* m, int body);
 bool IsFixed(const mjModel* m, int body);
 
 // World pose of a body from qpos and mocap_pos. Unlike xpos it is never stale: mj_step leaves xpos
-// at the start of the step, and dm_control steps in an order of its own.
-Pose BodyPose(const mjModel* m, const mjData* d, int body);
+// at the start of the step, and dm_control steps in an order of its own. With `twist`, its velocity from qvel, too.
+Pose BodyPose(const mjModel* m, const mjData* d, int body, Twist* twist = nullptr);
+
+// Linear and angular acceleration (6,) of a point of a body in a step from velocities `qvel` to `end`, or what it is if
+// they stay, without the latter. From poses at the start of the step.
+void PointAcceleration(const mjModel* m, const mjData* d, int body, const mjtNum* point, const mjtNum* qvel,
+                       const mjtNum* end, mjtNum* acceleration);
 
 // World pose of a geom, given that of its body.
 Pose GeomPose(const mjModel* m, int geom, const Pose& body);

@@ -56,7 +56,7 @@ bool StartAir(const Mesh& mesh, const Start& start, const std::vector<Pair>& pai
     float* n = &(*air)[4 * v];
     const double taken = mesh.materials[mesh.part[v]].added_mass * area[v];
     const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    const bool moves = !touches[v] && start.inverse_mass[v] > 0 && length > 0;
+    const bool moves = !touches[v] && start.IsFree(v) && length > 0;
     const float scale = moves ? static_cast<float>(std::sqrt(taken / (mesh.mass[v] + taken))) / length : 0;
     for (int k = 0; k < 3; ++k) n[k] *= scale;
   }

@@ -3,11 +3,17 @@
 #include <algorithm>
 #include <cmath>
 
+#include "native/flex.h"
+#include "native/pose.h"
+
 namespace softgym_mj::cloth {
 namespace {
 
 // [1/kg] A body that gives way less is told where to go, as pickers are: it is not pushed.
 constexpr double kImmovable = 1e-3;
+
+// How many times as hard as it is a body is to turn if a weld to a vertex, which MuJoCo solves, keeps it from turning.
+constexpr double kLocked = 1e4;
 
 // Inertia that an implicit integrator gives a degree of freedom besides M: dt D + dt^2 K of damping and servos.
 double ServoInertia(const mjModel* m, const mjData* d, int dof) {
@@ -48,10 +54,35 @@ void SolveFactored(const std::vector<double>& l, int n, double* x) {
   }
 }
 
+// Whether a body is a vertex that slides in a body of the same tree, and nothing else.
+bool IsSlidingVertex(const mjModel* m, int body) {
+  return OnSlides(m, body) && m->body_treeid[m->body_parentid[body]] >= 0 && m->body_geomnum[body] == 0 &&
+         m->body_subtreemass[body] == m->body_mass[body];
+}
+
 }  // namespace
 
-void Bodies::Start(const mjModel* m, const mjData* d, const mjtNum* qvel, double h) {
-  m_ = m, d_ = d, qvel_ = qvel, h_ = h;
+double PointCompliance(const double c[6][6], const double arm[3]) {
+  // A point moves by `along` times what its body moves by.
+  const double along[3][6] = {
+      {1, 0, 0, 0, arm[2], -arm[1]}, {0, 1, 0, -arm[2], 0, arm[0]}, {0, 0, 1, arm[1], -arm[0], 0}};
+  double largest = 0;
+  for (const auto& row : along) {
+    double sum = 0;
+    for (const auto& column : along) {
+      double entry = 0;
+      for (int k = 0; k < 6; ++k) {
+        for (int l = 0; l < 6; ++l) entry += row[k] * c[k][l] * column[l];
+      }
+      sum += std::abs(entry);
+    }
+    largest = std::max(largest, sum);
+  }
+  return largest;
+}
+
+void Bodies::Start(const mjModel* m, const mjData* d, const mjtNum* qvel, const std::vector<Tie>& ties, double h) {
+  m_ = m, d_ = d, qvel_ = qvel, ties_ = &ties, h_ = h;
   trees_.clear();
   bodies_.clear();
   of_body_.assign(m->nbody, -1);
@@ -61,19 +92,98 @@ int Bodies::FindTree(int id) {
   for (size_t t = 0; t < trees_.size(); ++t) {
     if (trees_[t].id == id) return static_cast<int>(t);
   }
-  Tree tree = {id, m_->tree_dofadr[id], m_->tree_dofnum[id], {}, {}};
+  Tree tree = {id, m_->tree_dofadr[id], 0, {}, {}, {}, {}};
+  tree.place.assign(m_->tree_dofnum[id], 0);
+  for (int v = 0; v < m_->nflexvert; ++v) {
+    const int body = m_->flex_vertbodyid[v];
+    if (m_->body_treeid[body] != id || !IsSlidingVertex(m_, body)) continue;
+    for (int k = 0; k < 3; ++k) tree.place[m_->body_dofadr[body] + k - tree.first] = -1;
+  }
+  for (size_t i = 0; i < tree.place.size(); ++i) {
+    if (tree.place[i] < 0) continue;
+    tree.place[i] = tree.count++;
+    tree.dofs.push_back(tree.first + static_cast<int>(i));
+  }
   const int n = tree.count;
   tree.factor.assign(n * n, 0);
   tree.acceleration.resize(n);
   for (int i = 0; i < n; ++i) {
-    const int dof = tree.first + i, row = m_->M_rowadr[dof];
-    for (int k = row; k < row + m_->M_rownnz[dof]; ++k) tree.factor[n * i + m_->M_colind[k] - tree.first] = d_->M[k];
+    const int dof = tree.dofs[i], row = m_->M_rowadr[dof];
+    for (int k = row; k < row + m_->M_rownnz[dof]; ++k) {
+      tree.factor[n * i + tree.place[m_->M_colind[k] - tree.first]] = d_->M[k];
+    }
     tree.factor[n * i + i] += ServoInertia(m_, d_, dof);
     tree.acceleration[i] = (d_->qvel[dof] - qvel_[dof]) / m_->opt.timestep;
   }
+  // What pushes a body does not push vertices that slide in it: they are taken out of its inertia.
+  for (size_t j = 0; j < tree.place.size(); ++j) {
+    if (tree.place[j] >= 0) continue;
+    const int dof = tree.first + static_cast<int>(j), row = m_->M_rowadr[dof];
+    std::vector<double> entries(n);
+    double own = 1;
+    for (int k = row; k < row + m_->M_rownnz[dof]; ++k) {
+      if (m_->M_colind[k] == dof) own = d_->M[k];
+      const int i = tree.place[m_->M_colind[k] - tree.first];
+      if (i >= 0) entries[i] = d_->M[k];
+    }
+    for (int i = 0; i < n; ++i) {
+      for (int k = 0; k < n; ++k) tree.factor[n * i + k] -= entries[i] / own * entries[k];
+    }
+  }
+  AddTies(tree, &tree.factor);
   Factor(&tree.factor, n);
   trees_.push_back(tree);
   return static_cast<int>(trees_.size()) - 1;
+}
+
+void Bodies::FillJacobian(int id, const Tree& tree, std::vector<double>* jacobian) const {
+  const int n = tree.count;
+  jacobian->assign(6 * n, 0);
+  int with_joints = id;
+  while (with_joints && !m_->body_dofnum[with_joints]) with_joints = m_->body_parentid[with_joints];
+  mjtNum offset[3];
+  mju_sub3(offset, d_->xipos + 3 * id, d_->subtree_com + 3 * m_->body_rootid[id]);
+  for (int dof = m_->body_dofadr[with_joints] + m_->body_dofnum[with_joints] - 1; dof >= 0;
+       dof = m_->dof_parentid[dof]) {
+    const mjtNum* motion = d_->cdof + 6 * dof;  // Rotation, then translation of the tree's centre of mass.
+    const int place = tree.place[dof - tree.first];
+    mjtNum linear[3];
+    mju_cross(linear, motion, offset);
+    mju_addTo3(linear, motion + 3);
+    for (int k = 0; k < 3; ++k) {
+      (*jacobian)[n * k + place] = linear[k];
+      (*jacobian)[n * (3 + k) + place] = motion[k];
+    }
+  }
+}
+
+void Bodies::AddTies(const Tree& tree, std::vector<double>* inertia) const {
+  const int n = tree.count;
+  std::vector<double> jacobian;
+  for (const Tie& tie : *ties_) {
+    if (m_->body_treeid[tie.body] != tree.id || !(tie.mass > 0 || tie.locked)) continue;
+    FillJacobian(tie.body, tree, &jacobian);
+    mjtNum arm[3];
+    mju_sub3(arm, tie.point, d_->xipos + 3 * tie.body);
+    const mjtNum* own = m_->body_inertia + 3 * tie.body;
+    const double turning = own[0] + own[1] + own[2] + m_->body_mass[tie.body] * mju_dot3(arm, arm);
+    const auto add = [&](double mass, const std::vector<double>& row) {
+      for (int i = 0; i < n; ++i) {
+        for (int k = 0; k < n; ++k) (*inertia)[n * i + k] += mass * row[i] * row[k];
+      }
+    };
+    for (int k = 0; k < 3; ++k) {
+      std::vector<double> linear(n), angular(n);
+      const int next = (k + 1) % 3, last = (k + 2) % 3;
+      for (int i = 0; i < n; ++i) {
+        angular[i] = jacobian[n * (3 + k) + i];
+        linear[i] = jacobian[n * k + i] + jacobian[n * (3 + next) + i] * arm[last] -
+                    jacobian[n * (3 + last) + i] * arm[next];
+      }
+      add(tie.mass, linear);
+      if (tie.locked) add(kLocked * turning, angular);
+    }
+  }
 }
 
 Body* Bodies::Find(int id) {
@@ -85,28 +195,13 @@ Body* Bodies::Find(int id) {
   const int n = tree.count;
   mju_copy3(body.centre, d_->xipos + 3 * id);
   body.turn[0] = 1;
-  body.jacobian.assign(6 * n, 0);
   body.response.assign(6 * n, 0);
-  int with_joints = id;
-  while (with_joints && !m_->body_dofnum[with_joints]) with_joints = m_->body_parentid[with_joints];
-  mjtNum offset[3];
-  mju_sub3(offset, body.centre, d_->subtree_com + 3 * m_->body_rootid[id]);
-  for (int dof = m_->body_dofadr[with_joints] + m_->body_dofnum[with_joints] - 1; dof >= 0;
-       dof = m_->dof_parentid[dof]) {
-    const mjtNum* motion = d_->cdof + 6 * dof;  // Rotation, then translation of the tree's centre of mass.
-    mjtNum linear[3];
-    mju_cross(linear, motion, offset);
-    mju_addTo3(linear, motion + 3);
-    for (int k = 0; k < 3; ++k) {
-      body.jacobian[n * k + dof - tree.first] = linear[k];
-      body.jacobian[n * (3 + k) + dof - tree.first] = motion[k];
-    }
-  }
+  FillJacobian(id, tree, &body.jacobian);
   std::vector<double> column(n);
   for (int k = 0; k < 6; ++k) {
     for (int i = 0; i < n; ++i) {
       column[i] = body.jacobian[n * k + i];
-      body.velocity[k] += column[i] * qvel_[tree.first + i];
+      body.velocity[k] += column[i] * qvel_[tree.dofs[i]];
       body.acceleration[k] += column[i] * tree.acceleration[i];
     }
     SolveFactored(tree.factor, n, column.data());
@@ -119,6 +214,19 @@ Body* Bodies::Find(int id) {
     }
   }
   body.inverse_mass = std::max({c[0][0], c[1][1], c[2][2]});
+  bool tied = false;
+  for (const Tie& tie : *ties_) {
+    if (tie.body != id) continue;
+    tied = true;
+    mjtNum arm[3];
+    mju_sub3(arm, tie.point, body.centre);
+    body.inverse_mass = std::max(body.inverse_mass, PointCompliance(c, arm));
+  }
+  if (tied) {
+    mjtNum turning[6];
+    PointAcceleration(m_, d_, id, body.centre, qvel_, nullptr, turning);
+    for (int k = 0; k < 6; ++k) body.acceleration[k] += turning[k];
+  }
   body.gives_way = body.inverse_mass > kImmovable;
   body.rigid.gives_way = body.gives_way;
   if (!body.gives_way) std::fill(&c[0][0], &c[0][0] + 36, 0.0);
@@ -135,6 +243,16 @@ void Bodies::Move() {
       body.rigid.impulse[k] = 0;
     }
     for (int k = 0; k < 3; ++k) body.rigid.centre[k] = static_cast<float>(body.centre[k] + body.shift[k]);
+  }
+}
+
+void Bodies::Push(const double arm[3], const double impulse[3], Body* body) {
+  double wrench[6];
+  mju_copy3(wrench, impulse);
+  mju_cross(wrench + 3, arm, impulse);
+  for (int k = 0; k < 6; ++k) {
+    body->rigid.impulse[k] += wrench[k];
+    for (int l = 0; l < 6; ++l) body->rigid.move[k] += body->rigid.compliance[k][l] * wrench[l];
   }
 }
 
@@ -193,9 +311,10 @@ void Bodies::Apply(const mjModel* m, mjData* d, int substeps) {
     if (!touched) continue;
     change.resize(m->nv, 0);
     for (int i = 0; i < tree.count; ++i) {
-      d->qvel[tree.first + i] += speed[i];
+      const int dof = tree.dofs[i];
+      d->qvel[dof] += speed[i];
       // MuJoCo has moved on with the last velocity, substeps move with their own.
-      change[tree.first + i] = way[i] - dt * dt * tree.acceleration[i] * (1 - 1.0 / substeps) / 2;
+      change[dof] = way[i] - dt * dt * tree.acceleration[i] * (1 - 1.0 / substeps) / 2;
     }
   }
   if (!change.empty()) mj_integratePos(m, d->qpos, change.data(), 1);

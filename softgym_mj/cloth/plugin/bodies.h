@@ -8,6 +8,7 @@
 #include <mujoco/mujoco.h>
 
 #include "cloth/plugin/kernels.h"
+#include "cloth/plugin/start.h"
 
 namespace softgym_mj::cloth {
 
@@ -28,14 +29,19 @@ struct Body {
   std::vector<double> jacobian, response;  // (6, n) and (n, 6) with the n degrees of freedom of its tree.
 };
 
+// What a point at `arm` [m] gives way for an impulse of 1 in any direction, at most [1/kg].
+double PointCompliance(const double c[6][6], const double arm[3]);
+
 class Bodies {
  public:
-  // To be called first in a step. `qvel`: velocities at its start.
-  void Start(const mjModel* m, const mjData* d, const mjtNum* qvel, double h);
+  // To be called first in a step. `qvel`: velocities at its start. `ties`: of vertices to bodies.
+  void Start(const mjModel* m, const mjData* d, const mjtNum* qvel, const std::vector<Tie>& ties, double h);
   // The body that carries a geom; null if nothing moves it.
   Body* Find(int body);
   // Moves all freely for a substep.
   void Move();
+  // Gives a body an impulse at `arm` from its centre [m].
+  void Push(const double arm[3], const double impulse[3], Body* body);
   // Passes on what a sweep did to one body to the others of its tree.
   void Share();
   // Ends a substep.
@@ -48,16 +54,23 @@ class Bodies {
 
  private:
   struct Tree {
-    int id, first, count;              // Of the degrees of freedom.
+    int id, first, count;              // Of the degrees of freedom, without those of vertices of flexes below a body.
+    std::vector<int> dofs;             // (n,)
+    std::vector<int> place;            // Among these of each degree of freedom of the tree, or -1.
     std::vector<double> factor;        // Lower Cholesky factor of the inertia (n, n).
     std::vector<double> acceleration;  // (n,)
   };
 
   int FindTree(int id);
+  // Fills (6, n): velocity of a body's centre of mass, linear and angular.
+  void FillJacobian(int id, const Tree& tree, std::vector<double>* jacobian) const;
+  // Adds what ties to bodies of the tree add to the inertia (n, n).
+  void AddTies(const Tree& tree, std::vector<double>* inertia) const;
 
   const mjModel* m_ = nullptr;
   const mjData* d_ = nullptr;
   const mjtNum* qvel_ = nullptr;
+  const std::vector<Tie>* ties_ = nullptr;
   double h_ = 0;
   std::vector<Tree> trees_;
   std::vector<Body> bodies_;

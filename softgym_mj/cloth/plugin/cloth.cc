@@ -82,11 +82,14 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   const Kept kept = StateOf(m, d, instance, w->mesh, w->start);
   mjtNum* sides = SidesOf(m, d, instance);
   w->solids.Start(m, d, w->mesh, w->start, w->qvel.data(), sides, w->solver.substep());
-  if (!w->solver.Step(w->mesh, w->start, w->planes, &w->solids, kept, &w->motion)) {
+  w->tied.Start(&w->solids.bodies(), m->opt.timestep, w->solver.substep(), &w->start);
+  if (!w->solver.Step(w->mesh, w->start, w->planes, &w->solids, &w->tied, kept, &w->motion)) {
     Warn(m, d, instance, "too many vertices, edges and triangles are in one place: not all touch.", mjWARN_CONTACTFULL);
   }
-  Apply(d, *w, m->opt.timestep);
+  Apply(d, *w);
   w->solids.Apply(m, d, w->settings.substeps);
+  w->tied.Finish(m, d, &w->motion);
+  ApplyToLed(m, d, *w);
   w->solids.KeepSides(sides);
 }
 

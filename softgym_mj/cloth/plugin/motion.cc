@@ -9,7 +9,8 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// [kg] A vertex that counts as heavier in mjModel.dof_M0 is held: it keeps the velocity that it is given.
+// [kg] A vertex that counts as this much heavier than it is in mjModel.dof_M0 is held: it keeps the velocity that it is
+// given.
 constexpr double kHeldMass = 1;
 
 // Pose of a body at the start of the step, from mjData.
@@ -18,6 +19,56 @@ Pose StartPose(const mjData* d, int body) {
   mju_copy3(pose.position, d->xpos + 3 * body);
   mju_copy4(pose.quaternion, d->xquat + 4 * body);
   return pose;
+}
+
+// A point in the frame of a body.
+void Localize(const Pose& pose, const mjtNum* point, mjtNum* local) {
+  mjtNum back[4];
+  mju_sub3(local, point, pose.position);
+  mju_negQuat(back, pose.quaternion);
+  mju_rotVecQuat(local, local, back);
+}
+
+// Velocity at the start of the step of a point of a body.
+void PointVelocity(const mjModel* m, const mjData* d, int body, const mjtNum* point, mjtNum* out) {
+  const mjtNum* velocity = d->cvel + 6 * body;  // Rotation, then translation of the tree's centre of mass.
+  mjtNum offset[3];
+  mju_sub3(offset, point, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(out, velocity, offset);
+  mju_addTo3(out, velocity + 3);
+}
+
+// The two sides of an equality that ties: their bodies, and the points that it holds together.
+struct Ends {
+  int body[2];
+  mjtNum point[2][3];
+};
+bool FindEnds(const mjModel* m, const mjData* d, int equality, Ends* ends) {
+  const bool welds = m->eq_type[equality] == mjEQ_WELD;
+  if (!(welds || m->eq_type[equality] == mjEQ_CONNECT) || !d->eq_active[equality]) return false;
+  for (int side = 0; side < 2; ++side) {
+    const int id = side ? m->eq_obj2id[equality] : m->eq_obj1id[equality];
+    if (m->eq_objtype[equality] == mjOBJ_SITE) {
+      ends->body[side] = m->site_bodyid[id];
+      mju_copy3(ends->point[side], d->site_xpos + 3 * id);
+    } else {
+      ends->body[side] = id;
+      const mjtNum* local = m->eq_data + mjNEQDATA * equality + 3 * (welds ? 1 - side : side);
+      mju_mulMatVec3(ends->point[side], d->xmat + 9 * id, local);
+      mju_addTo3(ends->point[side], d->xpos + 3 * id);
+    }
+  }
+  return true;
+}
+
+// Writes the motion of a vertex that slides in the world.
+void ApplyTo(int v, mjData* d, const Workspace& w) {
+  const Vector move = FromArray(&w.motion.move[3 * v]), velocity = FromArray(&w.motion.velocity[3 * v]);
+  for (int k = 0; k < 3; ++k) {
+    const Vector axis = FromArray(&w.axes[9 * v + 3 * k]);
+    d->qvel[w.vertices[v].dof + k] = Dot(axis, velocity);
+    d->qpos[w.vertices[v].qpos + k] = w.qpos[w.vertices[v].qpos + k] + Dot(axis, move);
+  }
 }
 
 }  // namespace
@@ -29,8 +80,10 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
   for (auto* a : {&start.position, &start.velocity, &start.acceleration}) a->assign(3 * count, 0);
   start.inverse_mass.assign(count, 0);
   start.yielding.assign(count, 0);
+  start.ties.clear();
+  start.rides.assign(count, false);
   w->axes.resize(9 * count);
-  w->carried.assign(3 * count, 0);
+  w->local.resize(3 * count);
   double sum = 0;
   for (int v = 0; v < count; ++v) {
     const int part = w->mesh.part[v], flex = w->mesh.flexes[part];
@@ -44,25 +97,35 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
       mju_rotVecQuat(end, m->flex_vert + 3 * address, pose.quaternion);
       mju_addTo3(end, pose.position);
       for (int k = 0; k < 3; ++k) start.velocity[3 * v + k] = (end[k] - start.position[3 * v + k]) / dt;
+      Tie tie = {v, vertex.body, {}, 0, false};
+      mju_copy3(tie.point, &start.position[3 * v]);
+      if (m->body_treeid[vertex.body] >= 0) start.ties.push_back(tie);
     } else {
       const int body = vertex.body, joint = m->body_jntadr[body];
       const int parent = m->body_parentid[body];
       const Pose from = StartPose(d, parent);
-      if (m->body_treeid[parent] >= 0) {
+      const double mass = m->dof_M0[vertex.dof];
+      const bool held = mass > kHeldMass + m->body_mass[body];
+      if (vertex.carried) {
         const Pose to = BodyPose(m, d, parent);
-        mjtNum local[3], back[4], *carried = &w->carried[3 * v];
-        mju_sub3(local, &start.position[3 * v], from.position);
-        mju_negQuat(back, from.quaternion);
-        mju_rotVecQuat(local, local, back);
-        mju_rotVecQuat(carried, local, to.quaternion);
-        mju_addTo3(carried, to.position);
-        mju_subFrom3(carried, &start.position[3 * v]);
-        mju_addToScl3(&start.velocity[3 * v], carried, 1 / dt);
+        mjtNum local[3], *carried = &start.velocity[3 * v];
+        Localize(from, &start.position[3 * v], local);
+        if (held) {
+          // As the parent moves it in the step.
+          mju_rotVecQuat(carried, local, to.quaternion);
+          mju_addTo3(carried, to.position);
+          mju_subFrom3(carried, &start.position[3 * v]);
+          mju_scl3(carried, carried, 1 / dt);
+        } else {
+          PointVelocity(m, d, parent, &start.position[3 * v], carried);
+          mjtNum acceleration[6];
+          PointAcceleration(m, d, body, &start.position[3 * v], w->qvel.data(), d->qvel, acceleration);
+          mju_copy3(&start.acceleration[3 * v], acceleration);
+        }
+        mju_copy3(&w->local[3 * v], local);
       }
       mjtNum quaternion[4];
       mju_mulQuat(quaternion, from.quaternion, m->body_quat + 4 * body);
-      const double mass = m->dof_M0[vertex.dof];
-      const bool held = mass > kHeldMass;
       start.inverse_mass[v] = held ? 0 : static_cast<float>(1 / mass);
       start.yielding[v] = start.inverse_mass[v];
       if (held) start.yielding[v] = static_cast<float>(1 / w->mesh.mass[v]);
@@ -71,7 +134,7 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
         mju_rotVecQuat(axis, m->jnt_axis + 3 * (joint + k), quaternion);
         const double before = w->qvel[vertex.dof + k], after = d->qvel[vertex.dof + k];
         mju_addToScl3(&start.velocity[3 * v], axis, before);
-        if (!held) mju_addToScl3(&start.acceleration[3 * v], axis, (after - before) / dt);
+        if (!held && !vertex.carried) mju_addToScl3(&start.acceleration[3 * v], axis, (after - before) / dt);
       }
     }
     for (int k = 0; k < 3; ++k)
@@ -81,23 +144,42 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
 }
 
 void HoldTied(const mjModel* m, const mjData* d, Workspace* w) {
+  Start& start = w->start;
+  std::vector<bool> fixed(w->vertices.size());
   for (int e = 0; e < m->neq; ++e) {
-    const bool ties = m->eq_type[e] == mjEQ_CONNECT || m->eq_type[e] == mjEQ_WELD;
-    if (!ties || !d->eq_active[e] || m->eq_objtype[e] != mjOBJ_BODY) continue;
+    Ends ends;
+    if (!FindEnds(m, d, e, &ends)) continue;
     int found[2] = {-1, -1};
     for (size_t v = 0; v < w->vertices.size(); ++v) {
-      if (w->vertices[v].body == m->eq_obj1id[e]) found[0] = static_cast<int>(v);
-      if (w->vertices[v].body == m->eq_obj2id[e]) found[1] = static_cast<int>(v);
+      for (int side = 0; side < 2; ++side) {
+        if (w->vertices[v].dof >= 0 && w->vertices[v].body == ends.body[side]) found[side] = static_cast<int>(v);
+      }
     }
     if ((found[0] < 0) == (found[1] < 0)) continue;  // Neither, or two that are sewn together.
-    const int v = std::max(found[0], found[1]);
-    if (w->vertices[v].dof < 0) continue;
-    w->start.inverse_mass[v] = w->start.yielding[v] = 0;
-    for (int k = 0; k < 3; ++k) {
-      w->start.velocity[3 * v + k] += m->opt.timestep * w->start.acceleration[3 * v + k];
-      w->start.acceleration[3 * v + k] = 0;
+    const int side = found[0] < 0, v = found[side], body = ends.body[1 - side];
+    if (start.inverse_mass[v] > 0) {
+      for (int k = 0; k < 3; ++k) {
+        start.velocity[3 * v + k] += m->opt.timestep * start.acceleration[3 * v + k];
+        start.acceleration[3 * v + k] = 0;
+      }
+    }
+    start.inverse_mass[v] = start.yielding[v] = 0;
+    if (m->body_treeid[body] < 0) {
+      fixed[v] = true;
+    } else {
+      const double torque = m->eq_data[mjNEQDATA * e + 10];
+      Tie tie = {v, body, {}, m->body_mass[w->vertices[v].body], m->eq_type[e] == mjEQ_WELD && torque > 0};
+      mju_copy3(tie.point, ends.point[1 - side]);
+      start.ties.push_back(tie);
     }
   }
+  // One that is tied to what does not move, too, goes where MuJoCo moves it; of two that move the first one leads.
+  std::vector<Tie> ties;
+  for (const Tie& tie : start.ties) {
+    if (!fixed[tie.vertex]) ties.push_back(tie);
+    fixed[tie.vertex] = true;
+  }
+  start.ties = ties;
 }
 
 void FindPlanes(const mjModel* m, const mjData* d, Workspace* w) {
@@ -119,15 +201,37 @@ void FindPlanes(const mjModel* m, const mjData* d, Workspace* w) {
   }
 }
 
-void Apply(mjData* d, const Workspace& w, double dt) {
+void Apply(mjData* d, const Workspace& w) {
   for (int v = 0; v < w.mesh.NumVertices(); ++v) {
-    if (w.vertices[v].dof < 0) continue;
-    const Vector carried = FromArray(&w.carried[3 * v]), move = FromArray(&w.motion.move[3 * v]) - carried;
-    const Vector velocity = FromArray(&w.motion.velocity[3 * v]) - (1 / dt) * carried;
+    if (w.vertices[v].dof >= 0 && !w.vertices[v].carried) ApplyTo(v, d, w);
+  }
+}
+
+void ApplyToLed(const mjModel* m, mjData* d, const Workspace& w) {
+  int last = -1;
+  Pose pose = {};
+  Twist twist = {};
+  for (int v = 0; v < w.mesh.NumVertices(); ++v) {
+    const Vertex& vertex = w.vertices[v];
+    if (!vertex.carried && w.start.rides[v] && vertex.dof >= 0) ApplyTo(v, d, w);
+    if (!vertex.carried) continue;
+    const int parent = m->body_parentid[vertex.body];
+    if (parent != last) pose = BodyPose(m, d, parent, &twist);
+    last = parent;
+    mjtNum point[3], local[3], carried[3], velocity[3], back[4];
+    mju_add3(point, &w.start.position[3 * v], &w.motion.move[3 * v]);
+    Localize(pose, point, local);
+    mju_subFrom3(local, &w.local[3 * v]);
+    mju_cross(carried, twist.angular, point);
+    mju_addTo3(carried, twist.linear);
+    mju_sub3(velocity, &w.motion.velocity[3 * v], carried);
+    mju_negQuat(back, pose.quaternion);
+    mju_rotVecQuat(velocity, velocity, back);
     for (int k = 0; k < 3; ++k) {
-      const Vector axis = FromArray(&w.axes[9 * v + 3 * k]);
-      d->qvel[w.vertices[v].dof + k] = Dot(axis, velocity);
-      d->qpos[w.vertices[v].qpos + k] = w.qpos[w.vertices[v].qpos + k] + Dot(axis, move);
+      mjtNum axis[3];
+      mju_rotVecQuat(axis, m->jnt_axis + 3 * (m->body_jntadr[vertex.body] + k), m->body_quat + 4 * vertex.body);
+      d->qvel[vertex.dof + k] = mju_dot3(axis, velocity);
+      d->qpos[vertex.qpos + k] = w.qpos[vertex.qpos + k] + mju_dot3(axis, local);
     }
   }
 }

@@ -14,8 +14,10 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w);
 // Vertices that an equality ties to something else move as MuJoCo has moved them.
 void HoldTied(const mjModel* m, const mjData* d, Workspace* w);
 void FindPlanes(const mjModel* m, const mjData* d, Workspace* w);
-// Writes the motion to qvel and qpos.
-void Apply(mjData* d, const Workspace& w, double dt);
+// Writes the motion to qvel and qpos: first of vertices in the world, and, once bodies are where they go, of those that
+// slide in them or are tied to them.
+void Apply(mjData* d, const Workspace& w);
+void ApplyToLed(const mjModel* m, mjData* d, const Workspace& w);
 
 }  // namespace softgym_mj::cloth
 

@@ -80,7 +80,7 @@ bool Planes::LiftOut(const cloth::Start& start, Motion* motion) const {
   bool lifted = false;
   for (const Active& plane : actives_) {
     for (size_t v = 0; v < start.yielding.size(); ++v) {
-      if (start.yielding[v] == 0) continue;
+      if (start.yielding[v] == 0 || start.rides[v]) continue;
       double *move = &motion->move[3 * v], *velocity = &motion->velocity[3 * v], way = 0, speed = 0;
       for (int k = 0; k < 3; ++k) {
         way += plane.normal[k] * move[k];

@@ -86,12 +86,14 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
   m_ = m;
   sides_ = sides;
   h_ = h;
-  bodies_.Start(m, d, qvel, h);
+  bodies_.Start(m, d, qvel, start.ties, h);
   touches_bodies_ = touches_light_ = false;
   const int count = mesh.NumVertices();
   counts_.assign(count + 1, 1);
   counts_[count] = 0;
   position_.assign(4 * (count + 1), 0);
+  body_of_.assign(count, -1);
+  for (const Tie& tie : start.ties) body_of_[tie.vertex] = tie.body;
   const double dt = m->opt.timestep;
   double low[3], high[3], fastest = 0;
   for (int k = 0; k < 3; ++k) low[k] = std::numeric_limits<double>::max(), high[k] = -low[k];
@@ -178,7 +180,12 @@ void Solids::AddRows(const Mesh& mesh, Active* active, double margin) {
   const int dummy = mesh.NumVertices();
   const Geom& view = active->view;
   const float bound = static_cast<float>(m_->geom_rbound[active->geom]);
+  const int own = m_->geom_bodyid[active->geom];
   const auto near = [&](const int* vertex, int corners) {
+    // What is tied to a body does not touch it.
+    for (int k = 0; own > 0 && k < corners; ++k) {
+      if (body_of_[vertex[k]] == own) return false;
+    }
     return ComesNear(position_.data(), vertex, corners, view, bound, static_cast<float>(margin));
   };
   std::vector<bool> touches(mesh.flexes.size());

@@ -65,6 +65,7 @@ class Solids {
 
   // Whether all rows were found: some are left out where too much is near too many solids.
   bool complete() const { return complete_; }
+  Bodies& bodies() { return bodies_; }
   const std::vector<Contact>& contacts() const { return contacts_; }
   // Ends a step: bodies move, contacts are kept.
   void Apply(const mjModel* m, mjData* d, int substeps);
@@ -101,6 +102,7 @@ class Solids {
   Bodies bodies_;
   double h_ = 0, fastest_ = 0;
   AlignedFloats position_;
+  std::vector<int> body_of_;  // That each vertex is tied to, or -1.
   std::vector<std::uint8_t> counts_;
   Levels levels_;
   bool touches_bodies_ = false, touches_light_ = false;

@@ -93,46 +93,55 @@ void Solver::FindLayers(const Mesh& mesh, const Start& start, const Solids& soli
   layers_.Start(mesh, start.position.data(), kept.after_layers, Kept::kPairs * mesh.NumVertices());
 }
 
-void Solver::Substep(int substep, Solids* solids) {
+void Solver::Substep(int substep, Solids* solids, Tied* tied) {
   const int near = layers_.num_near(), all = static_cast<int>(layers_.blocks.size());
   const bool repeats = Repeats(*solids);
   const bool warm = solids->TouchesLightBodies() && substep > 0;
   LayerBlock* layers = layers_.blocks.data();
+  // Vertices that are held give way to these, and those that are tied pass it on.
+  const auto give = [&](const auto& sweep) {
+    driven_.Give(points_, sweep);
+    tied->Pass(points_);
+  };
+  tied->Release(points_);
   hinges_.Bend(*kernels_, points_, substep);
   kernels_->Move(points_);
   solids->Move();
+  tied->Move(points_);
   const int to_search = std::min(search_interval_, settings_.substeps - substep);
   solids->Find(*kernels_, points_, substep % search_interval_ == 0 ? to_search : 0);
   edges_.Sweep(*kernels_, points_);
   chains_.Solve(points_, false);
+  tied->Pass(points_);
   chains_.End(points_);
   if (moves_air_) kernels_->MoveAir(points_);
   if (warm) {
-    driven_.Give(points_, [&] { kernels_->WarmLayers(points_, layers, near, kWarm); });
+    give([&] { kernels_->WarmLayers(points_, layers, near, kWarm); });
     solids->Warm(*kernels_, points_, kWarm);
-    driven_.Give(points_, [&] { planes_.Warm(*kernels_, points_, kWarm); });
+    give([&] { planes_.Warm(*kernels_, points_, kWarm); });
   }
   const Turn turn = {!warm, !repeats};
-  driven_.Give(points_, [&] {
+  give([&] {
     kernels_->SweepLayers(points_, contact_, layers, near, turn);
     kernels_->SweepLayers(points_, contact_, layers + near, all - near, {true, true});
   });
   if (substep + 1 == settings_.substeps) with_layers_ = now_;
   solids->Sweep(*kernels_, points_, contact_, turn);
-  driven_.Give(points_, [&] { planes_.Sweep(*kernels_, points_, plane_row_, turn); });
+  give([&] { planes_.Sweep(*kernels_, points_, plane_row_, turn); });
   for (int sweep = 1; repeats && sweep < settings_.sweeps; ++sweep) {
     const Turn again = {false, sweep + 1 == settings_.sweeps};
     solids->Sweep(*kernels_, points_, contact_, again);
-    driven_.Give(points_, [&] {
+    give([&] {
       kernels_->SweepLayers(points_, contact_, layers, near, again);
       planes_.SweepNear(*kernels_, points_, plane_row_, again);
     });
   }
   solids->Finish();
+  tied->Hold(points_);
 }
 
 bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
-                  const Kept& kept, Motion* motion) {
+                  Tied* tied, const Kept& kept, Motion* motion) {
   FindLayers(mesh, start, *solids, kept);
   const bool complete = layers_.complete() && solids->complete();
   search_interval_ = SearchInterval(solids->fastest(), settings_.substeps);
@@ -147,7 +156,7 @@ bool Solver::Step(const Mesh& mesh, const Start& start, const std::vector<PlaneC
   // An impulse of a substep, times h, is a force times h^2.
   const double share = 1 / (h_ * h_ * settings_.substeps);
   for (int substep = 0; substep < settings_.substeps; ++substep) {
-    Substep(substep, solids);
+    Substep(substep, solids, tied);
     edges_.AddHoldingForces(points_, share, &holding_forces_);
     chains_.AddHoldingForces(points_, share, &holding_forces_);
   }
@@ -192,7 +201,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
   motion->mass = mesh.mass;
   for (int v = 0; v < count; ++v) {
     const bool held = start.inverse_mass[v] == 0;
-    if (held) motion->mass[v] = 1e12;
+    if (held || start.rides[v]) motion->mass[v] = 1e12;
     for (int k = 0; k < 3; ++k) {
       const float now = now_[4 * v + k];
       motion->move[3 * v + k] = held ? timestep_ * start.velocity[3 * v + k] : now;

@@ -16,6 +16,7 @@
 #include "cloth/plugin/springs.h"
 #include "cloth/plugin/start.h"
 #include "cloth/plugin/state.h"
+#include "cloth/plugin/tied.h"
 #include "native/aligned.h"
 
 namespace softgym_mj::cloth {
@@ -35,7 +36,7 @@ class Solver {
   // Moves the vertices by a step; `motion` holds their displacements and final velocities. False if too much is in one
   // place, so that not all of it touched.
   bool Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
-            const Kept& kept, Motion* motion);
+            Tied* tied, const Kept& kept, Motion* motion);
 
   double substep() const { return h_; }
   const ContactRow& contact() const { return contact_; }
@@ -50,7 +51,7 @@ class Solver {
   void FindLayers(const Mesh& mesh, const Start& start, const Solids& solids, const Kept& kept);
   // Whether contacts near bodies are swept more than once.
   bool Repeats(const Solids& solids) const { return solids.TouchesBodies() && settings_.sweeps > 1; }
-  void Substep(int substep, Solids* solids);
+  void Substep(int substep, Solids* solids, Tied* tied);
   void Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion);
   // Nothing passes through anything, and cords that this pulls at get as long again. How many vertices are changed.
   int Prevent(Motion* motion);

@@ -85,7 +85,7 @@ void EdgeRows::Start(const cloth::Start& start, const double* after) {
     float way[3];
     block.before[lane] = StartWay(start.position.data(), a, b, way) - static_cast<float>(after[order_[i]]);
     for (int k = 0; k < 3; ++k) block.start[k][lane] = way[k];
-    if (start.inverse_mass[a] > 0 && start.inverse_mass[b] > 0) continue;
+    if (start.IsFree(a) && start.IsFree(b)) continue;
     held_.push_back(static_cast<int>(i));
   }
 }

@@ -9,6 +9,7 @@
 #include <mujoco/mjplugin.h>
 
 #include "native/attributes.h"
+#include "native/flex.h"
 #include "native/limits.h"
 
 namespace softgym_mj::cloth {
@@ -101,11 +102,8 @@ std::string ParseSettings(const mjModel* m, int instance, Settings* out) {
 }
 
 Vertex FindVertex(const mjModel* m, int body) {
-  const int joint = m->body_jntadr[body];
-  bool slides = m->body_jntnum[body] == 3;
-  for (int j = joint; slides && j < joint + 3; ++j) slides = m->jnt_type[j] == mjJNT_SLIDE;
-  if (!slides) return {body, -1, -1};
-  return {body, m->body_dofadr[body], m->jnt_qposadr[joint]};
+  if (!OnSlides(m, body)) return {body, -1, -1, false};
+  return {body, m->body_dofadr[body], m->jnt_qposadr[m->body_jntadr[body]], m->body_treeid[m->body_parentid[body]] >= 0};
 }
 
 }  // namespace

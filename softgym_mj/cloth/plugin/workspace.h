@@ -15,6 +15,7 @@
 #include "cloth/plugin/solids.h"
 #include "cloth/plugin/solver.h"
 #include "cloth/plugin/start.h"
+#include "cloth/plugin/tied.h"
 
 namespace softgym_mj::cloth {
 
@@ -24,6 +25,7 @@ constexpr char kPluginName[] = "softgym_mj.cloth";
 struct Vertex {
   int body;
   int dof, qpos;  // Of its three slides; -1 if something else moves it.
+  bool carried;   // Whether these are in a body that joints move.
 };
 
 // What an mjData needs for its steps. Only memory, the mesh and what vertices start a step with outlive a call;
@@ -34,7 +36,7 @@ struct Workspace {
   Mesh mesh;
   std::vector<Vertex> vertices;
   std::vector<mjtNum> axes;        // World directions of the slides of each vertex (n, 3, 3).
-  std::vector<mjtNum> carried;     // How far a parent that moves carries each vertex in the step (n, 3) [m].
+  std::vector<mjtNum> local;       // Where each is in a parent that moves, at the start of the step (n, 3) [m].
   std::vector<mjtNum> qpos, qvel;  // Of all that moves, at the start of the step.
   bool advanced = true;            // Whether flexes are at its end.
   Start start;
@@ -42,6 +44,7 @@ struct Workspace {
   Motion motion;
   Settings settings;
   Solids solids;
+  Tied tied;
   Solver solver;
 
   // Takes over what a step that has begun needs.
