@@ -285,6 +285,14 @@ spacing=".03 .03 .03"><contact selfcollide="none" contype="0" conaffinity="0"/>
 <plugin plugin="softgym_mj.cloth" instance="a"/></flexcomp></worldbody></mujoco>"""
 
 
+# Vertices of MuJoCo's own kinds, which cannot go everywhere.
+RAILS = """<mujoco><extension><plugin plugin="softgym_mj.cloth"><instance name="a"/></plugin>
+</extension><worldbody><body name="b"><flexcomp name="a" type="grid" dim="2" count="4 4 1" mass="1"
+radius=".01" spacing=".03 .03 .03" dof="{dof}"><edge damping="1e-12"/>
+<contact selfcollide="none" contype="0" conaffinity="0"/>
+<plugin plugin="softgym_mj.cloth" instance="a"/></flexcomp></body></worldbody></mujoco>"""
+
+
 @pytest.mark.parametrize(
     ("xml", "expected"),
     [
@@ -298,8 +306,11 @@ spacing=".03 .03 .03"><contact selfcollide="none" contype="0" conaffinity="0"/>
         (model_xml(FLAT, option='integrator="RK4"'), "RK4 is not supported"),
         (model_xml(FLAT, scenery=MESH.format(""), extra=ROCK), 'geom "rock" cannot touch a flex'),
         (CUBE, 'flex "a" cannot be handled: .*dimension 1 or 2'),
+        *((RAILS.format(dof=dof), 'flex "a" cannot be handled: vertex . slides .*dof="full"')
+          for dof in ("2d", "radial")),
     ],
-    ids=["contype", "conaffinity", "selfcollide", "equality", "no flex", "RK4", "mesh", "dim 3"],
+    ids=["contype", "conaffinity", "selfcollide", "equality", "no flex", "RK4", "mesh", "dim 3",
+         "2d", "radial"],
 )  # fmt: skip
 def test_an_unsuitable_model_is_a_compile_error_that_says_why(xml, expected):
     with pytest.raises(ValueError, match=expected):

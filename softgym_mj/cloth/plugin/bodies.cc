@@ -96,7 +96,9 @@ int Bodies::FindTree(int id) {
   tree.place.assign(m_->tree_dofnum[id], 0);
   for (int v = 0; v < m_->nflexvert; ++v) {
     const int body = m_->flex_vertbodyid[v];
+    const auto to_it = [&](const Tie& tie) { return tie.body == body; };
     if (m_->body_treeid[body] != id || !IsSlidingVertex(m_, body)) continue;
+    if (std::any_of(ties_->begin(), ties_->end(), to_it)) continue;
     for (int k = 0; k < 3; ++k) tree.place[m_->body_dofadr[body] + k - tree.first] = -1;
   }
   for (size_t i = 0; i < tree.place.size(); ++i) {
@@ -177,8 +179,8 @@ void Bodies::AddTies(const Tree& tree, std::vector<double>* inertia) const {
       const int next = (k + 1) % 3, last = (k + 2) % 3;
       for (int i = 0; i < n; ++i) {
         angular[i] = jacobian[n * (3 + k) + i];
-        linear[i] = jacobian[n * k + i] + jacobian[n * (3 + next) + i] * arm[last] -
-                    jacobian[n * (3 + last) + i] * arm[next];
+        linear[i] =
+            jacobian[n * k + i] + jacobian[n * (3 + next) + i] * arm[last] - jacobian[n * (3 + last) + i] * arm[next];
       }
       add(tie.mass, linear);
       if (tie.locked) add(kLocked * turning, angular);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "cloth/plugin/plates.h"
+#include "native/flex.h"
 
 namespace softgym_mj::cloth {
 namespace {
@@ -146,6 +147,18 @@ void AddChains(const Material& material, int first_edge, Mesh* mesh) {
   }
 }
 
+// Adds the mass of each vertex of a flex; returns that of all. Those that bodies carry are as heavy as the others.
+double AddMasses(const mjModel* m, int flex, Mesh* mesh) {
+  const int *body = m->flex_vertbodyid + m->flex_vertadr[flex], count = m->flex_vertnum[flex];
+  const int own = static_cast<int>(std::count_if(body, body + count, [&](int b) { return OnSlides(m, b); }));
+  double sum = 0;
+  for (int i = 0; i < count; ++i) sum += own == 0 || OnSlides(m, body[i]) ? m->body_mass[body[i]] : 0;
+  for (int i = 0; i < count; ++i) {
+    mesh->mass.push_back(own == 0 || OnSlides(m, body[i]) ? m->body_mass[body[i]] : sum / own);
+  }
+  return own > 0 && own < count ? sum / own * count : sum;
+}
+
 }  // namespace
 
 Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vector<Material>& materials) {
@@ -159,11 +172,8 @@ Mesh MakeMesh(const mjModel* m, const std::vector<int>& flexes, const std::vecto
     mesh.part.insert(mesh.part.end(), m->flex_vertnum[f], p);
     mesh.vertex_thickness.insert(mesh.vertex_thickness.end(), m->flex_vertnum[f],
                                  static_cast<float>(2 * m->flex_radius[f]));
-    double mass = 0, size = 0;
-    for (int i = 0; i < m->flex_vertnum[f]; ++i) {
-      mesh.mass.push_back(m->body_mass[m->flex_vertbodyid[m->flex_vertadr[f] + i]]);
-      mass += mesh.mass.back();
-    }
+    double size = 0;
+    const double mass = AddMasses(m, f, &mesh);
     // As shares of the flex's size: no matter where it is, what is near in it stays near.
     for (int i = 0; i < m->flex_vertnum[f]; ++i) {
       const mjtNum* share = m->flex_vert0 + 3 * (m->flex_vertadr[f] + i);

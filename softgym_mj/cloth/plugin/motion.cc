@@ -126,7 +126,8 @@ bool Gather(const mjModel* m, const mjData* d, Workspace* w) {
       }
       mjtNum quaternion[4];
       mju_mulQuat(quaternion, from.quaternion, m->body_quat + 4 * body);
-      start.inverse_mass[v] = held ? 0 : static_cast<float>(1 / mass);
+      // MuJoCo has solved damping of slides implicitly, as if they were that much heavier.
+      start.inverse_mass[v] = held ? 0 : static_cast<float>(1 / (mass + dt * m->dof_damping[vertex.dof]));
       start.yielding[v] = start.inverse_mass[v];
       if (held) start.yielding[v] = static_cast<float>(1 / w->mesh.mass[v]);
       for (int k = 0; k < 3; ++k) {

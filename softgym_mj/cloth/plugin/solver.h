@@ -35,8 +35,8 @@ class Solver {
 
   // Moves the vertices by a step; `motion` holds their displacements and final velocities. False if too much is in one
   // place, so that not all of it touched.
-  bool Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids,
-            Tied* tied, const Kept& kept, Motion* motion);
+  bool Step(const Mesh& mesh, const Start& start, const std::vector<PlaneContact>& planes, Solids* solids, Tied* tied,
+            const Kept& kept, Motion* motion);
 
   double substep() const { return h_; }
   const ContactRow& contact() const { return contact_; }

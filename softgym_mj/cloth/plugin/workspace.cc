@@ -59,11 +59,25 @@ int InstanceOf(const mjModel* m, int flex, int slot) {
   return -1;
 }
 
+// Whether a vertex has a body of its own that cannot go everywhere, as of a flexcomp with dof="2d" or "radial".
+bool IsOnRails(const mjModel* m, int body) {
+  const int joint = m->body_jntadr[body], count = m->body_jntnum[body];
+  const auto slides = [](int type) { return type == mjJNT_SLIDE; };
+  return count > 0 && !OnSlides(m, body) && std::all_of(m->jnt_type + joint, m->jnt_type + joint + count, slides) &&
+         m->body_geomnum[body] == 0 && m->body_subtreemass[body] == m->body_mass[body];
+}
+
 std::string CheckFlex(const mjModel* m, int f) {
   if (m->flex_dim[f] > 2 || m->flex_interp[f] || m->flex_rigid[f]) {
     return FlexName(m, f) +
            " cannot be handled: expected a deformable one of dimension 1 or 2 with vertices, "
            "dof=\"full\".";
+  }
+  for (int v = 0; v < m->flex_vertnum[f]; ++v) {
+    if (!IsOnRails(m, m->flex_vertbodyid[m->flex_vertadr[f] + v])) continue;
+    return FlexName(m, f) + " cannot be handled: vertex " + std::to_string(v) +
+           " slides along fewer than three axes at right angles: expected dof=\"full\", or a vertex of a body with a "
+           "geom.";
   }
   if (m->flex_selfcollide[f] != mjFLEXSELF_NONE || m->flex_contype[f] || m->flex_conaffinity[f]) {
     return FlexName(m, f) +
@@ -103,7 +117,8 @@ std::string ParseSettings(const mjModel* m, int instance, Settings* out) {
 
 Vertex FindVertex(const mjModel* m, int body) {
   if (!OnSlides(m, body)) return {body, -1, -1, false};
-  return {body, m->body_dofadr[body], m->jnt_qposadr[m->body_jntadr[body]], m->body_treeid[m->body_parentid[body]] >= 0};
+  return {body, m->body_dofadr[body], m->jnt_qposadr[m->body_jntadr[body]],
+          m->body_treeid[m->body_parentid[body]] >= 0};
 }
 
 }  // namespace
