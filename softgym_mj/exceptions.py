@@ -103,6 +103,11 @@ def check_image_size(argument: str, value: object, largest: int) -> tuple[int, i
     return height, width
 
 
+def install_extra(extra: str) -> str:
+    """What to do about the missing packages of an extra of this package."""
+    return f"run `pip install '.[{extra}]'` in a checkout of softgym_mj"
+
+
 def import_extra(module: str, name: str, extra: str) -> Any:
     """Imports a module of an extra.
 
@@ -117,6 +122,4 @@ def import_extra(module: str, name: str, extra: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise UnavailableError(
-            f"{name} is missing: install it with `pip install 'softgym_mj[{extra}]'`"
-        ) from error
+        raise UnavailableError(f"{name} is missing: {install_extra(extra)}") from error

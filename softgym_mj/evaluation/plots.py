@@ -40,7 +40,7 @@ def show(
     """
     if not len(pictures) or len(titles) != len(pictures):
         raise InvalidArgumentError("titles", titles, f"one for each of {len(pictures)} pictures")
-    plt = import_extra("matplotlib.pyplot", "Matplotlib", "notebooks")
+    plt = import_extra("matplotlib.pyplot", "Matplotlib", "plot")
     columns = min(columns or len(pictures), len(pictures))
     rows = -(-len(pictures) // columns)
     width = height * max(picture.shape[1] / picture.shape[0] for picture in pictures)
@@ -132,7 +132,7 @@ def new_figure(width: float, height: float) -> Any:
     Raises:
         UnavailableError: without Matplotlib.
     """
-    module = import_extra("matplotlib.figure", "Matplotlib", "notebooks")
+    module = import_extra("matplotlib.figure", "Matplotlib", "plot")
     return module.Figure(figsize=(width, height))
 
 

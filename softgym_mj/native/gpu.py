@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.exceptions import UnavailableError, check_name
+from softgym_mj.exceptions import UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import cache_folder
 from softgym_mj.native.places import Copy, Place
 
@@ -50,7 +50,7 @@ def _core() -> Any:
         import cuda.core
     except ImportError as error:
         raise UnavailableError(
-            f"worlds on a GPU need CUDA's packages ({error}): run `pip install softgym_mj[gpu]`"
+            f"worlds on a GPU need CUDA's packages ({error}): {install_extra('gpu')}"
         ) from error
     return cuda.core
 
@@ -188,7 +188,7 @@ class Gpu(Place):
             from array_api_compat import torch as xp
         except ImportError as error:
             raise UnavailableError(
-                f"worlds on a GPU need PyTorch ({error}): run `pip install softgym_mj[gpu]`"
+                f"worlds on a GPU need PyTorch ({error}): {install_extra('gpu')}"
             ) from error
         if not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")

@@ -33,12 +33,18 @@ _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenG
 _CRF = 10  # Quality of videos, 51 (bad) to 0: no blocks are seen on the cloth.
 _BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
 _LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # Of the values of MUJOCO_GL, the better first.
-_REMEDY = (
-    "Install software OpenGL with `apt-get install -y libegl1 libgl1-mesa-dri`, unset MUJOCO_GL "
-    "(or set it to egl, osmesa or glfw) and start Python again."
-)
+_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}  # Debian's, which have them.
 SHOWN_SITES = 3  # Groups of sites below this number are drawn, as by MuJoCo's defaults.
 GLASS_GROUP = 1  # Of translucent geoms, which are left out to see what is behind them.
+
+
+def _remedy(backend: str) -> str:
+    """What to do where a value of MUJOCO_GL does not work."""
+    packages = _PACKAGES.get(backend, _PACKAGES["egl"])
+    return (
+        f"Install software OpenGL with `apt-get install -y {packages}`, unset MUJOCO_GL "
+        "(or set it to egl, osmesa or glfw) and start Python again."
+    )
 
 
 def has_display() -> bool:
@@ -59,7 +65,7 @@ def choose_backend() -> None:
     chosen = os.environ.get("MUJOCO_GL")
     if chosen in _LIBRARIES and not ctypes.util.find_library(_LIBRARIES[chosen]):
         raise UnavailableError(
-            f"MUJOCO_GL={chosen!r}, and lib{_LIBRARIES[chosen]} is missing. {_REMEDY}"
+            f"MUJOCO_GL={chosen!r}, and lib{_LIBRARIES[chosen]} is missing. {_remedy(chosen)}"
         )
     if chosen is None and not has_display():
         found = (name for name, file in _LIBRARIES.items() if ctypes.util.find_library(file))
@@ -213,9 +219,10 @@ class CameraView:
                     "this environment has rendered in another thread, and OpenGL stays there: "
                     "render, reset and step it in that thread only, or make one in each thread"
                 ) from error
+            backend = os.environ.get("MUJOCO_GL", "")
             raise UnavailableError(
-                "off-screen rendering failed with "
-                f"MUJOCO_GL={os.environ.get('MUJOCO_GL', '')!r}: {error}. {_REMEDY}"
+                f"off-screen rendering failed with MUJOCO_GL={backend!r}: {error}. "
+                f"{_remedy(backend)}"
             ) from error
 
 

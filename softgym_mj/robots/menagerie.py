@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from dm_control import mjcf
 
-from softgym_mj.exceptions import UnavailableError
+from softgym_mj.exceptions import UnavailableError, install_extra
 from softgym_mj.robots.models import Arm
 
 VISUALS = ("primitive", "menagerie")
@@ -51,8 +51,7 @@ def _spec(arm: Arm) -> mujoco.MjSpec:
         import mujoco_menagerie
     except ImportError as error:
         raise UnavailableError(
-            "visual='menagerie' needs the package mujoco-menagerie: "
-            "`pip install softgym_mj[menagerie]`"
+            f"visual='menagerie' needs the package mujoco-menagerie: {install_extra('menagerie')}"
         ) from error
     try:
         robot = mujoco_menagerie.get(arm.menagerie)

@@ -180,7 +180,7 @@ def test_a_missing_extra_is_named(module, monkeypatch):
     monkeypatch.setitem(sys.modules, module, None)
     result = CliRunner().invoke(commands.app, ["photo", "pour_water"])
     assert isinstance(result.exception, UnavailableError)
-    assert "pip install 'softgym_mj[photo]'" in str(result.exception)
+    assert "pip install '.[photo]'" in str(result.exception)
 
 
 def test_nothing_else_imports_it():

@@ -240,7 +240,7 @@ def test_a_failed_download_says_what_to_do(tmp_path, monkeypatch):
 
 def test_a_missing_package_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)  # Cannot be imported.
-    with pytest.raises(UnavailableError, match=r"pip install softgym_mj\[menagerie\]"):
+    with pytest.raises(UnavailableError, match=r"pip install '\.\[menagerie\]'"):
         make()
 
 

@@ -263,7 +263,7 @@ def test_a_missing_extra_is_named(monkeypatch):
     result = CliRunner().invoke(commands.app, ["view", "pour_water", "--browser"])
     assert isinstance(result.exception, UnavailableError)
     assert isinstance(result.exception, ImportError)
-    assert "pip install 'softgym_mj[viewer]'" in str(result.exception)
+    assert "pip install '.[viewer]'" in str(result.exception)
 
 
 def test_the_page_lists_every_key():

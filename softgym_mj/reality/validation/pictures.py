@@ -45,7 +45,7 @@ def curves(cases: Sequence[Case], primary: str, file: pathlib.Path) -> None:
         UnavailableError: without Matplotlib.
         StoreError: if the file cannot be written.
     """
-    import_extra("matplotlib", "Matplotlib", "notebooks")
+    import_extra("matplotlib", "Matplotlib", "plot")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
