@@ -13,7 +13,8 @@ namespace {
 // [N] With which a body that is told where to go, as pickers are, pushes a point at most: it comes through what it
 // presses against the floor or another one, instead of tearing it.
 constexpr double kMostForce = 0.1;
-constexpr double kLight = 5;  // [kg] Lighter bodies need impulses to be kept from substep to substep.
+constexpr double kShortWay = 0.1;  // [m] In a step: bodies that are near by less are looked at, however slow they are.
+constexpr double kLight = 5;       // [kg] Lighter bodies need impulses to be kept from substep to substep.
 // Bodies of this bounding radius [m] count as small: pads of grippers.
 constexpr double kSmall = 0.05;
 // [m] Against them cloth is thinner, so that a pad that comes down beside it finds room between floor and cloth.
@@ -44,6 +45,17 @@ Shape ShapeOf(int type) {
     default:
       return Shape::kPlane;
   }
+}
+
+// How far a geom that moves gets in the step at most [m]: as far as its velocity takes it, and some more.
+double FurthestWay(const mjModel* m, const mjData* d, int geom) {
+  const int body = m->geom_bodyid[geom];
+  const mjtNum* velocity = d->cvel + 6 * body;  // Rotation, then translation of the tree's centre of mass.
+  mjtNum arm[3], way[3];
+  mju_sub3(arm, d->geom_xpos + 3 * geom, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(way, velocity, arm);
+  mju_addTo3(way, velocity + 3);
+  return kShortWay + m->opt.timestep * mju_norm3(way);
 }
 
 }  // namespace
@@ -122,7 +134,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     if (!touches) continue;
     double margin = radius + kSolidMargin;
     const double* centre = d->geom_xpos + 3 * g;
-    // Bodies are looked at only if their geoms may be near: nothing moves further than this in a step.
+    // Bodies are looked at only if their geoms may be near.
     const auto away = [&](double most) {
       for (int k = 0; k < 3; ++k) {
         if (centre[k] + most < low[k] || centre[k] - most > high[k]) return true;
@@ -130,7 +142,7 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
       return false;
     };
     const bool moves = m->body_treeid[m->geom_bodyid[g]] >= 0;
-    if (away(m->geom_rbound[g] + margin + fastest + (moves ? 0.1 : 0))) continue;
+    if (away(m->geom_rbound[g] + margin + fastest + (moves ? FurthestWay(m, d, g) : 0))) continue;
     Body* body = bodies_.Find(m->geom_bodyid[g]);
     if (body) {
       const double* v = body->velocity;
