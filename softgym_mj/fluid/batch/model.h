@@ -15,7 +15,6 @@ struct BatchWall {
   int body;                           // Of those that are told where to go, or -1: the world.
   float size[3];                      // As in mjModel.geom_size.
   double position[3], quaternion[4];  // In the body.
-  double radius;                      // Around the geom's centre; 0 of a plane [m].
 };
 
 struct Model {

@@ -5,6 +5,7 @@
 
 #include "fluid/batch/lists.h"
 #include "fluid/batch/world.h"
+#include "fluid/plugin/sweep.h"
 #include "native/rotation.h"
 
 namespace softgym_mj::fluid {
@@ -28,12 +29,7 @@ inline void FindPoses(const World& w) {
     for (int k = 0; k < 3; ++k) to[k] += body[k];
     MulQuat(turned, wall.quaternion, to + 3);
     Normalize4(to + 3);
-    double square = 0, dot = 0;
-    for (int k = 0; k < 3; ++k) square += (stored[k] - to[k]) * (stored[k] - to[k]);
-    for (int k = 3; k < 7; ++k) dot += stored[k] * to[k];
-    dot = std::fabs(dot);
-    const double turn = 2 * acos(dot < 1 ? dot : 1.0);
-    const bool stays = known && std::sqrt(square) + turn * wall.radius <= m.reach;
+    const bool stays = known && WayOfWall(wall.shape, wall.size, stored, to) <= m.reach;
     for (int k = 0; k < 7; ++k) {
       from[k] = stays ? stored[k] : to[k];
       stored[k] = to[k];

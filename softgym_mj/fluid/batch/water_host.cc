@@ -66,7 +66,6 @@ std::string Write(const mjModel* m, const mjData* d, const std::vector<int>& bod
     BatchWall* out = model->walls + i;
     out->shape = wall.shape;
     std::copy(wall.size, wall.size + 3, out->size);
-    out->radius = wall.shape == Shape::kPlane ? 0 : m->geom_rbound[wall.geom];
     const auto found = std::find(bodies.begin(), bodies.end(), wall.body);
     out->body = found == bodies.end() ? -1 : static_cast<int>(found - bodies.begin());
     if (out->body < 0) {

@@ -17,6 +17,7 @@
 #include "native/limits.h"
 #include "native/reset.h"
 #include "solver.h"
+#include "sweep.h"
 
 namespace softgym_mj {
 namespace {
@@ -153,13 +154,6 @@ void StorePoses(const std::vector<Pose>& poses, mjtNum* stored) {
   }
 }
 
-// How far any point of a wall moves between two poses, at most.
-double Motion(const mjModel* m, const Wall& wall, const Pose& a, const Pose& b) {
-  const double turn = 2 * std::acos(std::min(1.0, std::fabs(mju_dot(a.quaternion, b.quaternion, 4))));
-  const double radius = wall.shape == Shape::kPlane ? 0 : m->geom_rbound[wall.geom];
-  return mju_dist3(a.position, b.position) + turn * radius;
-}
-
 // Vertices move from where they were at the end of the last step, which is stored, unless that is
 // unknown or further than `reach`. Stores where they are now.
 void SweepVertices(bool known, double reach, mjtNum* stored, FlexMotion* flexes) {
@@ -238,13 +232,24 @@ void TryToAdvance(const mjModel* m, mjData* d, int instance) {
   }
   w.start = w.end;
   const double reach = MaxSpeed(w.config, m->opt.timestep) * m->opt.timestep;
+  bool jumped = false;
   for (int i = 0; i < walls; ++i) {
     if (!state[layout.known]) continue;
-    const mjtNum* stored = state + layout.poses + 7 * i;
-    Pose old;
-    mju_copy3(old.position, stored);
-    mju_copy4(old.quaternion, stored + 3);
-    if (Motion(m, w.walls[i], old, w.end[i]) <= reach) w.start[i] = old;
+    const mjtNum *stored = state + layout.poses + 7 * i, *p = w.end[i].position, *q = w.end[i].quaternion;
+    const double now[7] = {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
+    if (WayOfWall(w.walls[i].shape, w.walls[i].size, stored, now) <= reach) {
+      mju_copy3(w.start[i].position, stored);
+      mju_copy4(w.start[i].quaternion, stored + 3);
+    } else {
+      jumped = true;
+    }
+  }
+  if (jumped) {
+    std::snprintf(reason, sizeof(reason),
+                  "a wall moves further than %g m in a step (max_speed, or 0.9 spacings in a substep): it counts as "
+                  "teleported and may leave water behind.",
+                  reach);
+    Warn(m, d, instance, reason, mjWARN_BADQVEL);
   }
   if (w.config.flexes) {
     SweepVertices(state[layout.known] != 0, reach, state + layout.vertices, &w.flexes);
