@@ -302,6 +302,38 @@ def environments():
     ]
 
 
+@pytest.mark.parametrize(
+    ("scale", "gray", "size"),
+    [(1.0, False, (20, 30)), (0.5, False, (10, 15)), (1.0, True, (20, 30))],
+)
+def test_images_become_a_gif(tmp_path, scale, gray, size):
+    levels = np.array([0, 100, 200], np.uint8)
+    shape = (20, 30) if gray else (20, 30, 3)
+    images = np.broadcast_to(levels.reshape(3, *len(shape) * [1]), (3, *shape))
+    compat.save_numpy_as_gif(images, str(tmp_path / "film.mp4"), fps=25, scale=scale)
+    film = imageio.imread(tmp_path / "film.gif", index=None)
+    assert film.shape == (3, *size, 3)
+    np.testing.assert_array_equal(film, np.broadcast_to(levels[:, None, None, None], film.shape))
+    about = imageio.immeta(tmp_path / "film.gif")
+    assert about["duration"] == 40 and about["loop"] == 0
+
+
+@pytest.mark.parametrize(
+    ("images", "settings", "named"),
+    [
+        (np.zeros((2, 8, 8, 4), np.uint8), {}, "array"),
+        (np.zeros((0, 8, 8, 3), np.uint8), {}, "array"),
+        ([1, 2], {}, "array"),
+        (np.zeros((2, 8, 8), np.uint8), {"fps": 0}, "fps"),
+        (np.zeros((2, 8, 8), np.uint8), {"scale": -1.0}, "scale"),
+    ],
+)
+def test_what_is_no_gif_is_refused(tmp_path, images, settings, named):
+    with pytest.raises(InvalidArgumentError, match=named):
+        compat.save_numpy_as_gif(images, tmp_path / "film.gif", **settings)
+    assert not list(tmp_path.iterdir())
+
+
 def check_import(name):
     namespace: dict = {}
     exec(f"from softgym_mj.compat import {name}", namespace)

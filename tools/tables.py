@@ -171,6 +171,19 @@ def materials() -> str:
     return f"{table('| | rope | cloth | water |', rows)}\n\n{on(found['machine'])}"
 
 
+def arm_speeds() -> str:
+    """The README's speeds with pickers or cups, and with arms by their shares of these."""
+    found, rows = measured("throughput"), []
+    for name in TASKS:
+        own = found["tasks"][name]
+        rate = own["env_steps_per_second"]
+        rates = (rate, *(rate * own["arms"][arm] for arm in own["arms"]))
+        rows.append(f"| `{name}` | {' | '.join(f'{r:.0f}' for r in rates)} |")
+    titles = " | ".join(f"`{arm}`" for arm in found["tasks"][next(iter(TASKS))]["arms"])
+    head = f"| task, env steps/s | abstract actor | {titles} |"
+    return f"{table(head, rows)}\n\n{on(found['machine'])}"
+
+
 def learning() -> str:
     """What SAC learns."""
     rows = []
@@ -270,7 +283,7 @@ def pages() -> dict[pathlib.Path, str]:
         row = " | ".join([f"| `{task}`", shares, *cells(actors)])
         pattern = rf"\| `{task}` \| [.\d]+ / [.\d]+ \| .* \|\n"
         texts[ROBOTS] = replaced(texts[ROBOTS], pattern, f"{row} |\n")
-    texts[ROBOTS] = between(texts[ROBOTS], "speed", on(rates["machine"]))
+    texts[ROBOTS] = between(texts[ROBOTS], "speed", arm_speeds())
     arms = progress(measured("experts_before"), scores)
     texts[ROBOTS] = between(texts[ROBOTS], "progress", arms)
     texts[README] = between(texts[README], "learned", learned.overview())

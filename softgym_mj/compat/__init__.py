@@ -16,6 +16,7 @@ from typing import Any
 
 from softgym_mj.compat.actions import MODES_OF
 from softgym_mj.compat.environment import RECORDS, OldEnv
+from softgym_mj.compat.gif import save_numpy_as_gif
 from softgym_mj.compat.names import FIXED, REPLACED, ReplacedError, Table
 from softgym_mj.compat.normalized import NormalizedEnv
 from softgym_mj.exceptions import UnavailableError
@@ -23,7 +24,7 @@ from softgym_mj.variations.indices import NUM_VARIATIONS
 
 __all__ = [
     "SOFTGYM_ENVS", "NormalizedEnv", "OldEnv", "ReplacedError", "Table", "env_arg_dict",
-    "normalize",
+    "normalize", "save_numpy_as_gif",
 ]  # fmt: skip
 
 normalize = NormalizedEnv

@@ -18,7 +18,7 @@ _USES = {
     "softgym_mj.rendering.offscreen.CameraView": "camera_name",
     "start_record() and end_record(path)": "record_video video_path video_name "
     "video_height video_width set_video_recording_params",
-    "softgym_mj.rendering.offscreen.Video": "save_numpy_as_gif make_grid",
+    "softgym_mj.rendering.offscreen.Video": "make_grid",
     "dm_env.task.goal_image(dm_env.physics)": "goal_character_img goal_characters_image "
     "generate_alphabet_image",
     "dm_env.task.actor, with held, positions() and limits": "action_tool get_picked_particle",
@@ -47,8 +47,9 @@ _USES = {
     "register_flex_envs",
     "dm_env.task.scene": "ClothPos ClothStiff flip_mesh target_pos init_pos stretchstiffness "
     "bendingstiffness radius mass scale env_idx target_height",
-    "dm_env.task.scene and dm_env.physics of an environment": "pyflex center_object "
-    "random_pick_and_place",
+    "render() of an environment, for depth CameraView('task', height, width).depth("
+    "dm_env.physics), for states dm_env.task.scene": "pyflex",
+    "dm_env.task.scene and dm_env.physics of an environment": "center_object random_pick_and_place",
 }
 REPLACED = {name: use for use, names in _USES.items() for name in names.split()}
 OTHER_ACTION_MODES = ("sphere", "sawyer", "franka", "rotation_top")

@@ -1,6 +1,7 @@
 """What the README shows is run: its Python, its commands; CI runs what it says."""
 
 import copy
+import dataclasses
 import inspect
 import json
 import pathlib
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 from softgym_mj import compat, registry
 from softgym_mj.cli import commands
+from softgym_mj.entities import View
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from tools import architecture, tables
 
@@ -46,6 +48,23 @@ def test_python_blocks_run(code, monkeypatch):
     # SoftGym's scripts change its table in place.
     monkeypatch.setattr(compat, "env_arg_dict", copy.deepcopy(compat.env_arg_dict))
     exec(compile(code, "README.md", "exec"), {})
+
+
+def test_the_first_block_prints_the_same_every_time(capsys):
+    for _ in range(2):
+        exec(compile(blocks("python")[0], "README.md", "exec"), {})
+    once, again = capsys.readouterr().out.splitlines()
+    assert once == again
+
+
+def test_every_field_of_a_view_is_explained():
+    section = ARGUMENTS.split("`view` of a task is")[1].split("\n\n")[1]
+    listed = {
+        name
+        for row in section.splitlines()
+        for name in re.findall(r"`(\w+)`", row[: row.find("|", 1)])
+    }
+    assert listed == {field.name for field in dataclasses.fields(View)}
 
 
 def test_the_example_of_the_cloth_plugin_runs(tmp_path, monkeypatch, capsys):

@@ -1,0 +1,37 @@
+"""`save_numpy_as_gif` of SoftGym's `utils.visualization`."""
+
+import pathlib
+
+import numpy as np
+from PIL import Image
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.kinds import typed
+
+
+@typed
+def save_numpy_as_gif(
+    array: np.ndarray, filename: str | pathlib.Path, fps: float = 20, scale: float = 1.0
+) -> None:
+    """Writes images as a GIF that repeats forever; returns nothing, where SoftGym's has a clip.
+
+    Args:
+        array: images (n, height, width, 3) or (n, height, width), 0 to 255.
+        filename: of the file, whose ending becomes ".gif".
+        fps: images in a second; players round the time of one to 10 ms.
+        scale: factor of height and width.
+
+    Raises:
+        InvalidArgumentError: for another shape, no image, or a number that is not positive.
+    """
+    for name, value in (("fps", fps), ("scale", scale)):
+        if value <= 0:
+            raise InvalidArgumentError(name, value, "a number above 0")
+    if array.ndim not in (3, 4) or not array.size or array.shape[3:] not in ((), (3,)):
+        valid = "images (n, height, width, 3) or (n, height, width)"
+        raise InvalidArgumentError("array", array.shape, valid)
+    frames = [Image.fromarray(image.astype(np.uint8)).convert("RGB") for image in array]
+    size = tuple(max(1, round(scale * side)) for side in frames[0].size)
+    first, *others = [frame if frame.size == size else frame.resize(size) for frame in frames]
+    file = pathlib.Path(filename).with_suffix(".gif")
+    first.save(file, save_all=True, append_images=others, duration=1000 / fps, loop=0)
