@@ -31,7 +31,8 @@ def save_numpy_as_gif(
         valid = "images (n, height, width, 3) or (n, height, width)"
         raise InvalidArgumentError("array", array.shape, valid)
     frames = [Image.fromarray(image.astype(np.uint8)).convert("RGB") for image in array]
-    size = tuple(max(1, round(scale * side)) for side in frames[0].size)
+    width, height = (max(1, round(scale * side)) for side in frames[0].size)
+    size = width, height
     first, *others = [frame if frame.size == size else frame.resize(size) for frame in frames]
     file = pathlib.Path(filename).with_suffix(".gif")
     first.save(file, save_all=True, append_images=others, duration=1000 / fps, loop=0)
