@@ -9,11 +9,11 @@ import typer
 from softgym_mj.cli.console import (
     Ray,
     Task,
+    Trust,
     console,
-    given,
     parsed_settings,
 )
-from softgym_mj.exceptions import check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.registry import find
 from softgym_mj.vector.make import DEVICES
@@ -40,8 +40,20 @@ def train(
         str | None, typer.Option(help="Of networks: cpu or cuda; the environments' if not given.")
     ] = None,
     observation: Annotated[
-        str | None, typer.Option(help="reduced, markov, full or rgb, not the preset's.")
+        str | None,
+        typer.Option(
+            help="What the policy observes, in place of the preset's: reduced, markov, full or "
+            "rgb; of distill names such as rgb,proprioception,held."
+        ),
     ] = None,
+    teacher: Annotated[
+        str | None,
+        typer.Option(
+            help="Policy that distill imitates: FILE.pt2, or the name of one in docs/results/"
+            "policies of a checkout; with --trust.",
+        ),
+    ] = None,
+    trust: Trust = False,
     settings: Annotated[
         str,
         typer.Option(
@@ -74,7 +86,12 @@ def train(
     check_name("device", device, DEVICES)
     check_name("learner_device", learner_device, (None, "cpu", "cuda"))
     check_count("seeds", seeds, 1, 100)
-    chosen: dict[str, Any] = {**parsed_settings(settings), **given(observation=observation)}
+    chosen: dict[str, Any] = parsed_settings(settings)
+    if observation is not None:
+        names = observation.split(",")
+        chosen["observation"] = names if len(names) > 1 else observation
+    if teacher is not None:
+        chosen |= _teacher(teacher, trust)
     if arguments := parsed_settings(task_settings):
         chosen["arguments"] = arguments
     training, found = find_preset(method, preset, find(task).name, **chosen)
@@ -100,6 +117,24 @@ def train(
                 f"{row['normalized_performance']:.3f}, success {row['success']:.2f}"
             )
     console.print(f"wrote {out / 'curve.csv'}")
+
+
+def _teacher(name: str, trust: bool) -> dict[str, Any]:
+    """Returns settings of distill for a teacher."""
+    from softgym_mj.policies.exported import SUFFIX, observes
+
+    file = name if name.endswith(SUFFIX) else f"docs/results/policies/{name}{SUFFIX}"
+    if not pathlib.Path(file).is_file():
+        raise InvalidArgumentError("teacher", name, f"a file; there is no {file}")
+    if not trust:
+        raise InvalidArgumentError(
+            f"teacher={file!r} is not loaded: such a file can run any code on this machine. If you "
+            "trust whoever made it, say so by --trust"
+        )
+    observed = observes(file).get("observation", "markov")
+    if not isinstance(observed, str) or observed == "rgb":
+        raise InvalidArgumentError("teacher", name, f"a policy of states; it observes {observed}")
+    return {"teacher": file, "privileged": observed}
 
 
 def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:

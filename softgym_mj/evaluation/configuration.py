@@ -13,9 +13,10 @@ import softgym_mj
 from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
 from softgym_mj.kinds import typed
+from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import BUDGET, CEM, ITERATIONS, PLANNERS, make_planner
-from softgym_mj.policies.saved import SEED, is_saved, observes, sha256
+from softgym_mj.policies.saved import SEED, is_saved, sha256
 from softgym_mj.variations.indices import check_variation, split_indices
 
 # Counts up when scores of the same episode would differ: results of two versions are not mixed.
@@ -98,7 +99,7 @@ class Configuration:
     def _observe(self) -> None:
         """Sets the observation that the policies' files name."""
         for seed in self.seeds:
-            for name, value in observes(self.policy, seed).items():
+            for name, value in observes(self.policy.replace(SEED, str(seed))).items():
                 if (given := self.settings.get(name, value)) != value:
                     valid = f"{value!r}, with which {self.policy!r} was trained"
                     raise InvalidArgumentError(f"settings: {name}", given, valid)

@@ -84,9 +84,11 @@ def refused(folder: pathlib.Path, reason: str) -> StoreError:
 
 
 def moved(value: Any, device: str) -> Any:
-    """Returns tensors, or tuples and lists of them, on a device."""
+    """Returns tensors, or tuples, lists and dicts of them, on a device."""
     if isinstance(value, Tensor):
         return value.to(device)
+    if isinstance(value, dict):
+        return {name: moved(each, device) for name, each in value.items()}
     if isinstance(value, tuple | list):
         return tuple(moved(each, device) for each in value)
     return value

@@ -24,7 +24,9 @@ class Problem:
         action: size of one, in -1..1.
         reward_scale: factor to the task's rewards, in those that are learned from.
         device: of PyTorch.
-        observed: what is observed, one of `settings.OBSERVATIONS`.
+        observed: name of what is observed, or names of several observations.
+        shapes: of several observations by name, `observation` being (); empty for a single one.
+        env_steps: env steps of each seed in the whole training.
     """
 
     task: str
@@ -35,11 +37,14 @@ class Problem:
     action: int
     reward_scale: float
     device: str
-    observed: str = "reduced"
+    observed: str | tuple[str, ...] = "reduced"
+    shapes: Mapping[str, tuple[int, ...]] = dataclasses.field(default_factory=dict)
+    env_steps: int = 0
 
     def example(self) -> Environment:
         """An environment of the task that has been reset, without images."""
-        seen = "reduced" if self.observed == "rgb" else self.observed
+        is_state = isinstance(self.observed, str) and self.observed != "rgb"
+        seen = self.observed if is_state else "reduced"
         env = softgym_mj.load(self.task, split="all", observation=seen, **self.task_settings)
         env.reset(0)
         return env
@@ -140,5 +145,7 @@ class Method:
 
 def worlds_of(problem: Problem, array: Any) -> Tensor:
     """An array of all environments (seeds * worlds, ...) as (seeds, worlds, ...), on its device."""
+    if isinstance(array, Mapping):
+        return {name: worlds_of(problem, each) for name, each in array.items()}
     tensor = torch.as_tensor(array, device=problem.device)
     return tensor.reshape(len(problem.seeds), -1, *tensor.shape[1:])

@@ -30,11 +30,17 @@ METHODS = {
     "wu": ("wu.learner", "WuSettings"),
     "curl": ("curl", "CURLSettings"),
     "drq": ("drq", "DrQSettings"),
+    "distill": ("distill", "DistillSettings"),
 }
 PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # A file of each method.
 _ROOM = "softgym_mj.learning.methods"
 LARGEST_LAYER, LARGEST_BATCH = 16_384, 1_000_000
-LABELLED = {"observation", "symmetric"}  # Settings that curves name beside the preset.
+LABELLED = {
+    "observation",
+    "symmetric",
+    "teacher",
+    "privileged",
+}  # Settings that curves name beside the preset.
 
 
 def find_method(name: str, /, **settings: Any) -> Method:

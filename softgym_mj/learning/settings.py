@@ -24,7 +24,8 @@ class TrainingSettings:
 
     Attributes:
         task: its name.
-        observation: one of `OBSERVATIONS`.
+        observation: what the policy observes: one of `OBSERVATIONS`, or names of several
+            observations of the task, for methods that take them.
         image_size: height and width of images [pixels].
         env_steps: of each seed, in all.
         worlds: environments of each seed.
@@ -47,7 +48,7 @@ class TrainingSettings:
     """
 
     task: str
-    observation: str = "reduced"
+    observation: str | tuple[str, ...] = "reduced"
     image_size: tuple[int, int] = (128, 128)
     env_steps: int = 1_000_000
     worlds: int = 50
@@ -68,7 +69,11 @@ class TrainingSettings:
                 valid = f"other arguments of the task; the setting of a training for it is {own}"
                 raise InvalidArgumentError("task settings", name, valid)
         find(self.task).check_arguments(self.arguments)
-        check_name("observation", self.observation, OBSERVATIONS)
+        if isinstance(self.observation, str):
+            check_name("observation", self.observation, OBSERVATIONS)
+        elif len({*self.observation}) < max(len(self.observation), 2):
+            valid = "a name, or names of two or more different observations"
+            raise InvalidArgumentError("observation", self.observation, valid)
         for name in ("env_steps", "worlds", "evaluate_every"):
             check_count(name, getattr(self, name), 1)
         for name in ("episodes", "final_episodes"):
@@ -82,6 +87,11 @@ class TrainingSettings:
             check_count("learned_steps", self.learned_steps, 1)
         if self.env_steps % self.part:
             raise InvalidArgumentError("env_steps", self.env_steps, f"{self.part} times a number")
+
+    @property
+    def observations(self) -> tuple[str, ...]:
+        """Names of what the policy observes."""
+        return (self.observation,) if isinstance(self.observation, str) else self.observation
 
     @property
     def parts(self) -> int:

@@ -7,8 +7,6 @@ that was killed ends with the same numbers, wherever its checkpoints were.
 """
 
 import dataclasses
-import io
-import json
 import pathlib
 import platform
 import time
@@ -31,7 +29,7 @@ from softgym_mj.learning.checkpoints import alone, moved, read_checkpoint, refus
 from softgym_mj.learning.curves import CARD, write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.learning.settings import TrainingSettings
-from softgym_mj.policies.saved import NOTE
+from softgym_mj.policies.exported import export_policy, has_images
 from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
@@ -82,10 +80,16 @@ class Training:
         left = {} if settings.learned_steps is None else {"horizon": settings.learned_steps}
         self._envs = self._make(number, autoreset_mode="SameStep", **left)
         self._players: dict[int, Any] = {}  # Environments of evaluations, by their number.
+        space = self._envs.single_observation_space
+        shapes = {name: each.shape for name, each in getattr(space, "spaces", {}).items()}
+        if shapes and not hasattr(self.method.settings, "privileged"):
+            valid = f"a single name, as {self.method.name} takes one observation"
+            raise InvalidArgumentError("observation", settings.observation, valid)
         self._problem = Problem(
             settings.task, settings.task_settings, self.seeds, settings.worlds,
-            self._envs.single_observation_space.shape, self._envs.single_action_space.shape[-1],
+            space.shape or (), self._envs.single_action_space.shape[-1],
             settings.reward_scale, self.learner_device or own, settings.observation,
+            shapes, settings.env_steps,
         )  # fmt: skip
         try:
             self.learner = self.method.make(self.method.settings, self._problem)
@@ -98,11 +102,12 @@ class Training:
             ) from error
 
     def _make(self, number: int, **settings: Any) -> Any:
-        own = self.settings
+        own, observed = self.settings, self._observed()
+        if (privileged := getattr(self.method.settings, "privileged", None)) is not None:
+            observed["observation"] = [*own.observations, privileged]
         return softgym_mj.make_vec(
-            own.task, number, device=self.device,
-            **{**self._observed(), **own.task_settings, **settings},
-        )  # fmt: skip
+            own.task, number, device=self.device, **{**observed, **own.task_settings, **settings}
+        )
 
     @property
     def covered(self) -> int:
@@ -191,7 +196,7 @@ class Training:
         each = [first + i for first in firsts for i in range(number)]
         seen, _ = self._envs.reset(seed=each, options={"stagger": number})
         observation = worlds_of(self._problem, seen)
-        first = torch.ones(observation.shape[:2], dtype=torch.bool, device=observation.device)
+        first = torch.ones(len(self.seeds), number, dtype=torch.bool, device=self._problem.device)
         for action in self._actions:
             self.phase = "repeats a part"
             seen, _, terminated, truncated, _ = self._envs.step(self._told(action))
@@ -229,11 +234,21 @@ class Training:
         flat = action.flatten(0, 1)
         return flat if self.device == "cuda" else flat.cpu().numpy()
 
-    def _last(self, following: Tensor, infos: Mapping[str, Any]) -> Tensor:
+    def _last(self, following: Any, infos: Mapping[str, Any]) -> Any:
         """What was seen at the end of each episode, where one has ended: else what follows."""
         if "final_obs" not in infos:
             return following
-        final, ended = infos["final_obs"], infos["_final_obs"]
+        return self._replaced(following, infos["final_obs"], infos["_final_obs"])
+
+    def _replaced(self, following: Any, final: Any, ended: Any) -> Any:
+        if isinstance(following, Mapping):
+            parts = {
+                name: final[name]
+                if isinstance(final, Mapping)
+                else [each and each[name] for each in final]
+                for name in following
+            }
+            return {n: self._replaced(seen, parts[n], ended) for n, seen in following.items()}
         if isinstance(final, Tensor):
             mask = worlds_of(self._problem, ended)
             mask = mask.reshape(*mask.shape, *[1] * (following.ndim - 2))
@@ -273,7 +288,8 @@ class Training:
                 self.rows.append(
                     {
                         "task": settings.task, "method": self.method.name,
-                        "observation": settings.observation, "preset": self.method.preset,
+                        "observation": "+".join(settings.observations),
+                        "preset": self.method.preset,
                         "replay": "symmetric" if is_symmetric else "plain",
                         "seed": seed, "env_steps": self.env_steps,
                         "updates": self.learner.updates, "seconds": round(self._seconds, 1),
@@ -374,25 +390,24 @@ class Training:
 
     def _export(self) -> None:
         """Writes the policy of each seed to a file, for `softgym-mj evaluate --policy`."""
-        shape = self._problem.observation
-        example = torch.zeros(1, *shape, dtype=torch.uint8 if len(shape) == 3 else torch.float32)
+        space, names = self._envs.single_observation_space, self.settings.observations
+        several: dict[str, Any] = getattr(space, "spaces", {names[0]: space})
         for k, seed in enumerate(self.seeds):
             try:
                 module = self.learner.policy(k)
             except InvalidArgumentError:  # Of those that remember no file can be made.
                 return
-            exported = torch.export.export(module.eval(), (example,))
-            for node in exported.graph.nodes:  # Else the file says where this machine has what.
-                node.meta.pop("stack_trace", None)
-            file = io.BytesIO()
-            torch.export.save(exported, file, extra_files={NOTE: json.dumps(self._observed())})
-            write_whole(self.folder / POLICY.format(seed=seed), file.getvalue())
+            frames = getattr(module, "frames", 1)
+            seen = {name: several[name] for name in names}
+            saved = export_policy(module, seen, self._observed(), frames)
+            write_whole(self.folder / POLICY.format(seed=seed), saved)
 
     def _observed(self) -> dict[str, Any]:
         """What policies observe, as arguments of the task."""
         own = self.settings
-        sized = {"image_size": own.image_size} if own.observation == "rgb" else {}
-        return {"observation": own.observation, **sized}
+        sized = {"image_size": own.image_size} if has_images(own.observations) else {}
+        several = [*own.observations] if len(own.observations) > 1 else own.observations[0]
+        return {"observation": several, **sized}
 
     def _restore(self) -> None:
         """Goes back to the last checkpoint, if there is one."""

@@ -19,8 +19,8 @@ from softgym_mj.learning.curves import COLUMNS
 from softgym_mj.learning.registry import METHODS, PRESETS, find_method, find_preset
 from softgym_mj.learning.settings import OBSERVATIONS, TrainingSettings
 from softgym_mj.learning.training import Training
+from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import make_policy
-from softgym_mj.policies.saved import observes
 
 SEEDS = [4, 9]
 METHOD = find_method(
@@ -128,7 +128,7 @@ def test_who_sees_what_is_held_plays_as_its_evaluation(tmp_path):
     )
     for k, seed in enumerate(SEEDS):
         name = str(tmp_path / f"policy_{seed}.pt2")
-        assert observes(name, seed) == {"observation": "markov"}
+        assert observes(name) == {"observation": "markov"}
         act = make_policy(name, env, seed, trust=True)
         timestep = env.reset(830)
         while not timestep.last():

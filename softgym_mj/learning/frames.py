@@ -1,0 +1,164 @@
+"""`Frames`: the newest env steps of environments of several seeds, each image kept once.
+
+An observation that is an image is given as a stack of successive frames of its episode.
+"""
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.replay import NEWEST_IMAGES
+
+_log = logging.getLogger(__name__)
+
+
+class Frames:
+    """A ring of vector steps: arrays (capacity, seeds, worlds, ...) by name.
+
+    `sample` asks for no number of the device, so that it can be part of a CUDA graph.
+
+    Attributes:
+        sources: generators of the draws, one a seed.
+    """
+
+    def __init__(
+        self,
+        capacity: int,
+        seeds: Sequence[int],
+        worlds: int,
+        shapes: Mapping[str, tuple[int, ...]],
+        *,
+        frames: int,
+        shift: int = 0,
+        device: str = "cpu",
+    ):
+        """Makes room.
+
+        Args:
+            capacity: number of vector steps that are kept.
+            seeds: of the draws.
+            worlds: number of environments of each seed.
+            shapes: of a single entry by name; images have two dimensions or more: (height, width),
+                (height, width, 3) or (cameras, height, width, 3).
+            frames: number of frames in a stack; before the start of an episode, its first one.
+            shift: largest random shift of a stack in each direction [pixels]; edges are repeated.
+            device: of PyTorch.
+        """
+        self._frames, self._shift, self._worlds = frames, shift, worlds
+        self._capacity, self._size, self._next = max(capacity, frames), 0, 0
+        self._is_cut = False  # Whether steps before the oldest were left out of a state.
+        lead = self._capacity, len(seeds), worlds
+        self._kept = {
+            name: torch.zeros(*lead, *shape, dtype=_kind(name, shape), device=device)
+            for name, shape in shapes.items()
+        }
+        self._images = {name for name, shape in shapes.items() if len(shape) > 1}
+        # Env steps since the start of the episode.
+        self._age = torch.zeros(lead, dtype=torch.int64, device=device)
+        # Vector steps that are kept, place of the oldest, how many of these lack earlier frames.
+        self._extent = torch.zeros(3, dtype=torch.int64, device=device)
+        self.sources = generators(seeds, device)
+
+    def add(self, values: Mapping[str, Tensor], first: Tensor) -> None:
+        """Keeps a vector step.
+
+        Args:
+            values: (seeds, worlds, ...) by name.
+            first: whether each is the first of an episode (seeds, worlds).
+        """
+        for name, kept in self._kept.items():
+            kept[self._next] = values[name]
+        self._age[self._next] = (self._age[self._next - 1] + 1).masked_fill(first, 0)
+        self._next = (self._next + 1) % self._capacity
+        self._size = min(self._size + 1, self._capacity)
+        self._note()
+
+    def _note(self) -> None:
+        is_full = self._size == self._capacity
+        oldest = self._next if is_full else 0
+        lacking = self._frames - 1 if is_full or self._is_cut else 0
+        for k, number in enumerate((self._size, oldest, lacking)):
+            self._extent[k].fill_(number)
+
+    def sample(self, k: int, number: int) -> dict[str, Tensor]:
+        """Draws entries of the seed at a place, with equal chances.
+
+        Returns:
+            Arrays by name: (number, ...); of images (number, frames, ...), the oldest first.
+        """
+        size, oldest, lacking = self._extent
+        shares = drawn(self.sources[k : k + 1], 4, number, normal=False)[0]
+        at = (oldest + lacking + _of(shares[0], size - lacking)) % self._capacity
+        world = _of(shares[1], self._worlds)
+        back = torch.arange(self._frames - 1, -1, -1, device=at.device)
+        age = self._age[at, k, world, None]
+        past = (at[:, None] - torch.minimum(back, age)) % self._capacity
+        return {
+            name: self._moved(kept[:, k], past, world[:, None], shares[2:])
+            if name in self._images
+            else kept[at, k, world]
+            for name, kept in self._kept.items()
+        }
+
+    def _moved(self, kept: Tensor, at: Tensor, world: Tensor, shares: Tensor) -> Tensor:
+        """Returns images of places (n, frames), each stack shifted by shares (2, n) in 0..1."""
+        is_several = kept.ndim == 6
+        sides = kept.shape[3:5] if is_several else kept.shape[2:4]
+        rows, columns = (
+            _of(own, 2 * self._shift + 1)[:, None]
+            - self._shift
+            + torch.arange(side, device=at.device)
+            for own, side in zip(shares, sides, strict=True)
+        )
+        rows = rows.clamp(0, sides[0] - 1)[:, None, :, None]
+        columns = columns.clamp(0, sides[1] - 1)[:, None, None, :]
+        if not is_several:
+            return kept[at[..., None, None], world[..., None, None], rows, columns]
+        cameras = torch.arange(kept.shape[2], device=at.device)[:, None, None]
+        lead = at[..., None, None, None], world[..., None, None, None]
+        return kept[*lead, cameras, rows[:, None], columns[:, None]]
+
+    def get_state(self) -> dict[str, Any]:
+        """Returns what `set_state` needs to continue: with the same numbers, if all fits.
+
+        All images may be tens of gigabytes: the state has those of `NEWEST_IMAGES` env steps, of
+        all seeds together.
+        """
+        number = min(self._size, max(NEWEST_IMAGES // math.prod(self._age.shape[1:]), self._frames))
+        newest = (torch.arange(number) + self._next - number) % self._capacity
+        arrays = {**self._kept, "_age": self._age}
+        return {
+            "kept": {name: array[newest.to(array.device)] for name, array in arrays.items()},
+            "whole": self._size,
+            "is_cut": self._is_cut or number < self._size,
+            "random": [source.get_state() for source in self.sources],
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Continues from what `get_state` returned."""
+        self._size, self._is_cut = len(state["kept"]["_age"]), state["is_cut"]
+        self._next = self._size % self._capacity
+        if self._size < state["whole"]:
+            _log.warning("Continues with the newest %d of %d steps", self._size, state["whole"])
+        for name, array in {**self._kept, "_age": self._age}.items():
+            array[: self._size] = state["kept"][name]
+        for source, kept in zip(self.sources, state["random"], strict=True):
+            source.set_state(kept)
+        self._note()
+
+
+def _kind(name: str, shape: tuple[int, ...]) -> torch.dtype:
+    """Returns the type in which an entry is kept."""
+    if len(shape) < 2:
+        return torch.float32
+    return torch.float16 if "depth" in name else torch.uint8
+
+
+def _of(shares: Tensor, number: Tensor | int) -> Tensor:
+    """Returns whole numbers from 0 to below `number`, of shares in 0..1."""
+    return (shares * number).long().clamp(max=number - 1)

@@ -1,0 +1,196 @@
+"""Policies in files that `torch.export.save` wrote, and what these say of their observations.
+
+The extra file `NOTE` in such a file has the arguments of the task by which a policy observes, and
+the number of successive images that it takes.
+"""
+
+import io
+import json
+import os
+import pathlib
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import dm_env
+import gymnasium
+import numpy as np
+
+from softgym_mj.envs.environment import Environment
+from softgym_mj.exceptions import InvalidArgumentError, import_extra
+from softgym_mj.jobs.files import read_whole
+from softgym_mj.robots.gripper import HELD
+from softgym_mj.tasks.shared.observations import STATES
+
+Policy = Callable[[dm_env.TimeStep], np.ndarray]
+
+SUFFIX = ".pt2"
+NOTE = "softgym_mj.json"
+
+
+def export_policy(
+    module: Any,
+    spaces: Mapping[str, gymnasium.spaces.Box],
+    observed: Mapping[str, Any],
+    frames: int = 1,
+) -> bytes:
+    """Returns the content of a policy's file.
+
+    Args:
+        module: gives actions (1, n) of an observation (1, ...). Where `frames` is more than 1, or
+            for several observations, it takes a dict of them by name, in which images have a
+            dimension of frames (1, frames, ...), the oldest first.
+        spaces: of the observations that it takes, by name.
+        observed: arguments of the task by which it observes: `observation`, and `image_size` with
+            images.
+        frames: number of successive images that it takes.
+    """
+    torch = import_extra("torch", "PyTorch", "rl")
+    is_dict = len(spaces) > 1 or frames > 1
+    examples = {
+        name: torch.zeros(
+            1, *[frames] * (is_dict and len(space.shape) > 1), *space.shape,
+            dtype=getattr(torch, str(space.dtype)),
+        )
+        for name, space in spaces.items()
+    }  # fmt: skip
+    example = examples if is_dict else next(iter(examples.values()))
+    exported = torch.export.export(module.eval(), (example,))
+    for node in exported.graph.nodes:  # Else the file says where this machine has what.
+        node.meta.pop("stack_trace", None)
+    file, note = io.BytesIO(), {**observed, "frames": frames}
+    torch.export.save(exported, file, extra_files={NOTE: json.dumps(note)})
+    return file.getvalue()
+
+
+def observes(file: str) -> dict[str, Any]:
+    """Arguments of a task by which a policy's file says what the policy observes.
+
+    They are in the file of a policy that `softgym-mj train` wrote, or in the card beside it, which
+    has the same name with the suffix .json. No code of the file is run.
+
+    Returns:
+        `observation`, and `image_size` with images; empty where nothing is said.
+
+    Raises:
+        InvalidArgumentError: for a note or a card that is not JSON of this form.
+    """
+    return {name: value for name, value in _note(file).items() if name != "frames"}
+
+
+def has_images(observation: str | Sequence[str]) -> bool:
+    """Whether there is an image among observations that are named so."""
+    names = {observation} if isinstance(observation, str) else {*observation}
+    return not names <= {*STATES, HELD}
+
+
+def _note(name: str) -> dict[str, Any]:
+    """What `observes` returns, and `frames`; empty where nothing is said."""
+    file = pathlib.Path(name)
+    card = file.with_suffix(".json")
+    if not name.endswith(SUFFIX) or not os.path.isfile(file):  # False for impossible names.
+        return {}
+    try:
+        found: Any = None
+        if zipfile.is_zipfile(file):
+            with zipfile.ZipFile(file) as archive:
+                notes = [each for each in archive.namelist() if each.endswith(f"/extra/{NOTE}")]
+                found = json.loads(archive.read(notes[0])) if notes else None
+        if found is None and os.path.isfile(card):
+            found = json.loads(read_whole(card)).get("training")
+        if found is None:
+            return {}
+        observation, frames = found["observation"], int(found.get("frames", 1))
+        seen = observation if isinstance(observation, str) else [*map(str, observation)]
+        sized = {"image_size": [*found["image_size"]]} if has_images(seen) else {}
+    except (ValueError, LookupError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+        message = f"policy={name!r}: what it observes cannot be read from it or {card}: {error!r}"
+        raise InvalidArgumentError(message) from error
+    return {"observation": seen, **sized, "frames": frames}
+
+
+def load_exported(file: str, env: Environment, trust: bool) -> Policy:
+    """The policy of a file; see `policies.make_policy`."""
+    content = read_whole(file)
+    if not zipfile.is_zipfile(io.BytesIO(content)):
+        raise InvalidArgumentError(
+            f"policy={file!r} is not what torch.export.save(torch.export.export(module, "
+            "(observation,)), file) writes"
+        )
+    if trust is not True:
+        raise InvalidArgumentError(
+            f"policy={file!r} is not loaded: such a file can run any code on this machine, with "
+            "all your rights, as soon as it is loaded. If you trust whoever made it, say so: "
+            "trust=True, or --trust on the command line"
+        )
+    torch = import_extra("torch", "PyTorch", "rl")
+    try:
+        module = torch.export.load(io.BytesIO(content)).module()
+    except Exception as error:  # torch raises whatever its reader happens to meet.
+        raise InvalidArgumentError(f"policy={file!r} cannot be loaded: {error}") from error
+    size, inputs = env.task.actor.action_size, _Inputs(file)
+
+    def act(timestep: dm_env.TimeStep) -> np.ndarray:
+        batch = {name: torch.from_numpy(array) for name, array in inputs(timestep).items()}
+        with torch.no_grad():
+            try:
+                action = module(batch if inputs.is_dict else next(iter(batch.values())))
+            except (RuntimeError, AssertionError, ValueError, TypeError) as error:
+                shown = ", ".join(
+                    f"{name} of shape {tuple(tensor.shape)}, {tensor.dtype}"
+                    for name, tensor in batch.items()
+                )
+                raise InvalidArgumentError(
+                    f"policy={file!r} does not take {shown}: {error}; export it with an example "
+                    "of this shape and type: torch.export.export(module, (torch.zeros(...),))"
+                ) from error
+        action = np.asarray(action, float).reshape(-1)
+        if action.shape != (size,):
+            raise InvalidArgumentError(
+                f"policy={file!r} gives {action.size} numbers; an action has {size}"
+            )
+        return np.clip(action, -1.0, 1.0)
+
+    return act
+
+
+class _Inputs:
+    """Makes what a file's policy takes of time steps, each episode's in order.
+
+    Attributes:
+        is_dict: whether the policy takes a dict of observations; else the only one.
+    """
+
+    def __init__(self, file: str):
+        note = _note(file)
+        self._file, self._named, self._frames = file, note.get("observation"), note.get("frames", 1)
+        self.is_dict = self._frames > 1 or isinstance(self._named, list)
+        self._stacks: dict[str, list[np.ndarray]] = {}
+
+    def __call__(self, timestep: dm_env.TimeStep) -> dict[str, np.ndarray]:
+        """Returns arrays (1, ...) by name, as Gymnasium has them: images uint8, others float32."""
+        seen, named = timestep.observation, self._named
+        if named is not None and {*seen} != {*([named] if isinstance(named, str) else named)}:
+            raise InvalidArgumentError(
+                f"policy={self._file!r} was trained with observation={named!r}; the environment "
+                f"observes {', '.join(seen)}"
+            )
+        if named is None and len(seen) != 1:
+            raise InvalidArgumentError(
+                f"policy={self._file!r} takes one observation; the settings ask for "
+                f"{', '.join(seen)}"
+            )
+        return {name: self._single(name, array, timestep) for name, array in seen.items()}
+
+    def _single(self, name: str, array: np.ndarray, timestep: dm_env.TimeStep) -> np.ndarray:
+        if array.dtype != np.uint8:
+            array = array.astype(np.float32)
+        if self.is_dict and array.ndim > 1:
+            array = self._stacked(name, array, timestep.first())
+        return array[None]
+
+    def _stacked(self, name: str, array: np.ndarray, is_first: bool) -> np.ndarray:
+        """Returns the newest images (frames, ...); before an episode's first one there is that."""
+        before = [array] * self._frames if is_first else self._stacks[name]
+        self._stacks[name] = [*before[1:], array]
+        return np.stack(self._stacks[name])

@@ -1,0 +1,213 @@
+"""Distillation: its oracles are plain loops, the teacher itself, one seed alone."""
+
+import numpy as np
+import pytest
+import torch
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings, Student, pictured
+from softgym_mj.learning.registry import find_method
+from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.training import Training
+
+SIZE = 35
+SHAPES = {"markov": (1,), "rgb": (SIZE, SIZE, 3), "held": (2,)}
+SMALL = {"channels": 4, "features": 6, "hidden": (8,), "shift": 0}
+
+
+def _problem(seeds=(0,), worlds=16, env_steps=16_000):
+    return Problem(
+        "straighten_rope", {}, seeds, worlds, (), 1, 1.0, "cpu", ("rgb", "held"), SHAPES,
+        env_steps,
+    )  # fmt: skip
+
+
+def _teacher(states):
+    """To the middle, from places in -1..1."""
+    return -0.8 * states
+
+
+def _seen(places):
+    """A bar in each image at places (seeds, worlds, 1) in -1..1."""
+    across = torch.linspace(-1.0, 1.0, SIZE) - places
+    row = (255.0 * torch.exp(-((across / 0.15) ** 2))).to(torch.uint8)
+    shape = (*places.shape[:2], SIZE, SIZE, 3)
+    return {
+        "markov": places, "held": torch.zeros(*places.shape[:2], 2),
+        "rgb": row[:, :, None, :, None].expand(shape),
+    }  # fmt: skip
+
+
+def _step(learner, places, first):
+    """Lets a learner see places and learn; returns its actions."""
+    action, _ = learner.act(_seen(places), first, None, explore=True)
+    none = torch.zeros(first.shape)
+    learner.learn(Step(places, action, none, places, none, none))
+    return action
+
+
+def test_the_loss_is_the_smooth_l1_distance_computed_by_hand():
+    learner = Distill(DistillSettings(**SMALL, beta=0.5), _problem(), _teacher)
+    batch = {LABEL: torch.tensor([[0.1], [-0.9], [1.0]])}
+    action = torch.tensor([[0.3], [0.6], [1.0]])
+    # |.2| and 0 are below beta: x^2 / (2 beta); |1.5| is above it: x - beta / 2.
+    expected = (0.2**2 / (2 * 0.5) + (1.5 - 0.5 / 2) + 0.0) / 3
+    assert learner.loss(lambda seen: action, batch).item() == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_network_is_that_of_its_layers():
+    torch.manual_seed(0)
+    shapes = {"rgb": (36, 38, 3), "external_rgb": (2, 36, 38, 3), "depth": (36, 38), "held": (2,)}
+    student = Student(DistillSettings(**SMALL), shapes, 3)
+    seen = {
+        "rgb": torch.randint(0, 256, (2, 2, 36, 38, 3), dtype=torch.uint8),
+        "external_rgb": torch.randint(0, 256, (2, 2, 2, 36, 38, 3), dtype=torch.uint8),
+        "depth": torch.rand(2, 2, 36, 38),
+        "held": torch.tensor([[0, 1], [1, 0]], dtype=torch.uint8),
+    }
+    channels = [seen["rgb"][:, k, :, :, c] / 255 for k in range(2) for c in range(3)]
+    channels += [
+        seen["external_rgb"][:, k, camera, :, :, c] / 255
+        for k in range(2) for camera in range(2) for c in range(3)
+    ]  # fmt: skip
+    channels += [seen["depth"][:, k] for k in range(2)]
+    x = torch.stack(channels, 1)
+    for layer in student.encoder[:8:2]:
+        x = torch.relu(torch.nn.functional.conv2d(x, layer.weight, layer.bias, layer.stride))
+    x = x.flatten(1) @ student.encoder[9].weight.T + student.encoder[9].bias
+    x = torch.tanh(
+        (x - x.mean(1, keepdim=True)) / (x.var(1, keepdim=True, correction=0) + 1e-5) ** 0.5
+    )
+    x = torch.cat([x, seen["held"].float()], 1)
+    x = torch.relu(x @ student.head[0].weight.T + student.head[0].bias)
+    expected = torch.tanh(x @ student.head[2].weight.T + student.head[2].bias)
+    torch.testing.assert_close(student(seen), expected, rtol=1e-4, atol=1e-5)
+
+
+def test_cameras_become_channels():
+    views = torch.arange(2 * 4 * 5 * 3).reshape(1, 2, 4, 5, 3)
+    expected = np.concatenate([views[0, 0], views[0, 1]], axis=-1)
+    np.testing.assert_array_equal(pictured(views, 1)[0], expected)
+    assert pictured(torch.zeros(7, 4, 5), 1).shape == (7, 4, 5, 1)
+
+
+def test_the_teacher_acts_in_fewer_and_fewer_environments():
+    settings = DistillSettings(
+        **SMALL,
+        updates=1,
+        batch=4,
+        noise=0.0,
+        wild_noise=0.0,
+        teacher_share=0.75,
+        teacher_until=0.5,
+    )
+    learner = Distill(settings, _problem(env_steps=16 * 8), _teacher)
+    places, first = torch.linspace(-1.0, 1.0, 16)[None, :, None], torch.ones(1, 16, dtype=bool)
+    found = []
+    for _ in range(6):
+        action = _step(learner, places, first)
+        found.append((action - _teacher(places)).abs().flatten() < 1e-6)
+        first = torch.zeros(1, 16, dtype=bool)
+    # 12 environments, then 12 (1 - k / 4), none after half of the eight steps.
+    assert [int(each.sum()) for each in found] == [12, 9, 6, 3, 0, 0]
+    assert found[0][:12].all()
+
+
+def test_noise_is_larger_in_an_eighth():
+    settings = DistillSettings(**SMALL, updates=1, batch=4, noise=0.05, wild_noise=0.2)
+    learner = Distill(settings, _problem(worlds=4_000, env_steps=4_000), lambda s: 0.0 * s)
+    learner._steps = 10**6  # The teacher never acts.
+    places, first = torch.zeros(1, 4_000, 1), torch.ones(1, 4_000, dtype=bool)
+    best, _ = learner.act(_seen(places), first, None, explore=False)
+    action, _ = learner.act(_seen(places), first, None, explore=True)
+    noise = (action - best)[0, :, 0]
+    assert noise[:3_500].std().item() == pytest.approx(0.05, rel=0.05)
+    assert noise[3_500:].std().item() == pytest.approx(0.25, rel=0.1)
+
+
+def test_it_learns_what_the_teacher_does():
+    settings = DistillSettings(**SMALL | {"hidden": (32,)}, updates=4, batch=64, rate=3e-3)
+    learner = Distill(settings, _problem(env_steps=16 * 100), _teacher)
+    source = torch.Generator().manual_seed(0)
+    places = torch.linspace(-0.9, 0.9, 16)[None, :, None]
+    first = torch.ones(1, 16, dtype=bool)
+
+    def miss():
+        action, _ = learner.act(_seen(places), first, None, explore=False)
+        return (action - _teacher(places)).abs().mean().item()
+
+    before = miss()
+    for _ in range(100):
+        _step(learner, 2.0 * torch.rand(1, 16, 1, generator=source) - 1.0, first)
+    assert before > 0.25 and miss() < 0.05
+
+
+def test_seeds_together_learn_what_each_learns_alone():
+    settings = DistillSettings(**SMALL, updates=2, batch=8)
+    both, alone = (Distill(settings, _problem(seeds), _teacher) for seeds in ((3, 5), (5,)))
+    first = torch.ones(1, 16, dtype=bool)
+    for k in range(3):
+        places = 0.3 * torch.linspace(-1.0, 1.0, 16)[None, :, None] * k
+        _step(both, places.expand(2, -1, -1), first.expand(2, -1))
+        _step(alone, places, first)
+    pairs = zip(both.students[1].parameters(), alone.students[0].parameters(), strict=True)
+    assert all(torch.equal(*pair) for pair in pairs)
+
+
+@pytest.fixture(name="teacher", scope="module")
+def _saved_teacher(tmp_path_factory):
+    """A file with a policy of `markov` observations of a rope."""
+    file = tmp_path_factory.mktemp("teacher") / "teacher.pt2"
+    module = torch.nn.Sequential(torch.nn.Linear(44, 8), torch.nn.Tanh())
+    torch.export.save(torch.export.export(module, (torch.zeros(1, 44),)), file)
+    return module, file
+
+
+def test_a_saved_teacher_labels_batches(teacher):
+    module, file = teacher
+    found = find_method("distill", teacher=str(file), **SMALL)
+    shapes = {"markov": (44,), "rgb": (SIZE, SIZE, 3)}
+    learner = found.make(
+        found.settings,
+        Problem("straighten_rope", {}, [0], 4, (), 8, 1.0, "cpu", "rgb", shapes, 100),
+    )
+    states = torch.randn(9, 44)
+    torch.testing.assert_close(learner._teacher(states), module(states), rtol=1e-5, atol=1e-6)
+
+
+def test_what_was_killed_ends_alike(tmp_path, teacher):
+    settings = TrainingSettings(
+        "straighten_rope", observation=("rgb", "held"), image_size=(36, 38), env_steps=24, worlds=2,
+        part=8, evaluate_every=3, episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
+    )  # fmt: skip
+    method = find_method("distill", teacher=str(teacher[1]), updates=2, batch=4, buffer=10, **SMALL)
+
+    class Killed(Exception):
+        pass
+
+    def kill(training, news):
+        raise Killed
+
+    whole = Training(settings, method, [4, 9], tmp_path / "whole", "host")
+    whole.run()
+    for _ in range(2):
+        with pytest.raises(Killed):
+            Training(settings, method, [4, 9], tmp_path / "killed", "host").run(kill)
+    again = Training(settings, method, [4, 9], tmp_path / "killed", "host")
+    again.run()
+    for own, expected in zip(again.learner.students, whole.learner.students, strict=True):
+        assert all(map(torch.equal, own.parameters(), expected.parameters()))
+    keys = "seed", "split", "normalized_performance"
+    assert [[row[k] for k in keys] for row in again.rows] == [
+        [row[k] for k in keys] for row in whole.rows
+    ]
+
+
+def test_bad_settings_are_refused():
+    for name, value in (("frames", 0), ("batch", 0), ("shift", -1), ("teacher_share", 1.5)):
+        with pytest.raises(InvalidArgumentError, match=name):
+            DistillSettings(**{name: value})
+    for shapes in ({"held": (2,)}, {"rgb": (20, 20, 3)}):
+        with pytest.raises(InvalidArgumentError, match="35 pixels"):
+            Student(DistillSettings(), shapes, 2)
