@@ -71,7 +71,7 @@ def check_kind(argument: str, value: object, kind: Any) -> None:
 
 
 def as_array(argument: str, value: object) -> np.ndarray:
-    """Returns an array of a value, which may be a sequence, an array or a tensor.
+    """Returns an array of the shape (...) of a value: a number, sequence, array or tensor.
 
     Raises:
         InvalidArgumentError: if NumPy makes none of it, for whatever reason: ragged lists, tensors
