@@ -20,11 +20,12 @@ import numpy as np
 import torch
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
+from softgym_mj.learning import checkpoints
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import make
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.registry import find_preset
-from softgym_mj.learning.training import CHECKPOINT, Training
+from softgym_mj.learning.training import Training
 
 LAST = 2  # Evaluations, whose mean is a score: one alone is of few episodes.
 OF_REPLAYS, OF_SAC = ("discount", "added"), ("target_entropy", "pessimism")
@@ -56,7 +57,7 @@ def screen(
         InvalidArgumentError: for what does not vary, or lists of different lengths.
         StoreError: if the folder has a training: it does not know of which numbers.
     """
-    if (folder / CHECKPOINT).exists():
+    if (folder / checkpoints.FILE).exists():
         raise StoreError(f"{folder} has a training: choose another folder")
     for name in vary:
         check_name("vary", name, VARIED)

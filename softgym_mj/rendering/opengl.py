@@ -41,6 +41,9 @@ def load_triton_first() -> None:
 
 def defer() -> None:
     """Has dm_control and MuJoCo, where they are not imported yet, load OpenGL when it is used."""
+    chosen = os.environ.get(_VARIABLE)
+    if chosen in ("egl", "osmesa"):  # Whoever imports PyOpenGL first has it choose a platform.
+        os.environ.setdefault("PYOPENGL_PLATFORM", chosen)
     found = any(isinstance(finder, _Finder) for finder in sys.meta_path)
     if sys.platform == "linux" and not found:
         sys.meta_path.insert(0, _Finder())

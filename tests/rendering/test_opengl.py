@@ -95,3 +95,8 @@ print(env.physics.render(16, 16).std() > 0)
 """,
     }[renderer]
     assert run(code) == ["True"]
+
+
+def test_pyopengl_may_be_imported_before_the_first_image():
+    # It chooses a platform when it is imported, as by dm_control's viewer.
+    assert "True" in run(f"import softgym_mj\nimport OpenGL.GL\n{IMAGE}")
