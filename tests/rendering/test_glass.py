@@ -56,7 +56,7 @@ def test_clouds_of_water_have_its_depth_behind_glass():
 
 def test_without_cups_nothing_is_rendered_twice(monkeypatch):
     views = []
-    monkeypatch.setattr(CameraView, "surfaces", spy(CameraView.surfaces, views))
+    monkeypatch.setattr(CameraView, "_surfaces", spy(CameraView._surfaces, views))
     look("straighten_rope", observation="segmentation")
     assert len(views) == 1
     look("pour_water", observation="segmentation")
@@ -64,9 +64,9 @@ def test_without_cups_nothing_is_rendered_twice(monkeypatch):
 
 
 def spy(method, calls):
-    def wrapped(self, physics):
+    def wrapped(self, *arguments, **settings):
         calls.append(self)
-        return method(self, physics)
+        return method(self, *arguments, **settings)
 
     return wrapped
 
