@@ -1,5 +1,6 @@
 """Demonstrations: their oracle is the expert in the environment, step by step."""
 
+import dataclasses
 import pickle
 
 import numpy as np
@@ -73,7 +74,7 @@ def test_what_was_killed_goes_on_from_what_is_there(cache, monkeypatch):
     assert _equal(collect(PROBLEM, 3, 1), whole)
     assert played == [1, 2]
     # Other settings have other files; fewer episodes are the first ones.
-    full = collect(Problem(*[*vars(PROBLEM).values()][:-1], observed="full"), 1, 1)
+    full = collect(dataclasses.replace(PROBLEM, observed="full"), 1, 1)
     assert full.observation.shape[-1] > 36
     assert torch.equal(full.action, collect(PROBLEM, 1, 1).action) and played == [1, 2, 0]
 
@@ -180,7 +181,7 @@ def test_bad_arguments_are_refused(cache):
             collect(PROBLEM, episodes, jobs)
     with pytest.raises(InvalidArgumentError, match="noise=-1"):
         collect(PROBLEM, 1, 1, noise=-1.0)
-    images = Problem(*[*vars(PROBLEM).values()][:-1], observed="rgb")
+    images = dataclasses.replace(PROBLEM, observed="rgb")
     with pytest.raises(InvalidArgumentError, match="observation='rgb'"):
         collect(images, 1, 1)
     assert not [*cache.iterdir()]

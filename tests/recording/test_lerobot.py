@@ -200,5 +200,5 @@ def test_what_it_cannot_keep_is_refused_before_anything_is_played(settings, mess
 def test_without_it_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "lerobot", None)
     monkeypatch.setitem(sys.modules, "huggingface_hub.utils", None)
-    with pytest.raises(softgym_mj.exceptions.UnavailableError, match=r"'softgym_mj\[lerobot\]'"):
+    with pytest.raises(softgym_mj.exceptions.UnavailableError, match=r"'\.\[lerobot\]'"):
         make_format("lerobot").check_id("me/rope")

@@ -11,7 +11,9 @@ from softgym_mj.rendering.point_clouds import NUM_CLOUD_POINTS, cloud, thinned
 
 def tent():
     """A cloth over a ridge along the task camera's view, whose slopes fall by 60 degrees."""
-    env = softgym_mj.load("fold_cloth", observation="point_cloud", split="all", fidelity="fast")
+    env = softgym_mj.load(
+        "fold_cloth", observation="point_cloud", split="all", fidelity="fast", image_size=(192, 192)
+    )
     env.reset(805)
     flat = env.task.flexes.points()
     across = flat[:, 0] - flat[:, 0].mean()
