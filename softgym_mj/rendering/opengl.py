@@ -40,7 +40,7 @@ def load_triton_first() -> None:
 
 
 def defer() -> None:
-    """Has dm_control and MuJoCo, where they are not imported yet, load OpenGL when it is used."""
+    """Makes dm_control and MuJoCo, unless they are imported, load OpenGL at its first use."""
     chosen = os.environ.get(_VARIABLE)
     if chosen in ("egl", "osmesa"):  # Whoever imports PyOpenGL first has it choose a platform.
         os.environ.setdefault("PYOPENGL_PLATFORM", chosen)
