@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.networks import drawn, generators, whole_numbers
 from softgym_mj.learning.replay import NEWEST_IMAGES
 
 _log = logging.getLogger(__name__)
@@ -93,8 +93,8 @@ class Frames:
         """
         size, oldest, lacking = self._extent
         shares = drawn(self.sources[k : k + 1], 4, number, normal=False)[0]
-        at = (oldest + lacking + _of(shares[0], size - lacking)) % self._capacity
-        world = _of(shares[1], self._worlds)
+        at = (oldest + lacking + whole_numbers(shares[0], size - lacking)) % self._capacity
+        world = whole_numbers(shares[1], self._worlds)
         back = torch.arange(self._frames - 1, -1, -1, device=at.device)
         age = self._age[at, k, world, None]
         past = (at[:, None] - torch.minimum(back, age)) % self._capacity
@@ -110,7 +110,7 @@ class Frames:
         is_several = kept.ndim == 6
         sides = kept.shape[3:5] if is_several else kept.shape[2:4]
         rows, columns = (
-            _of(own, 2 * self._shift + 1)[:, None]
+            whole_numbers(own, 2 * self._shift + 1)[:, None]
             - self._shift
             + torch.arange(side, device=at.device)
             for own, side in zip(shares, sides, strict=True)
@@ -157,8 +157,3 @@ def _kind(name: str, shape: tuple[int, ...]) -> torch.dtype:
     if len(shape) < 2:
         return torch.float32
     return torch.float16 if "depth" in name else torch.uint8
-
-
-def _of(shares: Tensor, number: Tensor | int) -> Tensor:
-    """Returns whole numbers from 0 to below `number`, of shares in 0..1."""
-    return (shares * number).long().clamp(max=number - 1)

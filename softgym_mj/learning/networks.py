@@ -26,6 +26,11 @@ def drawn(sources: Sequence[torch.Generator], *shape: int, normal: bool = True) 
     return torch.stack([draw(shape, generator=s, device=s.device) for s in sources])
 
 
+def whole_numbers(shares: Tensor, number: Tensor | int) -> Tensor:
+    """Returns whole numbers from 0 to below `number`, of shares in 0..1 of the same shape (...)."""
+    return (shares * number).long().clamp(max=number - 1)
+
+
 def any_actions(sources: Sequence[torch.Generator], number: int, size: int) -> Tensor:
     """Random ones (seeds, number, size), all alike likely: before anything is learned."""
     return 2.0 * drawn(sources, number, size, normal=False) - 1.0

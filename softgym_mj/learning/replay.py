@@ -11,7 +11,7 @@ from torch import Tensor
 from softgym_mj.exceptions import check_count
 from softgym_mj.learning.forms import signed_orders
 from softgym_mj.learning.learner import Step
-from softgym_mj.learning.networks import drawn, generators
+from softgym_mj.learning.networks import drawn, generators, whole_numbers
 from softgym_mj.learning.symmetries import Symmetry
 
 # Env steps of each seed whose images go into a state, the newest ones: all of them are tens of GB.
@@ -121,11 +121,15 @@ class Replay:
         size, oldest = self._extent
         # Each seed draws the same numbers whoever is beside it.
         shares = drawn(self._sources, 3, number, normal=False)
-        first = _of(shares[:, 0], size - (self._steps - 1))
-        batch = self._added_up((oldest + first) % self._capacity, _of(shares[:, 1], self._worlds))
+        first = whole_numbers(shares[:, 0], size - (self._steps - 1))
+        batch = self._added_up(
+            (oldest + first) % self._capacity, whole_numbers(shares[:, 1], self._worlds)
+        )
         if self._symmetries is None:
             return batch
-        return _shown(batch, _of(shares[:, 2], len(self._symmetries[0])), *self._symmetries)
+        return _shown(
+            batch, whole_numbers(shares[:, 2], len(self._symmetries[0])), *self._symmetries
+        )
 
     def slices(self, number: int, length: int) -> Step:
         """So many stretches of vector steps for each seed, (seeds, number, length, ...).
@@ -135,10 +139,10 @@ class Replay:
         """
         size, oldest = self._extent
         shares = drawn(self._sources, 2, number, normal=False)
-        first = (oldest + _of(shares[:, 0], size - (length - 1)))[..., None]
+        first = (oldest + whole_numbers(shares[:, 0], size - (length - 1)))[..., None]
         seed = torch.arange(self._seeds, device=first.device)[:, None, None]
         at = (first + torch.arange(length, device=first.device)) % self._capacity
-        world = _of(shares[:, 1], self._worlds)[..., None]
+        world = whole_numbers(shares[:, 1], self._worlds)[..., None]
         return Step(*(self.kept[name][at, seed, world] for name in Step._fields))
 
     def _added_up(self, first: Tensor, world: Tensor) -> Batch:
@@ -192,11 +196,6 @@ class Replay:
         for source, kept in zip(self._sources, state["random"], strict=True):
             source.set_state(kept)
         self._note()
-
-
-def _of(shares: Tensor, number: Tensor | int) -> Tensor:
-    """Whole numbers from 0 to below `number`, of shares in 0..1."""
-    return (shares * number).long().clamp(max=number - 1)
 
 
 def _shown(

@@ -17,7 +17,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, SACSettings
-from softgym_mj.learning.networks import Actor, LayerNorm, Linear
+from softgym_mj.learning.networks import Actor, LayerNorm, Linear, whole_numbers
 
 _KERNEL, _STRIDES = 3, (2, 1, 1, 1)  # [S]
 LEAST = 15  # Pixels of which these leave one.
@@ -85,7 +85,7 @@ def cropped(pictures: Tensor, size: tuple[int, int], shares: Tensor, pad: int = 
 def _lines(shares: Tensor, whole: int, part: int, pad: int) -> Tensor:
     """Rows or columns (seeds, n, part) of pictures that have this many."""
     places = whole + 2 * pad - part + 1
-    first = (shares * places).long().clamp(max=places - 1) - pad
+    first = whole_numbers(shares, places) - pad
     return (first[..., None] + torch.arange(part, device=shares.device)).clamp(0, whole - 1)
 
 
