@@ -7,29 +7,6 @@ import pytest
 
 import softgym_mj
 from softgym_mj.envs import discarded
-from tests.contract.test_bad_input import run
-
-GROWTH = """
-import pathlib
-import resource
-
-import softgym_mj
-
-TASKS = "straighten_rope", "fold_cloth", "spread_cloth", "drop_cloth"
-
-
-def resident():  # [MB]
-    pages = int(pathlib.Path("/proc/self/statm").read_text().split()[1])
-    return pages * resource.getpagesize() / 1e6
-
-
-for i in range(80):
-    env = softgym_mj.load(TASKS[i % 4], split=[i])
-    env.reset()
-    if i == 19:
-        warm = resident()
-print(resident() - warm)
-"""
 
 
 @pytest.mark.parametrize("close", [False, True])
@@ -55,9 +32,3 @@ def test_a_process_that_disabled_the_collector_keeps_it_disabled(monkeypatch):
         softgym_mj.load("straighten_rope", split=[0])
     finally:
         gc.enable()
-
-
-@pytest.mark.long
-def test_sixty_more_environments_take_no_more_memory():
-    # Without collections they take 64 MB more than the first twenty.
-    assert float(run(GROWTH)) < 25
