@@ -83,7 +83,7 @@ def evaluate(
         planning if policy in PLANNERS else None,
     )
     try:
-        with _progress(configuration) as progress, make_executor(jobs, ray) as executor:
+        with progress_of(configuration) as progress, make_executor(jobs, ray) as executor:
             result = evaluation.evaluate(
                 configuration, out, executor, progress, trust=trust, device=device
             )
@@ -165,7 +165,7 @@ def _variations(named: str | None, split: str | None, episodes: int | None) -> t
 
 
 @contextlib.contextmanager
-def _progress(configuration: "Configuration") -> Iterator["Progress"]:
+def progress_of(configuration: "Configuration") -> Iterator["Progress"]:
     """Shows a bar, of episodes or the decisions of a planner; gives what is to be told of them."""
     from softgym_mj.evaluation import Progress
 

@@ -1,4 +1,4 @@
-"""The commands `softgym-mj learning table`, `status` and `queue`."""
+"""The commands `softgym-mj learning table`, `submit`, `status` and `queue`."""
 
 import pathlib
 from typing import Annotated
@@ -8,7 +8,7 @@ import rich.box
 import rich.table
 import typer
 
-from softgym_mj.cli.console import console
+from softgym_mj.cli.console import Ray, Trust, console
 from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.files import read_json
 
@@ -96,6 +96,36 @@ def _published(folder: pathlib.Path, name: str) -> pathlib.Path:
             "--results FOLDER"
         )
     return folder / name
+
+
+@app.command()
+def submit(
+    folder: Annotated[pathlib.Path, typer.Argument(help="Of card.json and policies, a seed each.")],
+    trust: Trust = False,
+    jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
+    ray: Ray = None,
+    device: Annotated[
+        str, typer.Option(help="Where it is simulated: cpu (by --jobs), host or cuda, all at once.")
+    ] = "cpu",
+) -> None:
+    """Scores policies of other code, held out; writes the curve that `table --merge` takes.
+
+    Plays 200 held-out variations and 200 of training with each policy_SEED.pt2. May be killed and
+    run again.
+    """
+    from softgym_mj.cli.evaluation import progress_of
+    from softgym_mj.jobs.executors import make_executor
+    from softgym_mj.learning import submission as submitted
+
+    submission = submitted.read_submission(folder)
+    with progress_of(submission.configuration) as progress, make_executor(jobs, ray) as executor:
+        rows = submitted.submit(submission, executor, progress, trust=trust, device=device)
+    for row in rows:
+        if row.split == "evaluate":
+            console.print(
+                f"seed {row.seed}: {row.normalized_performance:.3f}, success {row.success:.2f}"
+            )
+    console.print(f"wrote {folder / 'curve.csv'} and {folder / 'episodes.csv'}")
 
 
 @app.command()

@@ -15,10 +15,9 @@ COLUMNS = (
     "split", "episodes", "normalized_performance", "success", "final",
 )  # fmt: skip
 FILE = "curve.csv"  # In the folder of a training.
-
-
 CARD = "card.json"
 EPISODES = "episodes.csv"  # Of the last evaluation, held out.
+POLICY = "policy_{seed}.pt2"
 # Of an episode's infos, those that there are.
 _KEPT = (
     "normalized_performance", "performance", "success", "episode_max_edge_strain",

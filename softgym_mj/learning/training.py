@@ -26,14 +26,13 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.jobs.files import write_json, write_whole
 from softgym_mj.learning.checkpoints import alone, moved, read_checkpoint, refused, write_checkpoint
-from softgym_mj.learning.curves import CARD, write_curve, write_episodes
+from softgym_mj.learning.curves import CARD, POLICY, write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.policies.exported import export_policy, has_images
 from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
-POLICY = "policy_{seed}.pt2"
 # Between two checkpoints within a part; and as a multiple of the seconds that writing one takes, as
 # those of images have gigabytes.
 KEEP_SECONDS, KEEP_RATIO = 60.0, 50.0

@@ -1,0 +1,160 @@
+"""Scores of policies that other code has learned: `softgym-mj learning submit`.
+
+The folder has card.json and the exported policy of each seed; docs/results.md describes them. The
+curve that it may have keeps its earlier rows: the final ones are of what is evaluated here.
+"""
+
+import dataclasses
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from softgym_mj.evaluation import Configuration, Progress, evaluate
+from softgym_mj.exceptions import StoreError
+from softgym_mj.jobs.executors import Executor
+from softgym_mj.jobs.files import read_json
+from softgym_mj.learning.curves import CARD, FILE, POLICY, write_episodes
+from softgym_mj.learning.results import Name, Row, read_rows, write_rows
+from softgym_mj.policies.exported import has_images
+from softgym_mj.variations.indices import SPLITS
+
+EVALUATION = "evaluation"  # In the folder: episodes as they come.
+_TRAINING = "task", "observation"
+_VALID = {
+    "method": (str, "a name"), "preset": (str, "a name"), "updates": (int, "a whole number"),
+    "seconds": (int | float, "a number"), "seeds": (list, "a list of whole numbers"),
+    "evaluations": (list, "a list of env steps"), "training": (dict, "an object"),
+}  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Submission:
+    """A folder whose policies are to be evaluated.
+
+    Attributes:
+        folder: of card.json and the policies.
+        name: of the rows.
+        seeds: of the policies.
+        env_steps, updates, seconds: of each seed; seconds of all that learn side by side.
+        configuration: 200 held-out variations, and as many of training.
+    """
+
+    folder: pathlib.Path
+    name: Name
+    seeds: tuple[int, ...]
+    env_steps: int
+    updates: int
+    seconds: float
+    configuration: Configuration
+
+
+def variations() -> dict[str, range]:
+    """Those of each split: all held-out ones, and as many of training, evenly chosen."""
+    held_out, own = SPLITS["evaluate"], SPLITS["train"]
+    return {"train": own[:: len(own) // len(held_out)], "evaluate": held_out}
+
+
+def read_submission(folder: pathlib.Path) -> Submission:
+    """Reads the card of a folder.
+
+    Raises:
+        StoreError: for a card that is missing or lacks something, which is named; for a policy
+            without a file.
+        InvalidArgumentError: for an unknown task; for a policy that observes something else.
+    """
+    card, file = read_json(folder / CARD), folder / CARD
+    for key, (kind, valid) in _VALID.items():
+        if not isinstance(card.get(key), kind) or isinstance(card[key], bool):
+            raise StoreError(f"{file}: {key}={card.get(key)!r} is refused; valid: {valid}")
+    for key in ("seeds", "evaluations"):
+        if not card[key] or not all(type(each) is int and each >= 0 for each in card[key]):
+            raise StoreError(f"{file}: {key}={card[key]!r} is refused; valid: {_VALID[key][1]}")
+    training, seeds = card["training"], tuple(card["seeds"])
+    if missing := [key for key in _TRAINING if key not in training]:
+        raise StoreError(f"{file}: training lacks {', '.join(missing)}")
+    for seed in seeds:
+        if not (folder / POLICY.format(seed=seed)).is_file():
+            raise StoreError(f"{folder} has no {POLICY.format(seed=seed)}, the policy of this seed")
+    seen = training["observation"]
+    observed = seen if isinstance(seen, str) else "+".join(map(str, seen))
+    replay = str(training.get("replay", "plain"))
+    configuration = Configuration(
+        training["task"],
+        str(folder / POLICY),
+        tuple(index for own in variations().values() for index in own),
+        seeds,
+        _settings(training, seen),
+    )
+    return Submission(
+        folder,
+        Name(configuration.task, card["method"], observed, card["preset"], replay),
+        seeds,
+        max(card["evaluations"]),
+        card["updates"],
+        card["seconds"],
+        configuration,
+    )
+
+
+def submit(
+    submission: Submission,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    *,
+    trust: bool = False,
+    device: str = "cpu",
+) -> list[Row]:
+    """Evaluates the policies and writes curve.csv and episodes.csv; may be killed and run again.
+
+    Args:
+        submission: which.
+        executor, progress, trust, device: as in `evaluation.evaluate`.
+
+    Returns:
+        The final rows.
+
+    Raises:
+        StoreError: for a curve with a later row; as in `evaluation.evaluate`.
+    """
+    folder = submission.folder
+    earlier = _earlier(submission)
+    result = evaluate(
+        submission.configuration, folder / EVALUATION, executor, progress,
+        trust=trust, device=device,
+    )  # fmt: skip
+    scores = {(e["seed"], e["variation"]): e for e in result["episodes"]}
+    rows = []
+    for split, own in variations().items():
+        found = {
+            name: np.array([[scores[k, i][name] for i in own] for k in submission.seeds], float)
+            for name in ("normalized_performance", "performance", "success")
+        }
+        if split == "evaluate":
+            write_episodes(folder, submission.seeds, own, found)
+        for k, seed in enumerate(submission.seeds):
+            means = (float(found[name][k].mean()) for name in ("normalized_performance", "success"))
+            rows.append(
+                Row(
+                    *submission.name, seed, submission.env_steps, submission.updates,
+                    submission.seconds, split, len(own), *means, True,
+                )
+            )  # fmt: skip
+    write_rows([*earlier, *rows], folder / FILE)
+    return rows
+
+
+def _settings(training: Mapping[str, Any], seen: str | Sequence[str]) -> dict[str, Any]:
+    """Arguments of the task."""
+    names = ["actor", *["image_size"] * has_images(seen)]
+    return {"observation": seen, **{each: training[each] for each in names if training.get(each)}}
+
+
+def _earlier(submission: Submission) -> list[Row]:
+    """Rows of the folder's curve before the last evaluation."""
+    file = submission.folder / FILE
+    rows = read_rows(file) if file.exists() else []
+    if later := [row for row in rows if row.env_steps > submission.env_steps]:
+        raise StoreError(f"{file} has a row after the last of {CARD}'s evaluations: {later[0]}")
+    return [row for row in rows if row.env_steps < submission.env_steps]

@@ -1,0 +1,129 @@
+"""`learning submit`: scores of other code's policies, against episodes played one by one."""
+
+import json
+
+import pytest
+import torch
+from typer.testing import CliRunner
+
+import softgym_mj
+from softgym_mj.cli import commands
+from softgym_mj.exceptions import InvalidArgumentError, StoreError
+from softgym_mj.learning import results, submission
+from softgym_mj.learning.results import Name, Row
+from softgym_mj.variations.indices import SPLITS
+
+FEW = {"train": range(2), "evaluate": range(800, 803)}
+OWN = Name("straighten_rope", "mine", "reduced", "custom", "plain")
+SIZE = 36  # Of the reduced state of straighten_rope.
+
+
+class Constant(torch.nn.Module):
+    """Moves the first picker, whatever it sees."""
+
+    def __init__(self, speed):
+        super().__init__()
+        self.speed = speed
+
+    def forward(self, seen):
+        action = torch.zeros(8)
+        action[0] = self.speed
+        return seen[:, :1] * 0.0 + action
+
+
+@pytest.fixture(name="folder")
+def _folder(tmp_path):
+    for seed in range(2):
+        exported = torch.export.export(Constant(float(seed)), (torch.zeros(1, SIZE),))
+        torch.export.save(exported, tmp_path / f"policy_{seed}.pt2")
+    return tmp_path
+
+
+@pytest.fixture(autouse=True)
+def _few(monkeypatch):
+    monkeypatch.setattr(submission, "variations", lambda: FEW)
+
+
+def _write_card(folder, **changes):
+    card = {
+        "method": "mine", "preset": "custom", "seeds": [0, 1], "evaluations": [100, 200],
+        "updates": 50, "seconds": 12.0,
+        "training": {"task": "straighten_rope", "observation": "reduced"},
+    } | changes  # fmt: skip
+    (folder / "card.json").write_text(json.dumps(card))
+
+
+def _played(speed, variation):
+    env = softgym_mj.load("straighten_rope", split="all")
+    env.reset(variation)
+    action = [speed, *[0.0] * 7]
+    while not env.step(action).last():
+        pass
+    return float(env.info()["normalized_performance"])
+
+
+def _submit(folder):
+    done = CliRunner().invoke(commands.app, ["learning", "submit", str(folder), "--trust"])
+    assert done.exit_code == 0, done.exception
+    return done.output
+
+
+def test_as_many_variations_of_training_as_held_out(monkeypatch):
+    monkeypatch.undo()
+    own = submission.variations()
+    assert own["evaluate"] == SPLITS["evaluate"]
+    assert len(own["train"]) == 200 and {*own["train"]} < {*SPLITS["train"]}
+
+
+def test_rows_are_what_episodes_played_one_by_one_score(folder):
+    _write_card(folder)
+    assert "seed 1: " in _submit(folder)
+    rows = {(row.seed, row.split): row for row in results.read_rows(folder / "curve.csv")}
+    assert len(rows) == 4
+    for (seed, split), row in rows.items():
+        scores = [_played(float(seed), variation) for variation in FEW[split]]
+        assert row.normalized_performance == pytest.approx(sum(scores) / len(scores), abs=1e-12)
+        assert (row.name, row.env_steps, row.updates, row.seconds) == (OWN, 200, 50, 12.0)
+        assert row.final and row.episodes == len(FEW[split])
+    lines = (folder / "episodes.csv").read_text().splitlines()
+    assert len(lines) == 1 + 2 * len(FEW["evaluate"])
+
+
+def test_earlier_rows_stay_and_final_ones_are_replaced(folder):
+    _write_card(folder)
+    earlier = Row(*OWN, 0, 100, 25, 6.0, "evaluate", 20, 0.4, 0.0, False)
+    claimed = Row(*OWN, 0, 200, 50, 12.0, "evaluate", 200, 0.999, 1.0, True)
+    results.write_rows([earlier, claimed], folder / "curve.csv")
+    _submit(folder)
+    rows = results.read_rows(folder / "curve.csv")
+    assert earlier in rows and claimed not in rows
+    later = Row(*OWN, 0, 300, 75, 18.0, "evaluate", 200, 0.9, 1.0, True)
+    results.write_rows([earlier, later], folder / "curve.csv")
+    with pytest.raises(StoreError, match=r"a row after the last of card\.json's evaluations"):
+        submission.submit(submission.read_submission(folder), trust=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"seeds": []}, r"seeds=\[\] is refused"),
+        ({"seeds": [0, 7]}, r"no policy_7\.pt2"),
+        ({"evaluations": ["100"]}, r"evaluations=\['100'\] is refused"),
+        ({"updates": None}, "updates=None is refused"),
+        ({"seconds": True}, "seconds=True is refused"),
+        ({"training": {"task": "straighten_rope"}}, "training lacks observation"),
+    ],
+)
+def test_cards_that_lack_something_are_refused(folder, changes, said):
+    _write_card(folder, **changes)
+    with pytest.raises(StoreError, match=said):
+        submission.read_submission(folder)
+
+
+def test_a_task_that_is_none_and_a_policy_without_trust_are_refused(folder):
+    _write_card(folder, training={"task": "fold_a_shirt", "observation": "reduced"})
+    with pytest.raises(InvalidArgumentError, match="fold_a_shirt"):
+        submission.read_submission(folder)
+    _write_card(folder)
+    with pytest.raises(InvalidArgumentError, match="trust"):
+        submission.submit(submission.read_submission(folder))
