@@ -33,7 +33,7 @@ class TrainingSettings:
         part: env steps of each seed between two checkpoints.
         evaluate_every: parts from an evaluation to the next; the last one is evaluated, too.
         episodes: of each split in an evaluation.
-        final_episodes: held out, in the last one.
+        final_episodes: of each split in the last one.
         fidelity: of the task.
         episode_steps: env steps of an episode; None for the task's own.
         learned_steps: env steps after which an episode that is learned from is left for another

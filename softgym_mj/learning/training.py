@@ -269,13 +269,13 @@ class Training:
         return [*range(apart, settings.env_steps, apart), settings.env_steps]
 
     def _evaluate(self, *, final: bool) -> None:
-        """Plays variations of both splits with the best actions, all held out ones in the end."""
+        """Plays as many variations of either split with the best actions, in the end 200."""
         self.phase = "evaluates"
         settings, chosen = self.settings, dict[str, range]()
+        number = settings.final_episodes if final else settings.episodes
         is_symmetric = getattr(self.method.settings, "symmetric", False)
         for split in ("train", "evaluate"):
-            indices, held_out = SPLITS[split], final and split == "evaluate"
-            number = settings.final_episodes if held_out else settings.episodes
+            indices = SPLITS[split]
             chosen[split] = indices[:: len(indices) // number][:number]
         scores = self.play([index for each in chosen.values() for index in each])
         for split, indices in chosen.items():
