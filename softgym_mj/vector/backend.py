@@ -38,6 +38,10 @@ class Backend(Protocol):
             What waits for it and returns what it returns, once.
         """
 
+    def expect(self, variations: Sequence[int]) -> None:
+        """Is told before a reset that draws variations which ones may be drawn from now on."""
+        return None
+
     def reset(self, variations: Mapping[int, int]) -> None:
         """Starts episodes of variations, by number of the environment."""
 

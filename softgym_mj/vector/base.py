@@ -123,6 +123,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                 draws.seed(i, seed)
             given = variations[i]
             chosen[i] = draws.next(i) if given is None else given
+        if any(variations[i] is None for i in chosen):
+            self.backend.expect(draws.variations)
         self.backend.reset(chosen)
         if parts:
             shares = mask * (np.arange(self.num_envs) % parts) / parts

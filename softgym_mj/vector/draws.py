@@ -9,7 +9,11 @@ from softgym_mj.envs.gymnasium_env import draw_variation
 
 
 class Draws:
-    """Generators of environments, by their numbers; who needs to can look one draw ahead."""
+    """Generators of environments, by their numbers; who needs to can look one draw ahead.
+
+    Attributes:
+        variations: indices that are drawn from.
+    """
 
     def __init__(self, number: int, variations: Sequence[int]):
         """Generators without seeds.
@@ -18,7 +22,7 @@ class Draws:
             number: of environments.
             variations: indices to draw from.
         """
-        self._variations = variations
+        self.variations = variations
         self._generators = [np_random()[0] for _ in range(number)]
         # What has been drawn ahead, and the generator's state before.
         self._ahead: dict[int, tuple[int, Mapping[str, Any]]] = {}
@@ -32,7 +36,7 @@ class Draws:
         """What `next` is going to return."""
         if i not in self._ahead:
             before = self._generators[i].bit_generator.state
-            self._ahead[i] = draw_variation(self._generators[i], self._variations), before
+            self._ahead[i] = draw_variation(self._generators[i], self.variations), before
         return self._ahead[i][0]
 
     def next(self, i: int) -> int:

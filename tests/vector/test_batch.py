@@ -340,7 +340,7 @@ def test_tensors_that_are_no_actions():
 
 @pytest.mark.parametrize("task", ["straighten_rope", "transport_water"])
 def test_processes_read_the_same_starts(task, monkeypatch):
-    monkeypatch.setattr(softgym_mj.vector.batch.starts, "_MANY", 2)
+    monkeypatch.setattr(softgym_mj.vector.batch.starts, "MANY", 2)
     monkeypatch.setattr(softgym_mj.vector.batch.starts, "num_cores", lambda: 2)
     envs, alone = _make(task), _make(task)
     options = {"variation": VARIATIONS}

@@ -1,5 +1,6 @@
 """`Flexes`: a rope or cloth with pickers, in many worlds."""
 
+import functools
 import math
 
 import numpy as np
@@ -44,14 +45,16 @@ class Flexes(Side):
         self._pickers = Pickers(
             self.now, place.xp, actor.num_grippers, actor.radius, actor.pick_distance
         )
-        # Of meshes that have been seen, all that `Ways.all` says, and where it begins for each.
-        self._ways = place.zeros((0,), "float64")
+        # Of meshes that have been seen, all that `Ways.all` says, where it begins for each, and
+        # where what is free begins.
+        self._ways = place.zeros((1,), "float64")
         self._ways_at: dict[bytes, int] = {}
+        self._ways_end = 0
 
     @property
     def changed(self) -> int:  # type: ignore[override]
         """See `Side`."""
-        return len(self._ways_at) + self._worlds.grown
+        return len(self._ways) + self._worlds.grown
 
     # ------------------------------------------------------------------ the environment
 
@@ -59,9 +62,10 @@ class Flexes(Side):
         """See `Side`: the state, what pickers remember, and the mesh.
 
         model: of `ClothWorlds`. origin: of vertices [m]. ends, lengths: of edges, the lengths at
-        rest [m]. radius, hold_force, hold_lag, hold_stretch: of the flex.
+        rest [m]. ways: of `Ways.all`. radius, hold_force, hold_lag, hold_stretch: of the flex.
         """
         flex, model = self._flex, self._env.physics.model.ptr
+        ends, rest = flex.edges.astype(np.int64), flex.rest_lengths
         return {
             **{name: array.copy() for name, array in self.arrays().items()},
             **self._actor.get_state(),
@@ -69,8 +73,9 @@ class Flexes(Side):
             "origin": flex.origin,
             "present": np.ones(flex.num_points, bool),
             "count": np.array(flex.num_points),
-            "ends": flex.edges.astype(np.int64),
-            "lengths": flex.rest_lengths,
+            "ends": ends,
+            "lengths": rest,
+            "ways": _all_ways(flex.num_points, ends.tobytes(), rest.tobytes()),
             "num_edges": np.array(len(flex.edges)),
             "radius": np.array(flex.radius),
             "hold_force": np.array(flex.hold_force),
@@ -80,14 +85,22 @@ class Flexes(Side):
 
     def placed(self, read: Arrays) -> Arrays:
         """See `Side`; ways_at: where in `_ways` those of the mesh begin."""
-        ends, rest, xp = read["ends"], read["lengths"], self._xp
-        key = ends.tobytes() + rest.tobytes()
+        key = read["ends"].tobytes() + read["lengths"].tobytes()
         if key not in self._ways_at:
-            self._ways_at[key] = len(self._ways)
-            own = Ways(int(read["count"]), ends, rest).all()
-            self._ways = xp.concat([self._ways, self._place.put(own.ravel())])
+            self._ways_at[key] = self._ways_end
+            self._append(read["ways"].ravel())
+        own = {name: value for name, value in read.items() if name != "ways"}
         address = np.array(self._worlds.load(read["model"]))
-        return {**read, "model": address, "ways_at": np.array(self._ways_at[key])}
+        return {**own, "model": address, "ways_at": np.array(self._ways_at[key])}
+
+    def _append(self, ways: np.ndarray) -> None:
+        first, last = self._ways_end, self._ways_end + len(ways)
+        if last > len(self._ways):
+            larger = self._place.zeros((max(last, 2 * len(self._ways)),), "float64")
+            larger[:first] = self._ways[:first]
+            self._ways = larger
+        self._ways[first:last] = self._place.put(ways)
+        self._ways_end = last
 
     def arrays(self) -> Arrays:
         """See `Side`: of `ClothWorlds`."""
@@ -196,3 +209,10 @@ class Flexes(Side):
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         actor = {name: self._place.get(self.now[name][i]) for name in self._actor.get_state()}
         return self._worlds.get_state(i), actor
+
+
+@functools.lru_cache(maxsize=8)
+def _all_ways(num_points: int, ends: bytes, lengths: bytes) -> np.ndarray:
+    """`Ways.all` of a mesh, of int64 ends and float64 lengths of edges."""
+    edges = np.frombuffer(ends, np.int64).reshape(-1, 2)
+    return Ways(num_points, edges, np.frombuffer(lengths)).all()

@@ -25,8 +25,7 @@ _OF_ONE = (
     "after_step", "before_step", "before_substep", "diagnostics", "get_state", "info", "set_state",
 )  # fmt: skip
 
-
-_MANY, _SHARE = 64, 8  # Starts that several processes read, and how many of them at a time.
+MANY, _SHARE = 64, 8  # Starts that several processes read, and how many of them at a time.
 
 
 def read(env: Environment, side: Side, cameras: Cameras) -> dict[str, Any]:
@@ -110,7 +109,7 @@ class Starts:
     def prepare(self, variations: Iterable[int]) -> None:
         """Reads the starts of variations, of many in as many processes as there are cores."""
         missing = sorted({v for v in variations if v not in self._known})
-        if self._make is None or len(missing) < _MANY or num_cores() == 1:
+        if self._make is None or len(missing) < MANY or num_cores() == 1:
             for variation in missing:
                 self.row(variation)
             return
