@@ -1,4 +1,4 @@
-"""The commands `softgym-mj learning table`, `submit`, `status` and `queue`."""
+"""The commands `softgym-mj learning`: table, join, submit, status and queue."""
 
 import pathlib
 from typing import Annotated
@@ -96,6 +96,22 @@ def _published(folder: pathlib.Path, name: str) -> pathlib.Path:
             "--results FOLDER"
         )
     return folder / name
+
+
+@app.command()
+def join(
+    folders: Annotated[
+        list[pathlib.Path], typer.Argument(help="Of trainings that ended.", metavar="FOLDER...")
+    ],
+    out: Annotated[pathlib.Path, typer.Option(help="Folder of the result.")] = pathlib.Path(
+        "joined"
+    ),
+) -> None:
+    """Makes one result of trainings of other seeds, such as of two cards."""
+    from softgym_mj.learning import joining
+
+    seeds = joining.join(folders, out)
+    console.print(f"wrote {out / 'curve.csv'}, of seeds {', '.join(map(str, seeds))}")
 
 
 @app.command()

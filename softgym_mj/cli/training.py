@@ -32,7 +32,10 @@ def train(
     ],
     task: Task,
     preset: Annotated[str, typer.Option(help="paper, fast, or night (sac).")] = "fast",
-    seeds: Annotated[int, typer.Option(help="How many, side by side: 0..", min=1)] = 1,
+    seeds: Annotated[int, typer.Option(help="How many, side by side.", min=1)] = 1,
+    first_seed: Annotated[
+        int, typer.Option(help="The first; `learning join` makes one result of several folders.")
+    ] = 0,
     device: Annotated[
         str, typer.Option(help="Of environments: cpu (worker processes), host or cuda.")
     ] = "cuda",
@@ -86,6 +89,8 @@ def train(
     check_name("device", device, DEVICES)
     check_name("learner_device", learner_device, (None, "cpu", "cuda"))
     check_count("seeds", seeds, 1, 100)
+    check_count("first_seed", first_seed, 0, 1000)
+    chosen_seeds = range(first_seed, first_seed + seeds)
     chosen: dict[str, Any] = parsed_settings(settings)
     if observation is not None:
         names = observation.split(",")
@@ -98,13 +103,13 @@ def train(
     try:
         if jobs == 1 and ray is None:
             reports.line(f"{method} {training.task}: makes {training.worlds * seeds} environments")
-            run = Training(training, found, range(seeds), out, device, learner_device)
+            run = Training(training, found, chosen_seeds, out, device, learner_device)
             rows = _side_by_side(run, log)
         else:
             check_name("log", log, ("none",))  # Of seeds side by side only.
             with make_executor(jobs, ray) as executor:
                 rows = train_each(
-                    training, found, range(seeds), out, device, learner_device, executor,
+                    training, found, chosen_seeds, out, device, learner_device, executor,
                     lambda seed, own: print(f"seed {seed} has ended", flush=True),
                 )  # fmt: skip
     except KeyboardInterrupt:

@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from softgym_mj.jobs.executors import Executor
-from softgym_mj.jobs.files import read_json, read_whole, write_json, write_whole
 from softgym_mj.learning import reports
 from softgym_mj.learning.checkpoints import alone
-from softgym_mj.learning.curves import CARD, EPISODES, write_curve
+from softgym_mj.learning.curves import write_curve
+from softgym_mj.learning.joining import join
 from softgym_mj.learning.learner import Method
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
@@ -52,20 +52,8 @@ def train_each(
             rows.sort(key=lambda row: (row["env_steps"], row["split"] != "train"))
             write_curve(folder, rows)
             progress(seeds[i], own)
-        _join(folder, sorted(found))
+        join([folder / f"seed_{seed}" for seed in sorted(found)], folder)
     return rows
-
-
-def _join(folder: pathlib.Path, seeds: Sequence[int]) -> None:
-    """Writes a card and the episodes of all seeds, whose trainings have ended."""
-    cards = [read_json(folder / f"seed_{seed}" / CARD) for seed in seeds]
-    last = [row for card in cards for row in card["last"]]
-    seconds = max(card["seconds"] for card in cards)
-    write_json(folder / CARD, {**cards[0], "seeds": [*seeds], "seconds": seconds, "last": last})
-    texts = [read_whole(folder / f"seed_{seed}" / EPISODES) for seed in seeds]
-    header = texts[0].split(b"\n", 1)[0]
-    bodies = [text.split(b"\n", 1)[1] for text in texts]
-    write_whole(folder / EPISODES, header + b"\n" + b"".join(bodies))
 
 
 def _trained(

@@ -8,7 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
+from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import SerialExecutor
+from softgym_mj.learning.joining import join
 from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.results import read_rows
 from softgym_mj.learning.settings import TrainingSettings
@@ -48,6 +50,44 @@ def test_seeds_apart_are_those_side_by_side(tmp_path):
     scores = {(row["seed"], row["split"]): row["normalized_performance"] for row in rows}
     assert {(row.seed, row.split): row.normalized_performance for row in kept} == scores
     assert (tmp_path / "apart" / "seed_1" / "policy_1.pt2").exists()
+
+
+def _trained(folder, seeds, **changes):
+    settings = dataclasses.replace(SETTINGS, **changes)
+    Training(settings, METHOD, seeds, folder, "host").run()
+    return folder
+
+
+def test_joined_folders_are_one_training_of_all_seeds(tmp_path):
+    both = _trained(tmp_path / "both", [3, 4])
+    folders = [_trained(tmp_path / str(seed), [seed]) for seed in (4, 3)]
+    command = ["learning", "join", *map(str, folders), "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(commands.app, command)
+    assert done.exit_code == 0 and "seeds 3, 4" in " ".join(done.output.split())
+    own, expected = read_rows(tmp_path / "out" / "curve.csv"), read_rows(both / "curve.csv")
+    assert [row.key for row in own] == [row.key for row in expected]
+    cards = [json.loads((path / "card.json").read_text()) for path in (tmp_path / "out", both)]
+    for name in ("method", "preset", "training", "settings", "evaluations", "seeds", "env_steps"):
+        assert cards[0][name] == cards[1][name]
+    for seed, folder in zip((4, 3), folders, strict=True):
+        file = f"policy_{seed}.pt2"
+        assert (tmp_path / "out" / file).read_bytes() == (folder / file).read_bytes()
+        (line,) = (folder / "episodes.csv").read_text().splitlines()[1:]
+        assert line in (tmp_path / "out" / "episodes.csv").read_text().splitlines()
+
+
+def test_trainings_that_differ_or_have_not_ended_are_not_joined(tmp_path):
+    first = _trained(tmp_path / "first", [0])
+    longer = _trained(tmp_path / "longer", [1], env_steps=16)
+    with pytest.raises(StoreError, match=r"training in .*longer.* differ"):
+        join([first, longer], tmp_path / "out")
+    with pytest.raises(StoreError, match="have seed=0"):
+        join([first, first], tmp_path / "out")
+    card = json.loads((first / "card.json").read_text())
+    (first / "card.json").write_text(json.dumps({**card, "env_steps": 4}))
+    with pytest.raises(StoreError, match="first has not ended"):
+        join([first], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.long

@@ -1,0 +1,64 @@
+"""One result of trainings of several seeds: curve, episodes, card and policies in one folder."""
+
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from softgym_mj.exceptions import StoreError
+from softgym_mj.jobs.files import make_folder, read_json, read_whole, write_json, write_whole
+from softgym_mj.learning.curves import CARD, EPISODES, FILE, POLICY
+from softgym_mj.learning.results import read_rows, write_rows
+
+_SAME = "method", "preset", "training", "settings", "evaluations", "backend", "versions"
+
+
+def join(folders: Sequence[pathlib.Path], out: pathlib.Path) -> list[int]:
+    """Writes the result of trainings that differ in their seeds alone, and have ended.
+
+    Args:
+        folders: of the trainings.
+        out: folder of the result; it may hold them.
+
+    Returns:
+        All seeds.
+
+    Raises:
+        StoreError: for trainings that differ in more, have a seed in common or have not ended.
+    """
+    cards = [read_json(folder / CARD) for folder in folders]
+    first, card = folders[0], cards[0]
+    of: dict[int, pathlib.Path] = {}
+    for folder, own in zip(folders, cards, strict=True):
+        for name in _SAME:
+            if own.get(name) != card.get(name):
+                where = f"{name} in {folder / CARD} and in {first / CARD}"
+                raise StoreError(f"trainings are not joined: {where} differ")
+        if own.get("env_steps") != own["evaluations"][-1]:
+            raise StoreError(f"trainings are not joined: that of {folder} has not ended")
+        for seed in own["seeds"]:
+            if seed in of:
+                raise StoreError(f"trainings are not joined: {of[seed]} and {folder} have {seed=}")
+            of[seed] = folder
+    make_folder(out)
+    seeds = sorted(of)
+    rows = [row for folder in folders for row in read_rows(folder / FILE)]
+    write_rows(sorted(rows, key=lambda r: (r.env_steps, r.split != "train", r.seed)), out / FILE)
+    _join_episodes(folders, out)
+    for seed in seeds:
+        name = POLICY.format(seed=seed)
+        if (of[seed] / name).exists():
+            write_whole(out / name, read_whole(of[seed] / name))
+    write_json(out / CARD, {**card, **_summed(cards), "seeds": seeds})
+    return seeds
+
+
+def _join_episodes(folders: Sequence[pathlib.Path], out: pathlib.Path) -> None:
+    texts = [read_whole(folder / EPISODES) for folder in folders]
+    header = texts[0].split(b"\n", 1)[0]
+    bodies = [text.split(b"\n", 1)[1] for text in texts]
+    write_whole(out / EPISODES, header + b"\n" + b"".join(bodies))
+
+
+def _summed(cards: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    last = [row for card in cards for row in card["last"]]
+    return {"seconds": max(card["seconds"] for card in cards), "last": last}
