@@ -144,13 +144,12 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
 
 def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
     """Trains all seeds here; shows a bar or, without a terminal, lines. Returns the curve."""
-    from softgym_mj.learning import reports
-    from softgym_mj.learning.logs import make_log
+    from softgym_mj.learning import logs, reports
 
-    tell = make_log(log, training.folder)
+    tell = logs.make_log(log, training.folder)
     if not console.is_terminal:
         with reports.repeated(lambda: reports.progress(training), reports.LINE_SECONDS):
-            training.run(tell, reports.start)
+            training.run(tell, reports.start, logs.POINTS)
         return training.rows
     text = rich.progress.TextColumn("{task.fields[note]}")
     elapsed = rich.progress.TimeElapsedColumn()
@@ -161,5 +160,5 @@ def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
             progress.update(bar, completed=training.covered, note=training.summary())
 
         with reports.repeated(show, 1.0):
-            training.run(tell, reports.start)
+            training.run(tell, reports.start, logs.POINTS)
     return training.rows

@@ -1,5 +1,6 @@
 """Logs of trainings for TensorBoard or Weights & Biases; curves are written without them."""
 
+import math
 import pathlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 from softgym_mj.exceptions import check_name, import_extra
 from softgym_mj.learning.training import Training
 
+POINTS = 100  # Of a whole training.
 LOGS = ("none", "tensorboard", "wandb")
 Log = Callable[[Training, Mapping[str, Sequence[float]]], None]
 
@@ -53,7 +55,8 @@ def _tell(
     env_steps = training.env_steps
     for name, values in losses.items():
         for seed, value in zip(training.seeds, values, strict=True):
-            add(f"{name}/{seed}", value, env_steps)
+            if math.isfinite(value):
+                add(f"{name}/{seed}", value, env_steps)
     for row in training.rows:
         if row["env_steps"] == env_steps:
             for name in ("normalized_performance", "success"):

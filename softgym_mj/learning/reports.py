@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 from softgym_mj.learning.training import Training
 
-LINE_SECONDS = 60.0  # Between two lines of a log.
+LINE_SECONDS = 10.0  # Between two lines of a log.
 
 
 @contextlib.contextmanager

@@ -134,11 +134,12 @@ def submit(
         if split == "evaluate":
             write_episodes(folder, submission.seeds, own, found)
         for k, seed in enumerate(submission.seeds):
-            means = (float(found[name][k].mean()) for name in ("normalized_performance", "success"))
             rows.append(
                 Row(
                     *submission.name, seed, submission.env_steps, submission.updates,
-                    submission.seconds, split, len(own), *means, True,
+                    submission.seconds, split, len(own),
+                    float(found["normalized_performance"][k].mean()),
+                    float(found["success"][k].mean()), True,
                 )
             )  # fmt: skip
     write_rows([*earlier, *rows], folder / FILE)

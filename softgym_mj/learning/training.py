@@ -7,6 +7,7 @@ that was killed ends with the same numbers, wherever its checkpoints were.
 """
 
 import dataclasses
+import functools
 import pathlib
 import platform
 import time
@@ -71,6 +72,7 @@ class Training:
         # Vector steps of the part so far, their actions (seeds, worlds, n), and what the learner
         # remembers of the episodes.
         self._step, self._actions, self._memory = 0, list[Tensor](), None
+        self._scores: tuple[Any, Any] | None = None  # Since the last call of `progress`.
         self._due = time.monotonic() + KEEP_SECONDS  # Of the next checkpoint within a part.
         own = "cuda" if self.device == "cuda" else "cpu"
         if self.learner_device == "cuda" and not torch.cuda.is_available():
@@ -126,12 +128,15 @@ class Training:
         self,
         progress: Callable[["Training", dict], None] = lambda training, news: None,
         on_start: Callable[["Training"], None] = lambda training: None,
+        points: int = 0,
     ):
         """Trains to the end, from the last checkpoint if there is one.
 
         Args:
-            progress: called after each part, with losses (seeds,) and the like by name.
+            progress: called after each part, with losses (seeds,) and the like by name; and the
+                mean score of episodes that ended since the last call, as they are explored.
             on_start: called when the last checkpoint, if there is one, has been read.
+            points: how many times a whole training calls `progress` beside.
 
         Raises:
             StoreError: if the folder has a training of other settings, one that runs, or a
@@ -143,10 +148,10 @@ class Training:
             on_start(self)
             self._catch_up()
             while self.done < self.settings.parts:
-                news = {name: value.tolist() for name, value in self._learn().items()}
+                news = self._learn(functools.partial(progress, self), points)
                 self._keep()  # Before an evaluation, which may fail.
                 self._catch_up()
-                progress(self, news)
+                progress(self, self._told_of(news))
             self._export()
         self.phase = "ended"
         for envs in (self._envs, *self._players.values()):
@@ -162,7 +167,9 @@ class Training:
             self._evaluate(final=is_last)
             self._keep()
 
-    def _learn(self) -> dict[str, Tensor]:
+    def _learn(
+        self, progress: Callable[[dict], None] = lambda news: None, points: int = 0
+    ) -> dict[str, Tensor]:
         """Learns to the end of a part; returns the last losses and the like."""
         settings, news = self.settings, dict[str, Tensor]()
         steps, is_offline = settings.part // settings.worlds, isinstance(self.learner, Offline)
@@ -179,10 +186,32 @@ class Training:
                 news = found or news
             self._step += 1
             self._seconds += time.perf_counter() - start
+            before = (self.covered - settings.worlds) * points // settings.env_steps
+            if self._step < steps and before < self.covered * points // settings.env_steps:
+                progress(self._told_of(news))
             if self._step < steps and time.monotonic() > self._due:
                 self._keep()
         self.done, self._step, self._actions, self._memory = self.done + 1, 0, [], None
         return news
+
+    def _told_of(self, news: Mapping[str, Tensor]) -> dict[str, list[float]]:
+        """Losses and the like as lists, with scores of episodes since the last call."""
+        found = dict(news)
+        if self._scores is not None:
+            total, number = self._scores
+            found["explored/normalized_performance"] = total / number  # Not a number without any.
+            self._scores = None
+        return {name: value.tolist() for name, value in found.items()}
+
+    def _note_scores(self, infos: Mapping[str, Any]) -> None:
+        """Adds scores of episodes that have ended to sums and numbers (seeds,)."""
+        if "final_info" not in infos:
+            return
+        ended = worlds_of(self._problem, infos["_final_info"])
+        scores = worlds_of(self._problem, infos["final_info"]["normalized_performance"])
+        now = torch.where(ended, scores, 0.0).sum(dim=1), ended.sum(dim=1)
+        before = self._scores or (0.0, 0)
+        self._scores = before[0] + now[0], before[1] + now[1]
 
     def _begin_part(self) -> tuple[Tensor, Tensor]:
         """Starts the part's episodes and repeats its actions so far.
@@ -217,6 +246,7 @@ class Training:
         """
         action, self._memory = self.learner.act(observation, first, self._memory, explore=True)
         seen, rewards, terminated, truncated, infos = self._envs.step(self._told(action))
+        self._note_scores(infos)
         following = worlds_of(self._problem, seen)
         terminated, truncated = (worlds_of(self._problem, each) for each in (terminated, truncated))
         ended = terminated | truncated
@@ -413,7 +443,8 @@ class Training:
         state = read_checkpoint(self.folder)
         if state is None:
             return
-        if differences := _differences(state["owner"], self._owner()):
+        longer = _longer(state["owner"], self.settings)
+        if differences := _differences(longer, self._owner()):
             raise StoreError(
                 f"{self.folder} has a training of other settings ({differences}): choose another "
                 "folder"
@@ -422,11 +453,22 @@ class Training:
         try:
             self.learner.set_state(state["learner"])
             self.rows, self.done = state["rows"], state["done"]
+            if longer is not state["owner"]:  # What was the end is a point of the curve, if any.
+                points = {*self.evaluations()}
+                self.rows = [row | {"final": 0} for row in self.rows if row["env_steps"] in points]
             self._step, self._memory = part["steps"], moved(part["memory"], device)
             self._actions = list(part["actions"].to(device)) if "actions" in part else []
         except (RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise refused(self.folder, str(error)) from error
         self._seconds = state["seconds"]
+
+
+def _longer(owner: Mapping[str, Any], settings: TrainingSettings) -> Mapping[str, Any]:
+    """What a checkpoint says whose it is, as of a training that goes on for longer."""
+    training = owner["training"]
+    if training.get("env_steps", settings.env_steps) >= settings.env_steps:
+        return owner
+    return {**owner, "training": {**training, "env_steps": settings.env_steps}}
 
 
 def _differences(kept: Mapping[str, Any], own: Mapping[str, Any]) -> str:

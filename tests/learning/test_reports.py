@@ -23,11 +23,11 @@ def test_a_log_has_lines_of_how_a_training_goes(tmp_path, monkeypatch):
     command += ["--settings", json.dumps(SETTINGS)]
     learn = Training._learn
 
-    def interrupted(training):
+    def interrupted(training, *told):
         if training.done == 1:
             time.sleep(0.05)
             raise KeyboardInterrupt
-        return learn(training)
+        return learn(training, *told)
 
     monkeypatch.setattr(Training, "_learn", interrupted)
     done = CliRunner().invoke(commands.app, command)

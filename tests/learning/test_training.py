@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import math
 import re
 import tomllib
 import zipfile
@@ -17,6 +18,7 @@ from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.learning.curves import COLUMNS
 from softgym_mj.learning.registry import METHODS, PRESETS, find_method, find_preset
+from softgym_mj.learning.results import read_rows
 from softgym_mj.learning.settings import OBSERVATIONS, TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.policies.exported import observes
@@ -252,6 +254,31 @@ def test_the_command(tmp_path):
     assert done.exit_code == 0, done.output
     assert "seed 0, evaluate, 2 episodes" in done.output
     assert (tmp_path / "curve.csv").exists()
+
+
+def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path):
+    """24 env steps, the third part; then 32, of which the curve has points at 16 and 32."""
+    _training(tmp_path, settings=dataclasses.replace(SETTINGS, env_steps=24)).run()
+    assert {row.env_steps for row in read_rows(tmp_path / "curve.csv") if row.final} == {24}
+    longer = _training(tmp_path)
+    longer.run()
+    assert _without_seconds(longer.rows) == _without_seconds(whole.rows)
+    for own, expected in zip(_weights(longer), _weights(whole), strict=True):
+        assert torch.equal(own, expected)
+    shorter = _training(tmp_path, settings=dataclasses.replace(SETTINGS, env_steps=16))
+    with pytest.raises(StoreError, match="env_steps"):
+        shorter.run()
+
+
+def test_points_are_told_within_parts_with_scores_of_explored_episodes(tmp_path):
+    told = []
+    _training(tmp_path).run(lambda now, news: told.append((now.covered, news)), points=8)
+    assert [covered for covered, _ in told] == [4, 8, 12, 16, 20, 24, 28, 32]
+    name = "explored/normalized_performance"
+    scores = [news[name] for _, news in told if name in news]
+    assert scores and all(len(each) == len(SEEDS) for each in scores)
+    # Episodes have six env steps; those of a part's first environments begin half over.
+    assert not any(math.isnan(score) for score in scores[1])
 
 
 def test_other_settings_are_refused(whole):
