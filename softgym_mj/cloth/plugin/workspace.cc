@@ -67,17 +67,21 @@ bool IsOnRails(const mjModel* m, int body) {
          m->body_geomnum[body] == 0 && m->body_subtreemass[body] == m->body_mass[body];
 }
 
-std::string CheckFlex(const mjModel* m, int f) {
-  if (m->flex_dim[f] > 2 || m->flex_interp[f] || m->flex_rigid[f]) {
-    return FlexName(m, f) +
-           " cannot be handled: expected a deformable one of dimension 1 or 2 with vertices, "
-           "dof=\"full\".";
-  }
+std::string CheckVertices(const mjModel* m, int f) {
   for (int v = 0; v < m->flex_vertnum[f]; ++v) {
     if (!IsOnRails(m, m->flex_vertbodyid[m->flex_vertadr[f] + v])) continue;
     return FlexName(m, f) + " cannot be handled: vertex " + std::to_string(v) +
            " slides along fewer than three axes at right angles: expected dof=\"full\", or a vertex of a body with a "
            "geom.";
+  }
+  return "";
+}
+
+std::string CheckFlex(const mjModel* m, int f) {
+  if (m->flex_dim[f] > 2 || m->flex_interp[f] || m->flex_rigid[f]) {
+    return FlexName(m, f) +
+           " cannot be handled: expected a deformable one of dimension 1 or 2 with vertices, "
+           "dof=\"full\".";
   }
   if (m->flex_selfcollide[f] != mjFLEXSELF_NONE || m->flex_contype[f] || m->flex_conaffinity[f]) {
     return FlexName(m, f) +
@@ -174,6 +178,10 @@ std::string Open(const mjModel* m, int instance, Workspace* w) {
   w->scratch.append(reinterpret_cast<const char*>(&m->opt.timestep), sizeof(mjtNum));
   if (w->scratch == w->signature) return "";
   w->signature.clear();  // Until all of it is there.
+  for (int f : w->flexes) {
+    const std::string rails = CheckVertices(m, f);
+    if (!rails.empty()) return rails;
+  }
   w->mesh = MakeMesh(m, w->flexes, materials);
   w->solver.Reset(w->mesh, settings, m->opt.timestep);
   w->settings = settings;
