@@ -29,6 +29,7 @@ class QueuedRun:
         seeds: how many: 0..
         why: what is to be shown.
         settings: what --settings replaces; of a planner, options of `evaluate`.
+        teacher: of distill, a policy by its name in docs/results/policies.
         env_steps: of a planner, that it makes for an episode.
         episodes: held out, of the last evaluation.
         device, learner_device: where it runs.
@@ -43,6 +44,7 @@ class QueuedRun:
     observation: str = "reduced"
     replay: str = "plain"
     settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    teacher: str | None = None
     env_steps: int | None = None
     episodes: int = len(SPLITS["evaluate"])
     device: str = "cuda"
@@ -74,6 +76,11 @@ class QueuedRun:
         return f"{hours:g} core h" if minutes is None else f"{minutes:g} GPU min"
 
     @property
+    def folder(self) -> str:
+        """Where `command` writes."""
+        return shlex.split(self.command)[-1]
+
+    @property
     def command(self) -> str:
         """What runs it."""
         parts = [self.task, self.method, self.observation, self.preset, self.replay]
@@ -87,6 +94,8 @@ class QueuedRun:
             own = ["train", self.method, self.task, "--preset", self.preset, "--seeds", self.seeds]
             if self.learner_device:
                 own += ["--learner-device", self.learner_device]
+            if self.teacher:
+                own += ["--teacher", self.teacher, "--trust"]
             if self.settings:
                 own += ["--settings", json.dumps(dict(self.settings))]
                 where[-1] += f"-{'-'.join(self.settings)}"
