@@ -25,6 +25,11 @@ _KEPT = (
 )  # fmt: skip
 
 
+def named(observation: Any) -> Any:
+    """What curves call an observation, or several: rgb+held."""
+    return "+".join(map(str, observation)) if isinstance(observation, list | tuple) else observation
+
+
 def write_curve(folder: pathlib.Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Writes rows by `COLUMNS` to `folder`/curve.csv: all of it or nothing."""
     _write(folder / FILE, COLUMNS, rows)

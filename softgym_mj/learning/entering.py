@@ -14,7 +14,7 @@ from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.files import naming, read_json, read_whole
-from softgym_mj.learning.curves import CARD, EPISODES, FILE
+from softgym_mj.learning.curves import CARD, EPISODES, FILE, named
 from softgym_mj.learning.registry import METHODS, find_preset
 from softgym_mj.learning.results import Row, read_folder
 from softgym_mj.variations.indices import SPLITS
@@ -69,7 +69,7 @@ def _of_training(
     training = training if isinstance(training, Mapping) else {}
     own = {
         "task": training.get("task"), "method": card.get("method"), "preset": card.get("preset"),
-        "observation": training.get("observation"),
+        "observation": named(training.get("observation")),
     }  # fmt: skip
     for name, value in own.items():
         found = sorted({getattr(row, name) for row in rows})
@@ -123,7 +123,7 @@ def _bad_length(
         return
     try:
         preset, _ = find_preset(
-            own["method"], own["preset"], own["task"], observation=own["observation"]
+            own["method"], own["preset"], own["task"], observation=training.get("observation")
         )
     except InvalidArgumentError as error:
         yield str(error)

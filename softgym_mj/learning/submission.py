@@ -15,7 +15,7 @@ from softgym_mj.evaluation import Configuration, Progress, evaluate
 from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.files import read_json
-from softgym_mj.learning.curves import CARD, FILE, POLICY, write_episodes
+from softgym_mj.learning.curves import CARD, FILE, POLICY, named, write_episodes
 from softgym_mj.learning.results import Name, Row, read_rows, write_rows
 from softgym_mj.policies.exported import has_images
 from softgym_mj.variations.indices import SPLITS
@@ -78,7 +78,6 @@ def read_submission(folder: pathlib.Path) -> Submission:
         if not (folder / POLICY.format(seed=seed)).is_file():
             raise StoreError(f"{folder} has no {POLICY.format(seed=seed)}, the policy of this seed")
     seen = training["observation"]
-    observed = seen if isinstance(seen, str) else "+".join(map(str, seen))
     replay = str(training.get("replay", "plain"))
     configuration = Configuration(
         training["task"],
@@ -89,7 +88,7 @@ def read_submission(folder: pathlib.Path) -> Submission:
     )
     return Submission(
         folder,
-        Name(configuration.task, card["method"], observed, card["preset"], replay),
+        Name(configuration.task, card["method"], named(seen), card["preset"], replay),
         seeds,
         max(card["evaluations"]),
         card["updates"],

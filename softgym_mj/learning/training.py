@@ -27,7 +27,7 @@ from softgym_mj.exceptions import (
 )
 from softgym_mj.jobs.files import write_json, write_whole
 from softgym_mj.learning.checkpoints import alone, moved, read_checkpoint, refused, write_checkpoint
-from softgym_mj.learning.curves import CARD, POLICY, write_curve, write_episodes
+from softgym_mj.learning.curves import CARD, POLICY, named, write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.policies.exported import export_policy, has_images
@@ -317,7 +317,7 @@ class Training:
                 self.rows.append(
                     {
                         "task": settings.task, "method": self.method.name,
-                        "observation": "+".join(settings.observations),
+                        "observation": named(settings.observations),
                         "preset": self.method.preset,
                         "replay": "symmetric" if is_symmetric else "plain",
                         "seed": seed, "env_steps": self.env_steps,

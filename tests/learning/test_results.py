@@ -325,6 +325,16 @@ def test_results_that_break_rules_are_not_merged(folder, rows, card, said):
     assert done.exit_code != 0 and results.read_rows(folder / "learning.csv") == []
 
 
+def test_several_observations_are_named_as_in_the_card(folder):
+    name = (*NAME[:2], "rgb+held", *NAME[3:])
+    rows = [dataclasses.replace(row, observation="rgb+held") for row in _own()]
+    _publish(folder / "training", rows)
+    card = json.loads((folder / "training" / "card.json").read_text())
+    card["training"]["observation"] = ["rgb", "held"]
+    (folder / "training" / "card.json").write_text(json.dumps(card))
+    assert {row.name for row in enter(folder / "training")} == {(name[0], OWN[1], *name[2:])}
+
+
 def test_results_without_their_other_files_are_not_merged(folder):
     (folder / "training" / "episodes.csv").write_text("seed,variation\n0,800\n")
     with pytest.raises(StoreError, match=r"episodes\.csv cannot be read: line 2"):
