@@ -28,6 +28,7 @@ STALE = {
     *((task, "cem", "small", "simulator") for task in
       ("straighten_rope", "rope_configuration", "spread_cloth", "fold_crumpled_cloth")),
 }  # fmt: skip
+_TITLES = {"distill": "Distillation"}  # Of methods, where they are no abbreviations.
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
 
 
@@ -137,7 +138,7 @@ def idle() -> dict[str, float]:
     """Mean scores of doing nothing over all held-out variations, of the tasks that have them."""
     results = read_results([*sorted((RESULTS / "zero").glob("*.json"))])
     return {
-        result["task"]: result["summary"]["mean"]
+        result["task"]: round(result["summary"]["mean"], 6) + 0.0  # Never -0.00.
         for result in results
         if result["policy"] == "zero" and result["variations"] == [*SPLITS["evaluate"]]
     }
@@ -152,7 +153,8 @@ def _cell(line: Mapping[str, Any]) -> tuple[str, str]:
     how = [line["observation"], f"{line['env_steps']:,} env steps"]
     how += ["symmetric"] if line["replay"] == "symmetric" else []
     how += [f"{line['seeds']} seed"] if line["seeds"] == 1 else []
-    return f"{line['method'].upper()}, preset {line['preset']}", f"{shown}; {', '.join(how)}"
+    method = _TITLES.get(line["method"], line["method"].upper())
+    return f"{method}, preset {line['preset']}", f"{shown}; {', '.join(how)}"
 
 
 def _mark(line: Mapping[str, Any]) -> str:
