@@ -46,7 +46,8 @@ class Row:
         seed: of the training.
         env_steps: from which it has learned; of a planner, that it makes for an episode.
         updates: by then.
-        seconds: by then, of all seeds that learn side by side; None if they were not measured.
+        seconds: by then, of all seeds that learn side by side, start-up and evaluations included;
+            None if they were not measured.
         split: "train" or "evaluate", which is held out.
         episodes: of the evaluation.
         normalized_performance, success: their means at the end of episodes.

@@ -68,7 +68,8 @@ class Training:
     phase: str = dataclasses.field(default="starts", init=False)
 
     def __post_init__(self):
-        settings, self._seconds = self.settings, 0.0
+        settings = self.settings
+        self._begun, self._before = time.perf_counter(), 0.0  # Seconds: now, and of those before.
         # Vector steps of the part so far, their actions (seeds, worlds, n), and what the learner
         # remembers of the episodes.
         self._step, self._actions, self._memory = 0, list[Tensor](), None
@@ -114,6 +115,11 @@ class Training:
     def covered(self) -> int:
         """Env steps of each seed so far, of `settings.env_steps`."""
         return self.done * self.settings.part + self._step * self.settings.worlds
+
+    @property
+    def _seconds(self) -> float:
+        """All that it took so far: start-up and evaluations, too."""
+        return self._before + time.perf_counter() - self._begun
 
     @property
     def env_steps(self) -> int:
@@ -177,7 +183,6 @@ class Training:
         observation, first = (None, None) if is_offline else self._begin_part()
         self.phase = "learns"
         while self._step < steps:
-            start = time.perf_counter()
             if isinstance(self.learner, Offline):  # As often as others step their environments.
                 news = self.learner.study()
             else:
@@ -185,7 +190,6 @@ class Training:
                 observation, first, found = self._learn_step(observation, first, is_last)
                 news = found or news
             self._step += 1
-            self._seconds += time.perf_counter() - start
             before = (self.covered - settings.worlds) * points // settings.env_steps
             if self._step < steps and before < self.covered * points // settings.env_steps:
                 progress(self._told_of(news))
@@ -364,7 +368,7 @@ class Training:
         """Progress in a line: env steps, their rate, updates, time left and the last scores."""
         total, rate = self.settings.env_steps, self.covered / max(self._seconds, 1e-9)
         words = [f"{self.phase}: {self.covered:,} of {total:,} env steps"]
-        if self._seconds and self.covered:
+        if self.covered:
             minutes = (total - self.covered) / rate / 60.0
             words.append(f"{rate * len(self.seeds):.0f}/s, {minutes:.0f} min left")
         words.append(f"{self.learner.updates:,} updates")
@@ -460,7 +464,7 @@ class Training:
             self._actions = list(part["actions"].to(device)) if "actions" in part else []
         except (RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise refused(self.folder, str(error)) from error
-        self._seconds = state["seconds"]
+        self._before = state["seconds"]
 
 
 def _longer(owner: Mapping[str, Any], settings: TrainingSettings) -> Mapping[str, Any]:
