@@ -1,19 +1,15 @@
 """The tasks by name: files of `tasks`, and what users register."""
 
-import dataclasses
 import importlib
 import inspect
 import pathlib
 import pkgutil
 import re
-import sys
-import types
 import typing
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
-from gymnasium.envs.registration import EnvSpec
 
 from softgym_mj.exceptions import (
     InvalidArgumentError,
@@ -225,44 +221,13 @@ def register(
     return record
 
 
-class HorizonSpec(EnvSpec):
-    """What Gymnasium knows of a task or of an environment; `max_episode_steps` is its horizon.
-
-    Gymnasium's own `make` and `make_vec` find none there, unless a limit was asked for: they would
-    end episodes at the task's horizon, whatever `horizon=` and the actor say, and count on when a
-    state is restored. Environments end their episodes themselves.
-    """
-
-    def __init__(self, source: Any, **fields: Any):
-        """What has a `horizon`, asked for when needed: that of a task imports it."""
-        self._source = source
-        super().__init__(**fields)
-
-    @classmethod
-    def of(cls, spec: EnvSpec, horizon: int) -> "HorizonSpec":
-        """The specification of an environment, with its own horizon [env steps]."""
-        names = [field.name for field in dataclasses.fields(spec) if field.init]
-        fields = {**{name: getattr(spec, name) for name in names}, "max_episode_steps": None}
-        return cls(types.SimpleNamespace(horizon=horizon), **fields)
-
-    @property
-    def max_episode_steps(self) -> int | None:
-        """Env steps in an episode."""
-        limit = vars(self)["max_episode_steps"]
-        makers = gymnasium.make.__code__, gymnasium.make_vec.__code__
-        if limit is not None or sys._getframe(1).f_code in makers:
-            return limit
-        return self._source.horizon
-
-    @max_episode_steps.setter
-    def max_episode_steps(self, limit: int | None) -> None:
-        vars(self)["max_episode_steps"] = limit
-
-
 def add_gymnasium_id(record: TaskRecord) -> None:
-    """Registers the id of a task, for `make` and `make_vec`; imports no environment class."""
-    gymnasium.registry[record.gymnasium_id] = HorizonSpec(
-        record,
+    """Registers the id of a task for `make` and `make_vec`; imports neither task nor environment.
+
+    The id has no `max_episode_steps`: Gymnasium's `TimeLimit` would end episodes at the task's own
+    horizon, whatever `horizon=` and the actor say, and count on when a state is restored.
+    """
+    gymnasium.register(
         id=record.gymnasium_id,
         entry_point="softgym_mj.envs.gymnasium_env:SoftGymEnv",
         vector_entry_point="softgym_mj.vector.make:make_vec",

@@ -166,12 +166,14 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What `gymnasium.make` made this of; `max_episode_steps` is the horizon."""
+        """Gymnasium's specification; `max_episode_steps` is this environment's horizon."""
         return self._spec
 
     @spec.setter
     def spec(self, made_of: EnvSpec | None) -> None:
-        self._spec = made_of and registry.HorizonSpec.of(made_of, self.horizon)
+        self._spec = copy.copy(made_of)
+        if self._spec is not None:
+            self._spec.max_episode_steps = self.horizon
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Starts an episode.

@@ -6,7 +6,6 @@ from typing import Any, NoReturn
 
 import gymnasium
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
@@ -19,7 +18,6 @@ from softgym_mj.exceptions import (
     check_count,
 )
 from softgym_mj.kinds import as_array, check_kind
-from softgym_mj.registry import HorizonSpec
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
 from softgym_mj.vector.draws import Draws
@@ -39,8 +37,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         autoreset_mode: what follows the last step of an episode, as `metadata` has it, too.
     """
 
-    _spec: EnvSpec | None = None
-
     def __init__(self, backend: Backend, variations: Sequence[int], autoreset_mode: AutoresetMode):
         """Takes a backend over, and closes it with itself.
 
@@ -59,15 +55,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.observation_space = batch_space(backend.observation_space, self.num_envs)
         self.action_space = batch_space(backend.action_space, self.num_envs)
         self._pending: Callable[[], Any] | None = None  # Waits for the step that has begun.
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """What `gymnasium.make_vec` made this of; `max_episode_steps` is the horizon."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, made_of: EnvSpec | None) -> None:
-        self._spec = made_of and HorizonSpec.of(made_of, self.get_attr("horizon")[0])
 
     def _begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
         if self.closed:

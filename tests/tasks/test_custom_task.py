@@ -218,7 +218,7 @@ def test_a_version_is_part_of_the_id(register):
     register("straight", Straight, horizon=5)
     record = register("straight", Straight, horizon=5, version=2)
     assert record.gymnasium_id == "softgym_mj/Straight-v2"
-    assert gymnasium.spec("softgym_mj/Straight-v2").max_episode_steps == 5
+    assert gymnasium.spec("softgym_mj/Straight-v2").version == 2
     with pytest.raises(gymnasium.error.DeprecatedEnv, match="v0"):
         gymnasium.make("softgym_mj/Straight-v0")
     with pytest.raises(InvalidArgumentError, match="version=-1"):
