@@ -1,7 +1,4 @@
-"""Tables of docs/identification.md, of what was recovered.
-
-They are of docs/identification.json, and of docs/identification_mujoco.json: another engine's data.
-"""
+"""Tables of docs/identification.md: what was recovered, of docs/identification.json."""
 
 import json
 import pathlib
@@ -10,20 +7,15 @@ from typing import Any
 
 from tools.pages import table
 
-DOCS = pathlib.Path(__file__).parent.parent / "docs"
+FILE = pathlib.Path(__file__).parent.parent / "docs" / "identification.json"
 SHOWN = ("bending", "drag", "added_mass", "friction", "stretch")
-CASES = {
-    "mujoco in air": "stock MuJoCo in its air",
-    "mujoco": "stock MuJoCo without air",
-    "ours": "this solver",
-}
 
 Result = dict[str, Any]
 
 
 def draws() -> str:
     """How far off each draw is, and what is known of it."""
-    found: list[Result] = _found("identification")["results"]
+    found: list[Result] = _found()["results"]
     rows = []
     for result in found:
         errors, parameters = result["errors"], result["parameters"]
@@ -40,7 +32,7 @@ def draws() -> str:
 
 def counts() -> str:
     """In how many draws what is near enough."""
-    summary = _found("identification")["summary"]
+    summary = _found()["summary"]
     rows = []
     for exact, title in ((False, "noisy"), (True, "without noise")):
         within = summary["exact_within" if exact else "within"]
@@ -64,45 +56,14 @@ def counts() -> str:
     return table("| what | draws |", rows)
 
 
-def engines() -> str:
-    """What is found in recordings of another engine, and in those of this one."""
-    cases: list[Result] = _found("identification_mujoco")["cases"]
-    rows = {}
-    for name in SHOWN:
-        rows[f"{name.replace('_', ' ')} [%]"] = [
-            f"{case['parameters'][name]['value']:.2g}, truly 0"
-            if case["bias"][name] is None
-            else _off(case["bias"][name], case["parameters"][name])
-            for case in cases
-        ]
-    rows["latency [ms]"] = [f"{1e3 * case['bias']['latency']:+.1f}" for case in cases]
-    losses = [min(search["loss"] for search in case["searches"]) for case in cases]
-    rows["least loss of a search [mm]"] = [f"{1e3 * loss:.2f}" for loss in losses]
-    rows["the same at the truth [mm]"] = [f"{1e3 * case['at_truth']['loss']:.2f}" for case in cases]
-    for title, role in (("fitted", "fit"), ("held out", "held_out")):
-        rows[f"{title}: found, at the truth, at the start [mm]"] = [
-            " / ".join(
-                f"{1e3 * value:.2f}"
-                for value in (case[role]["found"], case["at_truth"][role], case[role]["start"])
-            )
-            for case in cases
-        ]
-    rows["evaluations of a search"] = [
-        str(max(search["evaluations"] for search in case["searches"])) for case in cases
-    ]
-    lines = [f"| {title} | {' | '.join(cells)} |" for title, cells in rows.items()]
-    titles = " | ".join(CASES[case["case"]] for case in cases)
-    return table(f"| recordings of | {titles} |", lines)
-
-
 def _off(error: float, found: Result) -> str:
     """How far off a value is, and its interval relative to itself, in percent."""
     low, high = (100 * (found[end] / found["value"] - 1) for end in ("low", "high"))
     return f"{100 * error:+.1f} ({low:+.0f}..{high:+.0f})"
 
 
-def _found(name: str) -> dict[str, Any]:
-    return json.loads((DOCS / f"{name}.json").read_text())
+def _found() -> dict[str, Any]:
+    return json.loads(FILE.read_text())
 
 
-TABLES: dict[str, Callable[[], str]] = {"counts": counts, "draws": draws, "engines": engines}
+TABLES: dict[str, Callable[[], str]] = {"counts": counts, "draws": draws}

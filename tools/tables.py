@@ -1,8 +1,8 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
 That is docs/cameras.json, docs/experts.json, docs/experts_before.json, docs/throughput.json,
-docs/vector.json, docs/sac.json, those of tools/gpu_tables.py, tools/reality_tables.py,
-tools/engine_tables.py and tools/identification_tables.py, docs/lab.csv, and docs/results.
+docs/vector.json, docs/sac.json, those of tools/gpu_tables.py, tools/reality_tables.py and
+tools/identification_tables.py, docs/lab.csv, and docs/results.
 """
 
 import json
@@ -17,7 +17,6 @@ from softgym_mj.registry import TASKS
 from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.randomization import Parameter
 from tools import (
-    engine_tables,
     framing,
     gallery,
     gpu_tables,
@@ -41,7 +40,6 @@ DOCS = ROOT / "docs"
     GPU,
     LEARNING,
     REALITY,
-    ENGINES,
     FOUND,
     PHYSICS,
 ) = (
@@ -55,12 +53,11 @@ DOCS = ROOT / "docs"
     DOCS / "gpu.md",
     DOCS / "learning.md",
     DOCS / "reality.md",
-    DOCS / "engines.md",
     DOCS / "identification.md",
     DOCS / "physics.md",
 )
 PAGES = (
-    README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, REALITY, ENGINES,
+    README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, REALITY,
     FOUND, PHYSICS,
 )  # fmt: skip
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
@@ -301,8 +298,6 @@ def pages() -> dict[pathlib.Path, str]:
     for name, of in lab_tables.TABLES.items():
         texts[REALITY] = between(texts[REALITY], name, of())
     texts[PHYSICS] = between(texts[PHYSICS], "lab", lab_tables.kept())
-    for name, of in engine_tables.TABLES.items():
-        texts[ENGINES] = between(texts[ENGINES], name, of())
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
@@ -320,7 +315,6 @@ def main() -> None:
         path.write_text(text)
     plots.bars(read(False), DOCS / "results.png")
     plots.curves(read(True), "horizon", DOCS / "horizon.png")
-    engine_tables.draw()
     learned.draw(learned.rows(), learned.references(), learned.FIGURE)
 
 

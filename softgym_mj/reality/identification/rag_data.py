@@ -6,7 +6,6 @@ a sheet hangs in one of several shapes, which even the step of the simulation ma
 
 import dataclasses
 import pathlib
-from typing import Protocol
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from softgym_mj.reality.identification.recordings import (
     spread,
 )
 from softgym_mj.reality.identification.tasks import Task
-from softgym_mj.reality.meshes import Mesh, rectangle
+from softgym_mj.reality.meshes import rectangle
 from softgym_mj.reality.rag_scene import TABLE, corners, hung
 from softgym_mj.reality.replay import Hold, replay
 
@@ -45,32 +44,6 @@ _GRID = 0.01  # [s] Of what is kept of a motion.
 _AFTER = 0.1  # [s] That is simulated after the last frame: clocks may run early.
 
 
-class Simulate(Protocol):
-    """What moves a sheet of which vertices are held."""
-
-    def __call__(
-        self,
-        mesh: Mesh,
-        fabric: Fabric,
-        hold: Hold,
-        times: np.ndarray,
-        *,
-        start: np.ndarray,
-        begin: float,
-        floor: float,
-        step: float,
-    ) -> np.ndarray:
-        """Vertices (s, n, 3) [m] at times (s,) [s], as `replay` has them."""
-
-
-def replayed(mesh, fabric, hold, times, *, start, begin, floor, step) -> np.ndarray:
-    """Vertices (s, n, 3) [m] by this package's solver; see `Simulate`."""
-    return replay(
-        mesh, fabric, [hold], times, start=start, begin=begin, floor=floor, step=step,
-        by_area=True, watched=False,
-    ).positions  # fmt: skip
-
-
 class RagScene(Scene):
     """A rag under a primitive."""
 
@@ -82,20 +55,18 @@ class RagScene(Scene):
         spacing: float = SPACING,
         table: float = TABLE,
         step: float = solver.TIMESTEP,
-        simulate: Simulate = replayed,
     ):
         """Of a rag of some size [m] (between the grippers, down), until so many seconds."""
         self.mesh = rectangle(*size, spacing)
         self._size, self._spacing, self._step = size, spacing, step
         self._primitive, self._end, self._table = primitive, end, table
-        self._slack, self._simulate = size[0] - GAP, simulate
+        self._slack = size[0] - GAP
 
     def finer(self, by: float) -> "RagScene":
         """The same with spacing and step divided."""
         return RagScene(
-            self._primitive, self._end, self._size, self._spacing / by, self._table,
-            self._step / by, self._simulate,
-        )  # fmt: skip
+            self._primitive, self._end, self._size, self._spacing / by, self._table, self._step / by
+        )
 
     def motion(self, fabric):
         is_slack = abs(self._slack) > 1e-6
@@ -109,11 +80,11 @@ class RagScene(Scene):
             return positions
 
         times = np.arange(round(self._end / _GRID) + 1) * _GRID
-        positions = self._simulate(
-            self.mesh, fabric, Hold(corners(self.mesh), path), times, start=hung(self.mesh),
-            begin=begin, floor=self._table, step=self._step,
+        found = replay(
+            self.mesh, fabric, [Hold(corners(self.mesh), path)], times, start=hung(self.mesh),
+            begin=begin, floor=self._table, step=self._step, by_area=True, watched=False,
         )  # fmt: skip
-        return Motion(times, positions)
+        return Motion(times, found.positions)
 
 
 def read_task(folder: pathlib.Path, cloth: str, base: Fabric, **settings) -> Task:

@@ -18,8 +18,6 @@ from softgym_mj.reality.identification.rag_data import (
     SIZE,
     SPACING,
     RagScene,
-    Simulate,
-    replayed,
 )
 from softgym_mj.reality.identification.recordings import Motion, looking
 from softgym_mj.reality.surfaces import sample_surface, seen
@@ -57,7 +55,6 @@ def write_rags(
     repeats: tuple[int, ...] = rags.REPEATS,
     slips: Mapping[tuple[int, str], float] | None = None,
     seed: int = 0,
-    simulate: Simulate = replayed,
 ) -> None:
     """Writes both primitives of a simulated rag as `rags.read_sequence` reads them.
 
@@ -70,12 +67,11 @@ def write_rags(
         repeats: that there are to be; the motion is the same, noise is not.
         slips: by which time stamps are late [s] beyond the latency, by repeat and primitive.
         seed: of noise.
-        simulate: what moves it.
     """
     sensor = Sensor() if sensor is None else sensor
     for primitive, frames in rags.FRAMES.items():
         end = frames / rags.FRAME_RATE
-        scene = RagScene(primitive, end, SIZE, spacing, step=step, simulate=simulate)
+        scene = RagScene(primitive, end, SIZE, spacing, step=step)
         motion = scene.motion(fabric)
         for repeat in repeats:
             late = sensor.latency + (slips or {}).get((repeat, primitive), 0.0)
