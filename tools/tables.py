@@ -1,8 +1,8 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
 That is docs/cameras.json, docs/experts.json, docs/experts_before.json, docs/throughput.json,
-docs/vector.json, docs/sac.json, those of tools/gpu_tables.py, tools/reality_tables.py and
-tools/identification_tables.py, docs/lab.csv, and docs/results.
+docs/vector.json, docs/sac.json, those of tools/gpu_tables.py and tools/identification_tables.py,
+docs/lab.csv, and docs/results.
 """
 
 import json
@@ -23,7 +23,6 @@ from tools import (
     identification_tables,
     lab_tables,
     learned,
-    reality_tables,
 )
 from tools.pages import between, replaced, table, with_table
 
@@ -291,8 +290,6 @@ def pages() -> dict[pathlib.Path, str]:
     texts[RECIPES] = with_table(texts[RECIPES], learning())
     for name, of in gpu_tables.TABLES.items():
         texts[GPU] = between(texts[GPU], name, of())
-    for name, of in reality_tables.TABLES.items():
-        texts[REALITY] = between(texts[REALITY], name, of())
     for name, of in identification_tables.TABLES.items():
         texts[FOUND] = between(texts[FOUND], name, of())
     for name, of in lab_tables.TABLES.items():
