@@ -9,8 +9,6 @@ import contextlib
 import ctypes
 import functools
 import importlib
-import importlib.abc
-import importlib.machinery
 import importlib.util
 import os
 import pathlib
@@ -20,7 +18,8 @@ from types import ModuleType
 from typing import Any
 
 # Modules that choose a backend when they are executed, and the classes that they then have.
-_CONTEXTS = {"dm_control._render": "Renderer", "mujoco.rendering.classic.gl_context": "GLContext"}
+_MUJOCO = "mujoco.rendering.classic.gl_context"
+_CONTEXTS = {"dm_control._render": "Renderer", _MUJOCO: "GLContext"}
 _VARIABLE = "MUJOCO_GL"
 
 
@@ -40,13 +39,22 @@ def load_triton_first() -> None:
 
 
 def defer() -> None:
-    """Makes dm_control and MuJoCo, unless they are imported, load OpenGL at its first use."""
+    """Imports dm_control's and MuJoCo's renderers so that their first use loads OpenGL.
+
+    What is imported already keeps the backend that it has loaded.
+    """
     chosen = os.environ.get(_VARIABLE)
     if chosen in ("egl", "osmesa"):  # Whoever imports PyOpenGL first has it choose a platform.
         os.environ.setdefault("PYOPENGL_PLATFORM", chosen)
-    found = any(isinstance(finder, _Finder) for finder in sys.meta_path)
-    if sys.platform == "linux" and not found:
-        sys.meta_path.insert(0, _Finder())
+    if sys.platform != "linux":
+        return
+    names = [name for name in _CONTEXTS if name not in sys.modules]
+    with _without_backend():
+        modules = [importlib.import_module(name) for name in names]
+    for module in modules:
+        _Deferred(module)
+    if _MUJOCO in names:  # MuJoCo's package has copied the names of that module.
+        sys.modules["mujoco"].GLContext = sys.modules[_MUJOCO].GLContext  # type: ignore[attr-defined]
 
 
 @contextlib.contextmanager
@@ -89,22 +97,3 @@ class _Deferred:
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         load_triton_first()
         return self.load()(*args, **kwargs)
-
-
-class _Finder(importlib.abc.MetaPathFinder):
-    """Executes the modules of `_CONTEXTS` without a backend at first."""
-
-    def find_spec(self, fullname, path, target=None):
-        if fullname not in _CONTEXTS or target is not None:  # A target is reloaded.
-            return None
-        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
-        if spec is not None and spec.loader is not None:
-            execute = spec.loader.exec_module
-
-            def exec_module(module):
-                with _without_backend():
-                    execute(module)
-                _Deferred(module)
-
-            spec.loader.exec_module = exec_module  # type: ignore[method-assign]
-        return spec

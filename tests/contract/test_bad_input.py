@@ -550,7 +550,7 @@ except ImportError as error:
     assert f"`apt-get install -y {packages}`" in said
 
 
-SLOW_MODULES = ("torch", "mink", "matplotlib", "dm_control", "OpenGL", "glfw")
+SLOW_MODULES = ("torch", "mink", "matplotlib", "OpenGL", "glfw")
 
 
 @pytest.mark.parametrize("backend", [None, "egl"])

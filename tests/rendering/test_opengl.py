@@ -72,7 +72,7 @@ def test_triton_can_be_imported_afterwards(code):
     assert run(code + "\nimport triton\nprint(triton.__name__)")[-1] == "triton"
 
 
-@pytest.mark.parametrize("renderer", ["mujoco", "dm_control"])
+@pytest.mark.parametrize("renderer", ["mujoco", "context", "dm_control"])
 def test_other_renderers_go_on(renderer):
     code = {
         "mujoco": """
@@ -85,6 +85,13 @@ mujoco.mj_forward(model, data)
 with mujoco.Renderer(model, 16, 16) as view:
     view.update_scene(data)
     print(view.render().std() > 0)
+""",
+        "context": """
+import softgym_mj, mujoco
+context = mujoco.GLContext(16, 16)
+context.make_current()
+from OpenGL import GL
+print(len(GL.glGetString(GL.GL_VERSION)) > 0)
 """,
         "dm_control": """
 import softgym_mj
