@@ -155,7 +155,7 @@ TASKS = {
     if not file.ispkg
 }
 
-
+DOMAIN = "softgym"  # The tasks' domain in dm_control's suite.
 _NAME = re.compile("[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
@@ -218,6 +218,7 @@ def register(
         gymnasium.registry.pop(TASKS[name].gymnasium_id, None)
     TASKS[name] = record
     add_gymnasium_id(record)
+    list_in_suite()
     return record
 
 
@@ -233,6 +234,20 @@ def add_gymnasium_id(record: TaskRecord) -> None:
         vector_entry_point="softgym_mj.vector.make:make_vec",
         kwargs={"task": record.name},
     )
+
+
+def list_in_suite() -> None:
+    """Puts the names of `TASKS` into the lists of `dm_control.suite`; imports no task.
+
+    EASY and HARD hold dm_control's own tasks only: tags are known once a task is imported.
+    """
+    from dm_control import suite
+
+    own = [(DOMAIN, name) for name in TASKS]
+    for name in ("ALL_TASKS", "EXTRA", "NO_REWARD_VIZ"):
+        others = [pair for pair in getattr(suite, name) if pair[0] != DOMAIN]
+        setattr(suite, name, tuple(sorted(others + own, key=lambda pair: pair[0])))
+    suite.TASKS_BY_DOMAIN[DOMAIN] = tuple(TASKS)
 
 
 def find(task: str | TaskRecord) -> TaskRecord:

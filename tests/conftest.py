@@ -44,3 +44,4 @@ def _register():
     for record in records:
         softgym_mj.TASKS.pop(record.name, None)
         gymnasium.registry.pop(record.gymnasium_id, None)
+    softgym_mj.registry.list_in_suite()

@@ -31,12 +31,14 @@ def test_the_lists_have_it_whatever_the_order_of_imports(imports):
 
 
 def test_all_lists(register):
-    """As dm_control makes them; what is registered later, too."""
-    tagged = {"easy": suite.EASY, "hard": suite.HARD}
-    for tag, pairs in tagged.items():
+    """The lists that need no tags; tasks that are registered later are in them, too."""
+    for tag in ("easy", "hard"):
         expected = {name for name, record in softgym_mj.TASKS.items() if tag in record.tags}
-        assert {task for domain, task in pairs if domain == "softgym"} == expected
-        assert ("cartpole", "balance_sparse") in suite.ALL_TASKS
+        assert set(suite._DOMAINS["softgym"].SUITE.tagged(tag)) == expected
+    assert suite._get_tasks(None) == suite.ALL_TASKS
+    assert suite._get_tasks("no_reward_visualization") == suite.NO_REWARD_VIZ
+    assert suite._get_tasks_by_domain(suite.ALL_TASKS) == suite.TASKS_BY_DOMAIN
+    assert set(suite.EXTRA) == {*suite.ALL_TASKS} - {*suite.BENCHMARKING}
     ours = {("softgym", task) for task in OURS}
     assert ours <= set(suite.EXTRA) and ours <= set(suite.NO_REWARD_VIZ)
     assert not ours & {*suite.BENCHMARKING, *suite.REWARD_VIZ}

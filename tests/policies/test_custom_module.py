@@ -70,6 +70,7 @@ def _folder(tmp_path, monkeypatch):
             del sys.modules[name]
     for name in set(registry.TASKS) - tasks:
         gymnasium.registry.pop(registry.TASKS.pop(name).gymnasium_id)
+    registry.list_in_suite()
 
 
 def run(command, monkeypatch):
