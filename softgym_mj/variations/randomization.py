@@ -23,7 +23,11 @@ PRESETS = {
     "out_of_distribution": "every parameter outside of its usual range, within the valid one",
 }
 FABRICS = "fabrics"  # Instead of a preset: sheets of fabrics as they occur.
-KINDS = {"physics": "what is felt", "visual": "what is only seen, in images"}
+KINDS = {
+    "physics": "what is felt",
+    "visual": "what is only seen, in images",
+    "sensor": "faults of the sensor, in images; as visual if not given",
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -226,6 +230,7 @@ class DomainRandomization:
             for name in setting:
                 check_name("domain parameter", name, (*named, *KINDS))
             kinds = {kind: setting.get(kind, "nominal") for kind in KINDS}
+            kinds["sensor"] = setting.get("sensor", kinds["visual"])
             if kinds["physics"] == FABRICS:
                 kinds["physics"], self._sheets = "nominal", _sheets(named)
             for kind, preset in kinds.items():

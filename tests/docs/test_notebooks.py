@@ -18,6 +18,7 @@ QUICK = ("01_quickstart",)  # The others run in `make test-long`, as in CI.
 # Cells appended to notebooks, which check the results of the cells above them.
 CHECKS = {
     "01_quickstart": "assert len(yours) >= 10 and yours.min() > max(0.95, idle.max())",
+    "09_images": "assert found['student'].mean() > 0.95 > found['does nothing'].mean()",
 }
 
 

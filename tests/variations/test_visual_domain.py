@@ -39,7 +39,7 @@ def load(task, **settings):
 def test_each_visual_parameter_is_seen_and_not_felt(task):
     env = load(task, observation="rgb")
     domain = env.task.domain
-    visual = {p.name: p for p in domain.parameters if p.kind == "visual"}
+    visual = {p.name: p for p in domain.parameters if p.kind != "physics"}
     if task != "drop_cloth":  # It shows what all scenes have.
         visual = {name: p for name, p in visual.items() if name in OWN}
 
@@ -68,7 +68,7 @@ def test_each_visual_parameter_is_seen_and_not_felt(task):
 @pytest.mark.parametrize("task", [*TASKS, "drop_cloth"])
 def test_what_is_only_seen_changes_no_state(task):
     plain, varied = load(task), load(task, domain={"visual": "out_of_distribution"})
-    assert {p.name for p in varied.task.domain.parameters if p.kind == "visual"} == set(
+    assert {p.name for p in varied.task.domain.parameters if p.kind != "physics"} == set(
         varied.task.domain.varying
     )
     for env in (plain, varied):
@@ -83,10 +83,15 @@ def test_what_is_only_seen_changes_no_state(task):
 
 def test_kinds_stand_for_their_parameters():
     parameters = load("straighten_rope").task.domain.parameters
-    for kind in ("visual", "physics"):
-        env = load("straighten_rope", domain={kind: "in_distribution", "hue": 5.0})
+    for setting, kinds in (
+        ({"visual": "in_distribution"}, {"visual", "sensor"}),
+        ({"visual": "in_distribution", "sensor": "nominal"}, {"visual"}),
+        ({"sensor": "out_of_distribution"}, {"sensor"}),
+        ({"physics": "in_distribution"}, {"physics"}),
+    ):
+        env = load("straighten_rope", domain={**setting, "hue": 5.0})
         varying = set(env.task.domain.varying)
-        assert varying - {"hue"} == {p.name for p in parameters if p.kind == kind} - {"hue"}
+        assert varying - {"hue"} == {p.name for p in parameters if p.kind in kinds} - {"hue"}
         assert env.task.domain.draw(3)["hue"] == 5.0
     with pytest.raises(InvalidArgumentError, match=r"visual=0\.5"):
         load("straighten_rope", domain={"visual": 0.5})

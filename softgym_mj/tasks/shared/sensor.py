@@ -20,14 +20,14 @@ class TaskSensor:
     """
 
     parameters = (
-        Parameter("sensor_blur", "pixels", 0.0, (0.0, 0.6), (0.0, 1.3), "deviation", "visual"),
-        scaled("sensor_exposure", "", 1.0, 1.15, 1.35, "factor to pixels", "visual"),
+        Parameter("sensor_blur", "pixels", 0.0, (0.0, 0.6), (0.0, 1.3), "deviation", "sensor"),
+        scaled("sensor_exposure", "", 1.0, 1.15, 1.35, "factor to pixels", "sensor"),
         Parameter(
-            "sensor_noise", "1/255", 0.0, (0.0, 4.0), (0.0, 10.0), "deviation of a pixel", "visual"
+            "sensor_noise", "1/255", 0.0, (0.0, 4.0), (0.0, 10.0), "deviation of a pixel", "sensor"
         ),
         Parameter(
             "sensor_quality", "", LOSSLESS, (60.0, LOSSLESS), (25.0, LOSSLESS),
-            "of JPEG; 100 is without", "visual",
+            "of JPEG; 100 is without", "sensor",
         ),
     )  # fmt: skip
 
