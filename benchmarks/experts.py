@@ -40,7 +40,7 @@ FEWEST = 5  # Variations of a set.
 OPEN = 12  # Environments that a process keeps: about 40 MB each.
 DIGITS = 16  # Hexadecimal ones of the digest that files show.
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
-FILE, BEFORE = DOCS / "experts.json", DOCS / "experts_before.json"
+FILE = DOCS / "experts.json"
 # Rooms of the package that no score depends on; what is written there, and all else, is code.
 APART = frozenset(
     {

@@ -84,20 +84,6 @@ def others() -> str:
     return table(f"| task | {titles} |", lines)
 
 
-def against_sb3() -> str:
-    """SAC of Stable-Baselines3 beside ours, seed by seed, held out."""
-    scores: dict[int, dict[str, list[str]]] = {}
-    for row in read_rows(RESULTS / "sb3.csv"):
-        if row.split == "evaluate":
-            own = scores.setdefault(row.env_steps, {}).setdefault(row.method, [])
-            own.append(f"{row.normalized_performance:.3f}")
-    lines = [
-        _row(f"{steps:,}", *(", ".join(own[method]) for method in ("sac_sb3", "sac")))
-        for steps, own in sorted(scores.items())
-    ]
-    return table("| env steps | Stable-Baselines3 | ours |", lines)
-
-
 def overview() -> str:
     """For the README, a table of tasks and methods, once a learner has final rows: else nothing.
 

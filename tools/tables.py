@@ -1,8 +1,7 @@
 """Writes tables into README.md and docs: of the tasks, and of what was measured.
 
-That is docs/cameras.json, docs/experts.json, docs/experts_before.json, docs/throughput.json,
-docs/vector.json, docs/sac.json, those of tools/gpu_tables.py and tools/identification_tables.py,
-docs/lab.csv, and docs/results.
+That is docs/cameras.json, docs/experts.json, docs/throughput.json, docs/vector.json, those of
+tools/gpu_tables.py and tools/identification_tables.py, docs/lab.csv, and docs/results.
 """
 
 import json
@@ -34,10 +33,8 @@ DOCS = ROOT / "docs"
     ROBOTS,
     VALIDATION,
     RESULTS,
-    RECIPES,
     PICTURES,
     GPU,
-    LEARNING,
     REALITY,
     FOUND,
     PHYSICS,
@@ -47,16 +44,14 @@ DOCS = ROOT / "docs"
     DOCS / "robots.md",
     DOCS / "validation.md",
     DOCS / "results.md",
-    DOCS / "recipes.md",
     DOCS / "pictures.md",
     DOCS / "gpu.md",
-    DOCS / "learning.md",
     DOCS / "reality.md",
     DOCS / "identification.md",
     DOCS / "physics.md",
 )
 PAGES = (
-    README, DOMAIN, ROBOTS, VALIDATION, RESULTS, RECIPES, PICTURES, GPU, LEARNING, REALITY,
+    README, DOMAIN, ROBOTS, VALIDATION, RESULTS, PICTURES, GPU, REALITY,
     FOUND, PHYSICS,
 )  # fmt: skip
 POLICIES = ("zero", "random", "scripted", "cem", "icem")
@@ -76,32 +71,6 @@ def cells(actors: dict[str, experts.Played]) -> list[str]:
         else "not yet played"
         for actor in experts.ACTORS
     ]
-
-
-def progress(before: experts.Scores, after: experts.Scores) -> str:
-    """Mean scores of arms before and after, and the least share of the pickers' on the same.
-
-    Shares compare with what the abstract actor has on the variations that the arm has played.
-    """
-    rows = []
-    for task, actors in after.items():
-        row, shares = [f"`{task}`"], []
-        usual = actors["default"]["scores"]
-        for arm in ARMS:
-            old, new = before.get(task, {}).get(arm), actors.get(arm)
-            texts = [
-                f"{statistics.mean(p['scores'].values()):.2f} ({len(p['scores'])})" if p else "none"
-                for p in (old, new)
-            ]
-            row.append(" → ".join(texts))
-            both = usual.keys() & new["scores"].keys() if new else set()
-            if new and both:
-                own = sum(new["scores"][v] for v in both)
-                shares.append(own / sum(usual[v] for v in both))
-        row.append(f"{min(shares):.0%}" if shares else "none")
-        rows.append(f"| {' | '.join(row)} |")
-    titles = " | ".join(f"`{arm}`" for arm in ARMS)
-    return table(f"| task | {titles} | least share of the abstract actor's |", rows)
 
 
 def budgets(results: list[dict]) -> str:
@@ -178,17 +147,6 @@ def arm_speeds() -> str:
     titles = " | ".join(f"`{arm}`" for arm in found["tasks"][next(iter(TASKS))]["arms"])
     head = f"| task, env steps/s | abstract actor | {titles} |"
     return f"{table(head, rows)}\n\n{on(found['machine'])}"
-
-
-def learning() -> str:
-    """What SAC learns."""
-    rows = []
-    for run in measured("sac"):
-        last = run["curve"][max(run["curve"], key=int)]
-        means = [sum(scores) / len(scores) for scores in (run["random"], last)]
-        rows.append(f"| {run['seed']} | {means[0]:.2f} | {means[1]:.2f} | {min(last):.2f} |")
-    head = "| seed | random actions, mean | after 20,000 env steps, mean | least |"
-    return table(head, rows)
 
 
 def processes() -> str:
@@ -280,14 +238,11 @@ def pages() -> dict[pathlib.Path, str]:
         pattern = rf"\| `{task}` \| [.\d]+ / [.\d]+ \| .* \|\n"
         texts[ROBOTS] = replaced(texts[ROBOTS], pattern, f"{row} |\n")
     texts[ROBOTS] = between(texts[ROBOTS], "speed", arm_speeds())
-    arms = progress(measured("experts_before"), scores)
-    texts[ROBOTS] = between(texts[ROBOTS], "progress", arms)
     texts[README] = between(texts[README], "learned", learned.overview())
     texts[README] = between(texts[README], "tasks", overview(scores))
     texts[README] = between(texts[README], "speed", materials())
     texts[README] = between(texts[README], "processes", processes())
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
-    texts[RECIPES] = with_table(texts[RECIPES], learning())
     for name, of in gpu_tables.TABLES.items():
         texts[GPU] = between(texts[GPU], name, of())
     for name, of in identification_tables.TABLES.items():
@@ -300,7 +255,6 @@ def pages() -> dict[pathlib.Path, str]:
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
     texts[RESULTS] = between(texts[RESULTS], "learned", learned.results())
     texts[RESULTS] = between(texts[RESULTS], "others", learned.others())
-    texts[LEARNING] = between(texts[LEARNING], "sb3", learned.against_sb3())
     results = read(False)
     for new in (comparison.markdown(results).rstrip(), budgets(results), horizons(read(True))):
         texts[RESULTS] = with_table(texts[RESULTS], new)

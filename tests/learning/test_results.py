@@ -448,18 +448,7 @@ def test_committed_tables_are_current():
     page = (RESULTS.parent / "results.md").read_text()
     assert learned.results() in page and learned.others() in page
     assert f"<!-- learned -->\n{learned.overview()}\n<!--" in (ROOT / "README.md").read_text()
-    assert learned.against_sb3() in (RESULTS.parent / "learning.md").read_text()
     assert learned.FIGURE.exists() == bool(learned.curves(learned.rows()))
-
-
-def test_sac_learns_as_another_library_does():
-    scores = {"sac": [], "sac_sb3": []}
-    for row in results.read_rows(RESULTS / "sb3.csv"):
-        if row.final and row.split == "evaluate":
-            scores[row.method].append(row.normalized_performance)
-    assert [len(own) for own in scores.values()] == [3, 3]
-    spread = max(np.ptp(own) for own in scores.values())
-    assert abs(np.mean(scores["sac"]) - np.mean(scores["sac_sb3"])) < spread
 
 
 def test_the_committed_queue_suits_presets_and_tasks():
