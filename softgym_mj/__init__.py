@@ -14,8 +14,9 @@ As a Gymnasium environment, or many:
     env = gymnasium.make("softgym_mj/SpreadCloth-v0", observation="rgb")
     envs = softgym_mj.make_vec("spread_cloth", num_envs=8)
 
-`softgym_mj.TASKS` has the tasks by name; `help(softgym_mj.TASKS["spread_cloth"].resolve())` lists
-the keyword arguments of one, and the docstring of its module, in `softgym_mj.tasks`, defines it.
+`softgym_mj.TASKS` has the tasks by name, `softgym_mj.TASKS["spread_cloth"].arguments` the keyword
+arguments of one with their types. `help("softgym_mj.tasks.shared.settings")` explains those that
+tasks share, `help("softgym_mj.tasks.spread_cloth")` the others and defines the task.
 `softgym_mj.register` adds a custom one: a subclass of `softgym_mj.tasks.Task`.
 """
 

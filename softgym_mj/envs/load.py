@@ -31,7 +31,8 @@ def load(
         horizon: env steps in an episode; None for the task's own, 20 with pick-and-place actions.
         random_state: seed or generator that draws the variations.
         **task_kwargs: keyword arguments of the task's constructor, such as `observation`;
-            `TASKS[task].arguments` has their names, `help(TASKS[task].resolve())` what they are.
+            `TASKS[task].arguments` has their names; `help(TASKS[task].resolve())` explains those
+            of one task, `help("softgym_mj.tasks.shared.settings")` those that tasks share.
             Snapshots of a custom task fit only where they are the same, but for observations.
 
     Returns:

@@ -48,10 +48,13 @@ class DropCloth(Task):
         sizes: tuple[int, int] = SIZES,
         **settings: Unpack[ClothTaskSettings],
     ):
-        """Builds the task; arguments as in `ClothTaskSettings`, and:
+        """Builds the task.
 
         Args:
+            fidelity: resolution of the cloth: "fast", "default" or "accurate".
             sizes: of the sides [particles], the upper end exclusive; the paper's are (60, 120).
+            **settings: entries of `ClothTaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
         """
         self.cloth = Cloth(fidelity=fidelity)
         self._outline = GoalLine(5, OUTLINE_WIDTH)

@@ -41,7 +41,13 @@ class DropFoldCloth(Task):
     planning_horizon, example_variation, softgym_name = 30, 953, "ClothFoldDrop"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
-        """Builds the task; arguments as in `ClothTaskSettings`."""
+        """Builds the task.
+
+        Args:
+            fidelity: resolution of the cloth: "fast", "default" or "accurate".
+            **settings: entries of `ClothTaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
+        """
         self.cloth = Cloth(fidelity=fidelity)
         self._outline = GoalLine(5, OUTLINE_WIDTH)
         super().__init__([self.cloth], HangingCloth(fidelity), marks=[self._outline], **settings)

@@ -41,7 +41,13 @@ class FoldCrumpledCloth(Task):
     planning_horizon, softgym_name = 30, "ClothFoldCrumpled"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
-        """Builds the task; arguments as in `ClothTaskSettings`."""
+        """Builds the task.
+
+        Args:
+            fidelity: resolution of the cloth: "fast", "default" or "accurate".
+            **settings: entries of `ClothTaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
+        """
         self.cloth = Cloth(fidelity=fidelity, marker=True)
         self._outline = GoalLine(5, OUTLINE_WIDTH)
         super().__init__([self.cloth], CrumpledCloth(fidelity), marks=[self._outline], **settings)

@@ -45,7 +45,13 @@ class PourWater(Task):
         fidelity: str = "default",
         **settings: Unpack[CupTaskSettings],
     ):
-        """Builds the task; arguments as in `CupTaskSettings`."""
+        """Builds the task.
+
+        Args:
+            fidelity: resolution of the water: "fast", "default" or "accurate".
+            **settings: entries of `CupTaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
+        """
         actor = settings.get("actor")
         start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity)
         super().__init__([self.water, self.target], start, tool=tool, **settings)

@@ -52,7 +52,13 @@ class PourWaterAmount(Task):
         fidelity: str = "default",
         **settings: Unpack[CupTaskSettings],
     ):
-        """Builds the task; arguments as in `CupTaskSettings`."""
+        """Builds the task.
+
+        Args:
+            fidelity: resolution of the water: "fast", "default" or "accurate".
+            **settings: entries of `CupTaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
+        """
         actor = settings.get("actor")
         start, self.water, self.cup, self.target, tool = pouring.parts(actor, fidelity)
         self._mark = LevelMark()

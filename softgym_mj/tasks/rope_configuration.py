@@ -63,10 +63,13 @@ class RopeConfiguration(Task):
         matching: str = "key_points",
         **settings: Unpack[TaskSettings],
     ):
-        """Builds the task; arguments as in `TaskSettings`, and:
+        """Builds the task.
 
         Args:
+            fidelity: resolution of the rope: "fast", "default" or "accurate".
             matching: what the reward matches: 10 "key_points" or all "vertices".
+            **settings: entries of `TaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
         """
         check_name("matching", matching, MATCHINGS)
         self.rope = rope = Rope(fidelity)

@@ -38,7 +38,13 @@ class SpreadCloth(Task):
     reset_height, view, softgym_name = 0.2, "spread_cloth", "ClothFlatten"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
-        """Builds the task; arguments as in `ClothTaskSettings`."""
+        """Builds the task.
+
+        Args:
+            fidelity: resolution of the cloth: "fast", "default" or "accurate".
+            **settings: entries of `ClothTaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
+        """
         self.cloth = Cloth(fidelity=fidelity)
         super().__init__([self.cloth], CrumpledCloth(fidelity), **settings)
 

@@ -40,7 +40,13 @@ class StraightenRope(Task):
     example_variation, softgym_name = 807, "RopeFlatten"
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[TaskSettings]):
-        """Builds the task; arguments as in `TaskSettings`."""
+        """Builds the task.
+
+        Args:
+            fidelity: resolution of the rope: "fast", "default" or "accurate".
+            **settings: entries of `TaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
+        """
         self.rope = Rope(fidelity)
         super().__init__([self.rope], TwistedRope(fidelity), **settings)
 

@@ -61,7 +61,13 @@ class TransportWater(Task):
         fidelity: str = "default",
         **settings: Unpack[CupTaskSettings],
     ):
-        """Builds the task; arguments as in `CupTaskSettings`."""
+        """Builds the task.
+
+        Args:
+            fidelity: resolution of the water: "fast", "default" or "accurate".
+            **settings: entries of `CupTaskSettings`;
+                `help("softgym_mj.tasks.shared.settings")` explains them.
+        """
         start = SettledWater(TransportCups(), LIQUID, fidelity)
         resolution, size = start.sizes(0)
         self.cup = Cup(size)

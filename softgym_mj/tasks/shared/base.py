@@ -36,7 +36,6 @@ from softgym_mj.tasks.shared.observations import (
     warn_of_hidden_goal,
 )
 from softgym_mj.tasks.shared.scene import Scene
-from softgym_mj.tasks.shared.settings import show_settings
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import SPLITS, Start, check_variation, generator
 from softgym_mj.variations.randomization import DomainRandomization
@@ -93,11 +92,6 @@ class Task(composer.Task, abc.ABC):
     planning_horizon, example_variation = 15, 806
     softgym_name: str | None = None
     hidden_goal = driven = False
-
-    def __init_subclass__(cls, **kwargs: Any):
-        super().__init_subclass__(**kwargs)
-        if "__init__" in vars(cls):
-            show_settings(vars(cls)["__init__"], Task.__init__)
 
     def __init__(
         self,
