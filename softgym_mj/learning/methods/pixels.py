@@ -32,6 +32,8 @@ class PixelSettings(SACSettings):
         channels: of each convolution.
         features: of an image, for actor and critics.
         tanh: whether these go through tanh.
+        bfloat16: whether convolutions calculate in bfloat16, with weights of 32 bits: twice as fast
+            on a GPU.
 
     Raises:
         InvalidArgumentError: for numbers out of range.
@@ -40,6 +42,7 @@ class PixelSettings(SACSettings):
     channels: int = 32
     features: int = 50
     tanh: bool = False
+    bfloat16: bool = False
 
     def __post_init__(self):
         super().__post_init__()
@@ -106,15 +109,23 @@ class Convolutions(nn.Module):
         outputs: numbers for an image.
     """
 
-    def __init__(self, sources: Sequence[torch.Generator], channels: int, size: tuple[int, int]):
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        channels: int,
+        size: tuple[int, int],
+        kind: torch.dtype = torch.float32,
+    ):
         """Draws the weights: orthogonal in the middle of kernels, else 0 [S].
 
         Args:
             sources: of random numbers, one a seed.
             channels: of each.
             size: height and width of what is seen: the middle of larger pictures.
+            kind: in which they calculate; weights and outputs are float32.
         """
         super().__init__()
+        self._kind = kind
         self._size, middle = size, _KERNEL // 2
         self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
         for k in range(len(_STRIDES)):
@@ -135,10 +146,12 @@ class Convolutions(nn.Module):
 
     def _single(self, seen: Tensor, seed: int) -> Tensor:
         """Of the seed at a place: (n, outputs)."""
-        x = seen.permute(0, 3, 1, 2).float() / 255.0  # Channels stay last in memory.
+        kind = self._kind
+        x = seen.permute(0, 3, 1, 2).to(kind) / 255.0  # Channels stay last in memory.
         for weight, bias, stride in zip(self.weights, self.biases, _STRIDES, strict=True):
-            x = torch.relu(nn.functional.conv2d(x, weight[seed], bias[seed], stride))
-        return x.permute(0, 2, 3, 1).flatten(1)
+            own = weight[seed].to(kind), bias[seed].to(kind)
+            x = torch.relu(nn.functional.conv2d(x, *own, stride))
+        return x.permute(0, 2, 3, 1).flatten(1).float()
 
 
 class Stop(nn.Module):
@@ -193,7 +206,8 @@ class PixelSAC(SAC):
 
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
         actor, critics = super()._networks(observation, action)
-        convolutions = Convolutions(self.sources, self.settings.channels, self._size)
+        kind = torch.bfloat16 if self.settings.bfloat16 else torch.float32
+        convolutions = Convolutions(self.sources, self.settings.channels, self._size, kind)
         own, shared = (self._head(convolutions.outputs, observation) for _ in range(2))
         actor.body = nn.Sequential(convolutions, Stop(), *own, *actor.body)
         return actor, SeenCritics(nn.Sequential(convolutions, *shared), critics)
