@@ -25,8 +25,8 @@ from softgym_mj.cli import (
     identification,
     learning,
     photo,
-    recordings,
     training,
+    validation,
     view,
 )
 from softgym_mj.cli.console import (
@@ -85,7 +85,7 @@ app.command("compile")(devices.compile_programs)
 app.command()(devices.bench)
 app.command()(training.train)
 app.add_typer(learning.app, name="learning")
-app.add_typer(recordings.app, name="validate")
+app.add_typer(validation.app, name="validate")
 app.add_typer(identification.app, name="identify")
 
 _VIDEO_SIZE = 480  # Side of a video [pixels].

@@ -12,23 +12,18 @@ import rich.table
 import typer
 
 from softgym_mj.cli.console import Ray, console, progress_bar
-from softgym_mj.cli.recordings import (
-    Actions,
-    AnyFabricName,
-    FabricName,
-    Folder,
-    Held,
-    MeshFile,
-    Parameters,
-    Swapped,
-    Window,
-    made_of,
-)
-from softgym_mj.exceptions import InvalidArgumentError, check_name
-from softgym_mj.jobs.files import make_folder, write_json
+from softgym_mj.entities.sheet import Fabric
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.jobs.files import make_folder, read_json, write_json
 
 app = typer.Typer(help="Parameters of a fabric from recordings of it.", no_args_is_help=True)
 
+Folder = Annotated[pathlib.Path, typer.Argument(help="Where the data set is.")]
+FabricName = Annotated[str, typer.Option(help="Name of a fabric of cloth.fabrics.")]
+Parameters = Annotated[
+    pathlib.Path | None,
+    typer.Option(help="JSON of attributes of entities.Fabric that replace the named one's."),
+]
 Density = Annotated[
     float | None,
     typer.Option(help="Mass of a unit of area, from scales, in kg/m^2; else the fabric's."),
@@ -93,94 +88,25 @@ def rags(
     _identify(task, settings, seeds, evaluations, jobs, ray, out)
 
 
-@app.command()
-def garments(
-    folder: Folder,
-    garment: Annotated[str, typer.Option(help="Name of a garment.")] = "green_tshirt",
-    action: Actions = None,
-    fabric: AnyFabricName = None,
-    parameters: Parameters = None,
-    density: Density = None,
-    mesh: MeshFile = None,
-    held: Held = None,
-    window: Window = None,
-    swapped: Swapped = False,
-    seeds: Seeds = 3,
-    evaluations: Evaluations = 240,
-    jobs: Jobs = 1,
-    ray: Ray = None,
-    out: Out = _OUT,
-) -> None:
-    """From clouds of a garment: fitted to two of three captures, reported on the third.
-
-    An evaluation takes as long as all fitted captures: take a coarse mesh, and many jobs.
-    """
-    from softgym_mj.reality import garments as data
-    from softgym_mj.reality.garment_windows import Window
-    from softgym_mj.reality.identification import garment_data
-    from softgym_mj.reality.identification.tasks import Task
-    from softgym_mj.reality.validation.garment_cases import FABRICS
-
-    check_name("garment", garment, data.GARMENTS)
-    for name in action or ():
-        check_name("action", name, data.ACTIONS)
-    if fabric is None and garment not in FABRICS:
-        raise InvalidArgumentError("fabric", None, f"a name: nothing is known of {garment}")
-    base = _base(fabric or FABRICS[garment], parameters, density)
-    scenes, recordings = garment_data.read_garments(
-        folder, garment, action or data.ACTIONS, mesh=mesh, held=tuple(held) if held else None,
-        window=Window(*window) if window else None, swapped=swapped,
-    )  # fmt: skip
-    settings = {
-        "layout": "garments", "folder": str(folder), "garment": garment, "actions": action,
-        "mesh": str(mesh) if mesh else None, "held": held, "window": window, "swapped": swapped,
-    }  # fmt: skip
-    task = Task(scenes, tuple(recordings), base)
-    _identify(task, settings, seeds, evaluations, jobs, ray, out)
-
-
-@app.command()
-def markers(
-    folder: Folder,
-    fabric: FabricName = "white_dots",
-    parameters: Parameters = None,
-    density: Density = None,
-    unit: Annotated[float, typer.Option(help="Metres in a unit of the files.")] = 1.0,
-    held: Annotated[
-        list[int] | None,
-        typer.Option(help="Number of a marker that is held, from 1; else the two upper corners."),
-    ] = None,
-    floor: Annotated[
-        float | None, typer.Option(help="Height of a plane, in metres; else none.")
-    ] = None,
-    spacing: Annotated[float, typer.Option(help="Of the mesh, at most, in metres.")] = 0.025,
-    fit: Annotated[str, typer.Option(help="Part of the names of files that are fitted.")] = "shake",
-    seeds: Seeds = 3,
-    evaluations: Evaluations = 240,
-    jobs: Jobs = 1,
-    ray: Ray = None,
-    out: Out = _OUT,
-) -> None:
-    """From markers of motion capture: fitted to shaking, reported on all other files."""
-    from softgym_mj.reality.identification import marker_data
-    from softgym_mj.reality.identification.tasks import Task
-
-    base = _base(fabric, parameters, density)
-    numbers = tuple(number - 1 for number in held) if held else None
-    scenes, recordings = marker_data.read_marker_folder(folder, unit, numbers, spacing, floor, fit)
-    settings = {
-        "layout": "markers", "folder": str(folder), "unit": unit, "held": held, "floor": floor,
-        "spacing": spacing, "fit": fit,
-    }  # fmt: skip
-    task = Task(scenes, tuple(recordings), base)
-    _identify(task, settings, seeds, evaluations, jobs, ray, out)
-
-
-def _base(name: str, parameters: pathlib.Path | None, density: float | None):
+def _base(name: str, parameters: pathlib.Path | None, density: float | None) -> Fabric:
+    """The fabric that a search starts from."""
     from softgym_mj.reality.identification.unknowns import THICKNESS
 
-    thin = dataclasses.replace(made_of(name, parameters), thickness=THICKNESS)
+    thin = dataclasses.replace(_replaced(Fabric.named(name), parameters), thickness=THICKNESS)
     return thin if density is None else dataclasses.replace(thin, density=density)
+
+
+def _replaced(fabric: Fabric, parameters: pathlib.Path | None) -> Fabric:
+    """A fabric with the attributes of a file."""
+    if parameters is None:
+        return fabric
+    values = read_json(parameters)
+    valid = [field.name for field in dataclasses.fields(Fabric)]
+    for key in values:
+        if key not in valid:
+            raise InvalidArgumentError(str(parameters), key, valid)
+    bent = fabric.bent(values.get("bend_stiffness", fabric.bend_stiffness))
+    return dataclasses.replace(bent, **values)
 
 
 def _identify(

@@ -1,4 +1,4 @@
-"""The commands `softgym-mj validate ...`: simulated cloth against theory and real recordings."""
+"""The command `softgym-mj validate lab`: simulated cloth against theory."""
 
 import pathlib
 from typing import Annotated
@@ -8,7 +8,7 @@ import typer
 from softgym_mj.cli.console import console
 from softgym_mj.jobs.files import make_folder
 
-app = typer.Typer(help="Simulated cloth against theory and real recordings.", no_args_is_help=True)
+app = typer.Typer(help="Simulated cloth against theory.", no_args_is_help=True)
 
 _TITLES = "measured", "theory", "off %", "bound %"
 _LINE = "{:<36} {:<21} {:>10} {:>10} {:>7} {}"
@@ -17,7 +17,7 @@ _TOLD = ("cells", "load")  # Of an experiment's settings.
 
 @app.callback()
 def validate() -> None:
-    """Simulated cloth against theory and real recordings."""
+    """Simulated cloth against theory."""
 
 
 @app.command()

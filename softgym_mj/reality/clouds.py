@@ -1,4 +1,4 @@
-"""Files of point clouds: binary PLY as rags have it, PCD as garments have it."""
+"""Files of point clouds: binary PLY with colors."""
 
 import dataclasses
 import pathlib
@@ -16,19 +16,6 @@ _PLY_HEADER = (
     *(b"property uchar " + color for color in (b"red", b"green", b"blue")),
     b"end_header",
 )
-_PCD_KEYS = (
-    "VERSION",
-    "FIELDS",
-    "SIZE",
-    "TYPE",
-    "COUNT",
-    "WIDTH",
-    "HEIGHT",
-    "VIEWPOINT",
-    "POINTS",
-    "DATA",
-)
-_PCD_KINDS = {"F": "f", "U": "u", "I": "i"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,24 +23,25 @@ class Cloud:
     """Points that a camera saw.
 
     Attributes:
-        points: (n, 3) [m], of the kind of number that the file has.
-        colors: (n, 3) uint8, red, green and blue; None if the file has none.
+        points: (n, 3) [m].
+        colors: (n, 3) uint8, red, green and blue.
     """
 
     points: np.ndarray
-    colors: np.ndarray | None = None
+    colors: np.ndarray
 
 
 def write_ply(path: pathlib.Path, cloud: Cloud) -> None:
-    """Writes a cloud with colours as doubles and bytes, little-endian.
+    """Writes a cloud with colors as doubles and bytes, little-endian.
 
     Raises:
-        InvalidArgumentError: if colours are missing or of another number.
+        InvalidArgumentError: if there are no points, or colors of another number.
     """
-    points, colors = _points(cloud), cloud.colors
-    if colors is None or colors.shape != points.shape:
-        shape = None if colors is None else colors.shape
-        raise InvalidArgumentError("colors", shape, f"a shape {points.shape}")
+    points, colors = np.asarray(cloud.points), np.asarray(cloud.colors)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+        raise InvalidArgumentError("points", points.shape, "a shape (1 or more, 3)")
+    if colors.shape != points.shape:
+        raise InvalidArgumentError("colors", colors.shape, f"a shape {points.shape}")
     rows = np.empty(len(points), _PLY_POINT)
     rows["xyz"], rows["rgb"] = points, colors
     path.write_bytes(b"\n".join(_PLY_HEADER) % len(points) + b"\n" + rows.tobytes())
@@ -79,90 +67,6 @@ def read_ply(path: pathlib.Path) -> Cloud:
     return _checked(path, Cloud(rows["xyz"].astype(float), rows["rgb"].copy()))
 
 
-def write_pcd(path: pathlib.Path, points: np.ndarray) -> None:
-    """Writes points (n, 3) [m] of single or double precision as binary PCD.
-
-    Raises:
-        InvalidArgumentError: for another shape or kind of number.
-    """
-    points = _points(Cloud(points))
-    size = points.dtype.itemsize
-    if points.dtype not in (np.dtype("<f4"), np.dtype("<f8")):
-        raise InvalidArgumentError("points", points.dtype, "float32 or float64")
-    values = dict.fromkeys(("WIDTH", "POINTS"), str(len(points))) | {
-        "VERSION": "0.7",
-        "FIELDS": "x y z",
-        "SIZE": " ".join([str(size)] * 3),
-        "TYPE": "F F F",
-        "COUNT": "1 1 1",
-        "HEIGHT": "1",
-        "VIEWPOINT": "0 0 0 1 0 0 0",
-        "DATA": "binary",
-    }
-    header = "".join(f"{key} {values[key]}\n" for key in _PCD_KEYS)
-    path.write_bytes(header.encode() + np.ascontiguousarray(points).tobytes())
-
-
-def read_pcd(path: pathlib.Path) -> Cloud:
-    """Reads the points of a PCD, binary or as text, whatever other fields it has.
-
-    Raises:
-        StoreError: if the file is missing, truncated, compressed, of another layout, empty or not
-            finite.
-    """
-    header, data = _pcd_header(path, _content(path))
-    names = header["FIELDS"]
-    try:
-        sizes, counts = ([int(word) for word in header[key]] for key in ("SIZE", "COUNT"))
-        kinds = [_PCD_KINDS[word] for word in header["TYPE"]]
-        layout = np.dtype(
-            [
-                (f"{i} {name}", f"<{kind}{size}", (count,))
-                for i, (name, kind, size, count) in enumerate(
-                    zip(names, kinds, sizes, counts, strict=True)
-                )
-            ]
-        )
-        places = [f"{names.index(axis)} {axis}" for axis in "xyz"]
-    except (ValueError, KeyError, TypeError):
-        raise StoreError(f"{path}: its header does not describe points x, y, z") from None
-    number = _number(path, header["POINTS"][0].encode())
-    if header["DATA"] == ["binary"]:
-        if len(data) != number * layout.itemsize:
-            wanted = number * layout.itemsize
-            raise StoreError(f"{path}: has {len(data)} bytes of points instead of {wanted}")
-        rows = np.frombuffer(data, layout)
-        points = np.concatenate([rows[place] for place in places], axis=1)
-    elif header["DATA"] == ["ascii"]:
-        firsts = np.cumsum(counts) - counts
-        try:
-            table = np.array([line.split() for line in data.splitlines()], float)
-            table = table.reshape(number, sum(counts))
-        except ValueError:
-            raise StoreError(f"{path}: not {number} lines of {sum(counts)} numbers") from None
-        points = table[:, [firsts[names.index(axis)] for axis in "xyz"]]
-    else:
-        raise StoreError(f"{path}: DATA {' '.join(header['DATA'])}; binary or ascii can be read")
-    return _checked(path, Cloud(points))
-
-
-def _pcd_header(path: pathlib.Path, content: bytes) -> tuple[dict[str, list[str]], bytes]:
-    """The words of each line, and what follows."""
-    header: dict[str, list[str]] = {}
-    while "DATA" not in header:
-        line, newline, content = content.partition(b"\n")
-        words = line.decode("ascii", "replace").split()
-        if not newline or (words and not words[0].startswith("#") and words[0] not in _PCD_KEYS):
-            raise StoreError(f"{path}: the header of a PCD ends before DATA")
-        if words and words[0] in _PCD_KEYS:
-            header[words[0]] = words[1:]
-    header.setdefault("COUNT", ["1"] * len(header.get("FIELDS", ())))
-    missing = [key for key in ("FIELDS", "SIZE", "TYPE", "POINTS") if not header.get(key)]
-    if missing:
-        raise StoreError(f"{path}: the header of a PCD lacks {', '.join(missing)}")
-    return header, content
-
-
 def _content(path: pathlib.Path) -> bytes:
     try:
         return path.read_bytes()
@@ -174,14 +78,6 @@ def _number(path: pathlib.Path, word: bytes) -> int:
     if not word.isdigit():
         raise StoreError(f"{path}: {word!r} is no number of points")
     return int(word)
-
-
-def _points(cloud: Cloud) -> np.ndarray:
-    """Points that can be written."""
-    points = np.asarray(cloud.points)
-    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
-        raise InvalidArgumentError("points", points.shape, "a shape (1 or more, 3)")
-    return points
 
 
 def _checked(path: pathlib.Path, cloud: Cloud) -> Cloud:

@@ -28,27 +28,6 @@ class RagDistances:
     hausdorff: float
 
 
-@dataclasses.dataclass(frozen=True)
-class GarmentDistances:
-    """Those of RGBench (AAAI 2026), of one frame.
-
-    Attributes:
-        chamfer: mean over real points of the Manhattan distance to the nearest simulated vertex;
-            the benchmark's primary measure.
-        sim_to_real_manhattan, sim_to_real_euclid: means over simulated vertices.
-        hausdorff_real_to_sim, hausdorff_sim_to_real: largest Euclidean distances to the nearest
-            point of the other cloud.
-        height: absolute difference of the mean heights.
-    """
-
-    chamfer: float
-    sim_to_real_manhattan: float
-    sim_to_real_euclid: float
-    hausdorff_real_to_sim: float
-    hausdorff_sim_to_real: float
-    height: float
-
-
 def rag_distances(simulated: np.ndarray, real: np.ndarray) -> RagDistances:
     """Distances of simulated vertices (n, 3) from a real cloud (m, 3) [m], as for rags.
 
@@ -59,26 +38,6 @@ def rag_distances(simulated: np.ndarray, real: np.ndarray) -> RagDistances:
     return RagDistances(
         chamfer=float(np.mean(_nearest(simulated, real, MANHATTAN))),
         hausdorff=float(np.max(_nearest(simulated, real, EUCLID))),
-    )
-
-
-def garment_distances(simulated: np.ndarray, real: np.ndarray) -> GarmentDistances:
-    """Distances of simulated vertices (n, 3) from a real cloud (m, 3) [m], as for garments.
-
-    The benchmark rounds points to single precision before; this does not.
-
-    Raises:
-        InvalidArgumentError: if a cloud is empty, not finite or of another shape.
-    """
-    simulated, real = _cloud("simulated", simulated), _cloud("real", real)
-    away = _nearest(simulated, real, EUCLID)
-    return GarmentDistances(
-        chamfer=float(np.mean(_nearest(real, simulated, MANHATTAN))),
-        sim_to_real_manhattan=float(np.mean(_nearest(simulated, real, MANHATTAN))),
-        sim_to_real_euclid=float(np.mean(away)),
-        hausdorff_real_to_sim=float(np.max(_nearest(real, simulated, EUCLID))),
-        hausdorff_sim_to_real=float(np.max(away)),
-        height=float(abs(np.mean(simulated[:, 2]) - np.mean(real[:, 2]))),
     )
 
 

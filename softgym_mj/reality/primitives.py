@@ -65,33 +65,6 @@ def gripper_positions(primitive: str, times: np.ndarray) -> np.ndarray:
     return _both(*values)
 
 
-def published_positions(primitive: str, step: float = 0.01) -> np.ndarray:
-    """The list of positions (n, 2, 3) [m] that the benchmark's own script makes, a step [s] each.
-
-    Pieces are sampled one by one, and the last sample of each but the last piece is left out. By
-    rounding a piece may have one too many, and then a position is there twice: with steps of 10 ms
-    the dynamic primitive stands still for a step at 1.1 s, at 0.7 m/s, and takes 4.42 s instead of
-    4.40 s.
-
-    Raises:
-        InvalidArgumentError: for another primitive, or a step that is none.
-    """
-    check_name("primitive", primitive, PIECES)
-    if not 0.0 < step < math.inf:
-        raise InvalidArgumentError("step", step, "a finite number of seconds above 0")
-    columns = []
-    for start, pieces in zip(START, PIECES[primitive], strict=True):
-        state, parts = (start, 0.0, 0.0), []
-        for length, end in pieces:
-            # As there: what is one too many by rounding is so here.
-            local = np.arange(0.0, length + step, step)
-            parts.append(_piece(state, end, length, local))
-            state = _after(state, end)
-        columns.append(np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]]))
-    number = min(map(len, columns))  # Of Z a piece more is left out when it is quasi-static.
-    return _both(*(column[:number] for column in columns))
-
-
 def _along(start: float, pieces: tuple[Piece, ...], times: np.ndarray) -> np.ndarray:
     """Positions (n,) [m] on one axis at times (n,) [s] within its pieces."""
     values, begin, state = np.full(len(times), start), 0.0, (start, 0.0, 0.0)

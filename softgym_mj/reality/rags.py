@@ -4,7 +4,6 @@ Zenodo record 13823986, whose licence is to be read there; nothing is downloaded
 unpacks to `Benchmarking_cloth/<cloth>_<repeat>/<primitive>/cloud/NNNNN.ply`, 30 frames a second.
 """
 
-import hashlib
 import pathlib
 from collections.abc import Sequence
 
@@ -12,7 +11,6 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count,
 from softgym_mj.reality.clouds import Cloud, read_ply, write_ply
 
 ROOT = "Benchmarking_cloth"
-ARCHIVE_SHA256 = "268d07d94396f6f4ca277b6da0e8acf43512747fea6d40327eb33166da972c7f"
 FRAME_RATE = 30.0  # [1/s]
 CLOTHS = ("chequered", "cotton", "linen")  # Cotton is the one that tables call towel.
 REPEATS = (0, 1, 2)
@@ -20,7 +18,6 @@ FRAMES = {"dynamic": 130, "quasi_static": 420}  # Of each sequence.
 # How many frames of "dynamic" the published distances are means of, in each repeat: those before
 # the rag touches the table. Of "quasi_static" all count.
 FRAMES_BEFORE_CONTACT = {"chequered": (95, 95, 99), "cotton": (99, 98, 99), "linen": (90, 89, 89)}
-_BLOCK = 2**20  # [bytes]
 
 
 def counted_frames(cloth: str, repeat: int, primitive: str) -> int:
@@ -82,19 +79,6 @@ def write_sequence(
     target.mkdir(parents=True, exist_ok=True)
     for i, cloud in enumerate(clouds):
         write_ply(target / f"{i:05d}.ply", cloud)
-
-
-def check_archive(path: pathlib.Path, expected: str = ARCHIVE_SHA256) -> None:
-    """Raises `StoreError` unless an archive is the published one, by its SHA-256."""
-    digest = hashlib.sha256()
-    try:
-        with path.open("rb") as file:
-            while block := file.read(_BLOCK):
-                digest.update(block)
-    except OSError as error:
-        raise StoreError(f"{path}: missing or unreadable ({error.strerror})") from error
-    if digest.hexdigest() != expected:
-        raise StoreError(f"{path}: SHA-256 {digest.hexdigest()}, published is {expected}")
 
 
 def _check(cloth: str, repeat: int, primitive: str) -> None:

@@ -28,7 +28,7 @@ REFUSED = {
     "observations": ["train", "sac", ROPE, "--device", "host", "--observation", "rgb,held"],
     "markup of a task": ["rollout", "[/b]"],
     "markup of a number": ["rollout", ROPE, "--episodes", "[/b]"],
-    "markup of a folder": ["validate", "markers", "nowhere[/b]"],
+    "markup of a folder": ["identify", "rags", "nowhere[/b]"],
 }
 WORDS = {
     "range": ["variations='0-99999999999'", "0..999"], "index": ["variations='3,1000'", "0..999"],

@@ -64,26 +64,6 @@ def test_the_drag_is_as_slow_as_published():
     assert (np.diff(places[:, 1]) <= 1e-6).all()
 
 
-def test_the_published_samples_of_the_fling_have_one_jump():
-    step = 0.01
-    places = primitives.published_positions("dynamic", step)[:, 0]
-    assert len(places) * step == pytest.approx(4.42)
-    accelerations = np.linalg.norm(np.diff(places, n=2, axis=0), axis=1) / step**2
-    assert accelerations.max() == pytest.approx(71.0, abs=1.0)
-    jumps = np.flatnonzero(accelerations > 10.0)
-    assert jumps.tolist() == [109, 110]  # Into and out of the position that is there twice.
-    np.testing.assert_allclose(places[110], places[111], atol=1e-12)
-    assert np.quantile(accelerations, 0.99) == pytest.approx(4.5, abs=0.2)
-
-
-def test_the_published_samples_of_the_drag_are_the_function():
-    places = primitives.published_positions("quasi_static", 0.01)
-    times = np.arange(len(places)) * 0.01
-    assert len(places) == 1401
-    expected = primitives.gripper_positions("quasi_static", times)
-    np.testing.assert_allclose(places, expected, atol=1e-9)
-
-
 def test_grippers_stand_still_before_and_after():
     places = primitives.gripper_positions("dynamic", np.array([-1.0, 0.0, 4.4, 9.0]))
     np.testing.assert_array_equal(places[0], places[1])
@@ -96,10 +76,9 @@ def test_grippers_stand_still_before_and_after():
         lambda: primitives.gripper_positions("fling", np.zeros(3)),
         lambda: primitives.gripper_positions("dynamic", np.array([np.nan])),
         lambda: primitives.gripper_positions("dynamic", np.zeros((2, 2))),
-        lambda: primitives.published_positions("dynamic", 0.0),
         lambda: primitives.duration("fling"),
     ],
 )
 def test_what_makes_no_sense_is_refused(call):
-    with pytest.raises(InvalidArgumentError, match=r"primitive|times|step"):
+    with pytest.raises(InvalidArgumentError, match=r"primitive|times"):
         call()

@@ -1,61 +1,39 @@
-"""The scene of the rags against what is published of it."""
+"""The scene of the rags against what is published of it, and hanging rags against statics."""
 
 import numpy as np
 import pytest
 
 from softgym_mj.cloth import fabrics
 from softgym_mj.entities.sheet import Fabric
-from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.reality import primitives, rag_scene
-from softgym_mj.reality.rag_scene import corners, hands, hung, rag, replay_rag
+from softgym_mj.reality import primitives
+from softgym_mj.reality.identification.rag_data import SIZE, RagScene
+from softgym_mj.reality.meshes import rectangle
+from softgym_mj.reality.rag_scene import corners, hung
+
+WIDE = (0.50, 0.63)  # [m] Of the benchmark's mesh: wider than the grippers are apart.
+SPACING = 0.028  # [m]
 
 
 def test_a_rag_hangs_from_the_open_grippers():
-    mesh = rag()
-    assert 400 < len(mesh.points) < 450  # The benchmark's mesh has 402.
+    mesh = rectangle(*WIDE, SPACING)
     np.testing.assert_allclose(mesh.strain(hung(mesh)), 0.0, atol=1e-4)
     np.testing.assert_allclose(
         hung(mesh)[list(corners(mesh))], [[0.009, 0.0, 1.0], [0.509, 0.0, 1.0]], atol=1e-12
     )
-    assert hung(mesh)[:, 2].min() == pytest.approx(1.0 - rag_scene.LENGTH)
-
-
-@pytest.mark.parametrize("primitive", primitives.PIECES)
-def test_grippers_settle_move_together_and_wait(primitive):
-    path = hands(primitive)(np.array([-9.0, -3.0, -2.0, -1.5, -1.0, -0.01, 0.0]))
-    np.testing.assert_allclose(path[:, :, 1:], np.array(primitives.START) + np.zeros((7, 2, 2)))
-    apart = path[:, 1, 0] - path[:, 0, 0]
-    np.testing.assert_allclose(apart, [0.5, 0.5, 0.5, 0.489, 0.478, 0.478, 0.478])
-    np.testing.assert_allclose(path[..., 0].mean(axis=1), 0.259)
-    later = np.linspace(0.0, primitives.duration(primitive), 50)
-    expected = primitives.gripper_positions(primitive, later)
-    np.testing.assert_array_equal(hands(primitive)(later), expected)
-
-
-def test_the_published_samples_stop_for_a_step():
-    times = np.arange(442) * 0.01
-    path = hands("dynamic", published=True)(times)
-    np.testing.assert_allclose(path, primitives.published_positions("dynamic"), atol=1e-9)
-    halves = hands("dynamic", published=True)(times[:-1] + 0.005)
-    np.testing.assert_allclose(halves, (path[1:] + path[:-1]) / 2, atol=1e-9)
-    assert np.diff(path[:, 0, 1])[110] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_no_primitive_is_refused():
-    with pytest.raises(InvalidArgumentError, match="primitive"):
-        hands("fling")
+    assert hung(mesh)[:, 2].min() == pytest.approx(1.0 - WIDE[1])
 
 
 def test_a_hung_rag_bears_its_weight():
     """In a sheet that hangs still the integral over its area of the stress along Z is its weight
-    times the distance of its centre of mass below the grips: the virial theorem.
+    times the distance of its center of mass below the grips: the virial theorem.
     """
     fabric = Fabric.named("pink_ribbon")
-    mesh = rag()
-    positions = replay_rag(fabric, "dynamic", np.array([-0.01])).positions[0]
-    drop = primitives.START[1] - positions[:, 2].mean()
-    weight = fabric.density * mesh.area * fabrics.GRAVITY
-    assert 0.9 * weight * drop < virial(mesh, fabric, positions) < 1.1 * weight * drop
+    scene = RagScene("quasi_static", 0.01, SIZE, SPACING)
+    positions = scene.motion(fabric).positions[0]
+    middle = scene.mesh.vertex_areas @ positions[:, 2] / scene.mesh.area
+    drop = primitives.START[1] - middle
+    weight = fabric.density * scene.mesh.area * fabrics.GRAVITY
+    assert 0.9 * weight * drop < virial(scene.mesh, fabric, positions) < 1.1 * weight * drop
 
 
 def virial(mesh, fabric, positions):
@@ -80,10 +58,10 @@ def virial(mesh, fabric, positions):
 
 def test_a_rag_bends_when_its_corners_come_together():
     """Its upper edge is as long as before, and not compressed to 0.478 m."""
-    mesh = rag()
-    positions = replay_rag(Fabric.named("black_denim"), "dynamic", np.array([-0.01])).positions[0]
-    left, right = corners(mesh)
+    scene = RagScene("dynamic", 0.01, WIDE, SPACING)
+    positions = scene.motion(Fabric.named("black_denim")).positions[0]
+    left, right = corners(scene.mesh)
     edge = positions[left : right + 1]
     length = np.linalg.norm(np.diff(edge, axis=0), axis=1).sum()
     assert 0.495 < length < 0.51
-    assert np.percentile(mesh.strain(positions), 1) > -0.02
+    assert np.percentile(scene.mesh.strain(positions), 1) > -0.02

@@ -171,24 +171,6 @@ class Clouds(Observation):
         return float(cKDTree(cloud).query(vertices[visible])[0].mean())
 
 
-class MarkerPlaces(Observation):
-    """Markers, whose places on the mesh are known: root of the mean squared distance."""
-
-    def __init__(self, markers: np.ndarray, weights: np.ndarray):
-        """Keeps markers (f, k, 3) [m], which lie at `weights` (k, n) of the vertices."""
-        self._markers, self._weights = markers, weights
-
-    def distances(self, positions, chosen=slice(None)):
-        away = self._markers[chosen] - self._places(positions)
-        return np.sqrt((away**2).sum(axis=2).mean(axis=1))
-
-    def offsets(self, positions):
-        return self._markers - self._places(positions)
-
-    def _places(self, positions: np.ndarray) -> np.ndarray:
-        return np.einsum("kn,fnx->fkx", self._weights, positions)
-
-
 def _patches(cloud: np.ndarray) -> list[np.ndarray]:
     """Which of points (k, 3) are in each patch: halves of halves, across where they are longest."""
     patches = [np.arange(len(cloud))]
