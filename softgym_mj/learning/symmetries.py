@@ -1,8 +1,8 @@
 """Symmetries of tasks: ways to show the same step of an episode in another place, order or mirror.
 
 A task that is turned, mirrored, seen from the rope's other end or with its pickers exchanged is the
-same task: what has been seen once has been seen as many times. Tasks whose goal has a place in the
-world keep only those that leave it where it is; pouring has none.
+same task: what has been seen once has been seen as many times. Which turns and orders leave it as
+it is the task says: `Task.symmetries`.
 """
 
 import itertools
@@ -26,8 +26,7 @@ class Symmetry(NamedTuple):
     Attributes:
         observation: (n, n) by which `reduced`, or `markov`, is multiplied, as a column.
         action: (m, m) by which actions are.
-        turn: (3, 3) of the world.
-        order: of the object's vertices, one of "same", "reversed", "rows", "columns", "both".
+        turn, order: as of `tasks.shared.symmetry.Turned`.
         pickers: their order.
     """
 
@@ -38,30 +37,6 @@ class Symmetry(NamedTuple):
     pickers: tuple[int, ...]
 
 
-_SAME, _MIRROR = np.eye(3), np.diag([1.0, -1.0, 1.0])  # The latter across the XZ plane.
-
-
-def _plane() -> list[np.ndarray]:
-    """Turns by right angles about Z, and their mirror images: (3, 3) each."""
-    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
-    return [*turns, *(turn @ _MIRROR for turn in turns)]
-
-
-def _anywhere(*orders: str) -> list[tuple[np.ndarray, str]]:
-    return list(itertools.product(_plane(), orders))
-
-
-# Of tasks: turns of the world, and orders of vertices with each.
-_OF_TASKS = {
-    "straighten_rope": _anywhere("same", "reversed"),
-    "rope_configuration": _anywhere("same", "reversed"),  # The goal is turned with the rope.
-    "spread_cloth": _anywhere("same", "rows", "columns", "both"),
-    "fold_cloth": _anywhere("same", "rows"),  # Into which half it is folded matters.
-    "fold_crumpled_cloth": [(_SAME, "same"), (_MIRROR, "rows")],
-    "drop_cloth": [(_SAME, "same"), (_MIRROR, "rows")],
-    "drop_fold_cloth": [(_SAME, "same"), (_MIRROR, "rows")],
-}
 # Of the corners of a cloth: (0, 0), (last, 0), (0, last), (last, last) by row and column.
 _CORNERS = {
     "same": (0, 1, 2, 3), "rows": (1, 0, 3, 2), "columns": (2, 3, 0, 1), "both": (3, 2, 1, 0),
@@ -77,9 +52,10 @@ def symmetries(env: Environment) -> list[Symmetry]:
     Raises:
         InvalidArgumentError: for a task or an actor that has none.
     """
-    task, name = env.task, env.name
-    if name not in _OF_TASKS:
-        raise InvalidArgumentError("task", name, f"one with symmetries: {[*_OF_TASKS]}")
+    task = env.task
+    if not task.symmetries:
+        valid = "one whose class has `symmetries`: see softgym_mj.tasks.shared.symmetry"
+        raise InvalidArgumentError("task", env.name, valid)
     if task.actor.name != "picker":
         raise InvalidArgumentError("actor", task.actor.name, "'picker'")
     number = task.actor.num_grippers
@@ -101,7 +77,7 @@ def symmetries(env: Environment) -> list[Symmetry]:
             _blocks([block_diag(turn, 1.0)] * number, pickers),
             turn, order, pickers,
         )
-        for (turn, order), pickers in itertools.product(_OF_TASKS[name], orders)
+        for (turn, order), pickers in itertools.product(task.symmetries, orders)
     ]  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import ClothTaskSettings, CupTaskSettings, TaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import anywhere, mirrored
 
 __all__ = [
     "ClothTaskSettings",
@@ -16,4 +17,6 @@ __all__ = [
     "TaskSettings",
     "ToolStart",
     "Workspace",
+    "anywhere",
+    "mirrored",
 ]

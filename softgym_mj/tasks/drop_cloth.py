@@ -26,6 +26,7 @@ from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import HangingCloth
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import mirrored
 
 SIZES = (60, 100)  # [particles] The upper end exclusive: facts 5, row 27.
 
@@ -40,6 +41,7 @@ class DropCloth(Task):
     actors, workspace = hanging.ACTORS, hanging.WORKSPACE
     arm_height, view = hanging.BASE_HEIGHT, "drop_cloth"
     softgym_name = "ClothDrop"
+    symmetries = mirrored("rows")
 
     def __init__(
         self,

@@ -28,6 +28,7 @@ from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import HangingCloth
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import mirrored
 
 
 class DropFoldCloth(Task):
@@ -39,6 +40,7 @@ class DropFoldCloth(Task):
     actors, workspace = hanging.ACTORS, hanging.WORKSPACE
     arm_height, view = hanging.BASE_HEIGHT, "drop_fold_cloth"
     planning_horizon, example_variation, softgym_name = 30, 953, "ClothFoldDrop"
+    symmetries = mirrored("rows")
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task.

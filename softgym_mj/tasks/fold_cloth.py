@@ -28,6 +28,7 @@ from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import FlatCloth
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import anywhere
 
 
 class FoldCloth(Task):
@@ -39,6 +40,7 @@ class FoldCloth(Task):
     workspace = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
     reset_height, view = 0.1, "fold_cloth"
     planning_horizon, softgym_name = 30, "ClothFold"  # The paper's; the code has 15.
+    symmetries = anywhere("same", "rows")  # Into which half it is folded matters.
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task.

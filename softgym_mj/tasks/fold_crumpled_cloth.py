@@ -28,6 +28,7 @@ from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import mirrored
 
 
 class FoldCrumpledCloth(Task):
@@ -39,6 +40,7 @@ class FoldCrumpledCloth(Task):
     workspace = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
     reset_height, view = 0.2, "fold_crumpled_cloth"
     planning_horizon, softgym_name = 30, "ClothFoldCrumpled"
+    symmetries = mirrored("rows")
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task.

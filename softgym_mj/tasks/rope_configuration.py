@@ -35,6 +35,7 @@ from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
 from softgym_mj.tasks.shared.settings import TaskSettings
 from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import anywhere
 from softgym_mj.variations.indices import generator
 
 HIDDEN_GROUP = 5  # Of geoms that are not drawn: the actor's, while the goal is.
@@ -55,6 +56,7 @@ class RopeConfiguration(Task):
     workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
     reset_height, view = 0.1, "rope_configuration"
     softgym_name, hidden_goal = "RopeConfiguration", True
+    symmetries = anywhere("same", "reversed")  # The goal is turned with the rope.
 
     def __init__(
         self,

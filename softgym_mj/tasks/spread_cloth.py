@@ -26,6 +26,7 @@ from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import anywhere
 
 
 class SpreadCloth(Task):
@@ -36,6 +37,7 @@ class SpreadCloth(Task):
     success = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
     workspace = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.
     reset_height, view, softgym_name = 0.2, "spread_cloth", "ClothFlatten"
+    symmetries = anywhere("same", "rows", "columns", "both")
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task.

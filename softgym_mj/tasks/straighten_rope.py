@@ -26,6 +26,7 @@ from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.settings import TaskSettings
 from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import anywhere
 
 
 class StraightenRope(Task):
@@ -38,6 +39,7 @@ class StraightenRope(Task):
     workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
     reset_height, view = 0.1, "straighten_rope"
     example_variation, softgym_name = 807, "RopeFlatten"
+    symmetries = anywhere("same", "reversed")
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[TaskSettings]):
         """Builds the task.

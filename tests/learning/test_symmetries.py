@@ -1,13 +1,19 @@
 """Symmetries of tasks: their oracles are the tasks' own measures, and simulations."""
 
 import dataclasses
+from typing import Unpack
 
 import numpy as np
 import pytest
 
 import softgym_mj
+from softgym_mj.entities import Rope
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.registry import find_method
+from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.symmetries import symmetries
+from softgym_mj.learning.training import Training
+from softgym_mj.tasks import Measures, Task, TaskSettings, anywhere, mirrored
 from softgym_mj.tasks.shared.observations import reduced
 
 NUMBERS = {
@@ -132,3 +138,52 @@ def test_what_has_none_is_refused():
     env.reset(3)
     with pytest.raises(InvalidArgumentError, match="actor='pick_and_place'"):
         symmetries(env)
+
+
+class Pull(Task):
+    """A custom task: the middle of a rope is to be on the X axis, far out."""
+
+    material, horizon, symmetries = "rope", 4, mirrored("reversed")
+
+    def __init__(self, **settings: Unpack[TaskSettings]):
+        self.rope = Rope("fast")
+        super().__init__([self.rope], **settings)
+
+    def arrange(self, random):
+        self.rope.set_points(self.rope.straight() + [0.0, random.uniform(-0.1, 0.1), 0.0])
+
+    def measure(self, state, episode):
+        points = state.points["rope"]
+        middle = points[..., points.shape[-2] // 2, :]
+        return Measures(middle[..., 0] - abs(middle[..., 1]), {})
+
+    def reduced(self, state, episode):
+        return {"5 key points (x, y, z each) [m]": state.points["rope"][..., ::10, :]}
+
+
+def test_a_custom_task_has_its_own_symmetries(tmp_path, register):
+    register("pull_rope", Pull)
+    env = softgym_mj.load("pull_rope", split=[3])
+    env.reset(3)
+    found = symmetries(env)
+    assert len(found) == 4  # With and without the mirror, and the pickers exchanged.
+    seen = env.task.observe("reduced")
+    points, pickers = seen[:-6].reshape(-1, 3), seen[-6:].reshape(2, 3)
+    mirror = np.diag([1.0, -1.0, 1.0])
+    expected = np.concatenate([(points @ mirror)[::-1], pickers @ mirror])
+    np.testing.assert_array_equal(found[2].observation @ seen, expected.ravel())
+    training = TrainingSettings(
+        "pull_rope", env_steps=16, worlds=2, part=16, episodes=1, final_episodes=1
+    )
+    method = find_method(
+        "sac", hidden=(8,), random_steps=4, updates=2, batch=4, replay=16, symmetric=True
+    )
+    run = Training(training, method, [0], tmp_path, "host")
+    run.run()
+    assert {row["replay"] for row in run.rows} == {"symmetric"} and run.learner.updates > 0
+
+
+def test_orders_that_are_none_are_refused():
+    for make in (anywhere, mirrored):
+        with pytest.raises(InvalidArgumentError, match="order='upwards'"):
+            make("upwards")

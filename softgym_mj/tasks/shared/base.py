@@ -37,6 +37,7 @@ from softgym_mj.tasks.shared.observations import (
 )
 from softgym_mj.tasks.shared.scene import Scene
 from softgym_mj.tasks.shared.state import Episode, State
+from softgym_mj.tasks.shared.symmetry import Turned
 from softgym_mj.variations.indices import SPLITS, Start, check_variation, generator
 from softgym_mj.variations.randomization import DomainRandomization
 from softgym_mj.variations.store import VariationStore
@@ -67,6 +68,8 @@ class Task(composer.Task, abc.ABC):
         softgym_name: what SoftGym calls it.
         hidden_goal: whether the goal depends on the variation and nothing in images without marks
             shows it.
+        symmetries: turns of the world and orders of points that leave the task as it is; a policy
+            can learn from each step in all of them. None by default.
         driven: whether an `Environment` makes as many sim steps as an action takes.
         actor: what acts.
         scene: everything that is there.
@@ -92,6 +95,7 @@ class Task(composer.Task, abc.ABC):
     planning_horizon, example_variation = 15, 806
     softgym_name: str | None = None
     hidden_goal = driven = False
+    symmetries: ClassVar[tuple[Turned, ...]] = ()
 
     def __init__(
         self,
