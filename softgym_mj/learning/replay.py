@@ -44,9 +44,7 @@ class Replay:
 
     Attributes:
         size: how many vector steps there are.
-        discount: of rewards in each env step: a number on the device, which may change; or one for
-            each seed (seeds, 1).
-        added: env steps whose rewards are added up, no more than at first; alike.
+        discount: of rewards in each env step: a number on the device, which may change.
     """
 
     def __init__(
@@ -76,7 +74,6 @@ class Replay:
             device: where.
         """
         self._steps = check_count("steps", steps, 1, capacity)
-        self.added = torch.full((), steps, device=device)
         self._capacity, self.size, self._next = capacity, 0, 0
         self.discount = torch.full((), discount, device=device)
         self._seeds, self._worlds = len(seeds), worlds
@@ -163,8 +160,7 @@ class Replay:
             # Of an episode that has come to its horizon the value goes on.
             lives = (~kept["terminated"][at, seed, world]).float()
             discount = torch.where(going > 0, factor * lives, discount)
-            goes_on = ~kept["ended"][at, seed, world] & (k + 1 < self.added)
-            going = going * goes_on.float()
+            going = going * (~kept["ended"][at, seed, world]).float()
         following = kept["next_observation"][last, seed, world]
         return Batch(observation, action, reward, following, discount)
 

@@ -117,8 +117,7 @@ class HindsightReplay(Replay):
         same = {name: array[:, :, None] for name, array in goal.items()}
         measures = self._goals.task.measure(state, dataclasses.replace(episode, goal=same))
         ended = self.kept["ended"][at].long()
-        factors = self.discount[..., None] ** ahead * (ended.cumsum(-1) - ended == 0)
-        factors = factors * (ahead < self.added[..., None])
+        factors = self.discount**ahead * (ended.cumsum(-1) - ended == 0)
         return (factors * self._reward_scale * measures.reward).sum(-1).float()
 
 

@@ -100,7 +100,6 @@ class SAC:
     Attributes:
         settings: how.
         actor, critics, targets: the networks.
-        target_entropy, pessimism: as in the settings: a number, or one for each seed (seeds, 1).
         updates, sources, period: as of `Algorithm`.
     """
 
@@ -125,8 +124,6 @@ class SAC:
         self.targets = copy.deepcopy(self.critics).requires_grad_(False)
         start = torch.full((len(seeds),), settings.alpha, device=device).log()
         self.log_alpha = start.requires_grad_(True)
-        self.target_entropy: float | Tensor = settings.target_entropy
-        self.pessimism: float | Tensor = settings.pessimism
         rates: tuple[float | Tensor, ...] = settings.actor_rate, settings.critic_rate
         if settings.halved_every:  # On the device, where they change.
             rates = tuple(torch.tensor(rate, device=device) for rate in rates)
@@ -185,7 +182,7 @@ class SAC:
 
     def _judged(self, values: Tensor) -> Tensor:
         """The value (seeds, n) by what critics say (critics, seeds, n)."""
-        return torch.lerp(values.mean(0), values.amin(0), self.pessimism)
+        return torch.lerp(values.mean(0), values.amin(0), self.settings.pessimism)
 
     def wanted(self, batch: Batch, noise: Tensor) -> Tensor:
         """Returns (seeds, n) that critics are to find; arguments as of `critic_loss`."""
@@ -215,7 +212,7 @@ class SAC:
         action, density = self.actor.sample(batch.observation, noise)
         value = self._judged(self.critics(batch.observation, action))
         actor = (self.alpha[:, None] * density - value).mean(-1)
-        wanted = self.target_entropy * action.shape[-1]
+        wanted = self.settings.target_entropy * action.shape[-1]
         surplus = (-density - wanted).detach().mean(-1)
         return actor, self.log_alpha.exp() * surplus
 
