@@ -23,18 +23,78 @@ Start: 224 to 8788 of SoftGym's particles at rest in a cup made for them, a targ
 away (facts 3.2), at least 2 cm clear. End: horizon only.
 """
 
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
+from softgym_mj import metrics
 from softgym_mj.entities.marks import LevelMark
-from softgym_mj.metrics import Array, Measures
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.metrics import Array, Measures, namespace
 from softgym_mj.robots.factory import CUP_ACTORS
 from softgym_mj.tasks.shared import entries, pouring
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.goals import Goals, as_points
 from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import generator
+
+_HALF = 0.5  # Of a particle: a share between two whole numbers of them counts as the lower one.
+
+
+class PourGoals(Goals):
+    """The share of the water that ought to be poured, in whole particles: k = 1."""
+
+    def __init__(self, task: Any):
+        super().__init__(task)
+        if task.actor.name != "cup":
+            raise InvalidArgumentError("actor", task.actor.name, "'cup', whose full state has all")
+        self._walls = {"cup": task.cup.size.wall, "target": task.target.size.wall}  # In all alike.
+
+    def read(self, full: Array) -> tuple[State, Episode]:
+        """See `Goals`."""
+        end = 3 * self.task.max_points
+        water = as_points(full[..., :end])
+        xp = namespace(full)
+        poses, shapes = {}, {}
+        for k, (name, wall) in enumerate(self._walls.items()):
+            x, z, angle, *size = (
+                full[..., end + entries.CUP_SIZE * k + i] for i in range(entries.CUP_SIZE)
+            )
+            none, half = xp.zeros_like(x), angle / 2
+            turn = xp.cos(half), none, xp.sin(half), none  # About +Y.
+            poses[name] = metrics.columns(x, none, z, *turn, angle)
+            shapes[name] = {"size": metrics.columns(*size, xp.ones_like(x) * wall)}
+        level, share = (full[..., end + entries.CUP_SIZE * len(self._walls) + i] for i in range(2))
+        nothing = full[..., :0]
+        state = State(
+            {"water": water}, {"water": xp.any(water != 0, axis=-1)}, poses, nothing, nothing
+        )
+        return state, Episode(0, {}, shapes, {"level": level, "share": share}, 0.0)
+
+    def reached(self, state: State, episode: Episode) -> dict[str, Array]:
+        """See `Goals`."""
+        number, before = state.present["water"].sum(axis=-1), episode.goal
+        share = self.achieved(state, episode)[..., 0] + _HALF / number
+        floor = episode.shapes["target"]["size"][..., 3] / 2
+        # The bar is as far above the target's floor as the share is large: `PourWaterAmount.goal`.
+        return {
+            "level": floor + share * (before["level"] - floor) / before["share"],
+            "share": share,
+        }
+
+    def achieved(self, state: State, episode: Episode) -> Array:
+        """See `Goals`."""
+        return pouring.fractions(state, episode)["poured"][..., None]
+
+    def desired(self, state: State, episode: Episode) -> Array:
+        """See `Goals`."""
+        number = state.present["water"].sum(axis=-1)
+        return (number * episode.goal["share"] // 1 / number)[..., None]
+
+    def reward(self, achieved: Array, desired: Array) -> Array:
+        """See `Goals`; `PourWaterAmount.measure` counts particles to get here."""
+        return -abs(desired - achieved)[..., 0]
 
 
 class PourWaterAmount(Task):
@@ -45,6 +105,7 @@ class PourWaterAmount(Task):
     success = 0.9  # Ours: a tenth of the share may be missing or too much.
     actors, view, reset_height = CUP_ACTORS, "pour_water", 0.0
     planning_horizon, softgym_name, hidden_goal = 40, "PourWaterAmount", True
+    goals = PourGoals
 
     def __init__(
         self,

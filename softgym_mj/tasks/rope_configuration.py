@@ -24,12 +24,13 @@ from softgym_mj import metrics
 from softgym_mj.entities.marks import GoalLine
 from softgym_mj.entities.rope import Rope
 from softgym_mj.exceptions import check_name
-from softgym_mj.metrics import Array, Measures
+from softgym_mj.metrics import Array, Measures, namespace
 from softgym_mj.rendering.observables import CameraObservable
 from softgym_mj.rendering.offscreen import CameraView, refresh_poses
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import quality
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.goals import Goals, as_points
 from softgym_mj.tasks.shared.letters import LETTERS, letter
 from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
 from softgym_mj.tasks.shared.settings import TaskSettings
@@ -47,6 +48,37 @@ def goal_name(variation: int) -> str:
     return LETTERS[int(generator("rope_configuration", variation).integers(len(LETTERS)))]
 
 
+class RopeGoals(Goals):
+    """Where the vertices ought to lie, from either end: k = 3 n [m]."""
+
+    def read(self, full: Array) -> tuple[State, Episode]:
+        """See `Goals`."""
+        end = 3 * self.task.max_points
+        return self._made(full[..., :end], full[..., end : 2 * end], full[..., 2 * end :])
+
+    def _made(self, rope: Array, goal: Array, sensed: Array) -> tuple[State, Episode]:
+        points, places = as_points(rope), as_points(goal)
+        there = namespace(points).ones_like(points[..., 0]) > 0
+        state = State({"rope": points}, {"rope": there}, {}, sensed, sensed[..., :0])
+        return state, Episode(0, {}, {"rope": {}}, {"rope": places}, 0.0)
+
+    def reached(self, state: State, episode: Episode) -> dict[str, Array]:
+        """See `Goals`."""
+        return dict(state.points)
+
+    def achieved(self, state: State, episode: Episode) -> Array:
+        """See `Goals`."""
+        return metrics.flat(state.points["rope"])
+
+    def desired(self, state: State, episode: Episode) -> Array:
+        """See `Goals`."""
+        return metrics.flat(episode.goal["rope"])
+
+    def reward(self, achieved: Array, desired: Array) -> Array:
+        """See `Goals`."""
+        return self.task.measure(*self._made(achieved, desired, achieved[..., :0])).reward
+
+
 class RopeConfiguration(Task):
     """See the module docstring."""
 
@@ -56,6 +88,7 @@ class RopeConfiguration(Task):
     workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
     reset_height, view = 0.1, "rope_configuration"
     softgym_name, hidden_goal = "RopeConfiguration", True
+    goals = RopeGoals
     symmetries = anywhere("same", "reversed")  # The goal is turned with the rope.
 
     def __init__(

@@ -20,7 +20,8 @@ from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
 from softgym_mj.metrics import Measures
 from softgym_mj.tasks import pour_water_amount
-from softgym_mj.tasks.shared.goals import RopeGoals, goals
+from softgym_mj.tasks.rope_configuration import RopeGoals
+from softgym_mj.tasks.shared.goals import goals
 
 SEEDS, WORLDS, CAPACITY, STEPS, DISCOUNT, SCALE = [3, 8], 2, 10, 14, 0.5, 2.0
 ENDS = {5: (True, False), 9: (True, True), 12: (True, False)}  # Ended, terminated.

@@ -29,6 +29,7 @@ from softgym_mj.robots.factory import GRIPPERS
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import actors, checks
 from softgym_mj.tasks.shared.driving import Driving
+from softgym_mj.tasks.shared.goals import Goals
 from softgym_mj.tasks.shared.observations import (
     DEFAULT_IMAGE_SIZE,
     STATES,
@@ -68,6 +69,7 @@ class Task(composer.Task, abc.ABC):
         softgym_name: what SoftGym calls it.
         hidden_goal: whether the goal depends on the variation and nothing in images without marks
             shows it.
+        goals: functions of a goal that is drawn in each variation, for hindsight; None for others.
         symmetries: turns of the world and orders of points that leave the task as it is; a policy
             can learn from each step in all of them. None by default.
         driven: whether an `Environment` makes as many sim steps as an action takes.
@@ -95,6 +97,7 @@ class Task(composer.Task, abc.ABC):
     planning_horizon, example_variation = 15, 806
     softgym_name: str | None = None
     hidden_goal = driven = False
+    goals: ClassVar[type[Goals] | None] = None
     symmetries: ClassVar[tuple[Turned, ...]] = ()
 
     def __init__(

@@ -11,6 +11,9 @@ def corners(state: State, episode: Episode) -> dict[str, Array]:
     return {f"corner p{i + 1} (x, y, z) [m]": found[..., i, :] for i in range(4)}
 
 
+CUP_SIZE = 6  # Numbers of `cup`.
+
+
 def cup(name: str, state: State, episode: Episode) -> dict[str, Array]:
     """A cup's pose and inner measures."""
     pose, size = state.poses[name], episode.shapes[name]["size"]
