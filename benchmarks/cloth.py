@@ -271,12 +271,6 @@ def machine() -> dict[str, object]:
             "load_average": os.getloadavg()[0]}  # fmt: skip
 
 
-def speed_of_machine() -> dict[str, object]:
-    """Its processor, and how fast it steps dm_control's humanoid, beside figures of speed."""
-    rate = measure_yardstick()["mj_steps/s"]
-    return {"processor": machine()["processor"], "humanoid_mj_steps_per_second": rate}
-
-
 FOLD_TIMES = ("flat_ms", "lift_ms", "carry_ms", "fold_ms", "all_ms")
 
 

@@ -1,1 +1,1 @@
-"""How real it is: distances from recordings of real cloth, and what reads such recordings."""
+"""How real cloth is: against theory (`lab`), and against recordings of real cloth."""

@@ -84,13 +84,6 @@ class Replay:
         """CPU time of a step, on average."""
         return float(self.steps.milliseconds.mean())
 
-    @property
-    def real_time_factor(self) -> float:
-        """Simulated seconds in a second of CPU time."""
-        times = self.steps.times
-        step = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 0.0
-        return float(1e3 * step / self.milliseconds)
-
 
 class Recorder:
     """Takes down the steps of a simulation of a mesh, and makes a `Replay` of them."""

@@ -64,7 +64,6 @@ def test_held_vertices_are_where_they_are_told_to_be():
     assert found.positions[-1, :, 2].min() < circle(times)[-1, 0, 2] - 0.08  # The rest hangs.
     assert 0.0 < found.strain_99 < 0.05
     assert found.milliseconds > 0.0
-    assert found.real_time_factor == pytest.approx(10.0 / found.milliseconds)
 
 
 def test_what_is_let_go_of_falls_on():
