@@ -4,6 +4,7 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.tasks import Task
+from softgym_mj.tasks.shared.entries import labels
 
 # What the keys of info mean; "reward_*" and "domain_*" are explained apart.
 INFO = {
@@ -49,14 +50,14 @@ def ending_entries(task: Task) -> dict[str, int]:
 
 def reduced_entries(task: Task) -> dict[str, int]:
     """What the reduced state lists."""
-    return sizes(task.reduced(task.state(), task.episode)) | ending_entries(task)
+    return sizes(labels(task.reduced(task.state(), task.episode))) | ending_entries(task)
 
 
 def full_entries(env: Environment) -> dict[str, int]:
     """What the full state lists."""
     task, number = env.task, env.observation_spec()["full_mask"].shape[0]
     points = {f"{number} points (x, y, z each), zeros from the last that exists [m]": 3 * number}
-    return points | sizes(task.beside(task.state(), task.episode)) | ending_entries(task)
+    return points | sizes(labels(task.beside(task.state(), task.episode))) | ending_entries(task)
 
 
 def sizes(arrays: dict[str, np.ndarray]) -> dict[str, int]:

@@ -6,7 +6,6 @@ it is the task says: `Task.symmetries`.
 """
 
 import itertools
-import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,9 +14,7 @@ from scipy.linalg import block_diag
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
-
-_POINTS = re.compile(r"\(x, y, z( each)?\)")  # In labels of numbers that are points.
-_OWN = ("key points", "corner")  # In labels of an object's.
+from softgym_mj.tasks.shared.entries import Entries
 
 
 class Symmetry(NamedTuple):
@@ -61,11 +58,10 @@ def symmetries(env: Environment) -> list[Symmetry]:
     number = task.actor.num_grippers
     orders = [tuple(range(number)), tuple(reversed(range(number)))][: min(number, 2)]
     entries = task.reduced(task.scene.state(), task.episode)
-    labels = [(label, np.asarray(values).size) for label, values in entries.items()]
     remembers = "markov" in env.observation_spec()
 
     def of_observation(turn: np.ndarray, order: str, pickers: Sequence[int]) -> np.ndarray:
-        found = _of_observation(labels, turn, order, pickers)
+        found = _of_observation(entries, turn, order, pickers)
         if not remembers:
             return found
         # Of each picker whether it holds something, and where that is from it.
@@ -82,28 +78,27 @@ def symmetries(env: Environment) -> list[Symmetry]:
 
 
 def _of_observation(
-    labels: Sequence[tuple[str, int]], turn: np.ndarray, order: str, pickers: Sequence[int]
+    entries: Entries, turn: np.ndarray, order: str, pickers: Sequence[int]
 ) -> np.ndarray:
-    """A matrix (n, n): of the numbers of these labels, then of the pickers' places."""
+    """A matrix (n, n): of the numbers of these entries, then of the pickers' places."""
     places: list[int] = []  # Which point comes where.
-    own = [i for i, (label, _) in enumerate(labels) if _is_object(label)]
-    starts = np.cumsum([0, *(size // 3 for _, size in labels)]).tolist()
-    for i, (label, size) in enumerate(labels):
-        if not _POINTS.search(label):
-            raise InvalidArgumentError("reduced", label, "points (x, y, z) alone")
+    each = [*entries.items()]
+    own = [i for i, (_, entry) in enumerate(each) if entry.role == "object"]
+    starts = np.cumsum([0, *(np.size(entry.values) // 3 for _, entry in each)]).tolist()
+    for i, (name, entry) in enumerate(each):
+        if entry.kind == "numbers":
+            raise InvalidArgumentError("reduced", name, "points alone, to be turned")
         if i not in own or order == "same":
             places += range(starts[i], starts[i + 1])
         elif order == "reversed":
             places += range(starts[i + 1] - 1, starts[i] - 1, -1)
-        else:  # A corner each.
-            assert size == 3, "a label of each corner"
+        elif entry.kind == "point" and len(own) == len(_CORNERS[order]):
             places.append(starts[own[_CORNERS[order][own.index(i)]]])
+        else:
+            valid = f"a point of each of four corners, to be in the order {order!r}"
+            raise InvalidArgumentError("reduced", name, valid)
     places += [starts[-1] + k for k in pickers]
     return _blocks([turn] * len(places), places)
-
-
-def _is_object(label: str) -> bool:
-    return "goal" not in label and any(name in label for name in _OWN)
 
 
 def _blocks(parts: Sequence[np.ndarray], order: Sequence[int]) -> np.ndarray:

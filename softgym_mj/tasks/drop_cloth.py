@@ -23,6 +23,7 @@ from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart
 from softgym_mj.tasks.shared import entries, hanging, quality
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.entries import Entries
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import HangingCloth
 from softgym_mj.tasks.shared.state import Episode, State
@@ -87,5 +88,5 @@ class DropCloth(Task):
     def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
         return quality.laying(state, episode, folded=False)
 
-    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+    def reduced(self, state: State, episode: Episode) -> Entries:
         return entries.corners(state, episode)

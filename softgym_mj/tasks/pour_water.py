@@ -22,10 +22,11 @@ from typing import Unpack
 
 import numpy as np
 
-from softgym_mj.metrics import Array, Measures
+from softgym_mj.metrics import Measures
 from softgym_mj.robots.factory import CUP_ACTORS
 from softgym_mj.tasks.shared import entries, pouring
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.entries import Entries
 from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
 
@@ -66,8 +67,8 @@ class PourWater(Task):
         poured = shares.pop("poured")
         return Measures(poured, rewards={"poured": poured}, info=shares)
 
-    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+    def reduced(self, state: State, episode: Episode) -> Entries:
         return pouring.reduced(state, episode)
 
-    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+    def beside(self, state: State, episode: Episode) -> Entries:
         return entries.cups(state, episode)

@@ -34,6 +34,7 @@ from softgym_mj.metrics import Array, Measures, namespace
 from softgym_mj.robots.factory import CUP_ACTORS
 from softgym_mj.tasks.shared import entries, pouring
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.entries import Entries, Entry, numbers
 from softgym_mj.tasks.shared.goals import Goals, as_points
 from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
@@ -154,17 +155,17 @@ class PourWaterAmount(Task):
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return episode.initial_performance, 0.0
 
-    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+    def reduced(self, state: State, episode: Episode) -> Entries:
         return {**pouring.reduced(state, episode), **_goal_entries(episode)}
 
-    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+    def beside(self, state: State, episode: Episode) -> Entries:
         return {**entries.cups(state, episode), **_goal_entries(episode)}
 
 
-def _goal_entries(episode: Episode) -> dict[str, Array]:
+def _goal_entries(episode: Episode) -> dict[str, Entry]:
     return {
-        "height of the red bar [m]": episode.goal["level"][..., None],
-        "share t to be poured": episode.goal["share"][..., None],
+        "height of the red bar": numbers(episode.goal["level"][..., None], "m"),
+        "share t to be poured": numbers(episode.goal["share"][..., None]),
     }
 
 

@@ -30,6 +30,7 @@ from softgym_mj.rendering.offscreen import CameraView, refresh_poses
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import quality
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.entries import Entries, points
 from softgym_mj.tasks.shared.goals import Goals, as_points
 from softgym_mj.tasks.shared.letters import LETTERS, letter
 from softgym_mj.tasks.shared.observations import DEFAULT_IMAGE_SIZE, GOAL_RGB
@@ -172,15 +173,14 @@ class RopeConfiguration(Task):
     def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
         return quality.point_error(state.points["rope"], episode.goal["rope"])
 
-    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
-        keys, places = self.rope.key_points, {"rope": state.points, "goal": episode.goal}
+    def reduced(self, state: State, episode: Episode) -> Entries:
+        keys = self.rope.key_points
+        rope, goal = (metrics.chosen(where["rope"], keys) for where in (state.points, episode.goal))
         return {
-            f"{len(keys)} key points of the {name} (x, y, z each) [m]": metrics.chosen(
-                place["rope"], keys
-            )
-            for name, place in places.items()
+            f"{len(keys)} key points of the rope": points(rope, "object"),
+            f"{len(keys)} key points of the goal": points(goal, "goal"),
         }
 
-    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+    def beside(self, state: State, episode: Episode) -> Entries:
         goal = episode.goal["rope"]
-        return {f"{goal.shape[-2]} vertices of the goal (x, y, z each) [m]": goal}
+        return {f"{goal.shape[-2]} vertices of the goal": points(goal, "goal")}

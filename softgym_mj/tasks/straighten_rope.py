@@ -23,6 +23,7 @@ from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import quality
 from softgym_mj.tasks.shared.base import Task
+from softgym_mj.tasks.shared.entries import Entries, points
 from softgym_mj.tasks.shared.settings import TaskSettings
 from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
 from softgym_mj.tasks.shared.state import Episode, State
@@ -72,10 +73,10 @@ class StraightenRope(Task):
         points = state.points["rope"]
         return quality.point_error(points, quality.straight(points, LENGTH))
 
-    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+    def reduced(self, state: State, episode: Episode) -> Entries:
         keys = self.rope.key_points
         found = metrics.chosen(state.points["rope"], keys)
-        return {f"{len(keys)} key points (x, y, z each) [m]": found}
+        return {f"{len(keys)} key points": points(found, "object")}
 
     def remarks(self, episode: Episode) -> dict[str, Array]:
         initial = metrics.normalize(episode.initial_performance, *self.bounds(episode))

@@ -29,6 +29,7 @@ from softgym_mj.robots.factory import CUP_ACTORS
 from softgym_mj.tasks.shared import entries
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.carried_water import carried_water, inside, share
+from softgym_mj.tasks.shared.entries import Entries, numbers
 from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.starts.cup_variations import TransportCups
 from softgym_mj.tasks.shared.starts.settled_water import SettledWater
@@ -90,14 +91,14 @@ class TransportWater(Task):
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return -GOAL, 0.0
 
-    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
+    def reduced(self, state: State, episode: Episode) -> Entries:
         within = share(inside("cup", state, episode), state)
         return {
-            "cup x [m]": state.poses["cup"][..., :1],
-            "cup inner length, width, height [m]": episode.shapes["cup"]["size"][..., :3],
+            "cup x": numbers(state.poses["cup"][..., :1], "m"),
+            "cup inner length, width, height": numbers(episode.shapes["cup"]["size"][..., :3], "m"),
             **entries.highest_particle(state),
-            "fraction in the cup, fraction outside": metrics.columns(within, 1.0 - within),
+            "fraction in the cup, fraction outside": numbers(metrics.columns(within, 1.0 - within)),
         }
 
-    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+    def beside(self, state: State, episode: Episode) -> Entries:
         return entries.cups(state, episode)

@@ -101,7 +101,8 @@ def test_symmetries_turn_full_states_as_reduced_ones():
     assert len(found) == len(own) == 16
     for symmetry, expected in zip(found, own, strict=True):
         state, episode = of.read(symmetry.observation @ full)
-        reduced = [*env.task.reduced(state, episode).values(), state.sensed]
+        entries = env.task.reduced(state, episode).values()
+        reduced = [*(entry.values for entry in entries), state.sensed]
         flat = np.concatenate([np.ravel(values) for values in reduced])
         np.testing.assert_allclose(flat, expected.observation @ env.task.observe("reduced"))
         np.testing.assert_array_equal(symmetry.action, expected.action)

@@ -14,6 +14,7 @@ from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.learning.training import Training
 from softgym_mj.tasks import Measures, Task, TaskSettings, anywhere, mirrored
+from softgym_mj.tasks.shared.entries import points
 from softgym_mj.tasks.shared.observations import reduced
 
 NUMBERS = {
@@ -158,7 +159,7 @@ class Pull(Task):
         return Measures(middle[..., 0] - abs(middle[..., 1]), {})
 
     def reduced(self, state, episode):
-        return {"5 key points (x, y, z each) [m]": state.points["rope"][..., ::10, :]}
+        return {"5 key points": points(state.points["rope"][..., ::10, :], "object")}
 
 
 def test_a_custom_task_has_its_own_symmetries(tmp_path, register):

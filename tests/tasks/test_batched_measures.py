@@ -9,6 +9,7 @@ import torch
 
 import softgym_mj
 from softgym_mj.tasks import Episode, State
+from softgym_mj.tasks.shared.entries import labels
 from softgym_mj.tasks.shared.observations import STATES
 
 VARIATIONS, SAMPLES = (800, 807, 813, 999), 16  # Of four sizes; 64 states.
@@ -68,7 +69,7 @@ def flattened(measured) -> dict[str, Any]:
 
 def measured(task, state: State, episode: Episode) -> dict[str, Any]:
     measures = task.measure(state, episode)
-    further = task.reduced(state, episode) | task.quality(state, episode, measures)
+    further = labels(task.reduced(state, episode)) | task.quality(state, episode, measures)
     names = ("reduced", "markov", "proprioception")
     seen = {name: STATES[name].value(task, state, episode) for name in names}
     return flattened((measures, task.bounds(episode), further | seen))

@@ -15,7 +15,7 @@ from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import ExecutorRollouts
 from softgym_mj.robots.picker import Picker
-from softgym_mj.tasks import Measures, Task, TaskSettings
+from softgym_mj.tasks import Measures, Task, TaskSettings, numbers, point, points
 
 DIMS = (12, 12)
 
@@ -76,8 +76,15 @@ BAD_METHODS = [
     ({"diagnostics": lambda self: {"variation": 5}}, r"\['variation'\].*only once"),
     ({"bounds": lambda *_: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\).*lower < upper"),
     ({"bounds": lambda *_: 1.0}, r"bounds\(\)=1.0"),
-    ({"reduced": lambda *_: {"a": np.array([np.nan])}}, r"reduced\(\)\['a'\].*finite numbers"),
-    ({"reduced": lambda *_: {"a": np.zeros((1, 1, 1))}}, r"reduced\(\)\['a'\].*finite numbers"),
+    ({"reduced": lambda *_: {"a": np.zeros(2)}}, r"reduced\(\)\['a'\].*an entry: `numbers`"),
+    ({"beside": lambda *_: {"a": np.zeros(2)}}, r"beside\(\)\['a'\].*an entry: `numbers`"),
+    (
+        {"reduced": lambda *_: {"a": numbers(np.array([np.nan]))}},
+        r"reduced\(\)\['a'\].*finite numbers",
+    ),
+    ({"reduced": lambda *_: {"a": numbers(np.zeros((1, 1)))}}, r"reduced\(\)\['a'\].*finite"),
+    ({"reduced": lambda *_: {"a": point(np.zeros(2))}}, r"reduced\(\)\['a'\].*a point \(3,\)"),
+    ({"reduced": lambda *_: {"a": points(np.zeros((1, 2)))}}, r"reduced\(\)\['a'\].*\(k, 3\)"),
     ({"resize": lambda self, variation: None}, r"resize\(\)=None.*True if the model changed"),
 ]
 

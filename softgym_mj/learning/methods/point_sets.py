@@ -24,8 +24,6 @@ from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.symmetries import Symmetry, symmetries
 
-_EACH = "(x, y, z each)"  # In labels of sets of points.
-
 
 @typed
 @dataclasses.dataclass(frozen=True)
@@ -67,9 +65,9 @@ def layout(env: Environment) -> Layout:
     """
     task = env.task
     sets, end = [(0, task.max_points)], 3 * task.max_points
-    for label, values in task.beside(task.scene.state(), task.episode).items():
-        size = np.asarray(values).size
-        if _EACH in label:
+    for entry in task.beside(task.scene.state(), task.episode).values():
+        size = np.size(entry.values)
+        if entry.kind == "points":
             sets.append((end, size // 3))
         end += size
     taken = {start + i for start, number in sets for i in range(3 * number)}

@@ -29,6 +29,7 @@ from softgym_mj.robots.factory import GRIPPERS
 from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import actors, checks
 from softgym_mj.tasks.shared.driving import Driving
+from softgym_mj.tasks.shared.entries import Entries, point
 from softgym_mj.tasks.shared.goals import Goals
 from softgym_mj.tasks.shared.observations import (
     DEFAULT_IMAGE_SIZE,
@@ -242,18 +243,18 @@ class Task(composer.Task, abc.ABC):
         """
         return 0.0, 1.0
 
-    def reduced(self, state: State, episode: Episode) -> dict[str, Array]:
-        """The few numbers that describe the state: (..., k) by what they are, with their unit.
+    def reduced(self, state: State, episode: Episode) -> Entries:
+        """The few numbers that describe the state, by what they are called.
 
         What the actor senses of itself follows by itself. Unless a task says otherwise they are
         the middle of every object.
         """
         return {
-            f"middle of the {name} (x, y, z) [m]": points.mean(axis=-2)
+            f"middle of the {name}": point(points.mean(axis=-2))
             for name, points in state.points.items()
         }
 
-    def beside(self, state: State, episode: Episode) -> dict[str, Array]:
+    def beside(self, state: State, episode: Episode) -> Entries:
         """What the full state lists between the points and what the actor senses, as `reduced`."""
         return {}
 
@@ -322,7 +323,9 @@ class Task(composer.Task, abc.ABC):
         self._episode = dataclasses.replace(self._episode, initial_performance=initial)
         checks.check_bounds(self.bounds(self._episode))
         if not self._named:
-            checks.check_reduced(self.reduced(self.state(), self._episode))
+            for method in ("reduced", "beside"):
+                entries = getattr(self, method)(self.state(), self._episode)
+                checks.check_entries(method, entries)
             remarks = self.remarks(self._episode)
             further = self.last_quality, remarks, self.diagnostics(), self.actor.diagnostics()
             checks.check_names((self._measures.info, *further))

@@ -10,9 +10,11 @@ from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.flex import Flex
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.fluid import Water
-from softgym_mj.metrics import Array, Measures
+from softgym_mj.metrics import Measures
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.workspace import Workspace
+from softgym_mj.tasks.shared import entries as listed
+from softgym_mj.tasks.shared.entries import Entries
 
 _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
 # Names in info that are not the task's own; names of other groups begin with a word of theirs.
@@ -82,12 +84,18 @@ def check_bounds(bounds: object) -> None:
         raise InvalidArgumentError("bounds()", bounds, "(lower, upper) with lower < upper")
 
 
-def check_reduced(reduced: Mapping[str, Array]) -> None:
-    """Raises `InvalidArgumentError` for what is no list of finite numbers."""
-    for name, found in reduced.items():
-        values = np.asarray(found, float)
-        if values.ndim > 2 or not np.isfinite(values).all():
-            raise InvalidArgumentError(f"reduced()[{name!r}]", values, "finite numbers (n,)")
+def check_entries(method: str, entries: Entries) -> None:
+    """Raises `InvalidArgumentError` for entries of the wrong shape, or not finite."""
+    for (name, entry), found in zip(entries.items(), listed.values(method, entries), strict=True):
+        array = np.asarray(found, float)
+        shaped = {
+            "numbers": array.ndim == 1,
+            "point": array.shape == (3,),
+            "points": array.ndim == 2 and array.shape[1] == 3,
+        }
+        if not shaped[entry.kind] or not np.isfinite(array).all():
+            valid = "finite numbers (n,), a point (3,) or points (k, 3)"
+            raise InvalidArgumentError(f"{method}()[{name!r}]", array, valid)
 
 
 def checked(measures: object) -> Measures:

@@ -1,36 +1,99 @@
-"""Numbers that the states of several tasks list, by what they are."""
+"""Entries of states: numbers and what they are. And those that several tasks list.
+
+Labels of data sheets, symmetries and sets of points follow from the entries of a task.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from softgym_mj import metrics
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array
 from softgym_mj.tasks.shared.state import Episode, State
 
 
-def corners(state: State, episode: Episode) -> dict[str, Array]:
+class Entry(NamedTuple):
+    """Numbers of a state.
+
+    Attributes:
+        values: numbers (..., n); a point (..., 3) or points (..., k, 3) in the world [m].
+        kind: "numbers", "point" or "points".
+        unit: of all; "" without one.
+        role: whose points they are: the "object"'s, in its order, a "goal"'s or "other".
+    """
+
+    values: Array
+    kind: str = "numbers"
+    unit: str = ""
+    role: str = "other"
+
+
+Entries = Mapping[str, Entry]  # By what they are called.
+_EACH = {"numbers": "", "point": " (x, y, z)", "points": " (x, y, z each)"}
+
+
+def numbers(values: Array, unit: str = "") -> Entry:
+    """An entry of numbers (..., n)."""
+    return Entry(values, unit=unit)
+
+
+def point(values: Array, role: str = "other") -> Entry:
+    """An entry of a point (..., 3) [m]."""
+    return Entry(values, "point", "m", role)
+
+
+def points(values: Array, role: str = "other") -> Entry:
+    """An entry of points (..., k, 3) [m]."""
+    return Entry(values, "points", "m", role)
+
+
+def values(method: str, entries: Entries) -> list[Array]:
+    """Values of what a method of a task lists.
+
+    Raises:
+        InvalidArgumentError: for one that is no entry.
+    """
+    for name, entry in entries.items():
+        if not isinstance(entry, Entry):
+            valid = "an entry: `numbers`, `point` or `points` of softgym_mj.tasks"
+            raise InvalidArgumentError(f"{method}()[{name!r}]", entry, valid)
+    return [entry.values for entry in entries.values()]
+
+
+def labels(entries: Entries) -> dict[str, Array]:
+    """Values by what is said of them: "corner p1 (x, y, z) [m]"."""
+    return {
+        f"{name}{_EACH[entry.kind]}{f' [{entry.unit}]' if entry.unit else ''}": entry.values
+        for name, entry in entries.items()
+    }
+
+
+def corners(state: State, episode: Episode) -> dict[str, Entry]:
     """The corners of the cloth, as `Cloth.corners` counts them."""
     found = metrics.taken(state.points["cloth"], episode.shapes["cloth"]["corners"])
-    return {f"corner p{i + 1} (x, y, z) [m]": found[..., i, :] for i in range(4)}
+    return {f"corner p{i + 1}": point(found[..., i, :], "object") for i in range(4)}
 
 
 CUP_SIZE = 6  # Numbers of `cup`.
 
 
-def cup(name: str, state: State, episode: Episode) -> dict[str, Array]:
+def cup(name: str, state: State, episode: Episode) -> dict[str, Entry]:
     """A cup's pose and inner measures."""
     pose, size = state.poses[name], episode.shapes[name]["size"]
     return {
-        f"{name} x, z [m]": pose[..., :3:2],
-        f"{name} theta [rad]": pose[..., 7:],
-        f"{name} inner length, width, height [m]": size[..., :3],
+        f"{name} x, z": numbers(pose[..., :3:2], "m"),
+        f"{name} theta": numbers(pose[..., 7:], "rad"),
+        f"{name} inner length, width, height": numbers(size[..., :3], "m"),
     }
 
 
-def cups(state: State, episode: Episode) -> dict[str, Array]:
+def cups(state: State, episode: Episode) -> dict[str, Entry]:
     """The poses and inner measures of all cups."""
     each = (cup(name, state, episode) for name in state.poses)
-    return {label: values for entries in each for label, values in entries.items()}
+    return {name: entry for entries in each for name, entry in entries.items()}
 
 
-def highest_particle(state: State) -> dict[str, Array]:
+def highest_particle(state: State) -> dict[str, Entry]:
     """How high the water splashes."""
     top = metrics.highest(state.points["water"], state.present["water"])
-    return {"height of the highest particle [m]": top[..., None]}
+    return {"height of the highest particle": numbers(top[..., None], "m")}

@@ -18,6 +18,7 @@ from softgym_mj.rendering.observables import (
     fixed_observables,
 )
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE
+from softgym_mj.tasks.shared.entries import values
 from softgym_mj.tasks.shared.state import Episode, State
 
 Value = Callable[[Any, State, Episode], Array]  # The task comes first.
@@ -41,7 +42,7 @@ def full(task: Any, state: State, episode: Episode) -> Array:
     points = _joined(state.points.values(), lead)
     missing = 3 * task.max_points - points.shape[-1]
     padding = namespace(points).zeros((*lead, missing), device=device(points))
-    beside = task.beside(state, episode).values()
+    beside = values("beside", task.beside(state, episode))
     return _joined([points, padding, *beside, *_sensed(task, state)], lead)
 
 
@@ -60,7 +61,8 @@ def full_mask(task: Any, state: State, episode: Episode) -> Array:
 def reduced(task: Any, state: State, episode: Episode) -> Array:
     """The numbers of `Task.reduced`, then what the actor senses of itself: (..., n)."""
     lead = state.sensed.shape[:-1]
-    return _joined([*task.reduced(state, episode).values(), *_sensed(task, state)], lead)
+    entries = values("reduced", task.reduced(state, episode))
+    return _joined([*entries, *_sensed(task, state)], lead)
 
 
 def markov(task: Any, state: State, episode: Episode) -> Array:

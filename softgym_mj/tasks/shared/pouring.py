@@ -11,6 +11,7 @@ from softgym_mj.metrics import Array
 from softgym_mj.robots.cup_mover import CupTool, KeepClear
 from softgym_mj.tasks.shared import entries
 from softgym_mj.tasks.shared.carried_water import carried_water, inside, share
+from softgym_mj.tasks.shared.entries import Entry, numbers
 from softgym_mj.tasks.shared.starts.cup_variations import PourCups
 from softgym_mj.tasks.shared.starts.settled_water import SettledWater
 from softgym_mj.tasks.shared.state import Episode, State
@@ -54,18 +55,18 @@ def fractions(state: State, episode: Episode) -> dict[str, Array]:
     return {name: share(mark, state) for name, mark in marks.items()}
 
 
-def reduced(state: State, episode: Episode) -> dict[str, Array]:
+def reduced(state: State, episode: Episode) -> dict[str, Entry]:
     """Both cups, and where the water is."""
     size = episode.shapes["target"]["size"]
     both = (share(inside(name, state, episode), state) for name in ("target", "cup"))
     return {
         **entries.cup("cup", state, episode),
-        "target x [m]": state.poses["target"][..., :1],
-        "target height, inner length, inner width [m]": metrics.columns(
-            size[..., 2], size[..., 0], size[..., 1]
+        "target x": numbers(state.poses["target"][..., :1], "m"),
+        "target height, inner length, inner width": numbers(
+            metrics.columns(size[..., 2], size[..., 0], size[..., 1]), "m"
         ),
         **entries.highest_particle(state),
-        "fraction in the target's box, fraction in the cup's": metrics.columns(*both),
+        "fraction in the target's box, fraction in the cup's": numbers(metrics.columns(*both)),
     }
 
 
