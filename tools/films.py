@@ -6,16 +6,17 @@ was learned. Names of `ARMS`: the expert with an arm that uses its wrist. And `t
 all tasks side by side, made of the others.
 """
 
-import json
 import pathlib
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from softgym_mj.envs.load import load
 from softgym_mj.policies.episodes import play
+from softgym_mj.policies.exported import has_images, observes
 from softgym_mj.registry import TASKS
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
@@ -34,7 +35,10 @@ ARMS: dict[str, dict[str, str]] = {
 }
 # Variations of films, else the task's example: where the policy carries that out of the picture, or
 # is done before anyone has seen it.
-VARIATIONS = {"straighten_rope-sac": 991, "fold_cloth-sac": 805}
+VARIATIONS = {
+    "straighten_rope-sac": 991, "fold_cloth-sac": 805,
+    "straighten_rope-distill": 991, "fold_cloth-distill": 805,
+}  # fmt: skip
 
 
 def names_of_all() -> list[str]:
@@ -84,20 +88,19 @@ def is_learned(name: str) -> bool:
     return name not in TASKS and name not in ARMS
 
 
-def seen_by(name: str) -> str:
-    """The observation of the policy of a film: what was learned says it in its card."""
+def seen_by(name: str) -> dict[str, Any]:
+    """Arguments of the task of a film: what the policy observes; images as it has seen them."""
     if not is_learned(name):
-        return "reduced"
-    return str(json.loads((LEARNED / f"{name}.json").read_text())["training"]["observation"])
+        return {"observation": "reduced", "look": "paper"}
+    observed = observes(str(LEARNED / f"{name}.pt2"))
+    return {**observed, "look": "fast" if has_images(observed["observation"]) else "paper"}
 
 
 def main(names: Sequence[str]) -> None:
     for name in names or names_of_all():
         learned, settings = is_learned(name), ARMS.get(name, {})
         policy = str(LEARNED / f"{name}.pt2") if learned else "scripted"
-        env = load(
-            name.split("-")[0], split="all", look="paper", observation=seen_by(name), **settings
-        )
+        env = load(name.split("-")[0], split="all", **seen_by(name), **settings)
         variation = VARIATIONS.get(name, env.task.example_variation)
         episode = play(env, policy, variation, trust=learned, size=SIZE, passes=PASSES)
         frames = until_rest(episode.frames)

@@ -622,6 +622,7 @@ def test_a_training_that_was_killed_ends_alike(tmp_path):
     def kill(training, news):
         assert set(news) == {
             "consistency_loss", "reward_loss", "value_loss", "policy_loss", "scale",
+            "explored/normalized_performance",
         }  # fmt: skip
         if training.done == 2:
             raise _Killed
