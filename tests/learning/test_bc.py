@@ -1,6 +1,5 @@
 """Behaviour cloning: its oracles are plain loops, one seed alone, and experts that are formulas."""
 
-import csv
 import io
 
 import numpy as np
@@ -119,41 +118,21 @@ class _Killed(Exception):
 
 
 @pytest.mark.parametrize("observation", ["reduced", "full"])
-def test_a_training_that_was_killed_ends_alike(tmp_path, observation):
+def test_a_training_steps_no_environment_and_counts_what_was_shown(tmp_path, observation):
     settings = TrainingSettings(
         "straighten_rope", observation, env_steps=4, worlds=1, part=2, episodes=1,
         final_episodes=1, fidelity="fast", episode_steps=6,
     )  # fmt: skip
     symmetric = observation == "reduced"
-    small = {"demonstrations": 2, "jobs": 1, "hidden": (8,), "batch": 4}
-    method = find_method("bc", symmetric=symmetric, **small)
-
-    def training(name):
-        found = Training(settings, method, [4, 9], tmp_path / name, "host")
-        found._envs.step = found._envs.reset = None  # No environment is stepped.
-        return found
-
-    def kill(now, news):
-        assert len(news["loss"]) == 2
-        if now.done == 1:
-            raise _Killed
-
-    whole = training("whole")
-    whole.run()
-    with pytest.raises(_Killed):
-        training("killed").run(kill)
-    again = training("killed")
-    again.run()
-    weights = [[*now.learner.actor.parameters()] for now in (whole, again)]
-    assert all(map(torch.equal, *weights)) and again.learner.updates == 4
-    with (tmp_path / "killed" / "curve.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    steps = str(2 * again._problem.example().horizon)
-    assert [(row["split"], row["env_steps"], row["updates"]) for row in rows] == [
-        (split, steps, "4") for split in ("train", "evaluate") for _ in range(2)
+    method = find_method("bc", symmetric=symmetric, demonstrations=2, jobs=1, hidden=(8,), batch=4)
+    training = Training(settings, method, [4, 9], tmp_path, "host")
+    training._envs.step = training._envs.reset = None
+    training.run()
+    steps = 2 * training._problem.example().horizon
+    assert [(row["split"], row["env_steps"], row["updates"]) for row in training.rows] == [
+        (split, steps, 4) for split in ("train", "evaluate") for _ in range(2)
     ]
-    assert {row["replay"] for row in rows} == {"symmetric" if symmetric else "plain"}
-    assert (tmp_path / "killed" / "policy_9.pt2").exists()
+    assert {row["replay"] for row in training.rows} == {"symmetric" if symmetric else "plain"}
 
 
 def test_presets_suit_every_task():

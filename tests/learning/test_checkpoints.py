@@ -1,6 +1,5 @@
 """Checkpoints: written within parts, checked when they are read, in a folder of one training."""
 
-import dataclasses
 import io
 import json
 import pickle
@@ -14,74 +13,13 @@ import pytest
 import torch
 
 from softgym_mj.exceptions import StoreError
-from softgym_mj.learning import training as module
 from softgym_mj.learning.checkpoints import FILE, PREVIOUS, alone, read_checkpoint, write_checkpoint
-from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.training import Training
-from tests.learning import test_hindsight, test_planet, test_ppo, test_tdmpc2, test_training
-
-_BC = find_method("bc", hidden=(8,), batch=4, demonstrations=2, jobs=1)
-_RLPD = find_method(
-    "rlpd", hidden=(8,), random_steps=4, updates=4, batch=4, replay=16, actor_every=2,
-    demonstrations=2, jobs=1, critics=3, discount=0.9, last_discount=0.99, rising=(4, 20),
-)  # fmt: skip
-_PLANNING = find_method(
-    "tdmpc2", **{**dataclasses.asdict(test_tdmpc2.METHOD.settings), "plans": "always"}
-)
-CASES = {
-    "sac": (test_training.METHOD, test_training.SETTINGS),
-    "sac_hindsight": (test_hindsight.METHOD, test_hindsight.SETTINGS),
-    "ppo": (test_ppo.METHOD, test_ppo.SETTINGS),
-    "tdmpc2": (_PLANNING, test_tdmpc2.SETTINGS),  # Its learner remembers plans.
-    "planet": (test_planet.METHOD, test_planet.SETTINGS),  # Its learner remembers beliefs.
-    "bc": (_BC, dataclasses.replace(test_training.SETTINGS, env_steps=16)),
-    "rlpd": (_RLPD, dataclasses.replace(test_training.SETTINGS, env_steps=24)),
-}
+from tests.learning import test_ppo
 
 
-class _Killed(Exception):
-    pass
-
-
-def _training(name, folder):
-    method, settings = CASES[name]
-    return Training(settings, method, [4, 9], folder, "host")
-
-
-def same(first, second):
-    """Whether two states are equal, bit by bit."""
-    if isinstance(first, torch.Tensor):
-        return torch.equal(first, second)
-    if isinstance(first, dict):
-        return first.keys() == second.keys() and all(same(first[k], second[k]) for k in first)
-    if isinstance(first, list | tuple):
-        return len(first) == len(second) and all(map(same, first, second))
-    return first == second
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_training_killed_within_a_part_ends_alike(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(Training, "_evaluate", lambda self, final: None)  # Alike for all methods.
-    whole = _training(name, tmp_path / "whole")
-    whole.run()
-    monkeypatch.setattr(module, "KEEP_SECONDS", -1.0)  # A checkpoint after each vector step.
-    monkeypatch.setattr(module, "KEEP_RATIO", 0.0)
-    killed = _training(name, tmp_path / "killed")
-    keep = killed._keep
-
-    def kill():
-        keep()
-        if killed.done == 1 and killed._step == 1:
-            raise _Killed
-
-    killed._keep = kill
-    with pytest.raises(_Killed):
-        killed.run()
-    again, starts = _training(name, tmp_path / "killed"), []
-    again.run(on_start=lambda now: starts.append(now.covered))
-    settings = whole.settings
-    assert starts == [settings.part + settings.worlds]
-    assert same(again.learner.get_state(), whole.learner.get_state())
+def _training(folder):
+    return Training(test_ppo.SETTINGS, test_ppo.METHOD, [4, 9], folder, "host")
 
 
 # ---------------------------------------------------------------------- damaged files
@@ -90,7 +28,7 @@ def test_a_training_killed_within_a_part_ends_alike(tmp_path, monkeypatch, name)
 @pytest.fixture(name="folder", scope="module")
 def _folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("training")
-    training = _training("ppo", folder)
+    training = _training(folder)
     training.play = None  # Killed by the first evaluation.
     with pytest.raises(TypeError):
         training.run()
@@ -172,7 +110,7 @@ def test_other_contents_are_refused(folder, tmp_path, change):
     change(state)
     write_checkpoint(tmp_path, state)
     with pytest.raises(StoreError, match=r"checkpoint\.pt is damaged, or no checkpoint"):
-        _training("ppo", tmp_path).run()
+        _training(tmp_path).run()
 
 
 def test_code_is_not_run(tmp_path):
@@ -188,7 +126,7 @@ def test_code_is_not_run(tmp_path):
 def test_a_killed_rotation_leaves_the_previous_checkpoint(folder, tmp_path):
     (tmp_path / PREVIOUS).write_bytes((folder / FILE).read_bytes())
     starts = []
-    _training("ppo", tmp_path).run(on_start=lambda now: starts.append(now.done))
+    _training(tmp_path).run(on_start=lambda now: starts.append(now.done))
     assert starts == [2]
     assert torch.load(tmp_path / FILE, weights_only=True)["done"] == 2  # PyTorch reads it as well.
 
@@ -211,7 +149,7 @@ def test_a_folder_has_one_training_at_a_time(tmp_path):
     assert process.stdout.readline() == "locked\n"
     said = f"{tmp_path.name} is in use by another training, process {process.pid} on "
     with pytest.raises(StoreError, match=said):
-        _training("ppo", tmp_path).run()
+        _training(tmp_path).run()
     process.kill()  # The lock ends with its process.
     process.communicate()
     with alone(tmp_path), pytest.raises(StoreError, match="in use"), alone(tmp_path):

@@ -11,16 +11,14 @@ from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.curl import CURL, CURLSettings, make
 from softgym_mj.learning.methods.pixels import cropped
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.registry import find_method, find_preset
+from softgym_mj.learning.registry import find_preset
 from tests.learning.test_pixels import (
     ACTION,
-    FEW,
     TINY,
     batch_of_images,
     check_a_state_goes_on,
     check_it_learns,
     check_seeds_learn_alone,
-    check_training,
     pictures,
 )
 
@@ -119,10 +117,6 @@ def test_seeds_together_learn_what_each_learns_alone():
 
 def test_a_state_goes_on_with_the_same_bits():
     check_a_state_goes_on(_curl, SIZE)
-
-
-def test_what_was_killed_ends_alike(tmp_path):
-    check_training(find_method("curl", **TINY, **FEW, crop=CROP), tmp_path)
 
 
 @pytest.mark.long

@@ -8,8 +8,6 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings, Student, pictured
 from softgym_mj.learning.registry import find_method
-from softgym_mj.learning.settings import TrainingSettings
-from softgym_mj.learning.training import Training
 
 SIZE = 35
 SHAPES = {"markov": (1,), "rgb": (SIZE, SIZE, 3), "held": (2,)}
@@ -174,34 +172,6 @@ def test_a_saved_teacher_labels_batches(teacher):
     )
     states = torch.randn(9, 44)
     torch.testing.assert_close(learner._teacher(states), module(states), rtol=1e-5, atol=1e-6)
-
-
-def test_what_was_killed_ends_alike(tmp_path, teacher):
-    settings = TrainingSettings(
-        "straighten_rope", observation=("rgb", "held"), image_size=(36, 38), env_steps=24, worlds=2,
-        part=8, evaluate_every=3, episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
-    )  # fmt: skip
-    method = find_method("distill", teacher=str(teacher[1]), updates=2, batch=4, buffer=10, **SMALL)
-
-    class Killed(Exception):
-        pass
-
-    def kill(training, news):
-        raise Killed
-
-    whole = Training(settings, method, [4, 9], tmp_path / "whole", "host")
-    whole.run()
-    for _ in range(2):
-        with pytest.raises(Killed):
-            Training(settings, method, [4, 9], tmp_path / "killed", "host").run(kill)
-    again = Training(settings, method, [4, 9], tmp_path / "killed", "host")
-    again.run()
-    for own, expected in zip(again.learner.students, whole.learner.students, strict=True):
-        assert all(map(torch.equal, own.parameters(), expected.parameters()))
-    keys = "seed", "split", "normalized_performance"
-    assert [[row[k] for k in keys] for row in again.rows] == [
-        [row[k] for k in keys] for row in whole.rows
-    ]
 
 
 def test_bad_settings_are_refused():

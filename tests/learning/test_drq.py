@@ -8,18 +8,16 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.drq import DrQ, DrQSettings, make
 from softgym_mj.learning.networks import drawn
-from softgym_mj.learning.registry import find_method, find_preset
+from softgym_mj.learning.registry import find_preset
 from softgym_mj.learning.replay import Batch
 from tests.learning.test_pixels import (
     ACTION,
-    FEW,
     SIZE,
     TINY,
     batch_of_images,
     check_a_state_goes_on,
     check_it_learns,
     check_seeds_learn_alone,
-    check_training,
 )
 
 SMALL = DrQSettings(**TINY, pad=2)
@@ -112,10 +110,6 @@ def test_seeds_together_learn_what_each_learns_alone():
 
 def test_a_state_goes_on_with_the_same_bits():
     check_a_state_goes_on(_drq, SIZE)
-
-
-def test_what_was_killed_ends_alike(tmp_path):
-    check_training(find_method("drq", **TINY, **FEW, pad=1), tmp_path)
 
 
 def test_it_learns_to_move_a_bar():

@@ -159,28 +159,6 @@ SETTINGS = TrainingSettings(
 )  # fmt: skip
 
 
-def test_what_was_killed_ends_alike(tmp_path, monkeypatch):
-    monkeypatch.setattr(Training, "_evaluate", lambda self, final: None)  # Of all methods alike.
-    whole, killed = (Training(SETTINGS, METHOD, [4, 9], tmp_path / n, "host") for n in "ab")
-    whole.run()
-
-    def kill(training, news):
-        if training.done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        killed.run(kill)
-    again = Training(SETTINGS, METHOD, [4, 9], tmp_path / "b", "host")
-    again.run()
-    pair = [training.learner.algorithm.actor.parameters() for training in (whole, again)]
-    assert all(map(torch.equal, *pair))
-    full = torch.randn(3, *whole._problem.observation)
-    module = torch.export.load(tmp_path / "b" / "policy_9.pt2").module()
-    for row in full:
-        expected = again.learner.act(row.expand(2, 1, -1), None, None, explore=False)[0][1]
-        torch.testing.assert_close(module(row[None]), expected)
-
-
 class _Reach(RopeGoals):
     """A point in a square is to reach another: 0 where it is near, else -1."""
 

@@ -18,7 +18,6 @@ from softgym_mj.learning.methods.pixels import (
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.settings import TrainingSettings
-from softgym_mj.learning.training import Training
 
 TINY = {"hidden": (8,), "channels": 4, "features": 6}
 SIZE, ACTION = (15, 16), 2
@@ -83,30 +82,6 @@ def check_a_state_goes_on(make, size):
         assert all(torch.equal(found[0][name], found[1][name]) for name in found[0])
     seen = pictures(2, 3, size)
     assert torch.equal(*(sac.act(seen, explore=True) for sac in (first, second)))
-
-
-def check_training(method, folder):
-    """A training from images that is killed ends with the weights of one that is not."""
-
-    class Killed(Exception):
-        pass
-
-    def kill(training, news):
-        raise Killed
-
-    def weights(training):
-        return list(training.learner.algorithm.actor.parameters())
-
-    whole = Training(TRAINING, method, [4, 9], folder / "whole", "host")
-    whole.run()
-    assert len(whole.rows) == 4 and (folder / "whole" / "policy_9.pt2").exists()
-    assert whole.learner.updates == 2 * (16 - 4) // 2
-    with pytest.raises(Killed):
-        Training(TRAINING, method, [4, 9], folder / "killed", "host").run(kill)
-    again = Training(TRAINING, method, [4, 9], folder / "killed", "host")
-    again._restore()
-    again._learn()
-    assert all(map(torch.equal, weights(again), weights(whole)))
 
 
 def check_it_learns(sac, size, steps):

@@ -458,32 +458,6 @@ SETTINGS = TrainingSettings(
 )  # fmt: skip
 
 
-def _training(folder):
-    return Training(SETTINGS, METHOD, [4, 9], folder, "host")
-
-
-class _Killed(Exception):
-    pass
-
-
-def test_what_was_killed_ends_alike(tmp_path):
-    def kill(training, news):
-        raise _Killed
-
-    whole, again = (_training(tmp_path / name) for name in ("whole", "again"))
-    whole.run()
-    with pytest.raises(_Killed):
-        again.run(kill)
-    again = _training(tmp_path / "again")
-    again.run()
-    pairs = zip(again.learner.model.parameters(), whole.learner.model.parameters(), strict=True)
-    assert all(torch.equal(*pair) for pair in pairs)
-    assert again.learner.updates == whole.learner.updates == 12
-    columns = "seed", "split", "normalized_performance"
-    rows = [[[row[name] for name in columns] for row in each.rows] for each in (again, whole)]
-    assert rows[0] == rows[1] and len(rows[0]) == 4
-
-
 def test_presets_suit_every_task():
     for task in softgym_mj.TASKS:
         published, ours = (find_preset("planet", name, task) for name in ("paper", "fast"))

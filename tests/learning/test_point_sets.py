@@ -6,7 +6,6 @@ import torch
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.learner import worlds_of
 from softgym_mj.learning.methods.point_sets import (
     Layout,
     PointSAC,
@@ -173,27 +172,6 @@ SETTINGS = TrainingSettings(
     "rope_configuration", observation="full", env_steps=24, worlds=2, part=8, episodes=1,
     final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
-
-
-def test_what_was_killed_ends_alike(tmp_path, monkeypatch):
-    monkeypatch.setattr(Training, "_evaluate", lambda self, final: None)  # Of all methods alike.
-    whole, killed = (Training(SETTINGS, METHOD, [4, 9], tmp_path / n, "host") for n in "ab")
-    whole.run()
-
-    def kill(training, news):
-        if training.done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        killed.run(kill)
-    again = Training(SETTINGS, METHOD, [4, 9], tmp_path / "b", "host")
-    again.run()
-    pair = [training.learner.algorithm.critics.parameters() for training in (whole, again)]
-    assert all(map(torch.equal, *pair))
-    seen = worlds_of(again._problem, torch.randn(4, *whole._problem.observation))
-    expected = again.learner.act(seen, None, None, explore=False)[0]
-    module = torch.export.load(tmp_path / "b" / "policy_9.pt2").module()
-    torch.testing.assert_close(module(seen[1, :1]), expected[1, :1])
 
 
 def test_presets_suit_every_task():

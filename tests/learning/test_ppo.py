@@ -1,6 +1,5 @@
 """PPO: its oracles are torchrl's losses, PyTorch's Adam, and one seed alone."""
 
-import numpy as np
 import pytest
 import torch
 from tensordict import TensorDict
@@ -19,7 +18,6 @@ from softgym_mj.learning.methods.ppo.stopping import StoppingAdam
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
-from softgym_mj.learning.training import Training
 
 OBSERVATION, ACTION, WORLDS = 5, 2, 6
 SMALL = PPOSettings(steps=4, epochs=2, minibatches=3, hidden=(16,), entropy_weight=0.01)
@@ -247,27 +245,6 @@ SETTINGS = TrainingSettings(
     "straighten_rope", env_steps=24, worlds=2, part=12, evaluate_every=2, episodes=1,
     final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
-
-
-class _Killed(Exception):
-    pass
-
-
-def test_what_was_killed_ends_alike(tmp_path):
-    def kill(training, news):
-        raise _Killed
-
-    whole = Training(SETTINGS, METHOD, [4, 9], tmp_path / "whole", "host")
-    whole.run()
-    # A part ends in the midst of a rollout.
-    with pytest.raises(_Killed):
-        Training(SETTINGS, METHOD, [4, 9], tmp_path / "again", "host").run(kill)
-    again = Training(SETTINGS, METHOD, [4, 9], tmp_path / "again", "host")
-    again.run()
-    assert all(map(torch.equal, _weights(again.learner), _weights(whole.learner)))
-    assert whole.learner.updates == again.learner.updates == 12
-    scores = [[row["normalized_performance"] for row in each.rows] for each in (whole, again)]
-    np.testing.assert_array_equal(*scores)
 
 
 def test_the_preset_suits_every_task():

@@ -189,11 +189,7 @@ def test_it_learns_to_reach_a_point_that_was_shown():
     assert (reward(rlpd.act(place, explore=False)) > 0.0).float().mean() > 0.9
 
 
-class _Killed(Exception):
-    pass
-
-
-def test_a_training_that_was_killed_ends_alike(tmp_path):
+def test_demonstrations_have_the_discount_of_what_was_done(tmp_path):
     settings = TrainingSettings(
         "straighten_rope", env_steps=24, worlds=2, part=12, episodes=1, final_episodes=1,
         evaluate_every=2, fidelity="fast", episode_steps=6,
@@ -203,22 +199,11 @@ def test_a_training_that_was_killed_ends_alike(tmp_path):
         added=2, symmetric=True, demonstrations=2, jobs=1, critics=3, discount=0.9,
         last_discount=0.99, rising=(4, 20),
     )  # fmt: skip
-
-    def kill(now, news):
-        raise _Killed
-
-    whole = Training(settings, method, [4, 9], tmp_path / "whole", "host")
-    whole.run()
-    with pytest.raises(_Killed):
-        Training(settings, method, [4, 9], tmp_path / "killed", "host").run(kill)
-    again = Training(settings, method, [4, 9], tmp_path / "killed", "host")
-    again.run()
-    weights = [[*t.learner.algorithm.critics.parameters()] for t in (whole, again)]
-    assert all(map(torch.equal, *weights))
-    assert [row["env_steps"] for row in again.rows] == [24] * 4
-    assert again.learner.updates == 4 * (24 - 4) // 2
-    # Demonstrations are of the same discount as what was done.
-    assert again.learner.algorithm._shown.sample(9).discount.max() == pytest.approx(0.99**2)
+    training = Training(settings, method, [4, 9], tmp_path, "host")
+    training.run()
+    assert training.learner.updates == 4 * (24 - 4) // 2
+    shown = training.learner.algorithm._shown.sample(9)
+    assert shown.discount.max() == pytest.approx(0.99**2)
 
 
 @pytest.mark.parametrize("preset", ["paper", "fast"])

@@ -31,7 +31,6 @@ from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.optimization import cut
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
-from softgym_mj.learning.training import Training
 
 OBSERVATION, ACTION, NUMBER, HORIZON, DISCOUNT, RHO = 5, 2, 6, 3, 0.9, 0.5
 SIZES = {
@@ -610,32 +609,5 @@ SETTINGS = TrainingSettings(
 )  # fmt: skip
 
 
-class _Killed(Exception):
-    pass
-
-
 def _weights(training):
     return [p.detach().clone() for p in training.learner.model.parameters()]
-
-
-def test_a_training_that_was_killed_ends_alike(tmp_path):
-    def kill(training, news):
-        assert set(news) == {
-            "consistency_loss", "reward_loss", "value_loss", "policy_loss", "scale",
-            "explored/normalized_performance",
-        }  # fmt: skip
-        if training.done == 2:
-            raise _Killed
-
-    whole, again = (
-        Training(SETTINGS, METHOD, SEEDS, tmp_path / name, "host") for name in ("whole", "again")
-    )
-    whole.run()
-    with pytest.raises(_Killed):
-        again.run(kill)
-    again = Training(SETTINGS, METHOD, SEEDS, tmp_path / "again", "host")
-    again.run()
-    assert all(map(torch.equal, _weights(again), _weights(whole)))
-    for name in ("normalized_performance", "updates", "env_steps"):
-        assert [row[name] for row in again.rows] == [row[name] for row in whole.rows]
-    assert whole.rows[-1]["updates"] == 2 + 2 * (24 - 4) // 2

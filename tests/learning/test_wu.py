@@ -318,30 +318,6 @@ SETTINGS = TrainingSettings(
 )  # fmt: skip
 
 
-class _Killed(Exception):
-    pass
-
-
-@pytest.mark.long
-def test_what_was_killed_ends_alike(tmp_path):
-    whole, killed, again = (
-        Training(SETTINGS, METHOD, [4], tmp_path / name, "cpu") for name in ("one", "two", "two")
-    )
-
-    def kill(training, news):
-        raise _Killed
-
-    whole.run()
-    with pytest.raises(_Killed):
-        killed.run(kill)
-    again.run()
-    weights = [[*each.learner.algorithm.critics.parameters()] for each in (whole, again)]
-    assert all(map(torch.equal, *weights))
-    assert whole.learner.updates == again.learner.updates == 2
-    scores = [[row["normalized_performance"] for row in each.rows] for each in (whole, again)]
-    assert scores[0] == scores[1] and len(scores[0]) == 2
-
-
 # ------------------------------------------------------------------ settings
 
 
