@@ -17,14 +17,9 @@ from softgym_mj.learning.methods.pixels import (
 )
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.replay import Batch
-from softgym_mj.learning.settings import TrainingSettings
 
 TINY = {"hidden": (8,), "channels": 4, "features": 6}
 SIZE, ACTION = (15, 16), 2
-TRAINING = TrainingSettings(
-    "straighten_rope", observation="rgb", image_size=(17, 18), env_steps=16, worlds=2, part=8,
-    evaluate_every=2, episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
-)  # fmt: skip
 FEW = {"random_steps": 4, "updates": 2, "batch": 4, "replay": 16}
 
 
