@@ -21,6 +21,7 @@ from softgym_mj.learning.training import Training
 from softgym_mj.metrics import Measures
 from softgym_mj.tasks import pour_water_amount
 from softgym_mj.tasks.rope_configuration import RopeGoals
+from softgym_mj.tasks.shared.entries import points
 from softgym_mj.tasks.shared.goals import goals
 
 SEEDS, WORLDS, CAPACITY, STEPS, DISCOUNT, SCALE = [3, 8], 2, 10, 14, 0.5, 2.0
@@ -169,7 +170,8 @@ class _Reach(RopeGoals):
             return Measures(reward, {"reach": reward})
 
         def reduced(state, episode):
-            return {"point": state.points["rope"], "goal": episode.goal["rope"]}
+            goal = points(episode.goal["rope"], "goal")
+            return {"point": points(state.points["rope"], "object"), "goal": goal}
 
         actor = types.SimpleNamespace(ends_states=False)
         seen = {"full": np.zeros(6), "reduced": np.zeros(6)}
