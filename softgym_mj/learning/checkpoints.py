@@ -83,6 +83,27 @@ def refused(folder: pathlib.Path, reason: str) -> StoreError:
     return StoreError(f"{message}; delete it {advice}")
 
 
+def as_longer(owner: Mapping[str, Any], env_steps: int) -> Mapping[str, Any]:
+    """What a checkpoint says whose it is, as of a training that goes on to more env steps."""
+    training = owner["training"]
+    if training.get("env_steps", env_steps) >= env_steps:
+        return owner
+    return {**owner, "training": {**training, "env_steps": env_steps}}
+
+
+def differences(kept: Mapping[str, Any], own: Mapping[str, Any]) -> str:
+    """The settings that differ from a checkpoint's, in words; nothing if none does."""
+    found = []
+    for name, value in own.items():
+        other = kept.get(name)
+        if isinstance(value, Mapping) and isinstance(other, Mapping):
+            names = {*value, *other}
+            found += sorted(each for each in names if value.get(each) != other.get(each))
+        elif value != other:
+            found.append(name)
+    return ", ".join(found)
+
+
 def moved(value: Any, device: str) -> Any:
     """Returns tensors, or tuples, lists and dicts of them, on a device."""
     if isinstance(value, Tensor):

@@ -6,6 +6,7 @@ from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.kinds import typed
+from softgym_mj.policies.exported import has_images
 from softgym_mj.registry import find
 from softgym_mj.variations.indices import SPLITS
 
@@ -92,6 +93,13 @@ class TrainingSettings:
     def observations(self) -> tuple[str, ...]:
         """Names of what the policy observes."""
         return (self.observation,) if isinstance(self.observation, str) else self.observation
+
+    @property
+    def observed(self) -> dict[str, Any]:
+        """What the policy observes, as arguments of the task."""
+        sized = {"image_size": self.image_size} if has_images(self.observations) else {}
+        several = [*self.observations] if len(self.observations) > 1 else self.observations[0]
+        return {"observation": several, **sized}
 
     @property
     def parts(self) -> int:

@@ -26,11 +26,20 @@ from softgym_mj.exceptions import (
     UnavailableError,
 )
 from softgym_mj.jobs.files import write_json, write_whole
-from softgym_mj.learning.checkpoints import alone, moved, read_checkpoint, refused, write_checkpoint
+from softgym_mj.learning.checkpoints import (
+    alone,
+    as_longer,
+    differences,
+    moved,
+    read_checkpoint,
+    refused,
+    write_checkpoint,
+)
 from softgym_mj.learning.curves import CARD, POLICY, named, write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
+from softgym_mj.learning.players import Players
 from softgym_mj.learning.settings import TrainingSettings
-from softgym_mj.policies.exported import export_policy, has_images
+from softgym_mj.policies.exported import export_policy
 from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
@@ -81,7 +90,6 @@ class Training:
         number = settings.worlds * len(self.seeds)
         left = {} if settings.learned_steps is None else {"horizon": settings.learned_steps}
         self._envs = self._make(number, autoreset_mode="SameStep", **left)
-        self._players: dict[int, Any] = {}  # Environments of evaluations, by their number.
         space = self._envs.single_observation_space
         shapes = {name: each.shape for name, each in getattr(space, "spaces", {}).items()}
         if shapes and not hasattr(self.method.settings, "privileged"):
@@ -93,6 +101,11 @@ class Training:
             settings.reward_scale, self.learner_device or own, settings.observation,
             shapes, settings.env_steps,
         )  # fmt: skip
+        self._players = Players(
+            self._problem,
+            lambda number: self._make(number, autoreset_mode="Disabled", split="all"),
+            self._told,
+        )
         try:
             self.learner = self.method.make(self.method.settings, self._problem)
         except SoftGymError:
@@ -104,7 +117,7 @@ class Training:
             ) from error
 
     def _make(self, number: int, **settings: Any) -> Any:
-        own, observed = self.settings, self._observed()
+        own, observed = self.settings, self.settings.observed
         if (privileged := getattr(self.method.settings, "privileged", None)) is not None:
             observed["observation"] = [*own.observations, privileged]
         return softgym_mj.make_vec(
@@ -160,8 +173,8 @@ class Training:
                 progress(self, self._told_of(news))
             self._export()
         self.phase = "ended"
-        for envs in (self._envs, *self._players.values()):
-            envs.close()
+        self._envs.close()
+        self._players.close()
 
     def _catch_up(self) -> None:
         """Evaluates at the end of a part if that is due, unless it has been done."""
@@ -338,31 +351,8 @@ class Training:
         Returns:
             Numbers (seeds, variations) of the infos at the end, by name.
         """
-        number = len(variations) * len(self.seeds)
-        if number not in self._players:
-            self._players[number] = self._make(number, autoreset_mode="Disabled", split="all")
-        envs, each = self._players[number], [*variations] * len(self.seeds)
-        seen, _ = envs.reset(options={"variation": each})
-        first, done, memory = np.ones(number, bool), np.zeros(number, bool), None
-        found: dict[str, np.ndarray] = {}
-        while not done.all():
-            action, memory = self.learner.act(
-                worlds_of(self._problem, seen), worlds_of(self._problem, first), memory,
-                explore=False,
-            )  # fmt: skip
-            seen, _, terminated, truncated, infos = envs.step(self._told(action))
-            first = np.asarray(torch.as_tensor(terminated | truncated).cpu())
-            fresh, done = first & ~done, done | first
-            if fresh.any():
-                for name, values in infos.items():
-                    if not (name.startswith("_") or isinstance(values, dict)):
-                        array = np.asarray(torch.as_tensor(values).cpu(), float)
-                        kept = found.setdefault(name, np.zeros(number))
-                        kept[fresh] = array[fresh]
-            if first.any() and not done.all():  # What has diverged ends before the others.
-                options = {"reset_mask": first, "variation": each}
-                seen, _ = envs.reset(options=options)
-        return {name: values.reshape(len(self.seeds), -1) for name, values in found.items()}
+        act = functools.partial(self.learner.act, explore=False)
+        return self._players.play(variations, act)
 
     def summary(self) -> str:
         """Progress in a line: env steps, their rate, updates, time left and the last scores."""
@@ -432,26 +422,18 @@ class Training:
                 return
             frames = getattr(module, "frames", 1)
             seen = {name: several[name] for name in names}
-            saved = export_policy(module, seen, self._observed(), frames)
+            saved = export_policy(module, seen, self.settings.observed, frames)
             write_whole(self.folder / POLICY.format(seed=seed), saved)
-
-    def _observed(self) -> dict[str, Any]:
-        """What policies observe, as arguments of the task."""
-        own = self.settings
-        sized = {"image_size": own.image_size} if has_images(own.observations) else {}
-        several = [*own.observations] if len(own.observations) > 1 else own.observations[0]
-        return {"observation": several, **sized}
 
     def _restore(self) -> None:
         """Goes back to the last checkpoint, if there is one."""
         state = read_checkpoint(self.folder)
         if state is None:
             return
-        longer = _longer(state["owner"], self.settings)
-        if differences := _differences(longer, self._owner()):
+        longer = as_longer(state["owner"], self.settings.env_steps)
+        if found := differences(longer, self._owner()):
             raise StoreError(
-                f"{self.folder} has a training of other settings ({differences}): choose another "
-                "folder"
+                f"{self.folder} has a training of other settings ({found}): choose another folder"
             )
         part, device = state["part"], self._problem.device
         try:
@@ -465,24 +447,3 @@ class Training:
         except (RuntimeError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise refused(self.folder, str(error)) from error
         self._before = state["seconds"]
-
-
-def _longer(owner: Mapping[str, Any], settings: TrainingSettings) -> Mapping[str, Any]:
-    """What a checkpoint says whose it is, as of a training that goes on for longer."""
-    training = owner["training"]
-    if training.get("env_steps", settings.env_steps) >= settings.env_steps:
-        return owner
-    return {**owner, "training": {**training, "env_steps": settings.env_steps}}
-
-
-def _differences(kept: Mapping[str, Any], own: Mapping[str, Any]) -> str:
-    """The settings that differ from a checkpoint's, in words; nothing if none does."""
-    found = []
-    for name, value in own.items():
-        other = kept.get(name)
-        if isinstance(value, Mapping) and isinstance(other, Mapping):
-            names = {*value, *other}
-            found += sorted(each for each in names if value.get(each) != other.get(each))
-        elif value != other:
-            found.append(name)
-    return ", ".join(found)
