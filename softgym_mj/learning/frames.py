@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from softgym_mj.learning.networks import drawn, generators, whole_numbers
+from softgym_mj.learning.networks import drawn, generators, lines, whole_numbers
 from softgym_mj.learning.replay import NEWEST_IMAGES
 
 _log = logging.getLogger(__name__)
@@ -110,13 +110,9 @@ class Frames:
         is_several = kept.ndim == 6
         sides = kept.shape[3:5] if is_several else kept.shape[2:4]
         rows, columns = (
-            whole_numbers(own, 2 * self._shift + 1)[:, None]
-            - self._shift
-            + torch.arange(side, device=at.device)
-            for own, side in zip(shares, sides, strict=True)
+            lines(own, side, side, self._shift) for own, side in zip(shares, sides, strict=True)
         )
-        rows = rows.clamp(0, sides[0] - 1)[:, None, :, None]
-        columns = columns.clamp(0, sides[1] - 1)[:, None, None, :]
+        rows, columns = rows[:, None, :, None], columns[:, None, None, :]
         if not is_several:
             return kept[at[..., None, None], world[..., None, None], rows, columns]
         cameras = torch.arange(kept.shape[2], device=at.device)[:, None, None]

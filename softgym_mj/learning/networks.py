@@ -31,6 +31,18 @@ def whole_numbers(shares: Tensor, number: Tensor | int) -> Tensor:
     return (shares * number).long().clamp(max=number - 1)
 
 
+def lines(shares: Tensor, whole: int, part: int, pad: int) -> Tensor:
+    """Returns rows or columns (..., part) of pictures that have `whole` of them.
+
+    Args:
+        shares: numbers (...) in 0..1 that choose the first one, of all that there are.
+        whole, part: numbers of rows or columns.
+        pad: by which pictures continue beyond their edges, which are repeated.
+    """
+    first = whole_numbers(shares, whole + 2 * pad - part + 1) - pad
+    return (first[..., None] + torch.arange(part, device=shares.device)).clamp(0, whole - 1)
+
+
 def any_actions(sources: Sequence[torch.Generator], number: int, size: int) -> Tensor:
     """Random ones (seeds, number, size), all alike likely: before anything is learned."""
     return 2.0 * drawn(sources, number, size, normal=False) - 1.0

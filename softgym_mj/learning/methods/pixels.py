@@ -17,7 +17,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, SACSettings
-from softgym_mj.learning.networks import Actor, LayerNorm, Linear, whole_numbers
+from softgym_mj.learning.networks import Actor, LayerNorm, Linear, lines
 
 _KERNEL, _STRIDES = 3, (2, 1, 1, 1)  # [S]
 LEAST = 15  # Pixels of which these leave one.
@@ -78,18 +78,11 @@ def cropped(pictures: Tensor, size: tuple[int, int], shares: Tensor, pad: int = 
         pad: pixels by which pictures go on beyond their edges, which are repeated.
     """
     rows, columns = (
-        _lines(shares[:, k], pictures.shape[2 + k], size[k], pad) for k in range(2)
+        lines(shares[:, k], pictures.shape[2 + k], size[k], pad) for k in range(2)
     )  # (seeds, n, size[k]) each.
     seeds, n = (torch.arange(length, device=pictures.device) for length in pictures.shape[:2])
     which = seeds[:, None, None, None], n[:, None, None]
     return pictures[*which, rows[..., :, None], columns[..., None, :]]
-
-
-def _lines(shares: Tensor, whole: int, part: int, pad: int) -> Tensor:
-    """Rows or columns (seeds, n, part) of pictures that have this many."""
-    places = whole + 2 * pad - part + 1
-    first = whole_numbers(shares, places) - pad
-    return (first[..., None] + torch.arange(part, device=shares.device)).clamp(0, whole - 1)
 
 
 def centre(pictures: Tensor, size: tuple[int, int]) -> Tensor:
