@@ -30,7 +30,7 @@ from softgym_mj.vector.batch.flexes import Flexes
 from softgym_mj.vector.batch.offers import Offers
 from softgym_mj.vector.batch.rows import Rows
 from softgym_mj.vector.batch.side import Side
-from softgym_mj.vector.batch.starts import MANY, Starts
+from softgym_mj.vector.batch.starts import MANY, SOON, Starts
 from softgym_mj.vector.batch.waters import Waters
 from softgym_mj.vector.draws import Draws
 
@@ -108,7 +108,7 @@ class BatchBackend(Backend):
 
     def expect(self, variations: Sequence[int]) -> None:
         """Reads all that many environments come to, at once: later ones would be read singly."""
-        if self.num_envs >= MANY:
+        if self.num_envs >= MANY and len(variations) <= SOON * self.num_envs:
             self._starts.prepare(variations)
 
     def reset(self, variations: Mapping[int, int]) -> None:

@@ -26,6 +26,7 @@ _OF_ONE = (
 )  # fmt: skip
 
 MANY, _SHARE = 64, 8  # Starts that several processes read, and how many of them at a time.
+SOON = 4  # Episodes of each environment in which most variations come up.
 
 
 def read(env: Environment, side: Side, cameras: Cameras) -> dict[str, Any]:
