@@ -148,6 +148,19 @@ class Frames:
         self._note()
 
 
+def pictured(array: Tensor, lead: int = 0) -> Tensor:
+    """Returns images as (*lead, height, width, channels).
+
+    Args:
+        array: behind `lead` dimensions, (height, width) distances, (height, width, 3) colors, or
+            those of several cameras (cameras, height, width, 3).
+        lead: number of leading dimensions.
+    """
+    if array.ndim == lead + 2:
+        return array[..., None]
+    return array.movedim(lead, -2).flatten(-2) if array.ndim == lead + 4 else array
+
+
 def _kind(name: str, shape: tuple[int, ...]) -> torch.dtype:
     """Returns the type in which an entry is kept."""
     if len(shape) < 2:

@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.frames import pictured
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings, Student, pictured
+from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings, Student
 from softgym_mj.learning.registry import find_method
 
 SIZE = 35

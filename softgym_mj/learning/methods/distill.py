@@ -14,12 +14,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 from torch.export.passes import move_to_device_pass
-from torch.nn import functional
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.jobs.files import read_whole
 from softgym_mj.kinds import typed
-from softgym_mj.learning.frames import Frames
+from softgym_mj.learning.frames import Frames, pictured
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.repetition import Repeated
@@ -27,7 +26,6 @@ from softgym_mj.learning.repetition import Repeated
 _LAYERS = ((5, 2), (3, 2), (3, 2), (3, 1))  # Kernel and stride of each convolution.
 LABEL = "label"  # Beside observations: the teacher's action.
 _NOISE_SEEDS = 1_000_003  # Keeps the noise on actions apart from the draws of batches.
-
 Observation = Mapping[str, Tensor]
 
 
@@ -127,11 +125,9 @@ class Student(nn.Module):
         )  # fmt: skip
         width = settings.features + sum(shapes[name][0] for name in self.others)
         head: list[nn.Module] = []
-        for size, following in itertools.pairwise((width, *settings.hidden)):
+        for size, following in itertools.pairwise((width, *settings.hidden, action)):
             head += [nn.Linear(size, following), nn.ReLU()]
-        self.head = nn.Sequential(
-            *head, nn.Linear((width, *settings.hidden)[-1], action), nn.Tanh()
-        )
+        self.head = nn.Sequential(*head[:-1], nn.Tanh())
 
     def forward(self, observation: Observation) -> Tensor:
         """Returns actions (n, action).
@@ -146,19 +142,6 @@ class Student(nn.Module):
         ]
         encoded = self.encoder(torch.cat(seen, dim=-1).movedim(-1, 1))  # Channels stay last.
         return self.head(torch.cat([encoded, *(observation[n].float() for n in self.others)], -1))
-
-
-def pictured(array: Tensor, lead: int = 0) -> Tensor:
-    """Returns images as (*lead, height, width, channels).
-
-    Args:
-        array: behind `lead` dimensions, (height, width) distances, (height, width, 3) colors, or
-            those of several cameras (cameras, height, width, 3).
-        lead: number of leading dimensions.
-    """
-    if array.ndim == lead + 2:
-        return array[..., None]
-    return array.movedim(lead, -2).flatten(-2) if array.ndim == lead + 4 else array
 
 
 class Distill:
@@ -229,8 +212,7 @@ class Distill:
         """Keeps what is seen with the teacher's labels; returns actions to carry out."""
         settings, worlds = self._settings, self._problem.worlds
         with torch.no_grad():
-            states = observation[settings.privileged].flatten(0, 1)
-            label = self._teacher(states).reshape(action.shape)
+            label = self._teacher(observation[settings.privileged].flatten(0, 1)).reshape_as(action)
         self.frames.add({**observation, LABEL: label}, first)
         number = torch.arange(worlds, device=action.device)[:, None]
         wild = settings.wild_noise * (number >= worlds - worlds // 8)
@@ -269,8 +251,7 @@ class Distill:
         """Returns the smooth L1 distance of a student's actions from the batch's labels."""
         with self._precision(True):
             action = student(batch)
-        beta = self._settings.beta
-        return functional.smooth_l1_loss(action.float(), batch[LABEL], beta=beta)
+        return nn.functional.smooth_l1_loss(action.float(), batch[LABEL], beta=self._settings.beta)
 
     def _precision(self, is_reduced: bool) -> torch.autocast:
         on_gpu = self._problem.device == "cuda"
