@@ -36,5 +36,9 @@ class Ways:
 
     def all(self) -> np.ndarray:
         """What `between` says of all pairs (num_points, num_points) [m]."""
+        return self._all
+
+    @functools.cached_property
+    def _all(self) -> np.ndarray:
         ways = np.triu(scipy.sparse.csgraph.dijkstra(self._mesh, directed=False))
         return np.maximum(ways, ways.T)

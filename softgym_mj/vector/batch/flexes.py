@@ -1,12 +1,10 @@
 """`Flexes`: a rope or cloth with pickers, in many worlds."""
 
-import functools
 import math
 
 import numpy as np
 
 from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
-from softgym_mj.entities.ways import Ways
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array, constant, lengths
@@ -65,7 +63,6 @@ class Flexes(Side):
         rest [m]. ways: of `Ways.all`. radius, hold_force, hold_lag, hold_stretch: of the flex.
         """
         flex, model = self._flex, self._env.physics.model.ptr
-        ends, rest = flex.edges.astype(np.int64), flex.rest_lengths
         return {
             **{name: array.copy() for name, array in self.arrays().items()},
             **self._actor.get_state(),
@@ -73,9 +70,9 @@ class Flexes(Side):
             "origin": flex.origin,
             "present": np.ones(flex.num_points, bool),
             "count": np.array(flex.num_points),
-            "ends": ends,
-            "lengths": rest,
-            "ways": _all_ways(flex.num_points, ends.tobytes(), rest.tobytes()),
+            "ends": flex.edges.astype(np.int64),
+            "lengths": flex.rest_lengths,
+            "ways": flex.ways.all(),
             "num_edges": np.array(len(flex.edges)),
             "radius": np.array(flex.radius),
             "hold_force": np.array(flex.hold_force),
@@ -209,10 +206,3 @@ class Flexes(Side):
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         actor = {name: self._place.get(self.now[name][i]) for name in self._actor.get_state()}
         return self._worlds.get_state(i), actor
-
-
-@functools.lru_cache(maxsize=8)
-def _all_ways(num_points: int, ends: bytes, lengths: bytes) -> np.ndarray:
-    """`Ways.all` of a mesh, of int64 ends and float64 lengths of edges."""
-    edges = np.frombuffer(ends, np.int64).reshape(-1, 2)
-    return Ways(num_points, edges, np.frombuffer(lengths)).all()
