@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.jobs.files import write_whole
+from softgym_mj.variations.indices import SPLITS
 
 COLUMNS = (
     "task", "method", "observation", "preset", "replay", "seed", "env_steps", "updates", "seconds",
@@ -23,6 +24,12 @@ _KEPT = (
     "normalized_performance", "performance", "success", "episode_max_edge_strain",
     "spilled",
 )  # fmt: skip
+
+
+def evaluated(number: int) -> dict[str, range]:
+    """Returns so many variations of each split, evenly chosen: what an evaluation plays."""
+    splits = {split: SPLITS[split] for split in ("train", "evaluate")}
+    return {split: own[:: len(own) // number][:number] for split, own in splits.items()}
 
 
 def named(observation: Any) -> Any:

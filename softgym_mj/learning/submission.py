@@ -15,7 +15,7 @@ from softgym_mj.evaluation import Configuration, Progress, evaluate
 from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.files import read_json
-from softgym_mj.learning.curves import CARD, FILE, POLICY, named, write_episodes
+from softgym_mj.learning.curves import CARD, FILE, POLICY, evaluated, named, write_episodes
 from softgym_mj.learning.results import Name, Row, read_rows, write_rows
 from softgym_mj.policies.exported import has_images
 from softgym_mj.variations.indices import SPLITS
@@ -51,9 +51,8 @@ class Submission:
 
 
 def variations() -> dict[str, range]:
-    """Those of each split: all held-out ones, and as many of training, evenly chosen."""
-    held_out, own = SPLITS["evaluate"], SPLITS["train"]
-    return {"train": own[:: len(own) // len(held_out)], "evaluate": held_out}
+    """Returns all held-out variations, and as many of training."""
+    return evaluated(len(SPLITS["evaluate"]))
 
 
 def read_submission(folder: pathlib.Path) -> Submission:

@@ -35,12 +35,11 @@ from softgym_mj.learning.checkpoints import (
     refused,
     write_checkpoint,
 )
-from softgym_mj.learning.curves import CARD, POLICY, named, write_curve, write_episodes
+from softgym_mj.learning.curves import CARD, POLICY, evaluated, named, write_curve, write_episodes
 from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
 from softgym_mj.learning.players import Players
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.policies.exported import export_policy
-from softgym_mj.variations.indices import SPLITS
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
 # Between two checkpoints within a part; and as a multiple of the seconds that writing one takes, as
@@ -318,12 +317,9 @@ class Training:
     def _evaluate(self, *, final: bool) -> None:
         """Plays as many variations of either split with the best actions, in the end 200."""
         self.phase = "evaluates"
-        settings, chosen = self.settings, dict[str, range]()
-        number = settings.final_episodes if final else settings.episodes
+        settings = self.settings
+        chosen = evaluated(settings.final_episodes if final else settings.episodes)
         is_symmetric = getattr(self.method.settings, "symmetric", False)
-        for split in ("train", "evaluate"):
-            indices = SPLITS[split]
-            chosen[split] = indices[:: len(indices) // number][:number]
         scores = self.play([index for each in chosen.values() for index in each])
         for split, indices in chosen.items():
             first = len(chosen["train"]) if split == "evaluate" else 0
