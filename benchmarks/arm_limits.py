@@ -22,9 +22,9 @@ import numpy as np
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.rope import Rope
-from softgym_mj.robots.arms import Arms
+from softgym_mj.robots.arm.arms import Arms
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.models import ARMS
 from softgym_mj.robots.workspace import Workspace
 
 WORKSPACE = Workspace((-1.5, -1.5, 0.0), (1.5, 1.5, 1.5))

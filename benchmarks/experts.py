@@ -32,7 +32,7 @@ from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TASKS
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 
 ACTORS = ("default", *ARMS)  # Pickers or cups, arms.
 FIRST, LAST = 800, 999  # Evaluation variations.

@@ -26,7 +26,7 @@ from dm_control import mjcf
 from softgym_mj.entities import Cloth
 from softgym_mj.entities.sheet import Fabric
 from softgym_mj.envs.environment import Environment
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.tasks import Measures, Task
 from softgym_mj.tasks.shared.starts.cloths import FlatCloth
 

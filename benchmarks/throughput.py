@@ -27,7 +27,7 @@ from benchmarks.cloth import machine, measure_yardstick
 from softgym_mj.envs.environment import Environment
 from softgym_mj.rendering import framebuffer
 from softgym_mj.rendering.offscreen import CameraView
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 
 SOFTGYM = 46.0  # Env steps/s, facts 6.
 # Env steps timed per variation, and evaluation variations.

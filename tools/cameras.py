@@ -32,10 +32,10 @@ from softgym_mj.jobs.executors import make_executor
 from softgym_mj.native.meshes import tube, tube_faces
 from softgym_mj.registry import TASKS
 from softgym_mj.rendering.offscreen import SHOWN_SITES, refresh_poses
-from softgym_mj.robots.arm_actor import ArmActor
+from softgym_mj.robots.arm.actor import ArmActor
+from softgym_mj.robots.arm.menagerie import SHOWN_GROUPS
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.gripper import Gripper
-from softgym_mj.robots.menagerie import SHOWN_GROUPS
-from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.indices import SPLITS
 from tools.framing import loaded, played
 from tools.silhouettes import CORNERS, boxes, covered, sampled

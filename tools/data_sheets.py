@@ -14,8 +14,8 @@ from softgym_mj.envs.load import load
 from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.observables import EXTERNAL, WRIST_RGB
 from softgym_mj.rendering.offscreen import camera_ids
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.gripper import HELD, Gripper
-from softgym_mj.robots.models import ARMS
 from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
 from softgym_mj.variations.indices import SPLITS

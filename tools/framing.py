@@ -22,7 +22,7 @@ from softgym_mj.jobs.executors import make_executor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TASKS
 from softgym_mj.rendering.observables import LABELS, LabelledView
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.variations.indices import SPLITS
 
 FILE = pathlib.Path(__file__).parent.parent / "docs" / "cameras.json"

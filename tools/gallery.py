@@ -13,7 +13,7 @@ from PIL import Image
 from softgym_mj.envs.load import load
 from softgym_mj.policies.episodes import play
 from softgym_mj.registry import TASKS
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "gallery"
 SIZE = 480  # Side [pixels].

@@ -13,7 +13,7 @@ from benchmarks import experts
 from softgym_mj.evaluation import comparison, plots
 from softgym_mj.learning.results import planned_env_steps
 from softgym_mj.registry import TASKS
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.variations.randomization import Parameter
 from tools import (
     framing,

@@ -5,8 +5,8 @@ from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.robots import pick_and_place, picker
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.cup_mover import CupMover, CupTool
-from softgym_mj.robots.models import ARMS
 
 PICKERS: dict[str, type[picker.Picker]] = {
     kind.name: kind
@@ -53,7 +53,7 @@ def make_actor(
         _refuse(others, "None: one actor moves the cup")
         _refuse({"action": action}, "None: a cup moves along X and Z and turns about Y")
         if actor in ARMS:
-            from softgym_mj.robots.cup_arm import CupArm
+            from softgym_mj.robots.arm.cup_arm import CupArm
 
             return CupArm(ARMS[actor], kind, look)
         _refuse({"visual": visual}, f"None with actor={actor!r}")
@@ -62,7 +62,7 @@ def make_actor(
     check_name("kind", kind, _GEOMETRY)
     if actor in ARMS:
         _refuse({"num_pickers": num_pickers}, "None: arms are counted by `arms`")
-        from softgym_mj.robots.arms import Arms  # mink takes a quarter of a second to import.
+        from softgym_mj.robots.arm.arms import Arms  # mink takes a quarter of a second to import.
 
         number, grasp = 2 if arms is None else arms, "attach" if grasp is None else grasp
         action = "position" if action is None else action

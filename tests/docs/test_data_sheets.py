@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 from tools import data_sheets, sheet_entries
 
 STATES = ("full", "reduced", "markov", "proprioception")

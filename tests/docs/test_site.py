@@ -28,7 +28,7 @@ def test_the_site_builds_without_warnings(tmp_path):
     arguments = 'href="../../arguments/"'  # It is ../docs/arguments.md in the notebook.
     assert arguments in (tmp_path / "notebooks" / "01_quickstart" / "index.html").read_text()
     robots = (tmp_path / "reference" / "robots" / "index.html").read_text()
-    assert 'id="softgym_mj.robots.arms.Arms.commanded_positions"' in robots
+    assert 'id="softgym_mj.robots.arm.arms.Arms.commanded_positions"' in robots
 
 
 def test_a_notebook_is_shown_with_what_it_printed_pictures_and_videos(tmp_path):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 
 
 def cases_of(tasks, *usual):

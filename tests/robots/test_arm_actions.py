@@ -10,11 +10,11 @@ import softgym_mj
 from benchmarks import tracking
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from softgym_mj.policies.experts import make_policy
-from softgym_mj.robots.arms import ACTIONS
+from softgym_mj.robots.arm.arms import ACTIONS
+from softgym_mj.robots.arm.models import ARMS
+from softgym_mj.robots.arm.pose_action import MAX_TILT, MAX_TURN
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
-from softgym_mj.robots.models import ARMS
-from softgym_mj.robots.pose_action import MAX_TILT, MAX_TURN
 from softgym_mj.viewing.teleoperation import teleoperate
 from tests.contract.test_contract import actions, make
 from tests.robots.arms import arms_of

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 
 HALF = math.sqrt(0.5)
 UNTURNED, BACK, FORTH = (1, 0, 0, 0), (HALF, -HALF, 0, 0), (HALF, HALF, 0, 0)

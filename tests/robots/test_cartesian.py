@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from benchmarks import tracking
-from softgym_mj.robots import arm_bodies, cartesian
-from softgym_mj.robots.arms import Arms
+from softgym_mj.robots.arm import bodies as arm_bodies
+from softgym_mj.robots.arm import cartesian
+from softgym_mj.robots.arm.arms import Arms
+from softgym_mj.robots.arm.command_filter import LEAD
+from softgym_mj.robots.arm.models import ARMS
+from softgym_mj.robots.arm.mounts import Mount, facing_each_other
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.command_filter import LEAD
-from softgym_mj.robots.models import ARMS
-from softgym_mj.robots.mounts import Mount, facing_each_other
 from tests.robots.arms import cases_of, motor_torques
 
 arms_by_name = pytest.mark.parametrize("arm", ARMS)

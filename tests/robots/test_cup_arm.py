@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.policies.experts import make_policy
-from softgym_mj.robots import cup_arm
+from softgym_mj.robots.arm import cup_arm
 from softgym_mj.tasks.shared.carried_water import ARM_DENSITY
 from tests.contract.test_contract import actions, make
 from tests.policies.test_scripted import play

@@ -9,7 +9,7 @@ import pytest
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
 from softgym_mj.policies.experts import make_policy
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 from tests.robots.arms import arms_of
 from tests.robots.test_arm_models import AXES, FRAMES
 

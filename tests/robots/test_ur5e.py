@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from softgym_mj.robots.models import UR5E
+from softgym_mj.robots.arm.models import UR5E
 
 # A row for each joint: a, d [m], alpha [rad].
 DH = (

@@ -9,8 +9,8 @@ import pytest
 import softgym_mj
 from softgym_mj.entities.arena import Arena
 from softgym_mj.rendering.offscreen import CameraView, refresh_poses
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.gripper import Gripper
-from softgym_mj.robots.models import ARMS
 from softgym_mj.variations.indices import SPLITS
 from tools import cameras, framing
 

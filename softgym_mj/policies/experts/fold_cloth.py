@@ -12,8 +12,8 @@ import numpy as np
 
 from softgym_mj.policies.experts.cloth_expert import TRAVEL_HEIGHT, ClothExpert
 from softgym_mj.policies.experts.picker_expert import ARRIVED, CLOSED, OPEN, PASSED
-from softgym_mj.robots import turns
-from softgym_mj.robots.pose_action import MAX_TURN
+from softgym_mj.robots.arm import turns
+from softgym_mj.robots.arm.pose_action import MAX_TURN
 
 ARC = 12  # Points of the half circle in which the corners are carried.
 # [m] By which the corners are let down early, as the bend takes up as much, and the height above

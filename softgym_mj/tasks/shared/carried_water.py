@@ -5,7 +5,7 @@ import dataclasses
 from softgym_mj import metrics
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.metrics import Array
-from softgym_mj.robots.models import ARMS
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.tasks.shared.state import Episode, State
 
 # [kg/m^3] Cups hold up to 26 kg of water, more than the 3 and 4 kg that the arms can carry: theirs

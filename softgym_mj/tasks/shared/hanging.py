@@ -4,8 +4,8 @@ import numpy as np
 
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.gripper import Gripper
-from softgym_mj.robots.models import ARMS
 from softgym_mj.robots.workspace import ToolStart, Workspace
 
 WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # Facts 2.2.

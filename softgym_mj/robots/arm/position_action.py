@@ -4,11 +4,11 @@ import functools
 
 import numpy as np
 
-from softgym_mj.robots.arm_action import ArmAction, Clip
+from softgym_mj.robots.arm.action import ArmAction, Clip
+from softgym_mj.robots.arm.command_filter import CommandFilter
+from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.base import ActionSpace
-from softgym_mj.robots.command_filter import CommandFilter
 from softgym_mj.robots.gripper import DISPLACEMENTS, MAX_DISPLACEMENT, gripper_actions
-from softgym_mj.robots.joint_servos import JointServos
 
 
 class PositionAction(ArmAction):

@@ -8,14 +8,14 @@ from dm_control import composer, mjcf
 
 from softgym_mj.entities.cup import GRIP
 from softgym_mj.native.arithmetic import product
-from softgym_mj.robots import arm_bodies
-from softgym_mj.robots.arm_actor import ArmActor
-from softgym_mj.robots.cartesian import LEAD
-from softgym_mj.robots.command_filter import CommandFilter
+from softgym_mj.robots.arm import bodies as arm_bodies
+from softgym_mj.robots.arm.actor import ArmActor
+from softgym_mj.robots.arm.cartesian import LEAD
+from softgym_mj.robots.arm.command_filter import CommandFilter
+from softgym_mj.robots.arm.joint_servos import JointServos
+from softgym_mj.robots.arm.models import Arm
+from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.cup_mover import CupMover, CupTool
-from softgym_mj.robots.joint_servos import JointServos
-from softgym_mj.robots.models import Arm
-from softgym_mj.robots.mounts import Mount
 
 ORIENTATION_COST = 0.3  # [1/rad]: a radian off is as bad as 0.3 m. Tilt pours.
 # [m/rad] Ways that a turn counts as where a speed or a lead is limited: about what is held.

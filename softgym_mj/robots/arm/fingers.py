@@ -7,7 +7,7 @@ import numpy as np
 
 from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.native.arithmetic import squares
-from softgym_mj.robots.models import Arm
+from softgym_mj.robots.arm.models import Arm
 
 OUT_OF_THE_WAY = 0.07  # [m] From the tool point: beyond the pads of the widest hand.
 

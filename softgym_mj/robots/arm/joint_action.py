@@ -5,12 +5,12 @@ import functools
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.robots import cartesian
-from softgym_mj.robots.arm_action import ArmAction, Clip
+from softgym_mj.robots.arm import cartesian
+from softgym_mj.robots.arm.action import ArmAction, Clip
+from softgym_mj.robots.arm.command_filter import CommandFilter, drawn_in
+from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.base import SIM_STEP, ActionSpace
-from softgym_mj.robots.command_filter import CommandFilter, drawn_in
 from softgym_mj.robots.gripper import gripper_actions
-from softgym_mj.robots.joint_servos import JointServos
 
 # [m/s] As what the largest speed of a joint counts where leads and accelerations are limited: it
 # gets there in 0.15 s. A Franka's joints then speed up by 14 to 17 rad/s^2.

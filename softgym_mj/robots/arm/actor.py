@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from softgym_mj.robots.arm_action import ArmAction
+from softgym_mj.robots.arm.action import ArmAction
+from softgym_mj.robots.arm.cartesian import CartesianController
+from softgym_mj.robots.arm.command_filter import CommandFilter
+from softgym_mj.robots.arm.joint_servos import JointServos
+from softgym_mj.robots.arm.models import Arm
 from softgym_mj.robots.base import BodyActor
-from softgym_mj.robots.cartesian import CartesianController
-from softgym_mj.robots.command_filter import CommandFilter
-from softgym_mj.robots.joint_servos import JointServos
-from softgym_mj.robots.models import Arm
 
 
 class ArmActor(BodyActor):

@@ -10,17 +10,17 @@ import numpy as np
 from dm_control import mjcf
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
-from softgym_mj.robots import arm_bodies
-from softgym_mj.robots.arm_action import ArmAction
-from softgym_mj.robots.arm_actor import ArmActor
-from softgym_mj.robots.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, Grasp
+from softgym_mj.robots.arm import bodies as arm_bodies
+from softgym_mj.robots.arm.action import ArmAction
+from softgym_mj.robots.arm.actor import ArmActor
+from softgym_mj.robots.arm.grasps import GRASPS, PICK_DISTANCE, AttachGrasp, Grasp
+from softgym_mj.robots.arm.joint_action import JointAction
+from softgym_mj.robots.arm.joint_servos import JointServos
+from softgym_mj.robots.arm.models import ARMS, Arm
+from softgym_mj.robots.arm.mounts import Mount, facing_each_other
+from softgym_mj.robots.arm.pose_action import PoseAction
+from softgym_mj.robots.arm.position_action import PositionAction
 from softgym_mj.robots.gripper import Gripper
-from softgym_mj.robots.joint_action import JointAction
-from softgym_mj.robots.joint_servos import JointServos
-from softgym_mj.robots.models import ARMS, Arm
-from softgym_mj.robots.mounts import Mount, facing_each_other
-from softgym_mj.robots.pose_action import PoseAction
-from softgym_mj.robots.position_action import PositionAction
 from softgym_mj.robots.workspace import Workspace
 
 ACTIONS: dict[str, type[ArmAction]] = {

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 
 from softgym_mj.native.arithmetic import product
-from softgym_mj.robots import arm_bodies
+from softgym_mj.robots.arm import bodies as arm_bodies
+from softgym_mj.robots.arm.cartesian import ORIENTATION_COST, PERIOD, CartesianController
+from softgym_mj.robots.arm.fingers import Fingers
+from softgym_mj.robots.arm.models import Arm
+from softgym_mj.robots.arm.mounts import Mount
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.cartesian import ORIENTATION_COST, PERIOD, CartesianController
-from softgym_mj.robots.fingers import Fingers
-from softgym_mj.robots.models import Arm
-from softgym_mj.robots.mounts import Mount
 
 SOLVE_EVERY = round(PERIOD / SIM_STEP)  # Sim steps between solutions of the controller.
 

@@ -10,9 +10,9 @@ from dm_control import mjcf
 
 from softgym_mj.entities.flex import GRIPPER_CONTACT
 from softgym_mj.exceptions import check_name
-from softgym_mj.robots import menagerie
-from softgym_mj.robots.models import Arm
-from softgym_mj.robots.mounts import Mount
+from softgym_mj.robots.arm import menagerie
+from softgym_mj.robots.arm.models import Arm
+from softgym_mj.robots.arm.mounts import Mount
 
 # [s] Damping over stiffness of the servos in a scene. The models have 0.05, with which a servo at
 # its torque limit flutters at steps of 10 ms: its damping then counts as explicit.

@@ -14,8 +14,8 @@ import mink
 import mujoco
 import numpy as np
 
-from softgym_mj.robots.command_filter import drawn_in
-from softgym_mj.robots.kinematics import Clearance, Reference, Summed, ToolTask
+from softgym_mj.robots.arm.command_filter import drawn_in
+from softgym_mj.robots.arm.kinematics import Clearance, Reference, Summed, ToolTask
 
 PERIOD = 0.02  # [s] From one solution to the next: 50 Hz.
 # Costs of the tasks [1/m, 1/rad]. A firm orientation makes a Panda jump near singular poses.

@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 
-from softgym_mj.robots import cartesian, turns
-from softgym_mj.robots.arm_action import Clip
+from softgym_mj.robots.arm import cartesian, turns
+from softgym_mj.robots.arm.action import Clip
+from softgym_mj.robots.arm.command_filter import CommandFilter, drawn_in
+from softgym_mj.robots.arm.joint_servos import JointServos
+from softgym_mj.robots.arm.position_action import PositionAction
 from softgym_mj.robots.base import ActionSpace
-from softgym_mj.robots.command_filter import CommandFilter, drawn_in
 from softgym_mj.robots.gripper import DISPLACEMENTS, gripper_actions
-from softgym_mj.robots.joint_servos import JointServos
-from softgym_mj.robots.position_action import PositionAction
 
 # [rad] About each axis in a sim step: 1.5 rad/s, as cups turn. All three together are 2.6 rad/s,
 # what the wrist of a Franka can do at most (2.61); others' are quicker.

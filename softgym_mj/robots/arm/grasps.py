@@ -7,8 +7,8 @@ import numpy as np
 
 from softgym_mj.cloth import solver
 from softgym_mj.native.arithmetic import product, squares
+from softgym_mj.robots.arm.fingers import Fingers
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.fingers import Fingers
 from softgym_mj.robots.grip import NONE, GripCommand, GripLimits
 from softgym_mj.robots.holding import Attachment, Holding
 

@@ -13,7 +13,7 @@ import numpy as np
 from dm_control import mjcf
 
 from softgym_mj.exceptions import UnavailableError, install_extra
-from softgym_mj.robots.models import Arm
+from softgym_mj.robots.arm.models import Arm
 
 VISUALS = ("primitive", "menagerie")
 # By which a frame there may differ from ours. Copies of these models that have other kinematics are

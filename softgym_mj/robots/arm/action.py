@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from softgym_mj.robots.arm.joint_servos import JointServos
 from softgym_mj.robots.base import ActionSpace
-from softgym_mj.robots.joint_servos import JointServos
 
 # Points (n, 3) [m] that hands are sent to, and those that they may go to instead.
 Clip = Callable[[np.ndarray], np.ndarray]

@@ -1,0 +1,1 @@
+"""Arms as actors: models, kinematics, controllers, grasps and action spaces."""
