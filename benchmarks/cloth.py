@@ -76,8 +76,8 @@ def measure_fold(size: int, speed: float) -> Figures:
     import mujoco
     import numpy as np
 
-    from benchmarks.manipulation_scene import ManipulationScene, fold
     from softgym_mj.entities.cloth import Cloth
+    from tests.scenes.manipulation import ManipulationScene, fold
 
     clock = Clock()
     scene = ManipulationScene(Cloth(dims=(DIMS[size],) * 2))

@@ -36,7 +36,7 @@ from types import ModuleType
 import mujoco
 import numpy as np
 
-from benchmarks.fluid_cup import SPACING, FluidCup
+from tests.scenes.fluid_cup import SPACING, FluidCup
 
 # Particles along X, Y and Z. The last are 8788, the most that SoftGym draws.
 COLUMNS = ((10, 10, 5), (8, 8, 18), (10, 10, 20), (13, 13, 24), (13, 13, 52))

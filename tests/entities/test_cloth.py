@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from benchmarks.manipulation_scene import ManipulationScene, fold, lift_and_release
 from softgym_mj.entities import Fabric
 from softgym_mj.entities.cloth import Cloth, grid_shape
 from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS
@@ -13,6 +12,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.workspace import Workspace
+from tests.scenes.manipulation import ManipulationScene, fold, lift_and_release
 
 RADIUS = THICKNESS / 2.0  # [m]
 

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.fluid_cup import SPACING, cup_geoms
 from softgym_mj.fluid.water import Liquid, Resolution, Water
 from softgym_mj.native.library import load_plugin
 from tests.fluid.test_physics import wall_poses
 from tests.oracles import fluid, fluid_flexes
+from tests.scenes.fluid_cup import SPACING, cup_geoms
 
 CONTACT = fluid.CONTACT * SPACING  # Beyond the flex's radius.
 RADIUS = 0.005

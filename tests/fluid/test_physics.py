@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.fluid_cup import SPACING, FluidCup
 from softgym_mj import assets
 from softgym_mj.native.library import load_plugin
 from tests.oracles import fluid
+from tests.scenes.fluid_cup import SPACING, FluidCup
 
 SHAPES = {
     mujoco.mjtGeom.mjGEOM_PLANE: "plane",

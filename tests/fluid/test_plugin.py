@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.fluid_cup import MOCAP, SPACING, FluidCup
+from tests.scenes.fluid_cup import MOCAP, SPACING, FluidCup
 
 
 def take_a_step(cup, stepping):

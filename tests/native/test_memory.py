@@ -9,7 +9,7 @@ import pytest
 
 _LITTLE_MEMORY = """
 import mujoco, resource
-from benchmarks.fluid_cup import SPACING, FluidCup
+from tests.scenes.fluid_cup import SPACING, FluidCup
 cup = FluidCup((50, 50), 20, height=2.0, substeps=1)
 cup.step()
 cup.positions[:] = [0, 0, SPACING]

@@ -10,10 +10,10 @@ from dm_control.rl.control import PhysicsError
 from mujoco import rollout
 
 import softgym_mj
-from benchmarks.fluid_cup import SPACING, FluidCup
 from softgym_mj.exceptions import InvalidArgumentError
 from tests.native.test_state import state_of
 from tests.oracles import fluid as reference
+from tests.scenes.fluid_cup import SPACING, FluidCup
 
 BAD_QPOS = mujoco.mjtWarning.mjWARN_BADQPOS
 NO_RESET = mujoco.mjtDisableBit.mjDSBL_AUTORESET

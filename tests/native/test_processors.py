@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.portability import KERNELS, cases, digests
+from tests.native.portability import KERNELS, cases, digests
 
 FEW = [
     ("straighten_rope", "picker", "scripted"),

@@ -18,10 +18,10 @@ import pytest
 from dm_control import mujoco as dm_mujoco
 from mujoco import rollout
 
-from benchmarks.fluid_cup import FluidCup
 from softgym_mj.native.library import load_plugin
 from tests.cloth.flex_scene import model_xml, rope, sheet
 from tests.fluid.test_physics import OBSTACLES, PLANE
+from tests.scenes.fluid_cup import FluidCup
 
 load_plugin()
 

@@ -1,4 +1,4 @@
-"""A cloth and two pickers without a task: scripted folds and drops, for tests and benchmarks."""
+"""A cloth and two pickers without a task: scripted folds and drops."""
 
 import dataclasses
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """Do the same seed and actions give the same bits, whatever the kernels that a processor runs?
 
-    python benchmarks/portability.py
+    python -m tests.native.portability
 
 plays an episode of every task and actor, start states included, with its scripted expert or random
 actions, and decisions of the planners, in one process after the other: with what NumPy, OpenBLAS
@@ -91,7 +91,7 @@ def digest(case: Case, longest: int = LONGEST) -> str:
 def digests(variables: dict[str, str], wanted: Sequence[Case], longest: int) -> dict[str, str]:
     """Of cases by name, in a process of its own with these variables and no stored states."""
     with tempfile.TemporaryDirectory() as cache:
-        path = os.pathsep.join([str(pathlib.Path(__file__).parents[1]), *sys.path])
+        path = os.pathsep.join([str(pathlib.Path(__file__).parents[2]), *sys.path])
         process = subprocess.run(
             [sys.executable, __file__, "--play", json.dumps(wanted), "--longest", str(longest)],
             env={**os.environ, "PYTHONPATH": path, "SOFTGYM_MJ_CACHE": cache, **variables},

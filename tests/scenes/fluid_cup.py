@@ -1,4 +1,4 @@
-"""A column of water in an open box, the scene of the fluid tests."""
+"""A column of water in an open box."""
 
 import mujoco
 import numpy as np
