@@ -83,27 +83,6 @@ def test_symmetries_teach_what_was_not_shown():
     assert errors[0] > 1.0 and errors[1] < 0.3
 
 
-def test_seeds_together_learn_what_each_learns_alone():
-    both, alone = BC(SMALL, [5, 6], _shown()), BC(SMALL, [6], _shown())
-    for _ in range(5):
-        losses, (own,) = both.study()["loss"], alone.study()["loss"]
-        torch.testing.assert_close(losses[1], own, rtol=1e-4, atol=1e-6)
-    place = torch.randn(7, 2)
-    torch.testing.assert_close(both.policy(1)(place), alone.policy(0)(place), rtol=0, atol=1e-5)
-    assert not torch.allclose(both.policy(0)(place), both.policy(1)(place), atol=1e-2)
-
-
-def test_a_state_goes_on_with_the_same_bits():
-    first, second = (BC(SMALL, [1, 2], _shown()) for _ in range(2))
-    for _ in range(3):
-        first.study()
-    state = first.get_state()
-    wanted = [first.study()["loss"] for _ in range(2)]
-    second.set_state(state)
-    assert all(map(torch.equal, wanted, [second.study()["loss"] for _ in range(2)]))
-    assert first.updates == second.updates == 5
-
-
 def test_a_policy_is_exported():
     bc = BC(SMALL, [1, 2], _shown())
     file, place = io.BytesIO(), torch.randn(1, 2)

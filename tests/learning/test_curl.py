@@ -16,9 +16,7 @@ from tests.learning.test_pixels import (
     ACTION,
     TINY,
     batch_of_images,
-    check_a_state_goes_on,
     check_it_learns,
-    check_seeds_learn_alone,
     pictures,
 )
 
@@ -109,14 +107,6 @@ def test_it_acts_by_the_middle_of_images():
     other = pictures(2, 3, SIZE, seed=1)
     other[:, :, 1:-1, 1:-2] = whole[:, :, 1:-1, 1:-2]
     assert torch.equal(curl.act(whole, explore=False), curl.act(other, explore=False))
-
-
-def test_seeds_together_learn_what_each_learns_alone():
-    check_seeds_learn_alone(_curl, SIZE)
-
-
-def test_a_state_goes_on_with_the_same_bits():
-    check_a_state_goes_on(_curl, SIZE)
 
 
 @pytest.mark.long

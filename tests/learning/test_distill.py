@@ -142,18 +142,6 @@ def test_it_learns_what_the_teacher_does():
     assert before > 0.25 and miss() < 0.05
 
 
-def test_seeds_together_learn_what_each_learns_alone():
-    settings = DistillSettings(**SMALL, updates=2, batch=8)
-    both, alone = (Distill(settings, _problem(seeds), _teacher) for seeds in ((3, 5), (5,)))
-    first = torch.ones(1, 16, dtype=bool)
-    for k in range(3):
-        places = 0.3 * torch.linspace(-1.0, 1.0, 16)[None, :, None] * k
-        _step(both, places.expand(2, -1, -1), first.expand(2, -1))
-        _step(alone, places, first)
-    pairs = zip(both.students[1].parameters(), alone.students[0].parameters(), strict=True)
-    assert all(torch.equal(*pair) for pair in pairs)
-
-
 @pytest.fixture(name="teacher", scope="module")
 def _saved_teacher(tmp_path_factory):
     """A file with a policy of `markov` observations of a rope."""

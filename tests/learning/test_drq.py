@@ -15,9 +15,7 @@ from tests.learning.test_pixels import (
     SIZE,
     TINY,
     batch_of_images,
-    check_a_state_goes_on,
     check_it_learns,
-    check_seeds_learn_alone,
 )
 
 SMALL = DrQSettings(**TINY, pad=2)
@@ -102,14 +100,6 @@ def test_features_are_in_minus_1_to_1():
     before = drq.critics.encoder[:-1](batch.observation)  # Normalised.
     torch.testing.assert_close(before.mean(-1), torch.zeros(2, NUMBER), atol=1e-5, rtol=0)
     torch.testing.assert_close(torch.tanh(before), features)
-
-
-def test_seeds_together_learn_what_each_learns_alone():
-    check_seeds_learn_alone(_drq, SIZE)
-
-
-def test_a_state_goes_on_with_the_same_bits():
-    check_a_state_goes_on(_drq, SIZE)
 
 
 def test_it_learns_to_move_a_bar():

@@ -1,4 +1,4 @@
-"""What all methods have in common: a training that was killed ends with the same bits."""
+"""Contract of all methods: killed trainings end with the same bits, seeds learn as alone."""
 
 import dataclasses
 
@@ -23,7 +23,10 @@ IMAGES = {**OFF_POLICY, "channels": 4, "features": 6}
 SHOWN = {"demonstrations": 2, "jobs": 1}
 # Settings of the training and of the method.
 CASES = {
-    "sac": (ROPE, {**OFF_POLICY, "added": 2, "symmetric": True, "averaged": True}),
+    "sac": (
+        ROPE,
+        {**OFF_POLICY, "added": 2, "symmetric": True, "averaged": True, "standard": True},
+    ),
     "sac_hindsight": (GOALS, {**OFF_POLICY, "symmetric": True}),
     "sac_points": (GOALS, {**OFF_POLICY, "points": (8, 8), "symmetric": True}),
     "rlpd": (
@@ -52,20 +55,28 @@ class _Killed(Exception):
 
 @pytest.fixture(
     name="train",
+    scope="module",
     params=[pytest.param(name, marks=pytest.mark.long if name == "wu" else ()) for name in METHODS],
 )
-def _train(request, tmp_path):
+def _train(request, tmp_path_factory):
     """Makes trainings of a method in folders by name."""
     settings, own = _case(request.param)
+    root = tmp_path_factory.mktemp(request.param)
     if request.param == "distill":
         teacher = torch.nn.Sequential(torch.nn.Linear(44, 8), torch.nn.Tanh())
-        torch.export.save(
-            torch.export.export(teacher, (torch.zeros(1, 44),)), tmp_path / "teacher.pt2"
-        )
-        own = {**own, "teacher": str(tmp_path / "teacher.pt2")}
+        torch.export.save(torch.export.export(teacher, (torch.zeros(1, 44),)), root / "teacher.pt2")
+        own = {**own, "teacher": str(root / "teacher.pt2")}
     method = find_method(request.param, **own)
     device = "cpu" if settings.actor else "host"
-    return lambda name: Training(settings, method, SEEDS, tmp_path / name, device)
+    return lambda name, seeds=SEEDS: Training(settings, method, seeds, root / name, device)
+
+
+@pytest.fixture(name="whole", scope="module")
+def _whole(train):
+    """A training that ran to its end."""
+    training = train("whole")
+    training.run()
+    return training
 
 
 def _case(name):
@@ -96,12 +107,34 @@ def _rows(training):
     return [{name: row[name] for name in row if name != "seconds"} for row in training.rows]
 
 
-def test_a_training_killed_after_a_part_ends_alike(train):
+def _observations(problem, number):
+    """Random observations (1, number, ...), several by name."""
+    if problem.shapes:
+        own = {n: dataclasses.replace(problem, observation=s, shapes={})
+               for n, s in problem.shapes.items()}  # fmt: skip
+        return {name: _observations(each, number) for name, each in own.items()}
+    shape = 1, number, *problem.observation
+    if len(shape) > 3:
+        return torch.randint(0, 256, shape, dtype=torch.uint8)
+    return torch.randn(shape)
+
+
+def _best(training, seen):
+    """Actions (seeds, number, ...) of all seeds, of which each sees the same."""
+    number, seeds = len(training.seeds), {}
+    if isinstance(seen, dict):
+        seeds = {name: each.expand(number, *each.shape[1:]) for name, each in seen.items()}
+        first = torch.ones(next(iter(seeds.values())).shape[:2], dtype=torch.bool)
+    else:
+        seeds = seen.expand(number, *seen.shape[1:])
+        first = torch.ones(seeds.shape[:2], dtype=torch.bool)
+    return training.learner.act(seeds, first, None, explore=False)[0]
+
+
+def test_a_training_killed_after_a_part_ends_alike(train, whole):
     def kill(training, news):
         raise _Killed
 
-    whole = train("whole")
-    whole.run()
     assert whole.learner.updates > 0 and len(whole.rows) == 2 * len(SEEDS)
     for _ in range(2):
         with pytest.raises(_Killed):
@@ -113,32 +146,34 @@ def test_a_training_killed_after_a_part_ends_alike(train):
     file = again.folder / POLICY.format(seed=SEEDS[1])
     if not file.exists() or has_images(again.settings.observations):
         return
-    seen = torch.randn(len(SEEDS), 3, *again._problem.observation)
-    expected, _ = again.learner.act(seen, None, None, explore=False)
+    seen = _observations(again._problem, 3)
     policy = torch.export.load(file).module()
-    for k in range(3):
-        found = policy(seen[1, k : k + 1])
-        torch.testing.assert_close(found[0], expected[1, k], rtol=1e-4, atol=1e-5)
+    for k, expected in enumerate(_best(again, seen)[1]):
+        found = policy(seen[0, k : k + 1])
+        torch.testing.assert_close(found[0], expected, rtol=1e-4, atol=1e-5)
 
 
-def test_a_training_killed_within_a_part_ends_alike(train, monkeypatch):
-    monkeypatch.setattr(Training, "_evaluate", lambda self, final: None)
-    whole = train("whole")
-    whole.run()
+def test_a_training_killed_within_a_part_ends_alike(train, whole, monkeypatch):
     monkeypatch.setattr(module, "KEEP_SECONDS", -1.0)  # A checkpoint after each vector step.
     monkeypatch.setattr(module, "KEEP_RATIO", 0.0)
-    killed = train("killed")
-    keep = killed._keep
+    part, worlds = whole.settings.part, whole.settings.worlds
 
-    def kill():
-        keep()
-        if killed.done == 1 and killed._step == 1:
+    def kill(training, news):
+        if training.covered == part + 2 * worlds:  # The next checkpoint is not yet written.
             raise _Killed
 
-    killed._keep = kill
     with pytest.raises(_Killed):
-        killed.run()
-    again, starts = train("killed"), []
+        train("killed within").run(kill, points=whole.settings.env_steps)
+    again, starts = train("killed within"), []
     again.run(on_start=lambda now: starts.append(now.covered))
-    assert starts == [whole.settings.part + whole.settings.worlds]
+    assert starts == [part + worlds]
     assert same(again.learner.get_state(), whole.learner.get_state())
+
+
+def test_seeds_together_learn_what_each_learns_alone(train, whole):
+    alone = train("alone", SEEDS[1:])
+    alone.run()
+    seen = _observations(alone._problem, 3)
+    expected, found = _best(whole, seen), _best(alone, seen)
+    torch.testing.assert_close(found[0], expected[1], rtol=0, atol=1e-5)
+    assert (expected[0] - expected[1]).abs().max() > 1e-2

@@ -41,44 +41,6 @@ def batch_of_images(seeds, number=5, size=SIZE, seed=0):
     )  # fmt: skip
 
 
-def only(batch, k):
-    """The part of a batch for seed number k."""
-    return Batch(*(value[k : k + 1] for value in vars(batch).values()))
-
-
-def check_seeds_learn_alone(make, size):
-    """Seeds side by side end with the weights that each has alone; `make` is told the seeds."""
-    seeds = [5, 6]
-    together, alone = make(seeds), [make([seed]) for seed in seeds]
-    for step in range(4):
-        batch = batch_of_images(2, size=size, seed=step)
-        losses = together.update(batch)
-        for k, own in enumerate(alone):
-            found = own.update(only(batch, k))
-            assert found.keys() == losses.keys()
-            for name, values in found.items():
-                torch.testing.assert_close(values[0], losses[name][k], rtol=1e-3, atol=1e-4)
-    seen = pictures(2, 3, size)
-    actions = together.act(seen, explore=False)
-    for k, own in enumerate(alone):
-        found = own.act(seen[k : k + 1], explore=False)
-        torch.testing.assert_close(found[0], actions[k], rtol=1e-3, atol=1e-3)
-    assert not torch.allclose(alone[0].act(seen[:1], explore=False), actions[1], atol=1e-2)
-
-
-def check_a_state_goes_on(make, size):
-    """What was given a state goes on with the same bits; `make` is told the seeds."""
-    first, second = make([1, 2]), make([1, 2])
-    for step in range(3):
-        first.update(batch_of_images(2, size=size, seed=step))
-    second.set_state(first.get_state())
-    for step in range(3, 6):
-        found = [sac.update(batch_of_images(2, size=size, seed=step)) for sac in (first, second)]
-        assert all(torch.equal(found[0][name], found[1][name]) for name in found[0])
-    seen = pictures(2, 3, size)
-    assert torch.equal(*(sac.act(seen, explore=True) for sac in (first, second)))
-
-
 def check_it_learns(sac, size, steps):
     """A bar at 0..1 on a line is moved by the action; what counts is where it ends, at 0.5."""
 

@@ -320,35 +320,6 @@ def _go(learner, dots, steps):
     return action
 
 
-def test_seeds_together_learn_what_each_learns_alone():
-    seeds = [5, 6]
-    both = PlaNet(TINY, _problem(seeds))
-    action = _go(both, _Dot(seeds, 2), 8)
-    assert both.updates == 4  # From the fifth step on, after eight random env steps.
-    for k, seed in enumerate(seeds):
-        alone = PlaNet(TINY, _problem([seed]))
-        own = _go(alone, _Dot([seed], 2), 8)
-        torch.testing.assert_close(own[0], action[k], rtol=1e-3, atol=1e-4)
-        for ours, weight in zip(both.model.parameters(), alone.model.parameters(), strict=True):
-            torch.testing.assert_close(ours[k], weight[0], rtol=1e-3, atol=1e-4)
-
-
-def test_a_state_goes_on_with_the_same_bits():
-    first, second = (PlaNet(TINY, _problem()) for _ in range(2))
-    dots = _Dot([0, 1], 2)
-    _go(first, dots, 7)
-    second.set_state(first.get_state())
-    place = dots.place
-    found = []
-    for learner in (first, second):
-        again = _Dot([0, 1], 2)
-        again.place = place
-        found.append(_go(learner, again, 3))
-    assert torch.equal(*found)
-    assert all(map(torch.equal, first.model.parameters(), second.model.parameters()))
-    assert first.updates == second.updates == 6
-
-
 @pytest.fixture(name="trained", scope="module")
 def _trained():
     """A learner of the dot, of 432 env steps and 240 updates."""

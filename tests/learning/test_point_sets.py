@@ -108,36 +108,6 @@ def test_symmetries_turn_full_states_as_reduced_ones():
     env.close()
 
 
-def test_seeds_together_learn_what_each_learns_alone():
-    seeds = [5, 6]
-    together = PointSAC(SMALL, seeds, WHERE, ACTION)
-    alone = [PointSAC(SMALL, [seed], WHERE, ACTION) for seed in seeds]
-    for step in range(4):
-        batch = _batch(seeds, seed=step)
-        losses = together.update(batch)["critic_loss"]
-        for k, own in enumerate(alone):
-            found = own.update(Batch(*(value[k : k + 1] for value in vars(batch).values())))
-            torch.testing.assert_close(found["critic_loss"][0], losses[k], rtol=1e-4, atol=1e-5)
-    full = _full(seeds, seed=50)
-    actions = together.act(full, explore=False)
-    for k, own in enumerate(alone):
-        found = own.act(full[k : k + 1], explore=False)[0]
-        torch.testing.assert_close(found, actions[k], rtol=1e-4, atol=1e-4)
-        torch.testing.assert_close(together.policy(k)(full[k]), actions[k])
-
-
-def test_a_state_goes_on_with_the_same_bits():
-    seeds = [1, 2]
-    first, second = (PointSAC(SMALL, seeds, WHERE, ACTION) for _ in range(2))
-    for step in range(3):
-        first.update(_batch(seeds, seed=step))
-    second.set_state(first.get_state())
-    for sac in (first, second):
-        sac.update(_batch(seeds, seed=9))
-    found = [sac.act(_full(seeds), explore=True) for sac in (first, second)]
-    assert torch.equal(*found)
-
-
 def test_it_learns_to_reach_the_highest_point():
     """The action is to be the largest x of the points that are there: none is in its place."""
     settings = PointSetSettings(

@@ -196,26 +196,6 @@ def test_what_is_learned_is_what_was_drawn():
     torch.testing.assert_close(drawn_ones.clamp(-1.0, 1.0), action)
 
 
-def test_seeds_together_learn_what_each_learns_alone():
-    together = PPO(SMALL, _problem([5, 6, 7]))
-    _walk(together, [0, 1, 2], 12, torch.Generator().manual_seed(4))
-    for k, seed in enumerate((5, 6, 7)):
-        alone = PPO(SMALL, _problem([seed]))
-        _walk(alone, [k], 12, torch.Generator().manual_seed(4))
-        for both, own in zip(_weights(together), _weights(alone), strict=True):
-            torch.testing.assert_close(both[k], own[0], rtol=1e-4, atol=1e-5)
-
-
-def test_a_state_goes_on_with_the_same_bits():
-    first, second = (PPO(SMALL, _problem([1, 2])) for _ in range(2))
-    _walk(first, [0, 1], 6, torch.Generator().manual_seed(5))  # In the midst of a rollout.
-    second.set_state(first.get_state())
-    for learner in (first, second):
-        _walk(learner, [0, 1], 7, torch.Generator().manual_seed(6))
-    assert all(map(torch.equal, _weights(first), _weights(second)))
-    assert first.updates == second.updates == 18
-
-
 # ------------------------------------------------------------------ learning
 
 

@@ -139,30 +139,6 @@ def test_half_of_what_it_learns_from_is_demonstrated(monkeypatch):
     assert not torch.equal(learned[0].action, learned[1].action)
 
 
-def test_seeds_together_learn_what_each_learns_alone():
-    both, alone = _made([5, 6]), _made([6])
-    for step in range(4):
-        batch = _batch([5, 6], step)
-        own = alone.update(Batch(*(value[1:] for value in vars(batch).values())))
-        losses = both.update(batch)
-        torch.testing.assert_close(
-            losses["critic_loss"][1], own["critic_loss"][0], rtol=1e-4, atol=0
-        )
-    place = torch.randn(7, OBSERVATION)
-    torch.testing.assert_close(both.policy(1)(place), alone.policy(0)(place), rtol=0, atol=1e-4)
-
-
-def test_a_state_goes_on_with_the_same_bits():
-    first, second = _made([1, 2]), _made([1, 2])
-    for step in range(3):
-        first.update(_batch([1, 2], step))
-    second.set_state(first.get_state())
-    found = [rlpd.update(_batch([1, 2], 9)) for rlpd in (first, second)]
-    assert found[0].keys() == {"critic_loss", "alpha", "actor_loss"}
-    assert all(torch.equal(found[0][name], found[1][name]) for name in found[0])
-    assert first.updates == second.updates == 4
-
-
 def test_it_learns_to_reach_a_point_that_was_shown():
     """One of 4 numbers has to be near 1 for a reward, which is rarely found by chance."""
     source = torch.Generator().manual_seed(0)

@@ -38,11 +38,6 @@ def _batch(seeds, number=NUMBER, seed=0):
     )  # fmt: skip
 
 
-def _of(batch, k):
-    """The part of a batch for seed number k."""
-    return Batch(*(value[k : k + 1] for value in vars(batch).values()))
-
-
 def test_densities_are_those_of_a_transformed_gaussian():
     sources = generators([3, 4], "cpu")
     actor = Actor(sources, OBSERVATION, ACTION, (8,), (-10.0, 2.0))
@@ -130,37 +125,6 @@ def test_losses_that_are_compiled_teach_the_same():
             torch.testing.assert_close(found[1][name], losses, rtol=1e-4, atol=1e-5)
     for one, other in zip(eager.actor.parameters(), fused.actor.parameters(), strict=True):
         torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-5)
-
-
-def test_seeds_together_learn_what_each_learns_alone():
-    seeds = [5, 6, 7]
-    together = SAC(SMALL, seeds, OBSERVATION, ACTION)
-    alone = [SAC(SMALL, [seed], OBSERVATION, ACTION) for seed in seeds]
-    for step in range(5):
-        batch = _batch(seeds, seed=step)
-        losses = together.update(batch)["critic_loss"]
-        for k, own in enumerate(alone):
-            found = own.update(_of(batch, k))["critic_loss"]
-            torch.testing.assert_close(found[0], losses[k], rtol=1e-4, atol=1e-5)
-    observation = torch.randn(3, 4, OBSERVATION)
-    actions = together.act(observation, explore=False)
-    for k, own in enumerate(alone):
-        found = own.act(observation[k : k + 1], explore=False)
-        torch.testing.assert_close(found[0], actions[k], rtol=1e-4, atol=1e-4)
-
-
-def test_a_state_goes_on_with_the_same_bits():
-    seeds = [1, 2]
-    first, second = (SAC(SMALL, seeds, OBSERVATION, ACTION) for _ in range(2))
-    for step in range(3):
-        first.update(_batch(seeds, seed=step))
-    second.set_state(first.get_state())
-    for sac in (first, second):
-        sac.update(_batch(seeds, seed=9))
-    observation = torch.randn(2, 3, OBSERVATION)
-    found = [sac.act(observation, explore=True) for sac in (first, second)]
-    assert torch.equal(*found)
-    assert first.updates == second.updates == 4
 
 
 def test_standard_observations_are_those_by_mean_and_deviation():

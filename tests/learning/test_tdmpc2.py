@@ -449,22 +449,6 @@ def test_values_are_never_scaled_up():
     assert learner.scale.item() == pytest.approx(2.0 + 0.01 * (1.0 - 2.0))
 
 
-@pytest.mark.parametrize("plans", ["always", "never"])
-def test_seeds_together_learn_what_each_learns_alone(plans):
-    seeds, settings = [5, 6], TDMPC2Settings(**{**vars(SMALL), "plans": plans})
-    learners = [_learner(own, settings) for own in (seeds, seeds[:1], seeds[1:])]
-    for t in range(8):
-        together, *alone = (learner.learn(_step(learner._seeds, t)) for learner in learners)
-        for name, found in together.items():
-            for k in range(2):
-                torch.testing.assert_close(alone[k][name][0], found[k], rtol=2e-3, atol=1e-4)
-    assert [learner.updates for learner in learners] == [2 + 2 * 6] * 3
-    for explore in (True, False):
-        together, *alone = (_acted(each, each._seeds, explore) for each in learners)
-        for k in range(2):
-            torch.testing.assert_close(alone[k][0], together[k], rtol=1e-2, atol=2e-3)
-
-
 def test_a_state_goes_on_with_the_same_bits():
     seeds = [1, 2]
     first, second = (_learner(seeds) for _ in range(2))
@@ -607,7 +591,3 @@ SETTINGS = TrainingSettings(
     "straighten_rope", env_steps=24, worlds=2, part=8, evaluate_every=3, episodes=1,
     final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
-
-
-def _weights(training):
-    return [p.detach().clone() for p in training.learner.model.parameters()]

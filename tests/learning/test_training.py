@@ -184,16 +184,6 @@ def test_what_was_killed_in_an_evaluation_ends_alike(whole, tmp_path, when):
     assert _without_seconds(again.rows) == _without_seconds(whole.rows)
 
 
-def test_seeds_learn_what_they_learn_alone(tmp_path):
-    both, alone = (_training(tmp_path / str(len(s)), s) for s in (SEEDS, SEEDS[1:]))
-    for training in (both, alone):
-        for _ in range(2):
-            training._learn()
-            training.done += 1
-    for together, own in zip(_weights(both), _weights(alone), strict=True):
-        np.testing.assert_allclose(together[1], own[0], atol=2e-4)
-
-
 @pytest.mark.parametrize("preset", ["paper", "fast"])
 def test_presets_suit_every_task(preset):
     for task in softgym_mj.TASKS:
