@@ -54,3 +54,12 @@ def test_no_task_imports_a_task():
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.ImportFrom) and "tasks" in (node.module or ""):
                 assert node.module.startswith("softgym_mj.tasks.shared"), file
+
+
+def test_tests_of_the_package_import_no_benchmarks():
+    root = PACKAGE.parent / "tests"
+    for file in set(root.rglob("*.py")) - set((root / "benchmarks").rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert "benchmarks" not in {name.split(".")[0] for name in names}, file

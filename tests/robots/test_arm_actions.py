@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import softgym_mj
-from benchmarks import tracking
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from softgym_mj.policies.experts import make_policy
 from softgym_mj.robots.arm.arms import ACTIONS
@@ -19,6 +18,7 @@ from softgym_mj.viewing.teleoperation import teleoperate
 from tests.contract.test_contract import actions, make
 from tests.robots.arms import arms_of
 from tests.robots.test_cartesian import Scene, in_front
+from tests.scenes import arm_paths
 
 PLACE = np.array([[0.45, 0.0, 0.3]])  # [m] Forward, left, up, where every arm turns freely.
 TURNS = ["pose", "joints"]
@@ -32,7 +32,7 @@ class Acting(Scene):
 
     @classmethod
     def of(cls, arm, action, number=1):
-        return cls(*tracking.scene("rope", arm, number, action))
+        return cls(*arm_paths.scene("rope", arm, number, action))
 
     def turn(self, vector, steps, way=(0.0, 0.0, 0.0)):
         """Steps with `way` and a rotation vector, as fractions of the largest."""

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks.friction_grasp import go, wait
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
 from tests.contract.test_contract import make
 from tests.robots.arms import cases_of
+from tests.scenes.grasping import go, wait
 
 cases = cases_of(("fold_cloth", "straighten_rope"), "fold_cloth/franka", "straighten_rope/sawyer")
 

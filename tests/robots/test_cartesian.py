@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from benchmarks import tracking
 from softgym_mj.robots.arm import bodies as arm_bodies
 from softgym_mj.robots.arm import cartesian
 from softgym_mj.robots.arm.arms import Arms
@@ -18,6 +17,7 @@ from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.arm.mounts import Mount, facing_each_other
 from softgym_mj.robots.base import SIM_STEP
 from tests.robots.arms import cases_of, motor_torques
+from tests.scenes import arm_paths
 
 arms_by_name = pytest.mark.parametrize("arm", ARMS)
 cases = cases_of(("cloth", "rope"), "cloth/franka", "rope/sawyer")
@@ -34,10 +34,10 @@ class Scene:
     @classmethod
     def make(cls, case: str, number: int = 1) -> "Scene":
         """With the object and the arms that a case "kind/arm" names."""
-        return cls(*tracking.scene(*case.split("/"), number))
+        return cls(*arm_paths.scene(*case.split("/"), number))
 
     def start(self, points: np.ndarray) -> None:
-        self.arms.place(np.reshape(points, (-1, 3)), tracking.WORKSPACE)
+        self.arms.place(np.reshape(points, (-1, 3)), arm_paths.WORKSPACE)
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, action: np.ndarray) -> None:
@@ -61,14 +61,14 @@ def in_front(points: np.ndarray, distance: float) -> np.ndarray:
     return np.column_stack([-left, forward - distance, up])
 
 
-@pytest.mark.parametrize("motion", [tracking.waypoints, tracking.lissajous])
+@pytest.mark.parametrize("motion", [arm_paths.waypoints, arm_paths.lissajous])
 @cases
 def test_an_arm_tracks_smooth_motions_within_its_limits(case, motion):
     scene = Scene.make(case)
     arms, data = scene.arms, scene.arms.arm
     path = in_front(motion(400), data.distance)
     speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / SIM_STEP
-    assert 0.8 < speeds.max() / tracking.SPEED < 1.01
+    assert 0.8 < speeds.max() / arm_paths.SPEED < 1.01
     scene.start(path[0])
     for _ in range(10):
         scene.towards(path[:1])
@@ -117,7 +117,9 @@ def test_an_unreachable_command_saturates_and_recovers(arm):
 def test_the_start_is_where_it_is_wanted_and_at_rest(arm):
     scene = Scene.make(f"rope/{arm}", 2)
     distance = ARMS[arm].distance
-    first = np.random.default_rng(1).uniform(tracking.LOW, tracking.HIGH - [0.1, 0.0, 0.0], (5, 3))
+    first = np.random.default_rng(1).uniform(
+        arm_paths.LOW, arm_paths.HIGH - [0.1, 0.0, 0.0], (5, 3)
+    )
     for point in in_front(first, distance):
         points = np.array([point, -point * [1.0, 1.0, -1.0]])
         scene.start(points)

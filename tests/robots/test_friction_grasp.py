@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from benchmarks.friction_grasp import (
+from softgym_mj.entities import Cloth
+from softgym_mj.envs.environment import Environment
+from softgym_mj.tasks import Measures, Task
+from tests.contract.test_contract import actions
+from tests.contract.test_snapshots import trace
+from tests.robots.arms import arms_of
+from tests.scenes.grasping import (
     FAR,
     VARIATIONS,
     close_at,
@@ -13,12 +19,6 @@ from benchmarks.friction_grasp import (
     lift_and_carry,
     wait,
 )  # fmt: skip
-from softgym_mj.entities import Cloth
-from softgym_mj.envs.environment import Environment
-from softgym_mj.tasks import Measures, Task
-from tests.contract.test_contract import actions
-from tests.contract.test_snapshots import trace
-from tests.robots.arms import arms_of
 
 
 def load(task, arm, **settings):
