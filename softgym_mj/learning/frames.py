@@ -161,6 +161,23 @@ def pictured(array: Tensor, lead: int = 0) -> Tensor:
     return array.movedim(lead, -2).flatten(-2) if array.ndim == lead + 4 else array
 
 
+def stacked(now: Tensor, before: Tensor | None, first: Tensor, frames: int) -> Tensor:
+    """Returns stacks (seeds, n, frames, ...) of the newest images, the oldest first.
+
+    Args:
+        now: images (seeds, n, ...).
+        before: stacks of the previous env step; None if there was none.
+        first: whether each image is the first of an episode (seeds, n): its stack repeats it.
+        frames: number of images in a stack.
+    """
+    newest = now.unsqueeze(2)
+    repeated = newest.expand(-1, -1, frames, *now.shape[2:])
+    if before is None:
+        return repeated
+    starts = first.reshape(*first.shape, *[1] * (now.ndim - 1))
+    return torch.where(starts, repeated, torch.cat([before[:, :, 1:], newest], 2))
+
+
 def _kind(name: str, shape: tuple[int, ...]) -> torch.dtype:
     """Returns the type in which an entry is kept."""
     if len(shape) < 2:

@@ -113,6 +113,26 @@ def test_the_teacher_acts_in_fewer_and_fewer_environments():
     assert found[0][:12].all()
 
 
+def test_the_rate_rises_then_falls():
+    settings = DistillSettings(**SMALL, updates=1, batch=4, rate=1.0, warm_up=4)
+    learner = Distill(settings, _problem(env_steps=16 * 10), _teacher)
+    rates = []
+    for _ in range(10):
+        _step(learner, torch.zeros(1, 16, 1), torch.ones(1, 16, dtype=bool))
+        rates.append(learner._rate.item())
+    # min(k / 4, 1) * (1 - k / 10) of the largest, k = 1..10.
+    assert rates == pytest.approx([0.225, 0.4, 0.525, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0], abs=1e-6)
+
+
+def test_gradients_are_scaled_to_the_largest_norm():
+    problem, first = _problem(), torch.ones(1, 16, dtype=bool)
+    settings = DistillSettings(**SMALL, updates=1, batch=4, gradient_norm=1e-3)
+    learner = Distill(settings, problem, lambda s: 0.0 * s + 1.0)
+    _step(learner, torch.zeros(1, 16, 1), first)
+    squares = [p.grad.square().sum() for p in learner.students[0].parameters()]
+    assert torch.stack(squares).sum().sqrt().item() == pytest.approx(1e-3, rel=1e-3)
+
+
 def test_noise_is_larger_in_an_eighth():
     settings = DistillSettings(**SMALL, updates=1, batch=4, noise=0.05, wild_noise=0.2)
     learner = Distill(settings, _problem(worlds=4_000, env_steps=4_000), lambda s: 0.0 * s)

@@ -18,7 +18,7 @@ from torch.export.passes import move_to_device_pass
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.jobs.files import read_whole
 from softgym_mj.kinds import typed
-from softgym_mj.learning.frames import Frames, pictured
+from softgym_mj.learning.frames import Frames, pictured, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.repetition import Repeated
@@ -45,7 +45,10 @@ class DistillSettings:
         updates: number of updates in each step of all environments.
         batch: number of env steps in an update.
         buffer: number of newest env steps that are kept, of each seed.
-        rate: learning rate at first; it falls linearly to zero.
+        rate: largest learning rate; it falls linearly to zero.
+        warm_up: number of steps of all environments over which it rises at first: large
+            updates while all episodes start, with labels that are alike, saturate tanh for good.
+        gradient_norm: largest norm of a gradient; larger ones are scaled.
         weight_decay: of AdamW.
         beta: error at which the smooth L1 loss changes from quadratic to linear.
         teacher_share: share of the environments in which the teacher acts at first.
@@ -68,6 +71,8 @@ class DistillSettings:
     batch: int = 512
     buffer: int = 150_000
     rate: float = 5e-4
+    warm_up: int = 20
+    gradient_norm: float = 1.0
     weight_decay: float = 1e-2
     beta: float = 0.2
     teacher_share: float = 0.5
@@ -76,7 +81,7 @@ class DistillSettings:
     wild_noise: float = 0.3
 
     def __post_init__(self):
-        for name in ("frames", "channels", "features", "updates", "batch", "buffer"):
+        for name in ("frames", "channels", "features", "updates", "batch", "buffer", "warm_up"):
             check_count(name, getattr(self, name), 1)
         check_count("shift", self.shift, 0)
         for name in ("teacher_share", "teacher_until"):
@@ -172,13 +177,11 @@ class Distill:
                 student = Student(settings, shapes, problem.action)
             self.students.append(student.to(at, memory_format=torch.channels_last))
         self._rate = torch.tensor(settings.rate, device=at)
+        decay, on_gpu = settings.weight_decay, dict.fromkeys(("capturable", "fused"), at == "cuda")
         self._optimizers = [
-            torch.optim.AdamW(
-                student.parameters(), self._rate, weight_decay=settings.weight_decay,
-                capturable=at == "cuda", fused=at == "cuda",
-            )
+            torch.optim.AdamW(student.parameters(), self._rate, weight_decay=decay, **on_gpu)
             for student in self.students
-        ]  # fmt: skip
+        ]
         self.updates = self._steps = 0
         self.frames = Frames(
             settings.buffer // problem.worlds, problem.seeds, problem.worlds,
@@ -192,14 +195,11 @@ class Distill:
         self, observation: Observation, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
         """Returns actions (seeds, n, action), and stacks (seeds, n, frames, ...) of images."""
-        stacks = {}
-        for name in self.students[0].images:
-            now = observation[name].unsqueeze(2)
-            stack = now.expand(-1, -1, self._settings.frames, *now.shape[3:])
-            if memory is not None:
-                starts = first.reshape(*first.shape, *[1] * (now.ndim - 2))
-                stack = torch.where(starts, stack, torch.cat([memory[name][:, :, 1:], now], 2))
-            stacks[name] = stack
+        before = memory or {}
+        stacks = {
+            name: stacked(observation[name], before.get(name), first, self._settings.frames)
+            for name in self.students[0].images
+        }
         seen = {**observation, **stacks}
         with torch.no_grad(), self._precision(explore):
             action = torch.stack([
@@ -229,13 +229,12 @@ class Distill:
     def learn(self, step: Step) -> dict[str, Tensor]:
         """Updates the students; returns their last losses (seeds,)."""
         self._steps += 1
-        total = self._problem.env_steps / self._problem.worlds
-        self._rate.fill_(self._settings.rate * max(1.0 - self._steps / total, 0.0))
-        found: dict[str, Tensor] = {}
-        for _ in range(self._settings.updates):
-            found = self._again()
+        left = max(1.0 - self._steps * self._problem.worlds / self._problem.env_steps, 0.0)
+        risen = min(self._steps / self._settings.warm_up, 1.0)
+        self._rate.fill_(self._settings.rate * risen * left)
+        found = [self._again() for _ in range(self._settings.updates)]
         self.updates += self._settings.updates
-        return found
+        return found[-1]
 
     def _update(self) -> dict[str, Tensor]:
         losses = []
@@ -243,6 +242,7 @@ class Distill:
             loss = self.loss(student, self.frames.sample(k, self._settings.batch))
             optimizer.zero_grad(set_to_none=True)
             loss.backward()
+            nn.utils.clip_grad_norm_(student.parameters(), self._settings.gradient_norm)
             optimizer.step()
             losses.append(loss.detach())
         return {"loss": torch.stack(losses)}
