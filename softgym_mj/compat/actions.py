@@ -22,21 +22,18 @@ def from_flex(vectors: np.ndarray) -> np.ndarray:
     return np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], axis=-1)
 
 
-def checked(action: object, space: gymnasium.spaces.Box, clip: bool = False) -> np.ndarray:
+def checked(action: object, space: gymnasium.spaces.Box) -> np.ndarray:
     """An action (n,) as floats.
 
     Raises:
-        InvalidArgumentError: for a wrong shape, NaN or, unless they are clipped, other numbers than
-            those of the space.
+        InvalidArgumentError: for a wrong shape, NaN or other numbers than those of the space.
     """
     array = as_array("action", action)
     with contextlib.suppress(TypeError, ValueError):
         array = array.astype(float)
-        if array.shape == space.shape:
-            array = np.clip(array, space.low, space.high) if clip else array
-            if space.contains(array.astype(np.float32)):
-                return array
-    valid = f"numbers from {space.low.tolist()} to {space.high.tolist()}; normalize(env) clips"
+        if space.contains(array.astype(np.float32)):
+            return array
+    valid = f"finite numbers from {space.low.tolist()} to {space.high.tolist()}"
     raise InvalidArgumentError("action", action, valid)
 
 

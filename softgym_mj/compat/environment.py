@@ -13,6 +13,7 @@ from softgym_mj.compat import names
 from softgym_mj.compat.actions import ACTION_MODES, MODES_OF, checked, to_flex
 from softgym_mj.compat.cameras import CAMERAS
 from softgym_mj.compat.names import ReplacedError, Table, check_settings
+from softgym_mj.envs.clipping import Clipping
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count, check_name
@@ -114,6 +115,7 @@ class OldEnv:
         times = self._task.actor.action_size // len(self._mode.low)
         low, high = (np.tile(end, times).astype(np.float32) for end in self._mode[1:3])
         self.action_space = gymnasium.spaces.Box(low, high)
+        self._clipped = Clipping(self.action_space)
         specs = self.dm_env.observation_spec().items()
         seen = self._convert({key: spec.generate_value() for key, spec in specs})
         dtype, image = seen.dtype, seen.dtype == np.uint8
@@ -194,18 +196,21 @@ class OldEnv:
         """Applies an action (n,); returns observation (m,), reward, done and info.
 
         Args:
-            action: one of `action_space`.
+            action: one of `action_space`; others are clipped to it, with a warning the first time.
             record_continuous_video: whether info gets "flex_env_recorded_frames", a picture of
                 every second sim step.
             img_size: sides of these [pixels]; None for the camera's.
 
         Raises:
-            InvalidArgumentError: for a wrong shape, NaN or what is outside of `action_space`.
-            LifecycleError: before the first reset.
+            InvalidArgumentError: for a wrong shape, NaN or infinity.
+            LifecycleError: before the first reset, and after a step in which the simulation
+                diverged: that step returns done.
         """
         if self.dm_env.started is None:
             raise LifecycleError("no episode has started: call reset() first")
-        raw = checked(action, self.action_space)
+        if self.dm_env.diverged:
+            raise LifecycleError("the simulation has diverged: call reset() first")
+        raw = checked(self._clipped(action), self.action_space)
         low, high = (end.astype(float) for end in (self.action_space.low, self.action_space.high))
         part = np.clip(2.0 * (raw - low) / (high - low) - 1.0, -1.0, 1.0)
         sides = self.camera_width, self.camera_height
@@ -217,7 +222,7 @@ class OldEnv:
             info["flex_env_recorded_frames"] = self._frames
         if self.recording:
             self.video_frames.append(self.render())
-        done = self.time_step >= self.horizon
+        done = self.time_step >= self.horizon or self.dm_env.diverged
         return self._convert(timestep.observation), float(timestep.reward), done, info
 
     def _watch(self, physics: Any, random_state: np.random.RandomState) -> None:

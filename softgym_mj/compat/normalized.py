@@ -8,6 +8,7 @@ import numpy as np
 from softgym_mj.compat.actions import checked
 from softgym_mj.compat.environment import OldEnv
 from softgym_mj.compat.names import check_settings
+from softgym_mj.envs.clipping import Clipping
 from softgym_mj.kinds import typed
 
 FIXED = {  # Keyword arguments that have one value here.
@@ -33,7 +34,8 @@ class NormalizedEnv:
         Args:
             env: of `SOFTGYM_ENVS`.
             scale_reward: factor of rewards.
-            clip: whether actions outside [-1, 1] are clipped; else they are refused.
+            clip: whether actions outside [-1, 1] are clipped, with a warning the first time; else
+                they are refused.
             clip_obs: (low, high) that observations are clipped to.
             **fixed: `FIXED`.
 
@@ -45,6 +47,7 @@ class NormalizedEnv:
         space = env.observation_space
         self._clip_obs = (space.low.min(), space.high.max()) if clip_obs is None else clip_obs
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, env.action_space.shape)
+        self._clipped = Clipping(self.action_space)
 
     def __getattr__(self, name: str) -> Any:
         if name == "_wrapped_env":  # Of a copy in the making.
@@ -64,7 +67,8 @@ class NormalizedEnv:
         """The action (n,) in SoftGym's units."""
         box = self._wrapped_env.action_space
         low, high = box.low.astype(float), box.high.astype(float)
-        return low + (checked(action, self.action_space, self._clip) + 1.0) / 2.0 * (high - low)
+        action = self._clipped(action) if self._clip else action
+        return low + (checked(action, self.action_space) + 1.0) / 2.0 * (high - low)
 
     def reset(self, **kwargs: Any) -> np.ndarray:
         """As `OldEnv.reset`: the observation (n,)."""

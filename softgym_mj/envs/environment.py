@@ -9,9 +9,16 @@ import dm_env
 import mujoco
 import numpy as np
 from dm_control import composer
+from dm_control.rl.control import PhysicsError
 
 from softgym_mj.envs import discarded
-from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError, check_count
+from softgym_mj.exceptions import (
+    InvalidArgumentError,
+    LifecycleError,
+    SimulationError,
+    SnapshotError,
+    check_count,
+)
 from softgym_mj.kinds import check_kind
 from softgym_mj.rendering.calibration import Calibration
 from softgym_mj.rendering.framebuffer import SizedPhysics
@@ -46,12 +53,13 @@ class Snapshot:
 
 
 class Environment(composer.Environment):
-    """Runs a `Task`; differs from its base in four ways.
+    """Runs a `Task`; differs from its base in five ways.
 
     `reset` chooses a variation and recompiles only when that changes the model, or when the task
     or an entity defines `initialize_episode_mjcf`; `step` takes strictly checked actions and ends
-    after `horizon` env steps (discount 1: not a terminal state); `get_state` and `set_state` are
-    exact; `info` describes the last step.
+    after `horizon` env steps (discount 1: not a terminal state); a simulation that diverges ends
+    the episode (discount 0: a terminal state); `get_state` and `set_state` are exact; `info`
+    describes the last step.
 
     Attributes:
         name: task name.
@@ -59,6 +67,7 @@ class Environment(composer.Environment):
         variations: variation indices that `reset` draws from.
         started: the variation that was last started; None before the first reset.
         step_count: env steps since reset, or as many as are to count.
+        diverged: whether the simulation has diverged in the last env step.
         maker: makes another such environment of a `random_state`; `load` sets it.
     """
 
@@ -96,6 +105,7 @@ class Environment(composer.Environment):
         self.maker: Callable[..., Environment] | None = None
         self.started: int | None = None
         self.step_count = 0
+        self.diverged = False
         plain = Task.initialize_episode_mjcf, composer.Entity.initialize_episode_mjcf
         parts = task, *task.root_entity.iter_entities()
         self._edits_mjcf = any(type(part).initialize_episode_mjcf not in plain for part in parts)
@@ -131,7 +141,8 @@ class Environment(composer.Environment):
         """NumPy scalars that describe the state after the last step or reset."""
         self._check_open()
         warnings = np.int64(self._data.warning.number.sum())
-        return {**self._task.info(), "physics_warnings": warnings}
+        diverged = np.bool_(self.diverged)
+        return {**self._task.info(), "physics_warnings": warnings, "diverged": diverged}
 
     def cameras(self) -> dict[str, Calibration]:
         """The cameras that the observation is from, by name, where they are now."""
@@ -149,6 +160,7 @@ class Environment(composer.Environment):
 
         Raises:
             InvalidArgumentError: if there is no such variation.
+            SimulationError: if the simulation diverges while it starts.
         """
         self._check_open()
         if variation is None:
@@ -163,28 +175,48 @@ class Environment(composer.Environment):
         self._hooks.initialize_episode_mjcf(self._random_state)
         if recompile or self._edits_mjcf:
             self._recompile_physics_and_update_observables()
-        with self._physics.reset_context():
-            self._hooks.initialize_episode(self._physics_proxy, self._random_state)
-        self.step_count = 0
+        try:
+            with self._physics.reset_context():
+                self._hooks.initialize_episode(self._physics_proxy, self._random_state)
+        except PhysicsError as error:
+            reason = f"the start of variation {variation} of {self.name} diverges: {error}"
+            raise SimulationError(reason) from error
+        self.step_count, self.diverged = 0, False
         self.started = variation
         self._reset_next_step = False
 
     def step(self, action: np.ndarray) -> dm_env.TimeStep:
         """Applies an action for one env step; after the last one of an episode it resets.
 
+        A simulation that diverges ends the episode: the last time step has discount 0, `diverged`
+        is true, and state, observation, reward and info are those of the start of the episode,
+        which are finite.
+
         Raises:
             InvalidArgumentError: for a wrong shape, NaN, infinity or an entry outside [-1, 1].
-            PhysicsError: if the simulation diverges.
         """
         self._check_open()
         if self._reset_next_step:
             return self.reset()
-        timestep = super().step(action)
+        try:
+            timestep = super().step(action)
+        except PhysicsError:
+            timestep = self._ended_by_divergence()
         self.step_count += 1
-        if self.step_count >= self.horizon:
+        if self.step_count >= self.horizon and not self.diverged:
             self._reset_next_step = True
             timestep = timestep._replace(step_type=dm_env.StepType.LAST)
         return timestep
+
+    def _ended_by_divergence(self) -> dm_env.TimeStep:
+        assert self.started is not None, "an episode runs"
+        count, warnings = self.step_count, self._data.warning.number.copy()
+        self._start(self.started)
+        self._data.warning.number[:] = warnings
+        self.step_count, self.diverged, self._reset_next_step = count, True, True
+        self._observation_updater.reset(self._physics_proxy, self._random_state)
+        reward, observation = self._task.get_reward(self._physics_proxy), self.observation()
+        return dm_env.TimeStep(dm_env.StepType.LAST, reward, 0.0, observation)
 
     # ------------------------------------------------------------------ snapshots
 
@@ -253,27 +285,30 @@ class Environment(composer.Environment):
                 self.set_state(before)
             raise SnapshotError(f"the snapshot is damaged: {error}") from error
         self._restore(snapshot)
+        self._data.warning.number[:] = 0
         self._observation_updater.reset(self._physics_proxy, self._random_state)
 
     def _restore(self, snapshot: Snapshot) -> None:
         mujoco.mj_setState(self._model, self._data, snapshot.physics, _STATE)
         self._task.set_state(copy.deepcopy(snapshot.task))
         self.step_count = snapshot.step_count
-        self._reset_next_step = snapshot.ended
+        self._reset_next_step, self.diverged = snapshot.ended, False
         self._random_state.set_state(snapshot.random_state)
 
     @contextlib.contextmanager
     def rehearsal(self) -> Iterator[Callable[[np.ndarray], bool]]:
         """Within it, env steps are tried without observations; at its end all is as it was before.
 
-        It gives a function that takes an env step and says whether the episode goes on.
+        It gives a function that takes an env step and says whether the episode goes on; it raises
+        `PhysicsError` if the simulation diverges.
         """
         snapshot, warnings = self.get_state(), self._data.warning.number.copy()
+        diverged = self.diverged
         try:
             yield self._try
         finally:
             self._restore(snapshot)
-            self._data.warning.number[:] = warnings
+            self._data.warning.number[:], self.diverged = warnings, diverged
 
     def _try(self, action: np.ndarray) -> bool:
         self._hooks.before_step(self._physics_proxy, action, self._random_state)

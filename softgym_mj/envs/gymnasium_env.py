@@ -12,6 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import EzPickle
 
 from softgym_mj import registry
+from softgym_mj.envs.clipping import Clipping
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
 from softgym_mj.exceptions import (
@@ -27,7 +28,7 @@ from softgym_mj.kinds import check_kind
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 
 _SHOWN = 60  # Characters of a wrong state in a message.
-_OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera")
+_OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera", "clip_actions")
 # Attributes that a copy has besides the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
 
@@ -98,7 +99,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
     Action space: Box(-1, 1, (n,), float32), n of the actor. Observation space: a float32 or uint8
     Box for one observation, a Dict of them for several, in the order of their names: Gymnasium
     sorts spaces so, and observations have the order of the space. An episode is truncated after
-    `horizon` env steps and never terminates. `info` is `Environment.info`, with bools as arrays of
+    `horizon` env steps; it terminates only if the simulation diverges, as `info["diverged"]` says:
+    see `Environment.step`. `info` is `Environment.info`, with bools as arrays of
     shape (); where images or points are observed, "cameras" in it has the "intrinsics" and
     "extrinsics" of the cameras that they are from, by name, as in `Calibration`. A copy or a pickle
     continues the episode where it stands.
@@ -106,6 +108,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
     Attributes:
         dm_env: the dm_control environment underneath.
         horizon: env steps after which an episode is truncated.
+        clip_actions: whether actions outside of [-1, 1] are clipped; else they are refused.
     """
 
     _spec: EnvSpec | None = None
@@ -121,6 +124,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         camera: str = "task",
         split: str | Sequence[int] = "train",
         horizon: int | None = None,
+        clip_actions: bool = True,
         **task_kwargs: Any,
     ):
         """Builds the environment.
@@ -133,6 +137,8 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
                 another of the model, see `rendering.camera_ids`.
             split: "train", "evaluate", "all" or a sequence of variation indices.
             horizon: env steps in an episode; the task's own when None.
+            clip_actions: whether actions outside of [-1, 1] are clipped, with a warning the first
+                time; else they are refused.
             **task_kwargs: keyword arguments of the task, such as `observation` or `actor`.
         """
         if "random_state" in task_kwargs:
@@ -143,7 +149,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         registry.find(task).check_arguments(task_kwargs, _OF_ENVIRONMENT)
         EzPickle.__init__(
             self, task, render_mode, render_size=render_size, camera=camera, split=split,
-            horizon=horizon, **task_kwargs,
+            horizon=horizon, clip_actions=clip_actions, **task_kwargs,
         )  # fmt: skip
         check_name("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         self.render_mode = render_mode
@@ -163,6 +169,9 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         )
         size = self.dm_env.task.actor.action_size
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
+        check_kind("clip_actions", clip_actions, bool)
+        self.clip_actions = clip_actions
+        self._clipped = Clipping(self.action_space)
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -207,16 +216,18 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         return self._convert(timestep.observation), self._info()
 
     def step(self, action: np.ndarray):
-        """Applies an action (n,) in [-1, 1].
+        """Applies an action (n,) in [-1, 1]: others are clipped, unless `clip_actions` is False.
 
         Returns:
-            Observation, reward, terminated (always False), truncated, info.
+            Observation, reward, terminated (whether the simulation diverged), truncated, info.
 
         Raises:
             LifecycleError: if no episode is running.
             InvalidArgumentError: for a bad action.
         """
         self._check_open()
+        if self.clip_actions:
+            action = self._clipped(action)
         if not self._running:
             raise LifecycleError("no episode is running: call reset() before step()")
         timestep = self.dm_env.step(action)

@@ -224,8 +224,14 @@ class Water(composer.Entity, Parametric):
         state = data.plugin_state[first : first + 1 + 2 * size]
         # 1 once the walls' poses of the last step are known, then positions, then velocities.
         self._known = state[:1]
+        self._motion = state[1:]
         self._positions = state[1 : 1 + size].reshape(-1, 3)
         self._velocities = state[1 + size :].reshape(-1, 3)
+
+    @property
+    def motion(self) -> np.ndarray:
+        """Current positions, then velocities (6 * num_points,), no copy."""
+        return self._motion
 
     def points(self) -> np.ndarray:
         """Current positions (num_points, 3) [m] in the world frame, a fresh array."""

@@ -11,7 +11,6 @@ from collections.abc import Generator, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from dm_control.rl.control import PhysicsError
 from gymnasium.vector.utils import CloudpickleWrapper
 
 from softgym_mj import registry
@@ -149,13 +148,12 @@ def play_sequences(
     returns = np.zeros(len(sequences))
     for i, actions in enumerate(sequences):
         env.set_state(snapshot)
-        try:
-            for action in actions:
-                timestep = env.step(action)
-                returns[i] += timestep.reward
-                if timestep.last():
-                    break
-        except PhysicsError:
+        for action in actions:
+            timestep = env.step(action)
+            returns[i] += timestep.reward
+            if timestep.last():
+                break
+        if env.diverged:
             returns[i] = -np.inf
     return returns
 

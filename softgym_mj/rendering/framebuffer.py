@@ -14,6 +14,9 @@ from dm_control.rl import control
 
 from softgym_mj.rendering import opengl
 
+# MuJoCo's warnings that a number of the state, or of a control, is not finite, or huge.
+_BAD = mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADCTRL
+_DIVERGENCE = range(_BAD[0], _BAD[1] + 1)
 _ABANDONED: list[base.ContextBase] = []  # Kept, as dm_control knows contexts by their id.
 
 
@@ -68,25 +71,30 @@ class SizedPhysics(mjcf.Physics):
     # The OpenGL context, which takes a tenth of a second to make, and the thread that uses it.
     _gl: base.ContextBase | None = None
     _thread = 0
-    _warned = False
-    _warnings: np.ndarray | None = None  # A view of how often MuJoCo has warned of what.
+    _diverged = False
+    _divergences: np.ndarray | None = (
+        None  # A view of how often MuJoCo has warned of `_DIVERGENCE`.
+    )
 
     def step(self, nstep: int = 1) -> None:
-        """As in the base class, which takes longer to look for new warnings than a rope's step.
+        """Steps the simulation; only warnings of divergence are errors, others are counted.
+
+        The base class takes longer to look for new warnings than a rope's step.
 
         Raises:
-            PhysicsError: if the state is invalid.
+            PhysicsError: if the simulation diverges.
         """
-        if self._warned:  # From now on it is a question of which are new.
-            return super().step(nstep)
-        if self._warnings is None:
-            self._warnings = self.data.ptr.warning.number
+        if self._divergences is None:
+            first, last = _DIVERGENCE[0], _DIVERGENCE[-1]
+            self._divergences = self.data.ptr.warning.number[first : last + 1]
+        before = self._divergences.copy() if self._diverged else 0
         mujoco.mj_step(self.model.ptr, self.data.ptr, nstep)
-        if np.count_nonzero(self._warnings):
-            self._warned = True
-            kinds = zip(mujoco.mjtWarning.__members__, self._warnings, strict=False)
-            names = [name for name, n in kinds if n]
-            raise control.PhysicsError(f"physics state is invalid: warnings {', '.join(names)}")
+        if np.count_nonzero(self._divergences):
+            self._diverged = True
+            new = np.flatnonzero(self._divergences > before)
+            if len(new):
+                names = [mujoco.mjtWarning(_DIVERGENCE[i]).name for i in new]
+                raise control.PhysicsError(f"physics state is invalid: warnings {', '.join(names)}")
 
     @property
     def contexts(self) -> engine.Contexts:

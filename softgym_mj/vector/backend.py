@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, iterate
 
+from softgym_mj.envs.clipping import Clipping
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.kinds import as_array
@@ -30,6 +31,7 @@ class Backend(Protocol):
     metadata: dict[str, Any]
     render_mode: str | None
     draws: Draws  # Of what follows by itself; a `VectorEnv` sets it.
+    clipped: Clipping | None = None  # As of `checked_actions`.
 
     def begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
         """Has a function carried out, after those before and to its end whatever interrupts this.
@@ -54,7 +56,7 @@ class Backend(Protocol):
         Raises:
             InvalidArgumentError: for a bad one.
         """
-        return checked_actions(actions, self.num_envs, self.action_space)
+        return checked_actions(actions, self.num_envs, self.action_space, self.clipped)
 
     def advance(self, actions: Any, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
         """Makes a step of a `VectorEnv`, and resets by itself as a mode says.
@@ -104,12 +106,27 @@ def check_running(ended: np.ndarray) -> None:
         )
 
 
-def checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.ndarray:
+def clipping(env: gymnasium.Env) -> Clipping | None:
+    """Returns what clips actions of environments like `env`; None if they refuse those outside."""
+    clips = getattr(env.unwrapped, "clip_actions", False)
+    space = env.action_space
+    return Clipping(space) if clips and isinstance(space, gymnasium.spaces.Box) else None
+
+
+def checked_actions(
+    actions: Any, number: int, space: gymnasium.Space, clipped: Clipping | None = None
+) -> np.ndarray:
     """Actions of `number` environments, as an array (number, n).
 
+    Args:
+        actions: of all.
+        number: of environments.
+        space: action space of each; only a Box is checked.
+        clipped: what clips actions; None to refuse those outside of the space.
+
     Raises:
-        InvalidArgumentError: unless there is one for each; for one of the wrong shape, or outside
-            the action space of each, a Box.
+        InvalidArgumentError: unless there is one for each; for one of the wrong shape, not finite
+            or outside of the space.
     """
     actions = as_array("actions", actions).copy()  # An interrupted step may come to it later.
     if actions.shape[:1] != (number,):
@@ -122,13 +139,13 @@ def checked_actions(actions: Any, number: int, space: gymnasium.Space) -> np.nda
             f"actions are {actions.dtype}{actions.shape}; expected real numbers "
             f"{(number, *space.shape)}."
         )
+    actions = actions if clipped is None else clipped(actions)
     fits = (actions >= space.low - BOUND_TOLERANCE) & (actions <= space.high + BOUND_TOLERANCE)
     bad = np.argwhere(~fits)  # NaN does not fit, either.
     if len(bad):
         first = tuple(bad[0].tolist())
         raise InvalidArgumentError(
             f"actions{list(first)} = {actions[first]}, of environment {first[0]}, must be finite "
-            "and within [-1, 1]; clip the actions first, for example with "
-            "numpy.clip(actions, -1, 1). No environment has been stepped."
+            "and within [-1, 1]; clip_actions=True clips them. No environment has been stepped."
         )
     return actions

@@ -16,7 +16,7 @@ from gymnasium.vector.utils import create_shared_memory, read_from_shared_memory
 from softgym_mj.envs.environment import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.jobs.executors import MOST_PROCESSES
-from softgym_mj.vector.backend import MOST_ENVIRONMENTS, Backend, check_running
+from softgym_mj.vector.backend import MOST_ENVIRONMENTS, Backend, check_running, clipping
 from softgym_mj.vector.draws import Draws
 from softgym_mj.vector.pool import WorkerPool
 from softgym_mj.vector.worker import OUTCOME
@@ -68,6 +68,7 @@ class ProcessBackend(Backend):
         example = make()
         self.observation_space, self.action_space = example.observation_space, example.action_space
         self.metadata, self.render_mode = example.metadata, example.render_mode
+        self.clipped = clipping(example)
         example.close()
         methods: Any = multiprocessing.get_context(context)
         if context == "forkserver":

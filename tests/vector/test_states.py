@@ -142,7 +142,7 @@ def test_a_bad_action_steps_nobody(envs):
     envs.reset(seed=SEED)
     before = envs.get_state()
     (act,) = actions(1)
-    for bad in (1.5, -1.5, np.nan, np.inf):
+    for bad in (np.nan, np.inf, -np.inf):
         act[1, 6] = bad
         message = rf"actions\[1, 6\] = {bad}, of environment 1, must be finite and within \[-1, 1\]"
         with pytest.raises(InvalidArgumentError, match=message):

@@ -358,6 +358,7 @@ class Task(composer.Task, abc.ABC):
         self._driving.substep()
 
     def after_step(self, physics, random_state):
+        self.scene.check_finite()
         self.scene.note_strain()
         self._measures = self._measured()
 

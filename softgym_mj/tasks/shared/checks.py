@@ -21,7 +21,7 @@ _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
 INFO_NAMES = frozenset(
     (
         "performance", "normalized_performance", "success", "is_success", "variation",
-        "physics_warnings", "cameras",
+        "physics_warnings", "diverged", "cameras",
     )
 )  # fmt: skip
 _INFO_PREFIXES = ("reward_", "domain_")

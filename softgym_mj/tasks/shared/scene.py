@@ -5,8 +5,10 @@ import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 from dm_control import composer
+from dm_control.rl.control import PhysicsError
 
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
@@ -130,6 +132,17 @@ class Scene:
         poses = {cup.mjcf_model.model: cup.whole_pose for cup in self.cups}
         actor = self._actor
         return State(points, self._present, poses, actor.proprioception(), actor.remembered())
+
+    def check_finite(self) -> None:
+        """Raises `PhysicsError`, and counts a warning, if the state is not finite, or is huge.
+
+        MuJoCo looks at positions and velocities only at the start of its next step.
+        """
+        waters = [thing.motion for thing in self.materials.values() if isinstance(thing, Water)]
+        arrays = [self._data.qpos, self._data.qvel, *waters]
+        if not all(np.abs(array).max(initial=0.0) < mujoco.mjMAXVAL for array in arrays):
+            self._data.warning.number[mujoco.mjtWarning.mjWARN_BADQPOS] += 1
+            raise PhysicsError("the simulation has diverged")
 
     def note_strain(self, starts: bool = False) -> None:
         """Keeps the largest strain of an episode, which may have just started."""

@@ -24,6 +24,7 @@ from softgym_mj.vector.backend import (
     Backend,
     check_running,
     checked_actions,
+    clipping,
 )
 from softgym_mj.vector.batch.cameras import IMAGES, Cameras
 from softgym_mj.vector.batch.flexes import Flexes
@@ -79,13 +80,13 @@ class BatchBackend(Backend):
         self.observation_space = example.observation_space
         self.action_space = example.action_space
         self.metadata, self.render_mode = example.metadata, example.render_mode
+        self.clipped = clipping(example)
         # What a step changes: rows of `Starts` of these episodes and of the next, env steps so far,
-        # starts by themselves.
+        # starts by themselves, warnings so far, and whether the episode has ended or diverged.
+        numbers, truths = ("row", "next", "count", "used", "warnings"), ("ended", "diverged")
         self._at = {
-            **{
-                name: place.zeros((num_envs,), "int64") for name in ("row", "next", "count", "used")
-            },
-            "ended": place.zeros((num_envs,), "bool"),
+            **{name: place.zeros((num_envs,), "int64") for name in numbers},
+            **{name: place.zeros((num_envs,), "bool") for name in truths},
         }
         self._rows.whole["at"] = self._at
         self._actions = place.zeros((num_envs, *(self.action_space.shape or ())), "float64")
@@ -151,8 +152,9 @@ class BatchBackend(Backend):
             return
         self._rows.take(which, self._starts.rows, rows)
         self._at["count"] = xp.where(which, 0, self._at["count"])
-        self._at["ended"] = self._at["ended"] & ~which
-        self._side.flags[...] = xp.where(which, 0, self._side.flags)
+        self._at["warnings"] = xp.where(which, 0, self._at["warnings"])
+        for name in ("ended", "diverged"):
+            self._at[name] = self._at[name] & ~which
 
     @property
     def _episode(self) -> Episode:
@@ -171,10 +173,12 @@ class BatchBackend(Backend):
     def checked(self, actions: Any) -> Array:
         """As of `Backend`; of tensors only their shape and type, which waits for nothing.
 
-        They are clipped to [-1, 1], and what is not finite ends the episode of its environment.
+        They are clipped to [-1, 1] without a warning, and what is not finite ends the episode of
+        its environment. Where actions are refused instead, tensors are checked, too, and waited
+        for.
         """
         if not is_torch_array(actions):
-            checked = checked_actions(actions, self.num_envs, self.action_space)
+            checked = checked_actions(actions, self.num_envs, self.action_space, self.clipped)
             return self._place.put(checked.astype(float))
         shape = self.num_envs, *(self.action_space.shape or ())
         like = self._actions
@@ -186,7 +190,10 @@ class BatchBackend(Backend):
             raise InvalidArgumentError(
                 f"actions are {actions.dtype}{tuple(actions.shape)}; expected real numbers {shape}."
             )
-        return self._xp.clip(actions.detach().double(), -1.0, 1.0)
+        actions = actions.detach().double()
+        if self.clipped is None:
+            checked_actions(self._place.get(actions), self.num_envs, self.action_space)
+        return self._xp.clip(actions, -1.0, 1.0)
 
     def replay(self, trials: Sequence[tuple[Snapshot, np.ndarray]]) -> np.ndarray:
         """Undiscounted returns (num_envs,) of action sequences from states.
@@ -250,16 +257,24 @@ class BatchBackend(Backend):
         starts = at["ended"] & (mode == AutoresetMode.NEXT_STEP)
         unknown = xp.any(~xp.isfinite(self._actions), axis=-1)
         self._side.command(xp.where(unknown[:, None], 0.0, self._actions))
+        flags, diverged = self._side.flags, unknown
+        warnings = at["warnings"] + xp.astype(unknown, xp.int64)
         for _ in range(self._task.action_repeat):
             self._side.sim_step()
-        diverged = (unknown | ((self._side.flags & NOT_FINITE) != 0)) & ~starts
+            # One warning for each sim step in which something went wrong, as MuJoCo counts, up to
+            # the one that ends the episode.
+            warnings = warnings + xp.astype((flags != 0) & ~diverged, xp.int64)
+            diverged = diverged | ((flags & NOT_FINITE) != 0)
+            flags[...] = 0
+        diverged = diverged & ~starts
         count = at["count"] + 1
         # What has diverged ends where it has started: measures are finite.
         self._use(starts)
         self._take(starts | diverged, at["row"])
         at["count"] = xp.where(starts, 0, count)
-        self._side.flags[...] = xp.where(diverged, NOT_FINITE, self._side.flags)
-        truncated = at["count"] >= self.horizon
+        at["warnings"] = xp.where(starts, 0, warnings)
+        at["diverged"] = diverged
+        truncated = (at["count"] >= self.horizon) & ~diverged
         ended = diverged | truncated
         at["ended"] = ended
         self._look()
@@ -321,7 +336,8 @@ class BatchBackend(Backend):
             **self._side.info(self._strains, whole["strain"]),
             **{f"domain_{name}": values for name, values in whole.get("domain", {}).items()},
             "variation": whole["episode"]["variation"],
-            "physics_warnings": xp.astype(self._side.flags != 0, xp.int64),
+            "physics_warnings": self._at["warnings"],
+            "diverged": self._at["diverged"],
         }
         mask = self._place.put(mask) if isinstance(mask, np.ndarray) else mask
         named: dict[str, Any] = {}

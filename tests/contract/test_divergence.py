@@ -1,0 +1,127 @@
+"""A simulation that diverges ends its episode, the same way wherever it is simulated."""
+
+import functools
+
+import numpy as np
+import pytest
+from dm_control.rl.control import PhysicsError
+from gymnasium.vector import AutoresetMode
+
+import softgym_mj
+from softgym_mj.compat import SOFTGYM_ENVS
+from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.exceptions import LifecycleError, SimulationError
+from softgym_mj.registry import find
+from softgym_mj.vector.base import VectorEnv
+from softgym_mj.vector.processes import ProcessBackend
+
+TASKS = ["spread_cloth", "transport_water"]
+SETTINGS = {"observation": "full", "fidelity": "fast"}
+
+
+def spoil(task):
+    """Makes a velocity of the simulation infinite."""
+    for flex in task.flexes.flexes:
+        flex.slide_velocities[5] = np.inf
+    if not task.flexes.flexes:
+        task.water.motion[-5] = np.inf
+
+
+class Spoiled(SoftGymEnv):
+    """Diverges in the second env step of variation 4."""
+
+    def step(self, action):
+        if self.dm_env.started == 4 and self.dm_env.step_count == 1:
+            spoil(self.dm_env.task)
+        return super().step(action)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_dm_control_environment_ends_with_discount_0(task):
+    env = softgym_mj.load(task, **SETTINGS)
+    first = env.reset(3).observation["full"]
+    start = env.info()
+    zeros = np.zeros(env.action_spec().shape)
+    timestep = env.step(zeros)
+    assert timestep.mid() and timestep.discount == 1.0 and not env.diverged
+    middle = env.get_state()
+    spoil(env.task)
+    timestep = env.step(zeros)
+    assert timestep.last() and timestep.discount == 0.0 and env.diverged
+    # State, observation, reward and info are those of the start of the episode.
+    np.testing.assert_array_equal(timestep.observation["full"], first)
+    info = env.info()
+    terms = sum(value for name, value in start.items() if name.startswith("reward_"))
+    assert timestep.reward == pytest.approx(terms)
+    assert info == {**start, "physics_warnings": 1, "diverged": True, **_step(info)}
+    # A snapshot of an episode that runs goes on without a trace of it; so does the next episode.
+    env.set_state(middle)
+    assert env.info()["physics_warnings"] == 0 and not env.diverged
+    assert env.step(zeros).mid()
+    env.reset(3)
+    assert env.step(zeros).mid() and env.info()["physics_warnings"] == 0
+
+
+def _step(info):
+    """What the actor has counted in the last env step."""
+    return {name: info[name] for name in ("rejected_moves",) if name in info}
+
+
+@pytest.mark.parametrize(
+    ("task", "mode"),
+    [
+        ("spread_cloth", AutoresetMode.NEXT_STEP),
+        ("transport_water", AutoresetMode.SAME_STEP),
+        ("straighten_rope", AutoresetMode.DISABLED),
+    ],
+)
+def test_vectors_of_processes_and_of_rows_say_the_same(task, mode):
+    variations, settings = [3, 4, 5], {**SETTINGS, "split": [3, 4, 5], "horizon": 4}
+    make = functools.partial(Spoiled, find(task), **settings)
+    processes = VectorEnv(ProcessBackend(make, 3, num_workers=1), variations, mode)
+    rows = softgym_mj.make_vec(task, 3, device="host", autoreset_mode=mode, **settings)
+    for envs in (processes, rows):
+        envs.reset(seed=0, options={"variation": variations})
+    actions = np.zeros(rows.action_space.shape)
+    for step in range(3):
+        if step == 1:
+            worlds = rows.backend._side._worlds
+            (worlds.qvel if task != "transport_water" else worlds.velocities)[1, 1] = np.inf
+        ours, theirs = processes.step(actions), rows.step(actions)
+        for one, other in zip(ours[:4], theirs[:4], strict=True):
+            np.testing.assert_array_equal(one, other)
+        infos = [(ours[4], theirs[4])]
+        infos += (
+            [(ours[4]["final_info"], theirs[4]["final_info"])] if "final_obs" in ours[4] else []
+        )
+        for one, other in infos:
+            for name in ("physics_warnings", "diverged", "performance", "variation"):
+                np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+        assert ours[2].tolist() == [False, step == 1, False] and not ours[3].any()
+        if step == 1 and mode == AutoresetMode.DISABLED:
+            with pytest.raises(LifecycleError, match=r"episodes of environments \[1\] have ended"):
+                processes.step(actions)
+            break
+    processes.close()
+    rows.close()
+
+
+def test_a_start_that_diverges_is_an_error():
+    env = softgym_mj.load("straighten_rope", fidelity="fast")
+
+    def fail(physics, random_state):
+        raise PhysicsError("as MuJoCo's warnings do")
+
+    env.add_extra_hook("initialize_episode", fail)
+    with pytest.raises(SimulationError, match="start of variation 7 of straighten_rope diverges"):
+        env.reset(7)
+
+
+def test_an_environment_of_softgym_is_done():
+    env = SOFTGYM_ENVS["PassWater"](observation_mode="key_point", action_mode="direct")
+    env.reset()
+    env.dm_env.task.water.motion[5] = np.nan
+    *_, done, info = env.step(env.action_space.sample())
+    assert done and info["diverged"]
+    with pytest.raises(LifecycleError, match=r"diverged: call reset\(\)"):
+        env.step(env.action_space.sample())
