@@ -79,11 +79,7 @@ def loaded(task: str, actor: str) -> Environment:
 
 def played(env: Environment, variation: int) -> Iterator[int]:
     """Plays an episode of the scripted expert; yields the number of env steps made, from 0 on."""
-    timestep = env.reset(variation)
-    policy = make_policy("scripted", env)
-    yield env.step_count
-    while not timestep.last():
-        timestep = env.step(policy(timestep))
+    for _ in env.play(make_policy("scripted", env), variation):
         yield env.step_count
 
 

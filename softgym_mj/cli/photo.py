@@ -52,11 +52,13 @@ def photo(
             photos.film(env, act, variation, view, every=every,
                         on_step=lambda: progress.advance(bar)).write(file)  # fmt: skip
         else:
-            timestep = env.reset(variation)
-            for _ in progress.track(range(step), description="env steps"):
-                if timestep.last():
-                    raise InvalidArgumentError("step", step, f"at most {env.step_count}")
-                timestep = env.step(act(timestep))
+            bar = progress.add_task("env steps", total=step)
+            for _ in env.play(act, variation):
+                progress.update(bar, completed=env.step_count)
+                if env.step_count == step:
+                    break
+            if env.step_count < step:
+                raise InvalidArgumentError("step", step, f"at most {env.step_count}")
             bar = progress.add_task("samples", total=samples)
             picture = view.rgb(env.physics, lambda number: progress.advance(bar, number))
             write_picture(picture, file)

@@ -208,6 +208,30 @@ class Environment(composer.Environment):
             timestep = timestep._replace(step_type=dm_env.StepType.LAST)
         return timestep
 
+    def play(
+        self, act: Callable[[dm_env.TimeStep], np.ndarray], variation: int | None = None
+    ) -> Iterator[dm_env.TimeStep]:
+        """Plays an episode of a policy; yields its time steps, that of the reset first.
+
+        Args:
+            act: gives the action for a time step.
+            variation: as in `reset`.
+
+        Raises:
+            SimulationError: if the simulation diverges: such an episode has no score.
+        """
+        timestep = self.reset(variation)
+        yield timestep
+        while not timestep.last():
+            timestep = self.step(act(timestep))
+            self.check_converged()
+            yield timestep
+
+    def check_converged(self) -> None:
+        """Raises `SimulationError` if the simulation has diverged in the last env step."""
+        if self.diverged:
+            raise SimulationError(f"variation {self.started} of {self.name} has diverged")
+
     def _ended_by_divergence(self) -> dm_env.TimeStep:
         assert self.started is not None, "an episode runs"
         count, warnings = self.step_count, self._data.warning.number.copy()

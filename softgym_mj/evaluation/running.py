@@ -158,8 +158,9 @@ def _planned(
             on_decision=progress.on_decision,
         )
         timestep, total = env.reset(variation), 0.0
-        while not timestep.last():
+        while not timestep.last():  # As `Environment.play`, but `act` waits for others in between.
             timestep = env.step((yield from policy.act(timestep)))
+            env.check_converged()
             total += timestep.reward
         return _scores(env, variation, seed, total)
 
@@ -187,16 +188,13 @@ def play_episode(
         settings: keyword arguments of the task as JSON.
         policy, trust: as in `make_policy`.
         variation, seed: of the episode.
+
+    Raises:
+        SimulationError: if the episode diverges.
     """
-    env = kept_environment(task, settings)
-    return _play(env, make_policy(policy, env, seed, trust=trust), variation, seed)
-
-
-def _play(env, policy, variation: int, seed: int) -> dict:
-    timestep, total = env.reset(variation), 0.0
-    while not timestep.last():
-        timestep = env.step(policy(timestep))
-        total += timestep.reward
+    env, total = kept_environment(task, settings), 0.0
+    for timestep in env.play(make_policy(policy, env, seed, trust=trust), variation):
+        total += timestep.reward or 0.0  # That of a reset is None.
     return _scores(env, variation, seed, total)
 
 

@@ -76,6 +76,7 @@ def play(
     Raises:
         InvalidArgumentError: for a bad policy or camera; for a variation or a size that does not
             exist.
+        SimulationError: if the episode diverges.
         UnavailableError: if pictures are wanted and there is no OpenGL.
     """
     act = make_policy(policy, env, seed, trust=trust) if isinstance(policy, str) else policy
@@ -86,21 +87,15 @@ def play(
     if passes is None and pictures is None:
         passes = look_of(env.physics.model.ptr).film_passes
     view = None if camera is None else CameraView(camera, size, size, passes)
-    timestep = env.reset(variation)
     frames: list[np.ndarray] = []
-    rewards, infos = [], [env.info()]
-
-    def look() -> None:
+    rewards, infos = [], []
+    for timestep in env.play(act, variation):
+        infos.append(env.info())
         if view is not None and (pictures is None or env.step_count in pictures):
             frames.append(view.rgb(env.physics))
-
-    look()
-    while not timestep.last():
-        timestep = env.step(act(timestep))
-        rewards.append(timestep.reward)
-        infos.append(env.info())
-        look()
-        on_step()
+        if not timestep.first():
+            rewards.append(timestep.reward)
+            on_step()
     return Episode(
         frames=np.array(frames, np.uint8).reshape(-1, size, size, 3),
         rewards=np.array(rewards),

@@ -7,6 +7,7 @@ import dm_env
 import gymnasium
 import numpy as np
 
+from softgym_mj.exceptions import SimulationError
 from softgym_mj.policies.factory import Policy
 
 _BETWEEN = "/"  # Part and name of an array: "infos/success".
@@ -37,6 +38,9 @@ def play(
         "terminations" and "truncations" (n,), "observations" and "infos" (n + 1, ...); those with
         names of their own as "infos/success", "infos/cameras/left/intrinsics". With `disturb`
         `LABELS` (n, size), too: what the policy itself would have done before each step.
+
+    Raises:
+        SimulationError: if the episode diverges.
     """
     observation, info = env.reset(options={"variation": variation})
     timestep = dm_env.restart(_named(observation))
@@ -46,6 +50,8 @@ def play(
         own.append(act(timestep).astype(env.action_space.dtype))
         action = own[-1] if disturb is None else disturb(own[-1])
         observation, reward, terminated, truncated, info = env.step(action)
+        if info["diverged"]:
+            raise SimulationError(f"variation {variation} has diverged: it cannot be recorded")
         truncated = truncated or (until(info) and not terminated)
         timestep = dm_env.transition(reward, _named(observation))
         observations.append(observation)

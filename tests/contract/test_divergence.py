@@ -10,7 +10,10 @@ from gymnasium.vector import AutoresetMode
 import softgym_mj
 from softgym_mj.compat import SOFTGYM_ENVS
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.evaluation.running import play_episode
 from softgym_mj.exceptions import LifecycleError, SimulationError
+from softgym_mj.policies import episodes
+from softgym_mj.recording import episodes as recording
 from softgym_mj.registry import find
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.processes import ProcessBackend
@@ -115,6 +118,48 @@ def test_a_start_that_diverges_is_an_error():
     env.add_extra_hook("initialize_episode", fail)
     with pytest.raises(SimulationError, match="start of variation 7 of straighten_rope diverges"):
         env.reset(7)
+
+
+class Breaks:
+    """A policy that has the third env step diverge; zero actions."""
+
+    def __init__(self, env):
+        self.env, self.finished = env, False
+
+    def __call__(self, timestep):
+        if self.env.step_count == 2:
+            spoil(self.env.task)
+        return np.zeros(self.env.action_spec().shape)
+
+
+def test_an_episode_that_diverges_is_neither_played_nor_scored_nor_recorded():
+    env = softgym_mj.load("straighten_rope", fidelity="fast")
+    steps = env.play(Breaks(env), 7)
+    assert [next(steps).step_type for _ in range(3)] == [0, 1, 1]
+    for play in (
+        lambda: next(steps),
+        lambda: episodes.play(env, Breaks(env), 7, camera=None),
+        lambda: play_episode(
+            find("straighten_rope"), '{"fidelity": "fast"}', f"{__name__}:Breaks", False, 7, 0
+        ),
+    ):
+        with pytest.raises(SimulationError, match="variation 7 of straighten_rope has diverged"):
+            play()
+    recorded = SoftGymEnv("straighten_rope", fidelity="fast")
+    with pytest.raises(SimulationError, match="variation 7 has diverged: it cannot be recorded"):
+        recording.play(recorded, Breaks(recorded.dm_env), 7)
+
+
+def test_play_yields_an_episode():
+    """The oracle is the plain loop."""
+    env, other = (softgym_mj.load("straighten_rope", fidelity="fast", horizon=4) for _ in range(2))
+    random = np.random.default_rng(0)
+    actions = [random.uniform(-1.0, 1.0, env.action_spec().shape) for _ in range(4)]
+    played = list(env.play(lambda timestep: actions[env.step_count], 7))
+    expected = [other.reset(7), *(other.step(action) for action in actions)]
+    for one, another in zip(played, expected, strict=True):
+        assert one[:3] == another[:3]
+        np.testing.assert_array_equal(one.observation["reduced"], another.observation["reduced"])
 
 
 def test_an_environment_of_softgym_is_done():

@@ -151,15 +151,15 @@ def film(
 
     Raises:
         InvalidArgumentError: for bad settings.
+        SimulationError: if the episode diverges.
         UnavailableError: if Mitsuba or the denoiser is missing.
     """
     check_count("every", every, 1)
     camera = PhotoCamera() if camera is None else camera
-    timestep = env.reset(variation)
-    frames = [camera.rgb(env.physics)]
-    while not timestep.last():
-        timestep = env.step(act(timestep))
+    frames = []
+    for timestep in env.play(act, variation):
         if env.step_count % every == 0:
             frames.append(camera.rgb(env.physics))
-        on_step()
+        if not timestep.first():
+            on_step()
     return Video(np.stack(frames), 1 / (every * env.control_timestep()))
