@@ -131,7 +131,7 @@ def _best(training, seen):
     return training.learner.act(seeds, first, None, explore=False)[0]
 
 
-def test_a_training_killed_after_a_part_ends_alike(train, whole):
+def test_a_training_killed_after_a_part_ends_alike(train, whole, no_policies):
     def kill(training, news):
         raise _Killed
 
@@ -143,17 +143,19 @@ def test_a_training_killed_after_a_part_ends_alike(train, whole):
     again.run()
     assert _rows(again) == _rows(whole)
     assert same(again.learner.get_state(), whole.learner.get_state())
-    file = again.folder / POLICY.format(seed=SEEDS[1])
-    if not file.exists() or has_images(again.settings.observations):
+
+
+def test_a_policy_file_acts_as_the_learner(whole):
+    file = whole.folder / POLICY.format(seed=SEEDS[1])
+    if not file.exists() or has_images(whole.settings.observations):
         return
-    seen = _observations(again._problem, 3)
-    policy = torch.export.load(file).module()
-    for k, expected in enumerate(_best(again, seen)[1]):
+    seen, policy = _observations(whole._problem, 3), torch.export.load(file).module()
+    for k, expected in enumerate(_best(whole, seen)[1]):
         found = policy(seen[0, k : k + 1])
         torch.testing.assert_close(found[0], expected, rtol=1e-4, atol=1e-5)
 
 
-def test_a_training_killed_within_a_part_ends_alike(train, whole, monkeypatch):
+def test_a_training_killed_within_a_part_ends_alike(train, whole, no_policies, monkeypatch):
     monkeypatch.setattr(module, "KEEP_SECONDS", -1.0)  # A checkpoint after each vector step.
     monkeypatch.setattr(module, "KEEP_RATIO", 0.0)
     part, worlds = whole.settings.part, whole.settings.worlds
@@ -170,7 +172,7 @@ def test_a_training_killed_within_a_part_ends_alike(train, whole, monkeypatch):
     assert same(again.learner.get_state(), whole.learner.get_state())
 
 
-def test_seeds_together_learn_what_each_learns_alone(train, whole):
+def test_seeds_together_learn_what_each_learns_alone(train, whole, no_policies):
     alone = train("alone", SEEDS[1:])
     alone.run()
     seen = _observations(alone._problem, 3)

@@ -74,7 +74,7 @@ def test_a_curve_has_a_row_of_each_evaluation_seed_and_split(whole):
     assert rows[-1]["updates"] == str(2 * (32 - 8) // 2)
 
 
-def test_episodes_are_left_early_where_they_are_learned_from(tmp_path):
+def test_episodes_are_left_early_where_they_are_learned_from(tmp_path, no_policies):
     settings = dataclasses.replace(SETTINGS, learned_steps=4, worlds=1, evaluate_every=4)
     training = _training(tmp_path, settings=settings)
     horizons, make = [], training._make
@@ -145,29 +145,26 @@ def test_a_card_says_what_a_checkpoint_is(whole):
     assert [row["split"] for row in card["last"]] == ["train", "train", "evaluate", "evaluate"]
 
 
-@pytest.mark.parametrize("after", [1, 2, 3])
-def test_what_was_killed_ends_alike(whole, tmp_path, after):
+def test_nothing_is_kept_of_a_part_without_checkpoints(whole, tmp_path, no_policies):
     def kill(training, news):
-        if training.done == after:
+        if training.done == 2:
             raise _Killed
 
     with pytest.raises(_Killed):
         _training(tmp_path).run(kill)
     again = _training(tmp_path)
-    if after == 2:  # In the midst of a part: nothing of it is kept.
-        again.learner.algorithm.update = lambda batch: (_ for _ in ()).throw(_Killed)
-        with pytest.raises(_Killed):
-            again.run()
-        again = _training(tmp_path)
+    again.learner.algorithm.update = lambda batch: (_ for _ in ()).throw(_Killed)
+    with pytest.raises(_Killed):
+        again.run()
+    again = _training(tmp_path)
     again.run()
     assert all(map(torch.equal, _weights(again), _weights(whole)))
     assert _without_seconds(again.rows) == _without_seconds(whole.rows)
 
 
-@pytest.mark.parametrize("when", ["evaluation", "the last evaluation"])
-def test_what_was_killed_in_an_evaluation_ends_alike(whole, tmp_path, when):
+def test_what_was_killed_in_an_evaluation_ends_alike(whole, tmp_path, no_policies):
     killed = _training(tmp_path)
-    play, left = killed.play, 0 if when == "evaluation" else 1
+    play, left = killed.play, 1  # In the last evaluation.
 
     def kill(variations):
         nonlocal left
@@ -235,7 +232,7 @@ def test_rates_of_the_paper(task, observation, rate, halved, alpha_rate):
     assert (settings.halved_every, settings.alpha_rate) == (halved, alpha_rate)
 
 
-def test_the_command(tmp_path):
+def test_the_command(tmp_path, no_policies):
     both = {**vars(SETTINGS), **vars(METHOD.settings)}
     settings = {name: value for name, value in both.items() if name != "task"}
     command = ["train", "sac", "straighten_rope", "--preset", "paper", "--device", "host"]
@@ -246,7 +243,7 @@ def test_the_command(tmp_path):
     assert (tmp_path / "curve.csv").exists()
 
 
-def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path):
+def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path, no_policies):
     """24 env steps, the third part; then 32, of which the curve has points at 16 and 32."""
     _training(tmp_path, settings=dataclasses.replace(SETTINGS, env_steps=24)).run()
     assert {row.env_steps for row in read_rows(tmp_path / "curve.csv") if row.final} == {24}
@@ -260,7 +257,7 @@ def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path):
         shorter.run()
 
 
-def test_points_are_told_within_parts_with_scores_of_explored_episodes(tmp_path):
+def test_points_are_told_within_parts_with_scores_of_explored_episodes(tmp_path, no_policies):
     told = []
     _training(tmp_path).run(lambda now, news: told.append((now.covered, news)), points=8)
     assert [covered for covered, _ in told] == [4, 8, 12, 16, 20, 24, 28, 32]
@@ -283,7 +280,7 @@ def test_other_settings_are_refused(whole):
 @pytest.mark.parametrize(
     "device, own", [("host", {}), ("cpu", {"actor": "franka", "action": "joints"})]
 )
-def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, device, own):
+def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, no_policies, device, own):
     arguments = {"domain": {"friction": [1.31, 1.32]}, "action_repeat": 1, **own}
     small = {**vars(SETTINGS), **vars(METHOD.settings), "arguments": arguments, "env_steps": 8}
     if own:  # Arms have no symmetries.
