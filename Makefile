@@ -75,7 +75,7 @@ native:
 	cmake --build $(NATIVE)
 
 $(VENV)/.installed: pyproject.toml $(NATIVE)/CMakeLists.txt \
-		$(foreach folder,$(NATIVE) softgym_mj/*/plugin,$(wildcard $(folder)/*.cc $(folder)/*.h))
+		$(foreach folder,$(NATIVE) softgym_mj/batch softgym_mj/*/plugin softgym_mj/*/batch,$(wildcard $(folder)/*.cc $(folder)/*.h))
 	PYTHON="$(PYTHON)" VENV="$(VENV)" sh tools/setup.sh
 	touch $@
 

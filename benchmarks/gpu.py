@@ -22,7 +22,7 @@ import numpy as np
 import torch
 
 import softgym_mj
-from softgym_mj.native import gpu
+from softgym_mj.batch import gpu
 
 EVALUATION = range(800, 1000)
 NUMBERS, MAIN = (1, 16, 128, 256, 1056, 4096), 1056

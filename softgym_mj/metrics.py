@@ -14,7 +14,7 @@ import array_api_compat
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from softgym_mj.native import measures
+from softgym_mj.batch import measures
 
 Array = Any  # Of NumPy or PyTorch.
 

@@ -20,7 +20,7 @@ def compile_programs(
     ] = None,
 ) -> None:
     """Compiles the programs of GPUs, which else happens when they are first used; needs no GPU."""
-    from softgym_mj.native import gpu
+    from softgym_mj.batch import gpu
 
     if arch is None:
         import torch

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.native import worlds
-from softgym_mj.native.places import Place
-from softgym_mj.native.worlds import Array
+from softgym_mj.batch import worlds
+from softgym_mj.batch.places import Place
+from softgym_mj.batch.worlds import Array
 
 KEPT_PAIRS = 2  # As in batch/world.h.
 EDGES_OF_VERTEX = 3  # At most, of surfaces.
@@ -85,7 +85,7 @@ class ClothWorlds(worlds.Worlds):
             num_worlds: how many.
             vertices: of the largest model.
             grippers: of each model.
-            place: of `native.worlds.Worlds`.
+            place: of `batch.worlds.Worlds`.
         """
         sizes = {"vertices": vertices, "edges": EDGES_OF_VERTEX * vertices, "grippers": grippers}
         super().__init__(num_worlds, sizes, place)

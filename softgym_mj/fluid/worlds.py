@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.native import worlds
-from softgym_mj.native.places import Place
-from softgym_mj.native.worlds import Array
+from softgym_mj.batch import worlds
+from softgym_mj.batch.places import Place
+from softgym_mj.batch.worlds import Array
 
 MOST_WALLS = 32  # As in batch/model.h.
 # What may go wrong in a step, as bits: numbers that are not finite; more neighbours of a particle
@@ -62,7 +62,7 @@ class WaterWorlds(worlds.Worlds):
             num_worlds: how many.
             particles: of the largest model.
             bodies: of each model, that are told where to go.
-            place: of `native.worlds.Worlds`.
+            place: of `batch.worlds.Worlds`.
         """
         sizes = {"particles": particles, "walls": MOST_WALLS, "bodies": bodies}
         super().__init__(num_worlds, sizes, place)

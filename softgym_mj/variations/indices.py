@@ -11,8 +11,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from softgym_mj.batch.places import Place
 from softgym_mj.exceptions import InvalidArgumentError, check_count
-from softgym_mj.native.places import Place
 
 NUM_VARIATIONS = 1000
 SPLITS = {

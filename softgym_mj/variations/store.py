@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Sequence
 import mujoco
 import numpy as np
 
+from softgym_mj.batch.places import Place
 from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import Executor, Together
 from softgym_mj.jobs.store import ARRAYS, Key, Store
 from softgym_mj.native.caches import CACHE_VARIABLE, cache_folder
-from softgym_mj.native.places import Place
 from softgym_mj.variations import packs
 from softgym_mj.variations.indices import NUM_VARIATIONS, Start, check_variation
 

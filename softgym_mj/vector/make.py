@@ -10,7 +10,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.registry import TaskRecord, find
 
 if TYPE_CHECKING:
-    from softgym_mj.native.places import Place
+    from softgym_mj.batch.places import Place
     from softgym_mj.vector.backend import Backend
     from softgym_mj.vector.base import VectorEnv
 
@@ -86,12 +86,12 @@ def make_place(device: str, num_envs: int, num_workers: int | None = None) -> "P
         num_envs, num_workers: of `make_vec`.
     """
     if device == "cuda":
-        from softgym_mj.native.gpu import Gpu
+        from softgym_mj.batch.gpu import Gpu
 
         if num_workers is not None:
             raise InvalidArgumentError("num_workers", num_workers, "None: there are none")
         return Gpu()
-    from softgym_mj.native.places import Processor
+    from softgym_mj.batch.places import Processor
     from softgym_mj.vector.processes import num_cores
 
     threads = min(num_envs, num_cores()) if num_workers is None else num_workers

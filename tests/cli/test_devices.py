@@ -4,9 +4,9 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from softgym_mj.batch import gpu
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import InvalidArgumentError, UnavailableError
-from softgym_mj.native import gpu
 
 
 @pytest.mark.parametrize("device", ["cpu", "host"])

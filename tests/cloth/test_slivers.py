@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
+from softgym_mj.batch.places import Processor
 from softgym_mj.cloth.worlds import ClothWorlds, describe
-from softgym_mj.native.places import Processor
 from tests.cloth.flex_scene import TIMESTEP, WOVEN, Flex, FlexScene, sheet
 
 SPACING, RADIUS, COUNT = 0.02, 0.0025, 21  # [m], [m], vertices along a side.

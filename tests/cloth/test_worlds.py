@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import softgym_mj
+from softgym_mj.batch.places import Processor
 from softgym_mj.cloth.worlds import CANDIDATES_FULL, NOT_FINITE, ClothWorlds, describe
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
-from softgym_mj.native.places import Processor
 
 # Task, variation, env steps.
 EPISODES = (

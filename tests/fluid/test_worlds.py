@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import softgym_mj
+from softgym_mj.batch.places import Processor
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.fluid.worlds import NOT_FINITE, TOO_MANY_NEIGHBORS, WaterWorlds, describe
-from softgym_mj.native.places import Processor
 
 
 class _Followed:

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 import softgym_mj
-from softgym_mj.native.places import Processor
+from softgym_mj.batch.places import Processor
 from softgym_mj.rendering.batch import Pictures, describe
 from tests.cloth import test_worlds as cloth
 from tests.fluid import test_worlds as water

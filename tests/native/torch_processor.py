@@ -4,11 +4,11 @@ import numpy as np
 import torch
 from array_api_compat import torch as xp
 
-from softgym_mj.native.places import Processor
+from softgym_mj.batch.places import Processor
 
 
 class TorchProcessor(Processor):
-    """Like `native.gpu.Gpu`, with the programs of the processor."""
+    """Like `batch.gpu.Gpu`, with the programs of the processor."""
 
     xp = xp
     device = torch.device("cpu")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.native.places import Processor
+from softgym_mj.batch.places import Processor
 from softgym_mj.rendering.batch import Pictures, describe
 from softgym_mj.rendering.observables import LABELS, LabelledView
 

@@ -5,8 +5,8 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj.tasks.shared.starts.settling
+from softgym_mj.batch.places import Processor
 from softgym_mj.cli import commands
-from softgym_mj.native.places import Processor
 from softgym_mj.registry import find
 from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth, FlatCloth, HangingCloth
 from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope

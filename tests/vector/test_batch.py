@@ -9,9 +9,9 @@ from gymnasium.vector import AutoresetMode
 import softgym_mj
 import softgym_mj.tasks.straighten_rope
 import softgym_mj.vector.batch.starts
+from softgym_mj.batch.places import Processor
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
-from softgym_mj.native.places import Processor
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.batch.rows import Rows, leaves

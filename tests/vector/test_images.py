@@ -8,9 +8,9 @@ import pytest
 import torch
 
 import softgym_mj
+from softgym_mj.batch.places import Processor, function
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.native.places import Processor, function
 from softgym_mj.rendering.batch import Pictures, describe, layout
 from softgym_mj.rendering.observables import LABELS
 from softgym_mj.vector.batch.cameras import IMAGES

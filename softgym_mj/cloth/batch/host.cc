@@ -1,9 +1,9 @@
 #include "cloth/batch/host.h"
 
+#include "batch/threads.h"
 #include "cloth/batch/world.h"
 #include "native/export.h"
 #include "native/instructions.h"
-#include "native/threads.h"
 
 namespace softgym_mj::cloth {
 namespace {

@@ -1,7 +1,7 @@
 // A step of all worlds of a batch on a GPU: by a block of `SGM_THREADS` each, with `size` bytes of shared memory.
 
+#include "batch/queue.h"
 #include "cloth/batch/one.h"
-#include "native/queue.h"
 
 extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS)
     Step(const softgym_mj::cloth::Batch* batch, long long size) {

@@ -3,10 +3,10 @@
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_WORLD_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_WORLD_H_
 
+#include "batch/group.h"
+#include "batch/memory.h"
 #include "cloth/batch/model.h"
 #include "cloth/plugin/kernels.h"
-#include "native/group.h"
-#include "native/memory.h"
 
 namespace softgym_mj::cloth {
 

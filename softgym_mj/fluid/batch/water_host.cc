@@ -6,6 +6,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include "batch/threads.h"
 #include "fluid/batch/host.h"
 #include "fluid/batch/world.h"
 #include "fluid/plugin/boundary.h"
@@ -14,7 +15,6 @@
 #include "native/export.h"
 #include "native/instructions.h"
 #include "native/pose.h"
-#include "native/threads.h"
 
 namespace softgym_mj::fluid {
 namespace {

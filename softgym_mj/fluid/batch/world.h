@@ -3,10 +3,10 @@
 #ifndef SOFTGYM_MJ_FLUID_BATCH_WORLD_H_
 #define SOFTGYM_MJ_FLUID_BATCH_WORLD_H_
 
+#include "batch/group.h"
+#include "batch/memory.h"
 #include "fluid/batch/model.h"
 #include "fluid/plugin/motion.h"
-#include "native/group.h"
-#include "native/memory.h"
 
 namespace softgym_mj::fluid {
 

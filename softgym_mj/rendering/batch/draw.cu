@@ -1,6 +1,6 @@
 // Pictures of all worlds of a batch on a GPU: by a block of `SGM_THREADS` each.
 
-#include "native/queue.h"
+#include "batch/queue.h"
 #include "rendering/batch/draw.h"
 
 extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS)

@@ -1,5 +1,5 @@
+#include "batch/threads.h"
 #include "native/export.h"
-#include "native/threads.h"
 #include "rendering/batch/draw.h"
 
 // Bytes of memory that pictures of a scene need, of (height, width) pixels with samples^2 samples each.

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.native.places import ALIGNMENT, Place, function
-from softgym_mj.native.queue import Queue
+from softgym_mj.batch.places import ALIGNMENT, Place, function
+from softgym_mj.batch.queue import Queue
 from softgym_mj.rendering.batch.scenes import Described, textures_of
 
 KIND = "pictures"  # Of programs.

@@ -5,9 +5,9 @@
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_SCENE_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_SCENE_H_
 
-#include "native/group.h"
+#include "batch/group.h"
+#include "batch/memory.h"
 #include "native/kernel_shape.h"
-#include "native/memory.h"
 #include "native/tube.h"
 #include "native/vec.h"
 

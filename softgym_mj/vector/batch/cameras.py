@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from softgym_mj.batch.places import Place
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array
-from softgym_mj.native.places import Place
 from softgym_mj.rendering.batch import Described, Pictures, describe
 from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB
 from softgym_mj.vector.batch.side import Arrays, Side

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
+from softgym_mj.batch.places import Place
 from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array, constant, lengths
-from softgym_mj.native.places import Place
 from softgym_mj.robots.grip import remembered
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.shared.state import State

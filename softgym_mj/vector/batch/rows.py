@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from softgym_mj.batch.places import Place
 from softgym_mj.metrics import Array
-from softgym_mj.native.places import Place
 
 
 class Rows:

@@ -8,11 +8,11 @@ from typing import Any
 
 import cloudpickle
 
+from softgym_mj.batch.places import Place, Processor
 from softgym_mj.envs.environment import Environment, Snapshot
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.executors import ProcessExecutor
-from softgym_mj.native.places import Place, Processor
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.cameras import Cameras

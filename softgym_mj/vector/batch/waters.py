@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
+from softgym_mj.batch.places import Place
 from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.fluid.worlds import WaterWorlds, describe
 from softgym_mj.metrics import Array, columns
-from softgym_mj.native.places import Place
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover
 from softgym_mj.tasks.shared.state import State

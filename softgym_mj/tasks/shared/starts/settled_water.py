@@ -7,13 +7,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from softgym_mj.batch.places import Place
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.fluid import Liquid, Resolution, Water
 from softgym_mj.fluid.water import TIMESTEP
 from softgym_mj.fluid.worlds import WaterWorlds, describe
-from softgym_mj.native.places import Place
 from softgym_mj.tasks.shared.starts.cup_variations import (
     LARGEST_COUNT,
     CupVariation,

@@ -11,11 +11,11 @@ from collections.abc import Generator, Mapping, Sequence
 import mujoco
 import numpy as np
 
+from softgym_mj.batch.places import Place
 from softgym_mj.cloth.worlds import NOT_FINITE, ClothWorlds, describe
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
 from softgym_mj.exceptions import SimulationError
-from softgym_mj.native.places import Place
 from softgym_mj.robots.base import SIM_STEP
 
 SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.

@@ -1,10 +1,10 @@
 // Measures of many simulations at once, a group of threads for each.
 
-#ifndef SOFTGYM_MJ_NATIVE_MEASURES_H_
-#define SOFTGYM_MJ_NATIVE_MEASURES_H_
+#ifndef SOFTGYM_MJ_BATCH_MEASURES_H_
+#define SOFTGYM_MJ_BATCH_MEASURES_H_
 
-#include "native/covered.h"
-#include "native/matched.h"
+#include "batch/covered.h"
+#include "batch/matched.h"
 
 namespace softgym_mj {
 namespace {
@@ -24,4 +24,4 @@ inline void MatchOf(long long i, long long count, const double* distances, doubl
 }  // namespace
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_NATIVE_MEASURES_H_
+#endif  // SOFTGYM_MJ_BATCH_MEASURES_H_

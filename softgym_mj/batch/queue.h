@@ -1,7 +1,7 @@
 // Blocks of a GPU that take worlds of a batch one after the other: each has memory of its own, its slot.
 
-#ifndef SOFTGYM_MJ_NATIVE_QUEUE_H_
-#define SOFTGYM_MJ_NATIVE_QUEUE_H_
+#ifndef SOFTGYM_MJ_BATCH_QUEUE_H_
+#define SOFTGYM_MJ_BATCH_QUEUE_H_
 
 namespace softgym_mj {
 namespace {
@@ -27,4 +27,4 @@ __device__ void EachWorld(const Batch& batch, F f) {
 }  // namespace
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_NATIVE_QUEUE_H_
+#endif  // SOFTGYM_MJ_BATCH_QUEUE_H_

@@ -1,4 +1,4 @@
-#include "native/measures.h"
+#include "batch/measures.h"
 
 #include "native/export.h"
 

@@ -66,7 +66,7 @@ class Place(Protocol):
         """Makes, or begins, a step of worlds of a kind.
 
         Args:
-            kind: of `native.worlds.Worlds`.
+            kind: of `batch.worlds.Worlds`.
             batch: its `Batch`, as bytes.
             num_slots: how many are worked on at a time.
             size: how much there is to do at a time in each: points.

@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from softgym_mj.batch.places import ALIGNMENT, Place, Processor, function
+from softgym_mj.batch.queue import Queue
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
-from softgym_mj.native.places import ALIGNMENT, Place, Processor, function
-from softgym_mj.native.queue import Queue
 
 NOT_FINITE = 1  # The first of what may go wrong in a step, as bits.
 

@@ -4,8 +4,8 @@
 // the functions below that say so. On a processor `Turns` makes the turns of each loop come in another order: what
 // comes out must have the same bits.
 
-#ifndef SOFTGYM_MJ_NATIVE_GROUP_H_
-#define SOFTGYM_MJ_NATIVE_GROUP_H_
+#ifndef SOFTGYM_MJ_BATCH_GROUP_H_
+#define SOFTGYM_MJ_BATCH_GROUP_H_
 
 #include "native/simd.h"
 
@@ -176,4 +176,4 @@ inline void Once(F f) {
 }  // namespace
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_NATIVE_GROUP_H_
+#endif  // SOFTGYM_MJ_BATCH_GROUP_H_

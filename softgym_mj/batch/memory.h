@@ -1,7 +1,7 @@
 // Arrays in one piece of memory.
 
-#ifndef SOFTGYM_MJ_NATIVE_MEMORY_H_
-#define SOFTGYM_MJ_NATIVE_MEMORY_H_
+#ifndef SOFTGYM_MJ_BATCH_MEMORY_H_
+#define SOFTGYM_MJ_BATCH_MEMORY_H_
 
 namespace softgym_mj {
 
@@ -25,4 +25,4 @@ class Memory {
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_NATIVE_MEMORY_H_
+#endif  // SOFTGYM_MJ_BATCH_MEMORY_H_

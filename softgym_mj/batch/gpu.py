@@ -15,15 +15,15 @@ from typing import Any
 
 import numpy as np
 
+from softgym_mj.batch.places import Copy, Place
 from softgym_mj.exceptions import UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import cache_folder
-from softgym_mj.native.places import Copy, Place
 
 # Where programs are: their entries are in `<folder>/<name>.cu`, all else in headers.
 PROGRAMS = {
     "cloth": ("cloth", "cloth/batch/step.cu"),
     "fluid": ("fluid", "fluid/batch/step.cu"),
-    "measures": ("native", "native/measures.cu"),
+    "measures": ("batch", "batch/measures.cu"),
     "pictures": ("rendering", "rendering/batch/draw.cu"),
 }
 # Threads of a block, at most, and blocks that each multiprocessor has to have room for: what is
@@ -57,8 +57,8 @@ def _core() -> Any:
 
 def _source(room: str, file: str) -> str:
     """What a program is compiled of, all of it: the key of the cache."""
-    native = _FOLDER / "native"
-    files = {*native.glob("*.h"), *(native / "cuda").iterdir(), *(_FOLDER / room).rglob("*.h")}
+    headers = (each for name in ("native", "batch", room) for each in (_FOLDER / name).rglob("*.h"))
+    files = {*headers, *(_FOLDER / "batch" / "cuda").iterdir()}
     return "".join(each.read_text() for each in [*sorted(files), _FOLDER / file])
 
 
@@ -77,7 +77,7 @@ def compiled(name: str, architecture: str) -> bytes:
     kept = cache_folder() / "programs" / f"{name}-sm_{architecture}-{key}.cubin"
     if not kept.exists():
         _log.warning(_NOTICE, name, architecture)
-        paths = [str(_FOLDER), str(_FOLDER / "native" / "cuda")]
+        paths = [str(_FOLDER), str(_FOLDER / "batch" / "cuda")]
         options = core.ProgramOptions(arch=f"sm_{architecture}", include_path=paths, **settings)
         start = time.perf_counter()
         code = core.Program(f'#include "{file}"\n', "c++", options).compile("cubin").code

@@ -1,6 +1,6 @@
 // Measures of many simulations on a GPU: a block for each.
 
-#include "native/measures.h"
+#include "batch/measures.h"
 
 extern "C" __global__ void CoveredAreas(long long vertices, long long coordinates, long long triangles, long long lines,
                                         const double* points, const long long* corners, double* lengths,

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.native.places import Place
+from softgym_mj.batch.places import Place
 
 
 class Queue:

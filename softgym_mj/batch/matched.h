@@ -1,7 +1,7 @@
 // The smallest mean distance of points to goals, one each: `metrics.matched_distance`, for many.
 
-#ifndef SOFTGYM_MJ_NATIVE_MATCHED_H_
-#define SOFTGYM_MJ_NATIVE_MATCHED_H_
+#ifndef SOFTGYM_MJ_BATCH_MATCHED_H_
+#define SOFTGYM_MJ_BATCH_MATCHED_H_
 
 #include <cmath>
 
@@ -55,4 +55,4 @@ inline double MatchedDistance(int count, const double* distance) {
 }  // namespace
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_NATIVE_MATCHED_H_
+#endif  // SOFTGYM_MJ_BATCH_MATCHED_H_

@@ -1,12 +1,12 @@
 // The area that a triangle mesh covers in top view, layers counted once: `metrics.covered_area`, for many meshes.
 
-#ifndef SOFTGYM_MJ_NATIVE_COVERED_H_
-#define SOFTGYM_MJ_NATIVE_COVERED_H_
+#ifndef SOFTGYM_MJ_BATCH_COVERED_H_
+#define SOFTGYM_MJ_BATCH_COVERED_H_
 
 #include <cmath>
 #include <cstring>
 
-#include "native/group.h"
+#include "batch/group.h"
 
 namespace softgym_mj {
 namespace {
@@ -135,4 +135,4 @@ inline void CoverMesh(const TriangleMesh& mesh, long long lines, double* lengths
 }  // namespace
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_NATIVE_COVERED_H_
+#endif  // SOFTGYM_MJ_BATCH_COVERED_H_

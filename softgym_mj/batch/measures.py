@@ -50,7 +50,7 @@ def _run(name: str, entry: str, number: int, threads: int, sizes: list[int], arr
     pointers = [array.data_ptr() for array in arrays]
     device = arrays[0].device
     if device.type == "cuda":
-        from softgym_mj.native import gpu
+        from softgym_mj.batch import gpu
 
         gpu.launch("measures", entry, device, number, threads, *sizes, *pointers)
         return

@@ -1,7 +1,7 @@
 // Worlds that threads of a processor step.
 
-#ifndef SOFTGYM_MJ_NATIVE_THREADS_H_
-#define SOFTGYM_MJ_NATIVE_THREADS_H_
+#ifndef SOFTGYM_MJ_BATCH_THREADS_H_
+#define SOFTGYM_MJ_BATCH_THREADS_H_
 
 #include <algorithm>
 #include <atomic>
@@ -25,4 +25,4 @@ void InThreads(int count, int threads, const F& f) {
 
 }  // namespace softgym_mj
 
-#endif  // SOFTGYM_MJ_NATIVE_THREADS_H_
+#endif  // SOFTGYM_MJ_BATCH_THREADS_H_
