@@ -11,6 +11,7 @@ from softgym_mj.cloth import solver
 from softgym_mj.entities.entity import Entity
 from softgym_mj.entities.ways import Ways
 from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.metrics import Array, lengths, namespace, taken
 from softgym_mj.variations.parametric import Parametric
 
 # Mass [kg] that a vertex has while something holds it. FleX gives held particles an infinite mass;
@@ -37,6 +38,35 @@ def slide_views(model, data, bodies: Sequence[int]) -> tuple[np.ndarray, np.ndar
         data.qpos[qpos[0] : qpos[0] + count].reshape(-1, 3),
         data.qvel[qvel[0] : qvel[0] + count].reshape(-1, 3),
     )
+
+
+def pulls_out(force: Array, behind: Array, most_force: Array, most_behind: Array) -> Array:
+    """Whether held vertices slip out of their grippers (...).
+
+    Args:
+        force: with which they pull (...) [N].
+        behind: how far they are behind where they are taken to (...) [m].
+        most_force, most_behind: what a grip can take (...).
+    """
+    return (force > most_force) | (behind > most_behind)
+
+
+def edge_strains(points: Array, ends: Array, rest_lengths: Array) -> Array:
+    """Relative elongations (..., m) of edges: 0 at rest, negative when compressed.
+
+    Args:
+        points: positions of vertices (..., n, 3) [m].
+        ends: vertices of the edges (..., m, 2).
+        rest_lengths: of the edges (..., m) [m].
+    """
+    difference = taken(points, ends[..., 0]) - taken(points, ends[..., 1])
+    return lengths(difference) / rest_lengths - 1.0
+
+
+def highest_speed(velocities: Array) -> Array:
+    """Speed (...) [m/s] of the fastest of vertices with velocities (..., n, 3)."""
+    xp = namespace(velocities)
+    return xp.sqrt(xp.max(xp.sum(velocities**2, axis=-1), axis=-1))
 
 
 class Flex(Entity, Parametric):
@@ -179,9 +209,7 @@ class Flex(Entity, Parametric):
 
     def edge_strain(self) -> np.ndarray:
         """Relative elongation (num_edges,) of every edge: 0 at rest, negative when compressed."""
-        vertices = self.points()
-        difference = vertices[self.edges[:, 0]] - vertices[self.edges[:, 1]]
-        return np.linalg.norm(difference, axis=1) / self.rest_lengths - 1.0
+        return edge_strains(self.points(), self.edges, self.rest_lengths)
 
     # ------------------------------------------------------------------ holding vertices
 
@@ -220,7 +248,7 @@ class Flex(Entity, Parametric):
         It pulls with more than `hold_force`, or is more than `hold_lag` behind.
         """
         behind = math.dist(goal, self.vertex(index))
-        return behind > self.hold_lag or self.holding_force(index) > self.hold_force
+        return pulls_out(self.holding_force(index), behind, self.hold_force, self.hold_lag)
 
     def drive(self, index: int, target: np.ndarray, duration: float) -> None:
         """Sets a held vertex on its way to `target` (3,) [m], reached after `duration` [s].

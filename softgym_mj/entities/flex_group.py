@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softgym_mj.entities.flex import Flex
+from softgym_mj.entities.flex import Flex, highest_speed
 from softgym_mj.exceptions import InvalidArgumentError
 
 _NONE = np.zeros((0, 3))
@@ -60,8 +60,7 @@ class FlexGroup:
 
     def fastest(self) -> float:
         """Speed [m/s] of the fastest vertex."""
-        squares = [(flex.velocities() ** 2).sum(axis=1).max() for flex in self._flexes]
-        return math.sqrt(float(max(squares)))
+        return max(float(highest_speed(flex.slide_velocities)) for flex in self._flexes)
 
     def most_strained(self) -> float:
         """Largest relative elongation of an edge; 0 without any."""

@@ -81,6 +81,9 @@ class Water(composer.Entity, Parametric):
         parameters: domain parameters: of the liquid, and its colour.
         arrays: what measures need to know that depends on the size, by name: nothing.
         timestep: physics step [s].
+        state: views of the plugin state by name: "known" (1,), 1 once the poses of the walls at the
+            last step are known; "positions", "velocities" (num_points, 3) [m], [m/s]; "rest", which
+            begins with these poses (walls, 7) unless cloth or ropes are walls, too.
     """
 
     timestep = TIMESTEP
@@ -221,12 +224,16 @@ class Water(composer.Entity, Parametric):
         name = f"{self._mjcf_root.model}/{WATER_INSTANCE}"
         instance = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, name)
         first, size = model.plugin_stateadr[instance], 3 * self.num_points
-        state = data.plugin_state[first : first + 1 + 2 * size]
-        # 1 once the walls' poses of the last step are known, then positions, then velocities.
-        self._known = state[:1]
-        self._motion = state[1:]
-        self._positions = state[1 : 1 + size].reshape(-1, 3)
-        self._velocities = state[1 + size :].reshape(-1, 3)
+        state = data.plugin_state[first : first + model.plugin_statenum[instance]]
+        self._known, positions, velocities, rest = np.split(state, [1, 1 + size, 1 + 2 * size])
+        self._positions, self._velocities = positions.reshape(-1, 3), velocities.reshape(-1, 3)
+        self._motion = state[1 : 1 + 2 * size]
+        self.state = {
+            "known": self._known,
+            "positions": self._positions,
+            "velocities": self._velocities,
+            "rest": rest,
+        }
 
     @property
     def motion(self) -> np.ndarray:

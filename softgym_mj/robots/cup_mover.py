@@ -10,7 +10,7 @@ from dm_control import composer
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.cup_poses import corners, outline, overlap
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.metrics import Array, namespace
+from softgym_mj.metrics import Array, columns, namespace
 from softgym_mj.robots.base import SIM_STEP, ActionSpace, Actor
 from softgym_mj.robots.workspace import ToolStart
 
@@ -77,6 +77,32 @@ class CupTool:
     others: Sequence[Cup] = ()
 
 
+def cup_step(max_step: np.ndarray, actions: Array) -> Array:
+    """Wanted changes of pose (..., 3) in a sim step: x [m], z [m], theta [rad].
+
+    Args:
+        max_step: largest changes (3,); 0 where the cup is fixed.
+        actions: fractions of these (..., n), of the coordinates that move.
+    """
+    parts = [0.0 * actions[..., 0]] * 3
+    for k, i in enumerate(np.flatnonzero(max_step).tolist()):
+        parts[i] = float(max_step[i]) * actions[..., k]
+    return columns(*parts)
+
+
+def moved(rule: Rule, pose: Array, step: Array, cups: Cups) -> tuple[Array, Array]:
+    """Poses (..., 3) after a sim step, and whether (...) moves were not rejected.
+
+    Args:
+        rule: what becomes of a wanted pose.
+        pose: before (..., 3).
+        step: wanted changes (..., 3).
+        cups: that the rule looks at.
+    """
+    wanted, allowed = rule(pose + step, cups)
+    return namespace(pose).where(allowed[..., None], wanted, pose), allowed
+
+
 class CupMover(Actor):
     """Moves a cup by up to `max_step` in every sim step, as far as a rule lets it.
 
@@ -133,8 +159,7 @@ class CupMover(Actor):
         self._rejected = 0
 
     def command(self, action: np.ndarray) -> None:
-        self._step = np.zeros(3)
-        self._step[self._moving] = self.max_step[self._moving] * action
+        self._step = cup_step(self.max_step, action)
         self._rejected = 0
 
     def _wanted(self) -> np.ndarray:
@@ -142,11 +167,9 @@ class CupMover(Actor):
         pose = self.commanded_pose
         cups = {cup.mjcf_model.model: (cup.arrays["size"], cup.pose) for cup in self._others}
         cups[self.cup.mjcf_model.model] = self.cup.arrays["size"], pose
-        goal, allowed = self.rule(pose + self._step, cups)
-        if allowed:
-            return goal
-        self._rejected += 1
-        return pose
+        goal, allowed = moved(self.rule, pose, self._step, cups)
+        self._rejected += not allowed
+        return goal
 
     def plan(self) -> None:
         self._start, self._goal = self.cup.pose, self._wanted()

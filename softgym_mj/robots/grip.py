@@ -1,9 +1,9 @@
-"""`step_grips`: SoftGym's rules of what grippers hold, as a function of arrays (facts 2.4).
+"""Rules of what grippers hold: SoftGym's in `step_grips` (facts 2.4), and when holds give way.
 
 Arrays of NumPy or torch. `...` are leading dimensions: none for one simulation, or one for a batch.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,6 +112,31 @@ def step_grips(
     if not may_be(xp, within):
         return result
     return _taken(xp, result, offsets, xp.where(within, distances, xp.inf))
+
+
+def kept_in_order(
+    holds: Sequence[Any],
+    distance: Callable[[int, int], Any],
+    gap: Callable[[int, int], Any],
+    may: Callable[[Any], bool] = bool,
+) -> list[Any]:
+    """Which holds stay: a later one that pulls too far from an earlier one that stays does not.
+
+    Args:
+        holds: whether there is a hold, of n grippers in the order in which they took what they
+            hold: a bool, or an array (num_envs,) of them, each.
+        distance: between where two of them, by their places in that order, take what they hold [m].
+        gap: to which that may be drawn apart [m].
+        may: whether any entry of what `holds` consists of may be true.
+    """
+    kept = list(holds)
+    for second in range(len(kept)):
+        for first in range(second):
+            both = kept[first] & kept[second]
+            if may(both):
+                apart = distance(first, second) > gap(first, second)
+                kept[second] = kept[second] ^ (both & apart)
+    return kept
 
 
 def may_be(xp: Any, mask: Array) -> bool:

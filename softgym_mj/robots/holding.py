@@ -6,7 +6,15 @@ import numpy as np
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
-from softgym_mj.robots.grip import NONE, SLIPPED, GripCommand, GripLimits, GripState, step_grips
+from softgym_mj.robots.grip import (
+    NONE,
+    SLIPPED,
+    GripCommand,
+    GripLimits,
+    GripState,
+    kept_in_order,
+    step_grips,
+)
 
 
 class Holding:
@@ -121,16 +129,19 @@ class Attachment(Holding):
         for i, vertex in enumerate(self.vertices):
             if vertex >= 0 and self._target.slips(vertex, goals[i]):
                 self.slip(i)
-        kept: list[int] = []
         vertices = self.vertices
         holders = [i for i, vertex in enumerate(vertices) if vertex >= 0]
-        for i in sorted(holders, key=self._order.__getitem__):
-            if all(
-                math.dist(goals[i], goals[j]) <= self._target.largest_gap(vertices[i], vertices[j])
-                for j in kept
-            ):
-                kept.append(i)
-            else:
+        holders.sort(key=self._order.__getitem__)
+
+        def distance(i: int, j: int) -> float:
+            return math.dist(goals[holders[i]], goals[holders[j]])
+
+        def gap(i: int, j: int) -> float:
+            return self._target.largest_gap(vertices[holders[i]], vertices[holders[j]])
+
+        kept = kept_in_order([True] * len(holders), distance, gap)
+        for i, stays in zip(holders, kept, strict=True):
+            if not stays:
                 self.slip(i)
 
     def slip(self, i: int) -> None:

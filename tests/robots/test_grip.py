@@ -10,6 +10,7 @@ from softgym_mj.robots.grip import (
     GripCommand,
     GripLimits,
     GripState,
+    kept_in_order,
     step_grips,
 )
 
@@ -120,3 +121,39 @@ def test_one_simulation_follows_the_rules():
         # It looks for vertices only if some gripper closes that holds nothing.
         assert bool(seen) == bool(np.any(command.closed & (state.held == NONE)))
         state = found._replace(held=np.where(slipped[0], SLIPPED, found.held))
+
+
+def slow_order(holds, distances, gaps) -> list[bool]:
+    """Which holds stay, one by one: each that is near enough to all that stay before it."""
+    stay: list[int] = []
+    for i, holding in enumerate(holds):
+        if holding and all(distances[i, j] <= gaps[i, j] for j in stay):
+            stay.append(i)
+    return [i in stay for i in range(len(holds))]
+
+
+def test_later_holds_give_way_to_earlier_ones():
+    """Of one simulation, and of many in arrays."""
+    random = np.random.default_rng(0)
+    number = 5
+    holds = random.random((ENVS, number)) < 0.8
+    distances, gaps = random.random((2, ENVS, number, number))
+    distances[0], gaps[0] = 1.0, 1.0  # As far as allowed.
+    expected = [slow_order(*each) for each in zip(holds, distances, gaps, strict=True)]
+    assert not np.array_equal(expected, holds) and np.array(expected).sum() > ENVS
+    one_by_one = [
+        kept_in_order(
+            own.tolist(), lambda i, j, d=d: float(d[j, i]), lambda i, j, g=g: float(g[j, i])
+        )
+        for own, d, g in zip(holds, distances, gaps, strict=True)
+    ]
+    assert one_by_one == expected
+    for convert in (np.asarray, torch.as_tensor):
+        apart, allowed = convert(distances), convert(gaps)
+        kept = kept_in_order(
+            [convert(holds[:, i].copy()) for i in range(number)],
+            lambda i, j, apart=apart: apart[:, j, i],
+            lambda i, j, allowed=allowed: allowed[:, j, i],
+            lambda mask: True,
+        )
+        np.testing.assert_array_equal(np.stack([np.asarray(one) for one in kept], 1), expected)

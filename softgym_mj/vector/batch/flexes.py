@@ -6,6 +6,7 @@ import numpy as np
 
 from softgym_mj.batch.places import Place
 from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
+from softgym_mj.entities.flex import edge_strains, highest_speed, pulls_out
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array, constant, lengths
@@ -150,7 +151,7 @@ class Flexes(Side):
             xp.take_along_axis(now[name], held[..., None], axis=1) for name in ("origin", "qpos")
         )
         behind = lengths(goals - (start + way))
-        slips = (forces > now["hold_force"][:, None]) | (behind > now["hold_lag"][:, None])
+        slips = pulls_out(forces, behind, now["hold_force"][:, None], now["hold_lag"][:, None])
         pickers.give_way(goals, slips, self._gap)
         self._worlds.step(now["centre"], now["held"], goals)
 
@@ -184,9 +185,8 @@ class Flexes(Side):
     def strains(self) -> Array:
         xp, now = self._xp, self.now
         ends, points = now["ends"], self.points(now["origin"].shape[1])
-        first, second = (xp.take_along_axis(points, ends[..., i, None], axis=1) for i in range(2))
         exists = xp.arange(ends.shape[1], device=self._place.device) < now["num_edges"][:, None]
-        strains = lengths(first - second) / xp.where(exists, now["lengths"], 1.0) - 1.0
+        strains = edge_strains(points, ends, xp.where(exists, now["lengths"], 1.0))
         return xp.max(xp.where(exists, strains, -math.inf), axis=1)
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
@@ -194,7 +194,7 @@ class Flexes(Side):
         return {
             "max_edge_strain": strains,
             "episode_max_edge_strain": largest,
-            "max_speed": xp.sqrt(xp.max(xp.sum(now["qvel"] ** 2, axis=-1), axis=-1)),
+            "max_speed": highest_speed(now["qvel"]),
             "picks_held": xp.sum(xp.astype(now["held"] >= 0, xp.int64), axis=1),
             "dropped": now["dropped"],
             "yielded": now["yielded"],

@@ -4,7 +4,15 @@ from collections.abc import Callable
 from typing import Any
 
 from softgym_mj.metrics import Array, lengths
-from softgym_mj.robots.grip import SLIPPED, GripCommand, GripLimits, GripState, may_be, step_grips
+from softgym_mj.robots.grip import (
+    SLIPPED,
+    GripCommand,
+    GripLimits,
+    GripState,
+    kept_in_order,
+    may_be,
+    step_grips,
+)
 from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
 # The largest distance (num_worlds,) to which pairs of vertices (num_worlds,) may be drawn [m].
@@ -82,16 +90,12 @@ class Pickers:
         ranks = xp.argsort(xp.where(holds, order, last), axis=1, stable=True)
         held = xp.take_along_axis(self._now["held"], ranks, axis=1)
         goals = xp.take_along_axis(goals, ranks[..., None], axis=1)
-        kept = [held[:, i] >= 0 for i in range(self._number)]
-        for second in range(self._number):
-            for first in range(second):
-                both = kept[first] & kept[second]
-                if not may_be(xp, both):
-                    continue
-                away = lengths(goals[:, first] - goals[:, second])
-                kept[second] = kept[second] & (
-                    ~both | (away <= gap(held[:, first], held[:, second]))
-                )
+        kept = kept_in_order(
+            [held[:, i] >= 0 for i in range(self._number)],
+            lambda first, second: lengths(goals[:, first] - goals[:, second]),
+            lambda first, second: gap(held[:, first], held[:, second]),
+            lambda mask: may_be(xp, mask),
+        )
         back = xp.argsort(ranks, axis=1, stable=True)
         self._slip(holds & ~xp.take_along_axis(xp.stack(kept, axis=1), back, axis=1))
 

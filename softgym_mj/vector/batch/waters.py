@@ -11,7 +11,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.fluid.worlds import WaterWorlds, describe
 from softgym_mj.metrics import Array, columns
 from softgym_mj.robots.base import SIM_STEP
-from softgym_mj.robots.cup_mover import CupMover
+from softgym_mj.robots.cup_mover import CupMover, cup_step, moved
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.vector.batch.side import Arrays, Side
 
@@ -79,15 +79,9 @@ class Waters(Side):
 
     def arrays(self) -> Arrays:
         """See `Side`: of `WaterWorlds`, then where the cups are."""
-        model, data = self._env.physics.model.ptr, self._env.physics.data.ptr
-        count, state = self._water.num_points, data.plugin_state[model.plugin_stateadr[0] :]
-        known, positions, velocities, walls = np.split(state, [1, 1 + 3 * count, 1 + 6 * count])
-        found = {
-            "known": known,
-            "positions": positions.reshape(-1, 3),
-            "velocities": velocities.reshape(-1, 3),
-            "walls": walls.reshape(-1, 7),
-        }
+        state = self._water.state
+        found = {name: state[name] for name in ("known", "positions", "velocities")}
+        found["walls"] = state["rest"].reshape(-1, 7)
         for name, cup in zip(self._names, self._cups, strict=True):
             found[f"{name} position"], found[f"{name} quaternion"] = cup.position, cup.quaternion
         return found
@@ -100,10 +94,7 @@ class Waters(Side):
 
     def command(self, actions: Array) -> None:
         self._worlds.queue.plan()
-        columns = [0.0 * actions[:, 0]] * 3
-        for k, i in enumerate(np.flatnonzero(self._mover.max_step).tolist()):
-            columns[i] = float(self._mover.max_step[i]) * actions[:, k]
-        self._step = self._xp.stack(columns, axis=1)
+        self._step = cup_step(self._mover.max_step, actions)
         self.now["rejected"] = self._xp.zeros_like(self.now["rejected"])
 
     def sim_step(self) -> None:
@@ -111,9 +102,8 @@ class Waters(Side):
         planar = _planar(now["poses"])
         cups = {name: (now["sizes"][:, k], planar[:, k]) for k, name in enumerate(self._names)}
         pose = planar[:, 0]
-        wanted, allowed = self._mover.rule(pose + self._step, cups)
+        goal, allowed = moved(self._mover.rule, pose, self._step, cups)
         now["rejected"] = now["rejected"] + xp.astype(~allowed, now["rejected"].dtype)
-        goal = xp.where(allowed[:, None], wanted, pose)
         now["way"] = xp.stack([pose, goal], axis=1)
         now["poses"] = xp.concat([whole_pose(goal)[:, None], now["poses"][:, 1:]], axis=1)
         self._worlds.step(self.poses())
