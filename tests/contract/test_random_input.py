@@ -335,13 +335,13 @@ def digest(door: str) -> str:
     return hashlib.sha256("\n".join(drawn).encode()).hexdigest()
 
 
-@pytest.mark.parametrize("imported", [["constants"], ["softgym_mj.cli.commands", "constants"]])
-def test_draws_depend_on_the_seed_alone(tmp_path, imported):
+def test_draws_depend_on_the_seed_alone(tmp_path):
+    """In a process that has imported less than this one, and other constants."""
     (tmp_path / "tests").symlink_to(pathlib.Path(__file__).parents[1])
     (tmp_path / "constants.py").write_text("NAMES = ['kept', 'of here'], [700, 12345, 2.25, b'z']")
     (tmp_path / "draw.py").write_text(PROGRAM)
     process = subprocess.run(
-        [sys.executable, "draw.py", *imported],
+        [sys.executable, "draw.py", "constants"],
         cwd=tmp_path,
         capture_output=True,
         check=False,

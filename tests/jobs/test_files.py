@@ -134,17 +134,16 @@ with whole(pathlib.Path("killed")) as partial:
 
 def write_often(folder, number):
     for _ in range(200):
-        write_whole(pathlib.Path(folder) / f"{number % 2}", bytes([number]) * 1000)
+        write_whole(pathlib.Path(folder) / "file", bytes([number]) * 1000)
 
 
 def test_many_writers_of_one_folder(tmp_path):
     context = multiprocessing.get_context("spawn")
-    processes = [context.Process(target=write_often, args=(tmp_path, i)) for i in range(4)]
+    processes = [context.Process(target=write_often, args=(tmp_path, i)) for i in range(2)]
     for process in processes:
         process.start()
     for process in processes:
         process.join()
         assert process.exitcode == 0
-    assert sorted(os.listdir(tmp_path)) == ["0", "1"]
-    for file in tmp_path.iterdir():
-        assert len(file.read_bytes()) == 1000 and len(set(file.read_bytes())) == 1
+    (file,) = tmp_path.iterdir()
+    assert len(file.read_bytes()) == 1000 and len(set(file.read_bytes())) == 1

@@ -121,14 +121,14 @@ def test_policies_are_written_and_play_as_the_learner(whole):
 def test_who_sees_what_is_held_plays_as_its_evaluation(tmp_path):
     """The file plays an episode in MuJoCo as the training's own evaluation does."""
     settings = dataclasses.replace(SETTINGS, observation="markov")
-    training = _training(tmp_path, settings=settings)
+    training = _training(tmp_path, SEEDS[:1], settings)
     training.run()
     assert training.learner.replay.sample(1).observation.shape[-1] == 36 + 8
     scores = training.play([830])["normalized_performance"][:, 0]
     env = softgym_mj.load(
         "straighten_rope", split="all", observation="markov", **settings.task_settings
     )
-    for k, seed in enumerate(SEEDS):
+    for k, seed in enumerate(training.seeds):
         name = str(tmp_path / f"policy_{seed}.pt2")
         assert observes(name) == {"observation": "markov"}
         act = make_policy(name, env, seed, trust=True)

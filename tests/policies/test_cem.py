@@ -237,7 +237,7 @@ def test_a_device_plays_no_further_than_the_episode():
 
 @pytest.mark.parametrize("task", ["straighten_rope", "drop_cloth", "pour_water"])
 def test_trials_together_are_those_alone(task):
-    settings, variations = {"fidelity": "fast", "horizon": 5}, (801, 805, 803, 805)
+    settings, variations = {"fidelity": "fast", "horizon": 4}, (801, 805, 805)
     env = softgym_mj.load(task, split="all", observation="reduced", **settings)
     size, random, trials = env.task.actor.action_size, np.random.default_rng(0), []
     for steps, variation in enumerate(variations, 2):  # The last episode has ended.
@@ -248,12 +248,12 @@ def test_trials_together_are_those_alone(task):
     rollouts = DeviceRollouts(task, settings, "host", variations)
     together = rollouts.all(trials)
     alone = [DeviceRollouts(task, settings, "host", variations).returns(*each) for each in trials]
-    expected = ExecutorRollouts(task, settings, SerialExecutor()).all(trials[:3])
+    expected = ExecutorRollouts(task, settings, SerialExecutor()).all(trials[:2])
     for found, same in zip(together, alone, strict=True):
         np.testing.assert_array_equal(found, same)
     for found, same in zip(together, expected, strict=False):
         np.testing.assert_allclose(found, same, rtol=1e-12)
-    assert not together[3].any()
+    assert not together[2].any()
     # What is read of a snapshot is not taken for another one's.
     for found, same in zip(rollouts.all(trials[::-1]), alone[::-1], strict=True):
         np.testing.assert_array_equal(found, same)

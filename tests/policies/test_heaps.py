@@ -77,7 +77,7 @@ def test_hands_that_brake_do_not_go_too_far(brakes, low, high):
 @pytest.mark.parametrize(
     ("task", "variation", "actor", "least"),
     [
-        ("spread_cloth", 880, "sawyer", 0.95),
+        pytest.param("spread_cloth", 880, "sawyer", 0.95, marks=pytest.mark.long),
         pytest.param("fold_crumpled_cloth", 800, "franka", 0.7, marks=pytest.mark.slow),
     ],
 )

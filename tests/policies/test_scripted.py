@@ -62,6 +62,7 @@ def test_a_heap_is_folded():
     assert info["normalized_performance"] > 0.9 and info["finished"]
 
 
+@pytest.mark.long
 def test_a_rope_is_laid_in_the_shape_of_a_letter():
     info = play("rope_configuration", 816)
     assert info["normalized_performance"] > 0.9 and info["finished"]

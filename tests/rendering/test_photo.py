@@ -165,6 +165,7 @@ def test_shapes_are_closed_and_turned_outwards(kind):
         assert (np.einsum("ij,ij->i", across[has_area], shape.normals[corner]) > 0.0).all()
 
 
+@pytest.mark.long
 def test_the_page_runs(monkeypatch, tmp_path):
     page = (pathlib.Path(__file__).parents[2] / "docs" / "pictures.md").read_text()
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)

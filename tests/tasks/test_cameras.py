@@ -79,7 +79,12 @@ def check_externals(task, actor, variations):
 
 
 @pytest.mark.parametrize(
-    ("task", "variation"), [("drop_fold_cloth", 840), ("spread_cloth", 860), ("fold_cloth", 960)]
+    ("task", "variation"),
+    [
+        ("fold_cloth", 960),
+        pytest.param("drop_fold_cloth", 840, marks=pytest.mark.long),
+        pytest.param("spread_cloth", 860, marks=pytest.mark.long),
+    ],
 )
 def test_external_cameras_show_all_that_happens(task, variation):
     check_externals(task, "default", [variation])

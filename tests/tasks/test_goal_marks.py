@@ -11,7 +11,8 @@ from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.vector.batch.cameras import IMAGES
 
 UNMARKED = ("straighten_rope", "spread_cloth", "pour_water")  # Their goals need no mark.
-MARKED = tuple(task for task in softgym_mj.TASKS if task not in UNMARKED)
+# One of each kind of mark.
+MARKED = ("fold_cloth", "drop_cloth", "rope_configuration", "transport_water", "pour_water_amount")
 VARIATION = 811
 SETTINGS = {"split": "all", "image_size": (128, 128), "fidelity": "fast"}
 
@@ -82,8 +83,8 @@ def test_a_task_without_marks_refuses_them(task):
         softgym_mj.load(task, goal_marks=True)
 
 
-@pytest.mark.parametrize("task", ["pour_water_amount", "rope_configuration"])
-def test_a_warning_says_that_no_image_shows_the_goal(task):
+def test_a_warning_says_that_no_image_shows_the_goal():
+    task = "rope_configuration"
     with pytest.warns(UserWarning, match=r"does not show the goal.*goal_marks=True"):
         load(task, ["rgb", "depth"])
     with pytest.warns(UserWarning, match=r"does not show the goal"):
