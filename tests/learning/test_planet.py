@@ -16,7 +16,8 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet import open_loop
-from softgym_mj.learning.methods.planet.latent import GRU, Decoder, Encoder, WorldModel, centred
+from softgym_mj.learning.methods.planet.latent import WorldModel, centred
+from softgym_mj.learning.methods.planet.layers import GRU, Decoder, Encoder
 from softgym_mj.learning.methods.planet.learner import (
     PlaNet,
     PlaNetSettings,

@@ -1,0 +1,136 @@
+"""Layers of world models of several seeds, with PyTorch's own first weights.
+
+They are those of SoftGym's authors (softagent's `planet/models.py`).
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.networks import Linear, drawn
+
+_SMALLEST = 16  # Image [pixels]: two layers leave 2 x 2.
+
+
+class Dense(Linear):
+    """Layers of all seeds, with PyTorch's first weights."""
+
+    def __init__(
+        self, sources: Sequence[torch.Generator], inputs: int, outputs: int, fan_in: int = 0
+    ):
+        nn.Module.__init__(self)
+        self.weight = _uniform(sources, fan_in or inputs, inputs, outputs)
+        self.bias = _uniform(sources, fan_in or inputs, 1, outputs)
+
+
+class GRU(nn.Module):
+    """A gated recurrent unit, by PyTorch's equations."""
+
+    def __init__(self, sources: Sequence[torch.Generator], inputs: int, size: int):
+        super().__init__()
+        self.seen = Dense(sources, inputs, 3 * size, size)
+        self.kept = Dense(sources, size, 3 * size, size)
+
+    def forward(self, x: Tensor, state: Tensor) -> Tensor:
+        """The state (seeds, n, size) after inputs (seeds, n, inputs)."""
+        reset, update, new = self.seen(x).chunk(3, dim=-1)
+        own_reset, own_update, own_new = self.kept(state).chunk(3, dim=-1)
+        new = torch.tanh(new + torch.sigmoid(reset + own_reset) * own_new)
+        return torch.lerp(new, state, torch.sigmoid(update + own_update))
+
+
+class Convolution(nn.Module):
+    """Of stride 2, of all seeds: their channels lie beside each other, in groups."""
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        inputs: int,
+        outputs: int,
+        kernel: int,
+        *,
+        transposed: bool = False,
+    ):
+        super().__init__()
+        sizes = (inputs, outputs) if transposed else (outputs, inputs)
+        fan_in = sizes[1] * kernel**2  # PyTorch's, of transposed ones, too.
+        self.weight = _uniform(sources, fan_in, *sizes, kernel, kernel)
+        self.bias = _uniform(sources, fan_in, outputs)
+        self._turned = functional.conv_transpose2d if transposed else functional.conv2d
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Of (n, seeds * inputs, h, w)."""
+        weight, bias = self.weight.flatten(0, 1), self.bias.flatten()
+        return self._turned(x, weight, bias, stride=2, groups=len(self.weight))
+
+
+class Encoder(nn.Module):
+    """Convolutions of kernel 4 down to 2 x 2, each with twice the channels of the one before."""
+
+    def __init__(self, sources: Sequence[torch.Generator], image_size: int, channels: int):
+        super().__init__()
+        number = _depth(image_size)
+        sizes = [3, *(channels >> k for k in reversed(range(number)))]
+        layers = (Convolution(sources, *pair, 4) for pair in itertools.pairwise(sizes))
+        self.layers = nn.ModuleList(layers)
+        self._seeds = len(sources)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Of (seeds, n, size, size, 3): (seeds, n, 4 * channels)."""
+        x = image.permute(1, 0, 4, 2, 3).flatten(1, 2)
+        for layer in self.layers:
+            x = functional.relu(layer(x))
+        return x.unflatten(1, (self._seeds, -1)).flatten(2).transpose(0, 1)
+
+
+class Decoder(nn.Module):
+    """Transposed convolutions from 1 x 1: of kernel 5, and 6 in the last two layers."""
+
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        image_size: int,
+        features: int,
+        embedding: int,
+        channels: int,
+    ):
+        super().__init__()
+        number = _depth(image_size)
+        sizes = [embedding, *(channels >> k for k in range(1, number)), 3]
+        self.first = Dense(sources, features, embedding)
+        kernels = [*[5] * (number - 2), 6, 6]
+        self.layers = nn.ModuleList(
+            Convolution(sources, sizes[k], sizes[k + 1], kernels[k], transposed=True)
+            for k in range(number)
+        )
+        self._seeds = len(sources)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Of (seeds, n, features): (seeds, n, size, size, 3)."""
+        x = self.first(features).transpose(0, 1).flatten(1)[..., None, None]
+        for layer in self.layers[:-1]:
+            x = functional.relu(layer(x))
+        return self.layers[-1](x).unflatten(1, (self._seeds, 3)).permute(1, 0, 3, 4, 2)
+
+
+def _depth(image_size: int) -> int:
+    """How many layers halve an image down to 2 x 2."""
+    if image_size < _SMALLEST or image_size & (image_size - 1):
+        raise InvalidArgumentError("image_size", image_size, "16, 32, 64, 128, ... pixels")
+    return image_size.bit_length() - 3
+
+
+def _uniform(sources: Sequence[torch.Generator], fan_in: int, *shape: int) -> nn.Parameter:
+    """First weights (seeds, *shape), as PyTorch draws them."""
+    return nn.Parameter((2.0 * drawn(sources, *shape, normal=False) - 1.0) / math.sqrt(fan_in))
+
+
+def dense_layers(sources: Sequence[torch.Generator], *sizes: int) -> nn.Sequential:
+    """Dense ones with ReLU between them."""
+    found = [(Dense(sources, *pair), nn.ReLU()) for pair in itertools.pairwise(sizes)]
+    return nn.Sequential(*itertools.chain(*found))[:-1]
