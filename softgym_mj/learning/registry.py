@@ -99,7 +99,8 @@ def find_preset(
 ) -> tuple[TrainingSettings, Method]:
     """What a method learns, and how, by a preset of its file.
 
-    A preset may have settings of its own for a task, and for an observation that is not its first.
+    A preset may have settings of its own for a task, and for an observation that is not its first;
+    and it may replace some of another one, which it is `based_on`.
 
     Args:
         name: one of `METHODS`, or "module:function".
@@ -112,10 +113,7 @@ def find_preset(
         InvalidArgumentError: for a name that there is not, or a bad value.
     """
     method_class, _, presets = _find(name)
-    check_name("preset", preset, presets)
-    whole = presets[preset]
-    seen = whole.get("observations", {}).get(str(replaced.get("observation")), {})
-    layers = (whole, _own(whole, task), seen, _own(seen, task))  # Later ones count.
+    layers = _layers(presets, preset, task, str(replaced.get("observation")))
     found = {
         part: {key: value for layer in layers for key, value in layer.get(part, {}).items()}
         for part in ("training", "method")
@@ -143,6 +141,17 @@ def _check_sizes(settings: Any) -> None:
                 check_count(field.name, size, 1, LARGEST_LAYER)
         elif field.name == "batch":
             check_count(field.name, value, 1, LARGEST_BATCH)
+
+
+def _layers(
+    presets: Mapping[str, Any], preset: str, task: str, observation: str
+) -> list[dict[str, Any]]:
+    """Returns parts of presets, of which later ones replace settings of earlier ones."""
+    check_name("preset", preset, presets)
+    whole = presets[preset]
+    base = _layers(presets, whole["based_on"], task, observation) if "based_on" in whole else []
+    seen = whole.get("observations", {}).get(observation, {})
+    return [*base, whole, _own(whole, task), seen, _own(seen, task)]
 
 
 def _own(preset: dict[str, Any], task: str) -> dict[str, Any]:

@@ -17,7 +17,15 @@ SHORT = {
     "env_steps": 4, "worlds": 2, "part": 4, "episodes": 1, "final_episodes": 1,
     "fidelity": "fast", "episode_steps": 3,
 }  # fmt: skip
-PRESETS = {"still": {"training": SHORT, "method": {"push": 0.25}}, "other": {}}
+PRESETS = {
+    "still": {
+        "training": SHORT, "method": {"push": 0.25},
+        "tasks": {"drop_cloth": {"method": {"push": 0.75}, "training": {"episodes": 2}}},
+    },
+    "other": {},
+    "wide": {"based_on": "still", "method": {"hidden": [16], "push": 0.5}},
+    "lost": {"based_on": "none"},
+}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,12 +91,20 @@ def test_presets_and_settings_of_another_module():
     training, method = find_preset(NAME, "still", "fold_cloth", env_steps=8, push=1.0)
     assert (training.env_steps, method.settings.push, method.preset) == (8, 1.0, "custom")
     assert find_preset(NAME, "other", "fold_cloth")[1].settings == Settings()
+    with pytest.raises(InvalidArgumentError, match=r"preset='none'.*'still'"):
+        find_preset(NAME, "lost", "fold_cloth")
     with pytest.raises(InvalidArgumentError, match=r"preset='fast'.*'still'"):
         find_preset(NAME, "fast", "fold_cloth")
     with pytest.raises(InvalidArgumentError, match=r"settings='pull'.*'push'"):
         find_preset(NAME, "still", "fold_cloth", pull=1.0)
     with pytest.raises(InvalidArgumentError, match="hidden=0"):
         find_method(NAME, hidden=(0,))
+
+
+def test_a_preset_replaces_some_settings_of_another():
+    training, method = find_preset(NAME, "wide", "drop_cloth")
+    assert (training.env_steps, training.episodes) == (4, 2)  # A task's count for it, too,
+    assert method.settings == Settings(0.5, (16,)) and method.preset == "wide"  # but its own more.
 
 
 @pytest.mark.parametrize(

@@ -204,7 +204,9 @@ def test_presets_suit_every_task(preset):
 @pytest.mark.parametrize("method", METHODS)
 def test_sections_of_presets_are_of_tasks_and_observations(method):
     # Those with another name would never count.
-    for preset in tomllib.loads((PRESETS / f"{method}.toml").read_text()).values():
+    presets = tomllib.loads((PRESETS / f"{method}.toml").read_text())
+    for preset in presets.values():
+        assert preset.pop("based_on", "paper") in {*presets, "paper"}
         observations = preset.pop("observations", {})
         assert set(observations) <= set(OBSERVATIONS)
         for layer in (preset, *observations.values()):
