@@ -198,6 +198,20 @@ def test_stretches_never_cross_episodes():
     assert not torch.isclose(crossing["divergence"], whole["divergence"]).any()
 
 
+def test_bfloat16_changes_little_but_the_speed():
+    step, image, noise = _stretches([1, 2])
+    found = []
+    for kind in (torch.float32, torch.bfloat16):
+        model = _model([3, 4], kind=kind)
+        found.append(losses(model, step, image, noise, 0.0))
+        sum(loss.sum() for loss in found[-1].values()).backward()
+        assert all(weight.dtype == weight.grad.dtype for weight in model.parameters())
+        assert {weight.dtype for weight in model.parameters()} == {torch.float32}
+    for name, loss in found[0].items():
+        assert not torch.equal(loss, found[1][name]) or name == "reward_loss"
+        torch.testing.assert_close(loss, found[1][name], rtol=0.02, atol=0.02)
+
+
 def test_frames_are_centred_by_their_bits():
     frames = torch.tensor([0, 7, 8, 255], dtype=torch.uint8)
     steps = np.array([0, 0, 1, 31])
@@ -443,6 +457,12 @@ def test_presets_suit_every_task():
         assert published[0].reward_scale == 1.0
         assert ours[0].reward_scale == (20.0 if task.endswith(("water", "amount")) else 50.0)
         assert (ours[1].settings.bits, ours[1].settings.evaluation_noise) == (8, 0.0)
+        training, method = find_preset("planet", "minutes", task)
+        own = method.settings
+        assert tuple(training.image_size) == (64, 64)
+        assert training.reward_scale == ours[0].reward_scale
+        assert own.updates * 900 == 100 * training.worlds and own.bfloat16 and own.fused
+        assert (own.batch, own.length, own.channels, own.bits) == (50, 50, 256, 8)
 
 
 def test_bad_settings_are_refused():

@@ -64,6 +64,7 @@ class WorldModel(nn.Module):
         latent: int,
         hidden: int,
         channels: int,
+        kind: torch.dtype = torch.float32,
     ):
         """Draws the weights.
 
@@ -72,20 +73,27 @@ class WorldModel(nn.Module):
             image_size: height and width [pixels].
             action, belief, latent, hidden: sizes, the last of hidden layers.
             channels: of the encoder's last layer.
+            kind: precision of convolutions; weights and all else are float32.
 
         Raises:
             InvalidArgumentError: for images that layers do not halve down to 2 x 2.
         """
         super().__init__()
         features, embedding = belief + latent, 4 * channels
-        self.encoder = Encoder(sources, image_size, channels)
-        self.decoder = Decoder(sources, image_size, features, embedding, channels)
+        self.encoder = Encoder(sources, image_size, channels, kind)
+        self.decoder = Decoder(sources, image_size, features, embedding, channels, kind)
         self.action, self.belief, self.latent = action, belief, latent
         self._join = Dense(sources, latent + action, belief)
         self._cell = GRU(sources, belief, belief)
         self._prior = dense_layers(sources, belief, hidden, 2 * latent)
         self._posterior = dense_layers(sources, belief + embedding, hidden, 2 * latent)
         self._reward = dense_layers(sources, features, hidden, hidden, 1)
+        self._one_step, self._one_guess = self._step, self._guess
+
+    def fuse(self) -> None:
+        """Compiles what is done again and again in time, in updates and in plans."""
+        self._one_step = torch.compile(self._step, dynamic=False)
+        self._one_guess = torch.compile(self._guess)
 
     def nothing(self, number: int) -> tuple[Tensor, Tensor]:
         """Belief and latent (seeds, number, ...) before anything is seen."""
@@ -124,21 +132,54 @@ class WorldModel(nn.Module):
             ended: whether another episode follows (seeds, n, steps).
             noise: of the latents (seeds, n, steps, latent).
         """
-        embedding = self.encoder(image.flatten(1, 2)).unflatten(1, image.shape[1:3])
-        belief, latent = self.nothing(image.shape[1])
-        steps: list[Path] = []
-        for t in range(image.shape[2]):
-            belief = self.advance(belief, latent, action[:, :, t])
-            posterior = self.posterior(belief, embedding[:, :, t])
-            latent = posterior.sample(noise[:, :, t])
-            steps.append(Path(belief, latent, self.prior(belief), posterior))
-            going = (~ended[:, :, t, None]).float()
-            belief, latent = going * belief, going * latent
-        beliefs, latents, *both = zip(*steps, strict=True)
-        prior, posterior = (
-            Gaussian(*(torch.stack(each, 2) for each in zip(*parts, strict=True))) for parts in both
+        # All that does not depend on the step before is done for all steps at once.
+        embedding = self.encoder(image.flatten(1, 2))
+        first = self._posterior[0]
+        told = action.flatten(1, 2) @ self._join.weight[:, self.latent :] + self._join.bias
+        seen = embedding @ first.weight[:, self.belief :] + first.bias
+        lead = image.shape[1:3]
+        told, seen = told.unflatten(1, lead), seen.unflatten(1, lead)
+        going = torch.cat([torch.zeros_like(ended[:, :, :1]), ended[:, :, :-1]], 2).logical_not()
+        going = going[..., None].float()
+        # They need a gradient as later ones do, so that one program serves all steps.
+        belief, latent = (
+            zeros.contiguous().requires_grad_(torch.is_grad_enabled())
+            for zeros in self.nothing(lead[0])
         )
-        return Path(torch.stack(beliefs, 2), torch.stack(latents, 2), prior, posterior)
+        steps = []
+        for t in range(lead[1]):
+            own = told[:, :, t], seen[:, :, t], noise[:, :, t], going[:, :, t]
+            steps.append(self._one_step(belief, latent, *own))
+            belief, latent = steps[-1][:2]
+        beliefs, latents, *both = (torch.stack(each, 2) for each in zip(*steps, strict=True))
+        prior = Gaussian(*(each.unflatten(1, lead) for each in self.prior(beliefs.flatten(1, 2))))
+        return Path(beliefs, latents, prior, Gaussian(*both))
+
+    def _step(
+        self,
+        belief: Tensor,
+        latent: Tensor,
+        told: Tensor,
+        seen: Tensor,
+        noise: Tensor,
+        going: Tensor,
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Returns belief, latent, and mean and deviation of the latent, after an env step.
+
+        Args:
+            belief, latent: before.
+            told, seen: shares of the action and of the image in first layers (seeds, n, ...).
+            noise: of the latent.
+            going: 0 where an episode begins, else 1 (seeds, n, 1).
+        """
+        joined = torch.bmm(going * latent, self._join.weight[:, : self.latent]) + told
+        belief = self._cell(functional.relu(joined), going * belief)
+        first, *others = self._posterior
+        x = torch.bmm(belief, first.weight[:, : self.belief]) + seen
+        for layer in others:
+            x = layer(x)
+        posterior = _gaussian(x)
+        return belief, posterior.sample(noise), *posterior
 
     def imagine(
         self,
@@ -159,6 +200,25 @@ class WorldModel(nn.Module):
             prior = self.prior(belief)
             latent = prior.sample(drawn(sources, *latent.shape[1:])) if sources else prior.mean
             yield belief, latent
+
+    def guess(
+        self, belief: Tensor, latent: Tensor, action: Tensor, noise: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Returns belief, latent and reward (seeds, n) after an action, without seeing anything.
+
+        Args:
+            belief, latent: (seeds, n, ...) before.
+            action: (seeds, n, action).
+            noise: of the latent (seeds, n, latent).
+        """
+        return self._one_guess(belief, latent, action, noise)
+
+    def _guess(
+        self, belief: Tensor, latent: Tensor, action: Tensor, noise: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        belief = self.advance(belief, latent, action)
+        latent = self.prior(belief).sample(noise)
+        return belief, latent, self.reward(belief, latent)
 
 
 def centred(frames: Tensor, bits: int, shares: Tensor | float = 0.5) -> Tensor:

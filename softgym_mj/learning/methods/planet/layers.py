@@ -45,7 +45,7 @@ class GRU(nn.Module):
 
 
 class Convolution(nn.Module):
-    """Of stride 2, of all seeds: their channels lie beside each other, in groups."""
+    """Of stride 2, dense ones of each seed: as groups of one convolution they take longer."""
 
     def __init__(
         self,
@@ -63,29 +63,38 @@ class Convolution(nn.Module):
         self.bias = _uniform(sources, fan_in, outputs)
         self._turned = functional.conv_transpose2d if transposed else functional.conv2d
 
-    def forward(self, x: Tensor) -> Tensor:
-        """Of (n, seeds * inputs, h, w)."""
-        weight, bias = self.weight.flatten(0, 1), self.bias.flatten()
-        return self._turned(x, weight, bias, stride=2, groups=len(self.weight))
+    def forward(self, x: Tensor, seed: int) -> Tensor:
+        """Convolves images (n, inputs, h, w) of the seed at a place, in their own precision."""
+        return self._turned(x, self.weight[seed].to(x.dtype), self.bias[seed].to(x.dtype), stride=2)
 
 
 class Encoder(nn.Module):
     """Convolutions of kernel 4 down to 2 x 2, each with twice the channels of the one before."""
 
-    def __init__(self, sources: Sequence[torch.Generator], image_size: int, channels: int):
+    def __init__(
+        self,
+        sources: Sequence[torch.Generator],
+        image_size: int,
+        channels: int,
+        kind: torch.dtype = torch.float32,
+    ):
+        """Draws the weights; `kind` is the precision of convolutions, weights are float32."""
         super().__init__()
         number = _depth(image_size)
         sizes = [3, *(channels >> k for k in reversed(range(number)))]
         layers = (Convolution(sources, *pair, 4) for pair in itertools.pairwise(sizes))
         self.layers = nn.ModuleList(layers)
-        self._seeds = len(sources)
+        self._kind = kind
 
     def forward(self, image: Tensor) -> Tensor:
         """Of (seeds, n, size, size, 3): (seeds, n, 4 * channels)."""
-        x = image.permute(1, 0, 4, 2, 3).flatten(1, 2)
+        return torch.stack([self._single(own, k) for k, own in enumerate(image)])
+
+    def _single(self, image: Tensor, seed: int) -> Tensor:
+        x = image.permute(0, 3, 1, 2).to(self._kind)  # Channels stay last in memory.
         for layer in self.layers:
-            x = functional.relu(layer(x))
-        return x.unflatten(1, (self._seeds, -1)).flatten(2).transpose(0, 1)
+            x = functional.relu(layer(x, seed))
+        return x.flatten(1).float()
 
 
 class Decoder(nn.Module):
@@ -98,7 +107,9 @@ class Decoder(nn.Module):
         features: int,
         embedding: int,
         channels: int,
+        kind: torch.dtype = torch.float32,
     ):
+        """Draws the weights; `kind` as of `Encoder`."""
         super().__init__()
         number = _depth(image_size)
         sizes = [embedding, *(channels >> k for k in range(1, number)), 3]
@@ -108,14 +119,18 @@ class Decoder(nn.Module):
             Convolution(sources, sizes[k], sizes[k + 1], kernels[k], transposed=True)
             for k in range(number)
         )
-        self._seeds = len(sources)
+        self._kind = kind
 
     def forward(self, features: Tensor) -> Tensor:
         """Of (seeds, n, features): (seeds, n, size, size, 3)."""
-        x = self.first(features).transpose(0, 1).flatten(1)[..., None, None]
+        first = self.first(features).to(self._kind)
+        return torch.stack([self._single(own, k) for k, own in enumerate(first)])
+
+    def _single(self, x: Tensor, seed: int) -> Tensor:
+        x = x[..., None, None].contiguous(memory_format=torch.channels_last)
         for layer in self.layers[:-1]:
-            x = functional.relu(layer(x))
-        return self.layers[-1](x).unflatten(1, (self._seeds, 3)).permute(1, 0, 3, 4, 2)
+            x = functional.relu(layer(x, seed))
+        return self.layers[-1](x, seed).permute(0, 2, 3, 1).float()
 
 
 def _depth(image_size: int) -> int:

@@ -47,6 +47,9 @@ class PlaNetSettings:
         horizon: env steps of a plan.
         iterations: how often the plans' distribution is fitted.
         candidates, elites: plans of an iteration, and those of them that it is fitted to.
+        bfloat16: whether convolutions and plans calculate in bfloat16, with weights of 32 bits.
+        fused: whether, on a GPU, what is done in each step of time is compiled (`torch.compile`,
+            which takes about a minute at first).
 
     Raises:
         InvalidArgumentError: for numbers out of range.
@@ -72,6 +75,8 @@ class PlaNetSettings:
     iterations: int = 10
     candidates: int = 1000
     elites: int = 100
+    bfloat16: bool = False
+    fused: bool = False
 
     def __post_init__(self):
         counts = ("updates", "batch", "belief", "latent", "hidden", "channels")
@@ -146,8 +151,12 @@ def plan(
     for _ in range(own.iterations):
         noise = drawn(sources, number, own.candidates, own.horizon, model.action)
         actions = mean + deviation * noise  # (seeds, n, candidates, horizon, action)
-        states = model.imagine(belief, latent, actions.flatten(1, 2).unbind(2), sources)
-        returns = sum(model.reward(*state) for state in states)
+        returns: Tensor | float = 0.0
+        state = belief, latent
+        for action in actions.flatten(1, 2).unbind(2):
+            chances = drawn(sources, *latent.shape[1:])
+            *state, reward = model.guess(*state, action, chances)
+            returns = returns + reward
         best = returns.unflatten(1, (number, -1)).topk(own.elites, sorted=False).indices
         elites = torch.take_along_dim(actions, best[..., None, None], dim=2)
         mean, deviation = elites.mean(2, True), elites.std(2, correction=0, keepdim=True)
@@ -183,7 +192,10 @@ class PlaNet:
         self.model = WorldModel(
             self._sources, size, problem.action, belief=settings.belief, latent=settings.latent,
             hidden=settings.hidden, channels=settings.channels,
+            kind=torch.bfloat16 if settings.bfloat16 else torch.float32,
         )  # fmt: skip
+        if settings.fused and problem.device == "cuda":
+            self.model.fuse()
         self._adam = adam(self.model.parameters(), settings.rate, eps=settings.epsilon)
         self.replay = Replay(
             settings.replay // problem.worlds, problem.seeds, problem.worlds, problem.observation,
@@ -216,7 +228,8 @@ class PlaNet:
         if explore and self._seen < own.random_steps:
             action = any_actions(sources, number, model.action)
         else:
-            action = plan(model, belief, latent, sources, own)
+            with torch.autocast(belief.device.type, torch.bfloat16, enabled=own.bfloat16):
+                action = plan(model, belief, latent, sources, own)
             wide = own.noise if explore else own.evaluation_noise
             action = action + wide * drawn(sources, number, model.action)
         action = action.clamp(-1.0, 1.0)
