@@ -284,6 +284,10 @@ def test_presets_suit_cloth(preset, batch):
         assert (training.observation, training.actor) == ("rgb", "pixel_pick_and_place")
         assert tuple(training.image_size) == (64, 64) and training.worlds == 16
         assert method.settings.batch == batch and method.settings.log_std == (-20.0, 2.0)
+        training, method = find_preset("wu", "minutes", task)
+        # Two updates of 1,024 for 16 places (paper).
+        assert 16 * method.settings.updates == 2 * training.worlds
+        assert method.settings.batch == 1024 and method.settings.bfloat16
     # What the configuration of the paper's time leaves out is a default.
     paper = find_preset("wu", "paper", "spread_cloth")[1].settings
     assert paper == WuSettings()

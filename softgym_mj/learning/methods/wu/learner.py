@@ -29,6 +29,7 @@ from softgym_mj.learning.replay import Batch
 
 _PLACE = 3  # Numbers of a place.
 _LEAST = 8  # Pixels of an image.
+_AT_ONCE = 16  # Images of each seed whose cloth pixels are judged together: a gigabyte at most.
 
 
 @typed
@@ -39,6 +40,7 @@ class WuSettings(SACSettings):
     Attributes:
         channels: of each convolution.
         best_share: of cloth pixels: the best action is drawn from these, the highest in value.
+        bfloat16: whether convolutions calculate in bfloat16, with weights of 32 bits.
 
     Raises:
         InvalidArgumentError: for numbers out of range.
@@ -60,6 +62,7 @@ class WuSettings(SACSettings):
     log_std: tuple[float, float] = (-20.0, 2.0)
     channels: tuple[int, ...] = (64, 64, 4)
     best_share: float = 0.2
+    bfloat16: bool = False
 
     def __post_init__(self):
         super().__post_init__()
@@ -97,8 +100,9 @@ class PickAndPlace(SAC):
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
         settings = self.settings
         own = self.sources, settings.channels, self._size, settings.hidden
-        actor = Placing(Looking(*own, 2 * action), settings.log_std)
-        pair = [Looking(*own, 1, place=action, norm=settings.norm) for _ in range(2)]
+        kind = torch.bfloat16 if settings.bfloat16 else torch.float32
+        actor = Placing(Looking(*own, 2 * action, kind=kind), settings.log_std)
+        pair = [Looking(*own, 1, place=action, norm=settings.norm, kind=kind) for _ in range(2)]
         return actor, Judging(pair)
 
     def draw_pick(self, images: Tensor) -> Tensor:
@@ -125,27 +129,30 @@ class PickAndPlace(SAC):
         """
         with torch.no_grad():
             shares = drawn(sources, images.shape[1], normal=False)
-            each = [self._best(images[:, i : i + 1], shares[:, i]) for i in range(images.shape[1])]
-            return torch.stack(each, 1)
+            parts = zip(images.split(_AT_ONCE, 1), shares.split(_AT_ONCE, 1), strict=True)
+            return torch.cat([self._best(*part) for part in parts], 1)
 
-    def _best(self, image: Tensor, share: Tensor) -> Tensor:
-        """Of one image of each seed (seeds, 1, height, width, 3): (seeds, 5)."""
-        mask = _candidates(image)[:, 0]
+    def _best(self, images: Tensor, shares: Tensor) -> Tensor:
+        """Of some images of each seed (seeds, n, height, width, 3): (seeds, n, 5)."""
+        mask, lead = _candidates(images), images.shape[:2]
         count = mask.sum(-1)
-        # Cloth pixels first, as many as the seed with the most of them has.
-        order = mask.byte().argsort(dim=-1, descending=True, stable=True)[:, : int(count.max())]
-        pick = self._centres[order]
+        # Cloth pixels first, as many as the image with the most of them has.
+        order = mask.byte().argsort(dim=-1, descending=True, stable=True)[..., : int(count.max())]
+        pick = self._centres[order]  # (seeds, n, pixels, 2).
+        flat, pixels = pick.flatten(1, 2), order.shape[-1]
         looking = [self.actor.body, *self.critics.pair]
-        found, *pair = (own.convolutions(image).expand(-1, pick.shape[1], -1) for own in looking)
-        place = self.actor.body.judge(found, pick).chunk(2, dim=-1)[0].tanh()
+        found, *pair = (own.convolutions(images).repeat_interleave(pixels, 1) for own in looking)
+        place = self.actor.body.judge(found, flat).chunk(2, dim=-1)[0].tanh()
         judged = [
-            critic.judge(features, pick, place)[..., 0]
+            critic.judge(features, flat, place)[..., 0].unflatten(1, (-1, pixels))
             for critic, features in zip(self.critics.pair, pair, strict=True)
         ]
         value = self._judged(torch.stack(judged)).where(mask.gather(-1, order), -math.inf)
-        rank = _below((self.settings.best_share * count).ceil().long(), share)[:, None]
+        rank = _below((self.settings.best_share * count).ceil().long(), shares)[..., None]
         at = value.argsort(-1, descending=True).gather(-1, rank)[..., None]
-        return torch.cat([pick, place], -1).take_along_dim(at, 1)[:, 0]
+        return torch.cat([pick, place.unflatten(1, (lead[1], -1))], -1).take_along_dim(at, 2)[
+            :, :, 0
+        ]
 
     # ------------------------------------------------------------------ losses
 

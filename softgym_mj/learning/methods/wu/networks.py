@@ -25,9 +25,22 @@ class Convolutions(nn.Module):
     """
 
     def __init__(
-        self, sources: Sequence[torch.Generator], channels: Sequence[int], size: tuple[int, int]
+        self,
+        sources: Sequence[torch.Generator],
+        channels: Sequence[int],
+        size: tuple[int, int],
+        kind: torch.dtype = torch.float32,
     ):
+        """Draws the weights.
+
+        Args:
+            sources: of random numbers, one a seed.
+            channels: of each.
+            size: height and width of images.
+            kind: in which they calculate; weights and outputs are float32.
+        """
         super().__init__()
+        self._kind = kind
         self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
         self.norms, inputs, self.outputs = nn.ModuleList(), 3, 0
         for outputs in channels:
@@ -45,10 +58,10 @@ class Convolutions(nn.Module):
         for weights, biases, norm in zip(self.weights, self.biases, self.norms, strict=True):
             # Seed by seed: as groups of one convolution they take longer.
             each = [
-                nn.functional.conv2d(seen, weight, bias, _STRIDE, padding=1)
-                for seen, weight, bias in zip(x, weights, biases, strict=True)
+                nn.functional.conv2d(*(a.to(self._kind) for a in own), _STRIDE, padding=1)
+                for own in zip(x, weights, biases, strict=True)
             ]
-            x = torch.stack(each)
+            x = torch.stack(each).float()
             x = nn.functional.leaky_relu(norm(x.flatten(2))).view_as(x)
         return x.flatten(2)
 
@@ -72,10 +85,11 @@ class Looking(nn.Module):
         *,
         place: int = 0,
         norm: bool = False,
+        kind: torch.dtype = torch.float32,
     ):
         super().__init__()
         self._size = size
-        self.convolutions = Convolutions(sources, channels, size)
+        self.convolutions = Convolutions(sources, channels, size, kind)
         inputs = self.convolutions.outputs + PICK * _TILES + place
         self.head = MLP(sources, [inputs, *hidden, outputs], norm=norm)
         for k, layer in enumerate(self.head):
