@@ -19,7 +19,6 @@ from benchmarks.gpu import machine
 from softgym_mj.learning.learner import Offline, Problem, Step
 from softgym_mj.learning.registry import METHODS, find_preset
 
-SEEDS = (1, 5)
 SECONDS = 4.0  # For which the clock runs, about.
 WARM_UP = 12  # Updates before that: CUDA's graphs are made.
 
@@ -34,8 +33,7 @@ def updates_per_second(name: str, preset: str, task: str, seeds: int, device: st
         {"image_size": training.image_size} if training.observation == "rgb" else {}
     )
     env = softgym_mj.make_vec(
-        task, 1, device="cpu" if training.actor else "host", observation=training.observation,
-        **sized, **training.task_settings,
+        task, 1, device="host", observation=training.observation, **sized, **training.task_settings,
     )  # fmt: skip
     observation, action = env.single_observation_space.shape, env.single_action_space.shape
     env.close()
@@ -76,6 +74,7 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=["sac"])
     parser.add_argument("--presets", nargs="+", default=["paper", "fast"])
     parser.add_argument("--tasks", nargs="+", default=["straighten_rope"])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 5], help="side by side")
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--out", type=pathlib.Path)
     arguments = parser.parse_args()
@@ -84,7 +83,7 @@ def main() -> None:
     for name in arguments.methods:
         for preset in arguments.presets:
             for task in arguments.tasks:
-                for seeds in SEEDS:
+                for seeds in arguments.seeds:
                     rate = updates_per_second(name, preset, task, seeds, arguments.device)
                     print(name, preset, task, seeds, rate, flush=True)
                     rates[f"{name} {preset} {task} {seeds}"] = rate

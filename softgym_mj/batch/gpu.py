@@ -193,7 +193,7 @@ class Gpu(Place):
         if not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
         self._torch, self.xp, self.device = torch, xp, torch.device("cuda", index)
-        self._graphs: dict[Any, tuple[Any, Any]] = {}
+        self._graphs: dict[str, tuple[Any, Any, Any]] = {}  # Keys, graphs, what they give.
 
     def at_once(self, kind: str, size: int) -> int:
         properties = self._torch.cuda.get_device_properties(self.device)
@@ -223,19 +223,18 @@ class Gpu(Place):
         address = batch.data_ptr()
         launch(kind, "Step", self.device, num_slots, threads, address, quick, quick=quick)
 
-    def repeat(self, key: Hashable, function: Callable[[], Any]) -> Any:
+    def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
         """See `Place`: as one of CUDA's graphs, from the second call on."""
         torch = self._torch
-        if key not in self._graphs:  # All that is made once is made now.
-            self._graphs.clear()
-            self._graphs[key] = None, None
+        known, graph, found = self._graphs.get(name, (None, None, None))
+        if name not in self._graphs or known != key:  # All that is made once is made now.
+            self._graphs[name] = key, None, None
             return function()
-        graph, found = self._graphs[key]
         if graph is None:
             graph = torch.cuda.CUDAGraph()
             with torch.cuda.graph(graph, capture_error_mode="thread_local"):
                 found = function()
-            self._graphs[key] = graph, found
+            self._graphs[name] = key, graph, found
         graph.replay()
         return _cloned(found)
 

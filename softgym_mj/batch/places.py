@@ -53,13 +53,14 @@ class Place(Protocol):
     def address(self, array: Any) -> int:
         """Where the memory of an array begins."""
 
-    def repeat(self, key: Hashable, function: Callable[[], Any]) -> Any:
+    def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
         """What a function returns: arrays, in dicts and tuples, that later calls leave alone.
 
         Args:
             key: as long as it is the same the function does the same with arrays in the same
                 memory, whatever is in them, and need not be called.
             function: reads and writes arrays, and asks for none of their numbers.
+            name: of the function, if there are several.
         """
 
     def step(self, kind: str, batch: Any, num_slots: int, size: int) -> None:
@@ -121,7 +122,7 @@ class Processor(Place):
     def address(self, array: np.ndarray) -> int:
         return array.ctypes.data
 
-    def repeat(self, key: Hashable, function: Callable[[], Any]) -> Any:
+    def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
         return function()
 
     def step(self, kind: str, batch: np.ndarray, num_slots: int, size: int) -> None:

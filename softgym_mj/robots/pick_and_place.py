@@ -3,16 +3,18 @@
 import functools
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from dm_control import composer
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.native.arithmetic import product
+from softgym_mj.metrics import Array, constant, namespace
 from softgym_mj.robots.base import ActionSpace
 from softgym_mj.robots.grip import GripCommand
 from softgym_mj.robots.gripper import gripper_actions
 from softgym_mj.robots.picker import Picker
+from softgym_mj.robots.workspace import Workspace
 
 STEP = 0.01  # [m] Way of a picker in a sim step.
 MAX_STEPS = 300  # Sim steps of a way; what is further is reached with the next action.
@@ -20,6 +22,90 @@ APPROACH_HEIGHT = 0.2  # [m] At which the pixel picker moves over what it will t
 PICK_HEIGHT = 0.01  # and height [m] above an object's resting height at which it takes it.
 LARGEST_OFFSET = 0.3  # [m] Of the place from the pick point along every axis.
 SETTLE_STEPS = 20  # Sim steps after the pixel picker has let go.
+# Whether the pixel picker is closed in the parts of its route: over the point, down, to rest there,
+# to the place, to rest there, to rest when it has let go.
+CLOSED = (False, False, True, True, True, False)
+
+
+class Legs(NamedTuple):
+    """Straight ways.
+
+    Attributes:
+        end: where they end (..., n, 3) [m].
+        step: displacement in each sim step (..., n, 3) [m].
+        steps: number of sim steps (...).
+    """
+
+    end: Array
+    step: Array
+    steps: Array
+
+
+def legs(start: Array, goals: Array, low: Array, high: Array) -> Legs:
+    """Returns ways that n pickers make together, each to its goal or towards it.
+
+    Args:
+        start, goals: positions (..., n, 3) [m].
+        low, high: ends of the workspace, which goals are moved into (..., n, 3) [m].
+    """
+    xp = namespace(start)
+    way = xp.maximum(xp.minimum(goals, high), low) - start
+    squares = way * way  # Summed one by one: libraries sum in various orders.
+    lengths = xp.sqrt(squares[..., 0] + squares[..., 1] + squares[..., 2])
+    steps = xp.ceil(xp.max(lengths, axis=-1) / STEP - 1e-9)
+    share = MAX_STEPS / xp.maximum(steps, xp.full_like(steps, MAX_STEPS))
+    way = way * share[..., None, None]
+    steps = xp.minimum(steps, xp.full_like(steps, MAX_STEPS))
+    each = xp.maximum(steps, xp.ones_like(steps))
+    return Legs(start + way, way / each[..., None, None], steps)
+
+
+def shown_points(view: Array, pixels: Array, height: Array) -> Array:
+    """Returns where rays of pixels meet a plane (..., 3) [m].
+
+    A ray that looks above the horizon gives the point below the camera.
+
+    Args:
+        view: cameras' positions, rotations by rows, and tangents of half their angle (..., 13).
+        pixels: right and down, in [-1, 1] (..., 2).
+        height: of the plane [m].
+    """
+    xp = namespace(view)
+    half, rotation = view[..., 12], view[..., 3:12].reshape((*view.shape[:-1], 3, 3))
+    right, down = pixels[..., 0] * half, -pixels[..., 1] * half
+    ray = (
+        rotation[..., 0] * right[..., None] + rotation[..., 1] * down[..., None] - rotation[..., 2]
+    )
+    sinks = ray[..., 2] < 0.0
+    depth = xp.where(sinks, -ray[..., 2], 1.0)
+    way = xp.where(sinks, (view[..., 2] - height) / depth, 0.0)
+    point = view[..., :3] + way[..., None] * ray
+    return xp.stack([point[..., 0], point[..., 1], 0.0 * point[..., 2] + height], axis=-1)
+
+
+def routes(
+    start: Array, points: Array, actions: Array, low: Array, high: Array
+) -> list[tuple[Array, Array]]:
+    """Returns displacements in a sim step (..., 1, 3) [m] and numbers of sim steps (...) of parts.
+
+    Args:
+        start: where pixel pickers are (..., 1, 3) [m].
+        points: what their pixels show (..., 3) [m].
+        actions: (..., 5), as `PixelPickAndPlace` takes them.
+        low, high: ends of the workspace (..., 1, 3) [m].
+    """
+    xp = namespace(start)
+    pick = (points + constant([0.0, 0.0, PICK_HEIGHT], points))[..., None, :]
+    place = xp.stack([actions[..., 2], actions[..., 3], (actions[..., 4] + 1.0) / 2.0], axis=-1)
+    above = xp.concat([pick[..., :2], xp.full_like(pick[..., :1], APPROACH_HEIGHT)], axis=-1)
+    over = legs(start, above, low, high)
+    down = legs(over.end, pick, low, high)
+    there = legs(down.end, down.end + LARGEST_OFFSET * place[..., None, :], low, high)
+    rest, one = xp.zeros_like(start), xp.ones_like(over.steps)
+    return [
+        *(leg[1:] for leg in (over, down)), (rest, one), there[1:], (rest, one),
+        (rest, SETTLE_STEPS * one),
+    ]  # fmt: skip
 
 
 class RoutePicker(Picker):
@@ -34,18 +120,19 @@ class RoutePicker(Picker):
         self._route: list[GripCommand] = []
         self._next = 0
 
+    def place(self, positions: np.ndarray, workspace: Workspace) -> None:
+        super().place(positions, workspace)
+        self.sim_steps = 0
+
     def _start(self) -> None:
         self._route, self._next = [], 0
         self._end = self._centre.copy()
 
     def _go(self, goals: np.ndarray, grips: Sequence[bool]) -> None:
         """Adds a straight way to `goals` (num_pickers, 3) [m], within the workspace."""
-        way = np.clip(goals, self._low, self._high) - self._end
-        steps = int(np.ceil(np.linalg.norm(way, axis=1).max() / STEP - 1e-9))
-        if steps > MAX_STEPS:
-            way, steps = way * (MAX_STEPS / steps), MAX_STEPS
-        self._end = self._end + way
-        self._route += [GripCommand(way / max(steps, 1), np.array(grips))] * steps
+        leg = legs(self._end, goals, self._low, self._high)
+        self._end = leg.end
+        self._route += [GripCommand(leg.step, np.array(grips))] * int(leg.steps)
 
     def _stay(self, grips: Sequence[bool], steps: int = 1) -> None:
         """Adds sim steps of rest."""
@@ -127,28 +214,23 @@ class PixelPickAndPlace(RoutePicker):
         self._model, self._data = physics.model.ptr, physics.data.ptr
         self._camera_id = self._model.camera(self._camera).id
 
+    def view(self) -> np.ndarray:
+        """The camera (13,), for `shown_points`."""
+        camera = self._camera_id
+        half = math.tan(math.radians(self._model.cam_fovy[camera]) / 2)
+        return np.array([*self._data.cam_xpos[camera], *self._data.cam_xmat[camera], half])
+
     def point(self, pixel: np.ndarray) -> np.ndarray:
         """Where the ray of a pixel (2,) in [-1, 1] meets the plane of the resting object (3,) [m].
 
         A ray that looks above the horizon gives the point below the camera.
         """
-        camera = self._camera_id
-        half = math.tan(math.radians(self._model.cam_fovy[camera]) / 2)
-        rotation = self._data.cam_xmat[camera].reshape(3, 3)
-        origin = self._data.cam_xpos[camera]
-        ray = product(rotation, np.array([pixel[0] * half, -pixel[1] * half, -1.0]))
-        height = self._target.radius
-        way = (origin[2] - height) / -ray[2] if ray[2] < 0.0 else 0.0
-        return np.array([*(origin + way * ray)[:2], height])
+        return shown_points(self.view(), pixel, np.float64(self._target.radius))
 
     def command(self, action: np.ndarray) -> None:
-        pick = self.point(action[:2]) + [0.0, 0.0, PICK_HEIGHT]
-        offset = LARGEST_OFFSET * np.array([*action[2:4], (action[4] + 1.0) / 2.0])
+        ends = np.broadcast_to(self._low, (1, 3)), np.broadcast_to(self._high, (1, 3))
+        parts = routes(self._centre, self.point(action[:2]), action, *ends)
         self._start()
-        self._go(np.array([[*pick[:2], APPROACH_HEIGHT]]), [False])
-        self._go(pick[None], [False])
-        taken = self._end[0].copy()
-        self._stay([True])
-        self._go((taken + offset)[None], [True])
-        self._stay([True])  # What is let go on the way would fly on.
-        self._stay([False], SETTLE_STEPS)
+        for (step, steps), closed in zip(parts, CLOSED, strict=True):
+            self._route += [GripCommand(step, np.array([closed]))] * int(steps)
+        self.sim_steps = len(self._route)

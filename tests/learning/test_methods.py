@@ -67,8 +67,7 @@ def _train(request, tmp_path_factory):
         torch.export.save(torch.export.export(teacher, (torch.zeros(1, 44),)), root / "teacher.pt2")
         own = {**own, "teacher": str(root / "teacher.pt2")}
     method = find_method(request.param, **own)
-    device = "cpu" if settings.actor else "host"
-    return lambda name, seeds=SEEDS: Training(settings, method, seeds, root / name, device)
+    return lambda name, seeds=SEEDS: Training(settings, method, seeds, root / name, "host")
 
 
 @pytest.fixture(name="whole", scope="module")

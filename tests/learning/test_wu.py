@@ -16,7 +16,6 @@ from softgym_mj.learning.networks import LayerNorm, Linear, drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.settings import TrainingSettings
-from softgym_mj.learning.training import Training
 
 LINEN, CRIMSON, FLOOR, SHADOW, RING = (
     (213, 180, 129), (150, 20, 60), (209, 206, 202), (124, 122, 119), (235, 128, 25),
@@ -293,7 +292,7 @@ def test_presets_suit_cloth(preset, batch):
     assert paper == WuSettings()
 
 
-def test_bad_settings_are_refused(tmp_path):
+def test_bad_settings_are_refused():
     for name, value in (("channels", (0,)), ("best_share", 0.0), ("symmetric", True)):
         with pytest.raises(InvalidArgumentError, match=name):
             WuSettings(**{name: value})
@@ -301,5 +300,3 @@ def test_bad_settings_are_refused(tmp_path):
         make(SMALL, _problem(observation=(12,)))
     with pytest.raises(InvalidArgumentError, match="pixel_pick_and_place"):
         make(SMALL, _problem(action=8))
-    with pytest.raises(InvalidArgumentError, match="pixel_pick_and_place"):
-        Training(SETTINGS, METHOD, [4], tmp_path, "host")  # Routes differ in length.

@@ -60,9 +60,18 @@ def _check(i, batch, alone):
         assert infos[name][i] == pytest.approx(value, rel=1e-12, abs=1e-13), name
 
 
-@pytest.mark.parametrize("task", softgym_mj.TASKS)
-def test_a_row_is_an_environment(task):
-    envs, alone = _make(task), [_env(task) for _ in VARIATIONS]
+PIXELS = {"actor": "pixel_pick_and_place"}
+
+
+@pytest.mark.parametrize(
+    "task, settings",
+    [
+        *((task, {}) for task in softgym_mj.TASKS),
+        *((task, PIXELS) for task in ("straighten_rope", "spread_cloth", "fold_cloth")),
+    ],
+)
+def test_a_row_is_an_environment(task, settings):
+    envs, alone = _make(task, **settings), [_env(task, **settings) for _ in VARIATIONS]
     batch = envs.reset(seed=0, options={"variation": VARIATIONS})
     for i, (env, variation) in enumerate(zip(alone, VARIATIONS, strict=True)):
         _check(i, batch, env.reset(options={"variation": variation}))
@@ -125,9 +134,17 @@ def test_who_resets_who_is_told_to():
     envs.close()
 
 
-@pytest.mark.parametrize("task", ["drop_cloth", "rope_configuration", "pour_water"])
-def test_snapshots_go_to_environments_and_back(task):
-    envs = _make(task)
+@pytest.mark.parametrize(
+    "task, settings",
+    [
+        ("drop_cloth", {}),
+        ("rope_configuration", {}),
+        ("pour_water", {}),
+        ("straighten_rope", PIXELS),
+    ],
+)
+def test_snapshots_go_to_environments_and_back(task, settings):
+    envs = _make(task, **settings)
     envs.reset(seed=0, options={"variation": VARIATIONS})
     actions = _actions(envs, 8)
     for each in actions[:4]:
@@ -135,7 +152,7 @@ def test_snapshots_go_to_environments_and_back(task):
     states = envs.get_state()
     later = [envs.step(each) for each in actions[4:]]
     # In other rows, of another number of them.
-    more = _make(task, 4)
+    more = _make(task, 4, **settings)
     more.reset(seed=0)
     more.set_state([states[2], states[1], states[0], states[1]])
     rows = [2, 1, 0, 1]
@@ -145,7 +162,7 @@ def test_snapshots_go_to_environments_and_back(task):
             np.testing.assert_array_equal(others[name], array[rows])
         np.testing.assert_allclose(their_rewards, rewards[rows], rtol=1e-13)
     # In an environment, and from there into a row.
-    env = _env(task)
+    env = _env(task, **settings)
     env.set_state(states[1])
     env.step(actions[4][1])
     middle = env.get_state()
@@ -286,9 +303,12 @@ def _agree(arrays, tensors, where=slice(None)):
         np.testing.assert_allclose(other, own, rtol=1e-6, atol=1e-7, err_msg=name)
 
 
-@pytest.mark.parametrize("task", softgym_mj.TASKS)
-def test_tensors_say_what_arrays_say(task):
-    both = _twins(task, horizon=3)
+@pytest.mark.parametrize(
+    "task, settings",
+    [*((task, {}) for task in softgym_mj.TASKS), ("straighten_rope", PIXELS)],
+)
+def test_tensors_say_what_arrays_say(task, settings):
+    both = _twins(task, horizon=3, **settings)
     first, second = (envs.reset(seed=2) for envs in both)
     _agree(first[0], second[0])
     for actions in _actions(both[0], 5):

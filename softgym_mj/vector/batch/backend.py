@@ -1,7 +1,7 @@
 """`BatchBackend`: environments of a task as rows of arrays."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -242,31 +242,56 @@ class BatchBackend(Backend):
         self._rows.fit(self._starts.rows)
         grown = self._rows.grown, self._starts.rows.grown
         key = mode, *grown, self._side.changed, self._cameras.changed
-        found = self._place.repeat(key, lambda: self._advanced(mode))
+        found = self._advanced(mode, key)
         if mode in _FOLLOWED:
             self._offers.follow(self._place.copy(self._at["used"]))
         return found
 
-    def _advanced(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
-        """What `advance` returns, of arrays alone."""
-        with self._rows.kept():
-            return self._stepped(mode)
+    def _advanced(self, mode: AutoresetMode | None, key: Hashable) -> Any:
+        """What `advance` returns, of arrays alone, which are where they were as `key` is the same.
 
-    def _stepped(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
+        Actions that take as long as they need differ from step to step in their sim steps, which
+        the device repeats one by one.
+        """
+        repeat, steps = self._place.repeat, self._task.action_repeat
+        if self._task.actor.sim_steps is None:
+            parts = self._command, *[self._sim_step] * steps
+            return repeat(key, lambda: self._kept(*parts, lambda: self._outcome(mode)))
+        repeat(key, lambda: self._kept(self._command), "command")
+        for _ in range(self._side.sim_steps(steps)):
+            repeat(key, lambda: self._kept(self._sim_step), "sim step")
+        return repeat(key, lambda: self._kept(lambda: self._outcome(mode)), "outcome")
+
+    def _kept(self, *parts: Callable[[], Any]) -> Any:
+        """Calls functions that change arrays, which stay in place; returns what the last one does.
+
+        Nothing becomes ().
+        """
+        with self._rows.kept():
+            *_, found = [part() for part in parts]
+        return () if found is None else found
+
+    def _command(self) -> None:
         xp, at = self._xp, self._at
-        starts = at["ended"] & (mode == AutoresetMode.NEXT_STEP)
         unknown = xp.any(~xp.isfinite(self._actions), axis=-1)
         self._side.command(xp.where(unknown[:, None], 0.0, self._actions))
-        flags, diverged = self._side.flags, unknown
-        warnings = at["warnings"] + xp.astype(unknown, xp.int64)
-        for _ in range(self._task.action_repeat):
-            self._side.sim_step()
-            # One warning for each sim step in which something went wrong, as MuJoCo counts, up to
-            # the one that ends the episode.
-            warnings = warnings + xp.astype((flags != 0) & ~diverged, xp.int64)
-            diverged = diverged | ((flags & NOT_FINITE) != 0)
-            flags[...] = 0
-        diverged = diverged & ~starts
+        at["warnings"], at["diverged"] = at["warnings"] + xp.astype(unknown, xp.int64), unknown
+
+    def _sim_step(self) -> None:
+        xp, at, flags = self._xp, self._at, self._side.flags
+        self._side.sim_step()
+        # One warning for each sim step in which something went wrong, as MuJoCo counts, up to the
+        # one that ends the episode.
+        wrong = (flags != 0) & ~at["diverged"]
+        at["warnings"] = at["warnings"] + xp.astype(wrong, xp.int64)
+        at["diverged"] = at["diverged"] | ((flags & NOT_FINITE) != 0)
+        flags[...] = 0
+
+    def _outcome(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
+        """What `advance` returns, after all sim steps."""
+        xp, at = self._xp, self._at
+        starts = at["ended"] & (mode == AutoresetMode.NEXT_STEP)
+        diverged, warnings = at["diverged"] & ~starts, at["warnings"]
         count = at["count"] + 1
         # What has diverged ends where it has started: measures are finite.
         self._use(starts)

@@ -11,9 +11,11 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array, constant, lengths
 from softgym_mj.robots.grip import remembered
+from softgym_mj.robots.pick_and_place import PixelPickAndPlace
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.vector.batch.pickers import Pickers
+from softgym_mj.vector.batch.routes import Routes
 from softgym_mj.vector.batch.side import Arrays, Side
 
 
@@ -31,8 +33,9 @@ class Flexes(Side):
             InvalidArgumentError: unless there is one flex and the actor is a picker.
         """
         task, flexes = env.task, env.task.flexes.flexes
-        if type(task.actor) is not Picker:
-            raise InvalidArgumentError("actor", task.actor.name, "'picker', on this device")
+        if type(task.actor) not in (Picker, PixelPickAndPlace):
+            valid = f"{Picker.name!r} or {PixelPickAndPlace.name!r}, on this device"
+            raise InvalidArgumentError("actor", task.actor.name, valid)
         if len(flexes) != 1 or len(task.objects) != 1:
             valid = "one rope, cloth or water, on this device"
             raise InvalidArgumentError("objects", [*task.scene.materials], valid)
@@ -41,8 +44,11 @@ class Flexes(Side):
         self._place, self._xp, actor = place, place.xp, task.actor
         self._worlds = ClothWorlds(num_worlds, task.max_points, actor.num_grippers, place)
         self.flags, self.now = self._worlds.flags, self._worlds.rows()
-        self._pickers = Pickers(
-            self.now, place.xp, actor.num_grippers, actor.radius, actor.pick_distance
+        own = actor.radius, actor.pick_distance
+        self._pickers = (
+            Routes(self.now, place, num_worlds, *own)
+            if isinstance(actor, PixelPickAndPlace)
+            else Pickers(self.now, place.xp, actor.num_grippers, *own)
         )
         # Of meshes that have been seen, all that `Ways.all` says, where it begins for each, and
         # where what is free begins.
@@ -62,11 +68,14 @@ class Flexes(Side):
 
         model: of `ClothWorlds`. origin: of vertices [m]. ends, lengths: of edges, the lengths at
         rest [m]. ways: of `Ways.all`. radius, hold_force, hold_lag, hold_stretch: of the flex.
+        view: of the camera by whose pixels the actor is told where to go, if it is.
         """
         flex, model = self._flex, self._env.physics.model.ptr
+        is_told = isinstance(self._actor, PixelPickAndPlace)
         return {
             **{name: array.copy() for name, array in self.arrays().items()},
             **self._actor.get_state(),
+            **({"view": self._actor.view()} if is_told else {}),
             "model": describe(model, self._grippers()),
             "origin": flex.origin,
             "present": np.ones(flex.num_points, bool),
@@ -136,6 +145,10 @@ class Flexes(Side):
         self._worlds.queue.plan()
         self._pickers.command(actions)
 
+    def sim_steps(self, usual: int) -> int:
+        pickers = self._pickers
+        return pickers.longest if isinstance(pickers, Routes) else usual
+
     def sim_step(self) -> None:
         xp, now, pickers = self._xp, self.now, self._pickers
 
@@ -153,7 +166,13 @@ class Flexes(Side):
         behind = lengths(goals - (start + way))
         slips = pulls_out(forces, behind, now["hold_force"][:, None], now["hold_lag"][:, None])
         pickers.give_way(goals, slips, self._gap)
+        models = self._worlds.models
+        if isinstance(pickers, Routes):  # Those without a model stand still.
+            whole = xp.asarray(models, copy=True)
+            models[...] = xp.where(pickers.moving, whole, 0)
         self._worlds.step(now["centre"], now["held"], goals)
+        if isinstance(pickers, Routes):
+            models[...] = whole
 
     def _gap(self, first: Array, second: Array) -> Array:
         now, xp = self.now, self._xp
@@ -191,7 +210,9 @@ class Flexes(Side):
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
         xp, now = self._xp, self.now
+        routes = {"sim_steps": now["sim_steps"]} if isinstance(self._pickers, Routes) else {}
         return {
+            **routes,
             "max_edge_strain": strains,
             "episode_max_edge_strain": largest,
             "max_speed": highest_speed(now["qvel"]),

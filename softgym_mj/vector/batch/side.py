@@ -45,6 +45,14 @@ class Side(Protocol):
     def command(self, actions: Array) -> None:
         """Starts an env step with actions (num_worlds, n)."""
 
+    def sim_steps(self, usual: int) -> int:
+        """How many sim steps the env step has that was commanded; asks the device if they vary.
+
+        Args:
+            usual: that of the task.
+        """
+        return usual
+
     def sim_step(self) -> None:
         """Makes a sim step of all worlds."""
 

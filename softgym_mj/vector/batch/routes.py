@@ -1,0 +1,68 @@
+"""`Routes`: what `PixelPickAndPlace` does, for many worlds at once."""
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from softgym_mj.batch.places import Place
+from softgym_mj.metrics import Array, constant
+from softgym_mj.robots.grip import GripCommand
+from softgym_mj.robots.pick_and_place import CLOSED, routes, shown_points
+from softgym_mj.vector.batch.pickers import Pickers
+
+
+class Routes(Pickers):
+    """Pickers whose actions are routes: each makes as many sim steps as its own needs, and rests.
+
+    Attributes:
+        moving: whether a world makes this sim step (num_worlds,) bool.
+    """
+
+    def __init__(
+        self, now: dict[str, Any], place: Place, num_worlds: int, radius: float, reach: float
+    ):
+        """Makes room for routes.
+
+        Args:
+            now, radius, reach: of `Pickers`; "view" are cameras for `shown_points`.
+            place: where the arrays are.
+            num_worlds: how many.
+        """
+        super().__init__(now, place.xp, 1, radius, reach)
+        self._place = place
+        parts = len(CLOSED)
+        self._steps = place.zeros((num_worlds, parts, 1, 3), "float64")  # In each sim step [m].
+        self._ends = place.zeros((num_worlds, parts), "float64")  # Sim steps from the start.
+        self._done = place.zeros((num_worlds,), "float64")  # Sim steps.
+        self.moving = place.zeros((num_worlds,), "bool")
+
+    @property
+    def longest(self) -> int:
+        """Sim steps that the longest route takes; asks the device."""
+        return int(self._place.get(self._ends).max())
+
+    def command(self, actions: Array) -> None:
+        """Starts an env step with actions (num_worlds, 5)."""
+        xp, now = self._xp, self._now
+        low, high = (now["workspace"][:, None, i] for i in range(2))
+        points = shown_points(now["view"], actions[:, :2], now["radius"])
+        ends = low + self._radius, high - self._radius
+        steps, numbers = zip(*routes(now["centre"], points, actions, *ends), strict=True)
+        self._steps[...] = xp.stack(steps, axis=1)
+        self._ends[...] = xp.stack([*itertools.accumulate(numbers)], axis=1)
+        self._done[...] = 0.0
+        now["sim_steps"] = xp.astype(self._ends[:, -1], now["sim_steps"].dtype)
+
+    def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
+        xp, parts = self._xp, len(CLOSED)
+        self.moving[...] = self._done < self._ends[:, -1]
+        part = xp.sum(xp.astype(self._done[:, None] >= self._ends, xp.int64), axis=1)
+        part = xp.clip(part, max=parts - 1)[:, None]
+        step = xp.take_along_axis(self._steps, part[..., None, None], axis=1)[:, 0]
+        closed = constant(np.array(CLOSED), step)[part]
+        step = xp.where(self.moving[:, None, None], step, 0.0)
+        self._command = GripCommand(step, closed & self.moving[:, None])
+        self._done[...] = self._done + 1.0
+        super().plan(offsets, present)
