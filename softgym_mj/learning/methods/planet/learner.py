@@ -151,11 +151,9 @@ def plan(
     for _ in range(own.iterations):
         noise = drawn(sources, number, own.candidates, own.horizon, model.action)
         actions = mean + deviation * noise  # (seeds, n, candidates, horizon, action)
-        returns: Tensor | float = 0.0
-        state = belief, latent
+        returns, (h, z) = belief.new_zeros(belief.shape[:2]), (belief, latent)
         for action in actions.flatten(1, 2).unbind(2):
-            chances = drawn(sources, *latent.shape[1:])
-            *state, reward = model.guess(*state, action, chances)
+            h, z, reward = model.guess(h, z, action, drawn(sources, *latent.shape[1:]))
             returns = returns + reward
         best = returns.unflatten(1, (number, -1)).topk(own.elites, sorted=False).indices
         elites = torch.take_along_dim(actions, best[..., None, None], dim=2)
