@@ -1,13 +1,17 @@
 """Symmetries of tasks: their oracles are the tasks' own measures, and simulations."""
 
 import dataclasses
+import pathlib
+import re
 from typing import Unpack
 
 import numpy as np
 import pytest
+import torch
 
 import softgym_mj
 from softgym_mj.entities import Rope
+from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.settings import TrainingSettings
@@ -16,7 +20,9 @@ from softgym_mj.learning.training import Training
 from softgym_mj.tasks import Measures, Task, TaskSettings, anywhere, mirrored
 from softgym_mj.tasks.shared.entries import points
 from softgym_mj.tasks.shared.observations import reduced
+from softgym_mj.tasks.shared.state import State
 
+PAGE = pathlib.Path(__file__).parents[2] / "docs" / "arguments.md"
 NUMBERS = {
     "straighten_rope": 32, "rope_configuration": 32, "spread_cloth": 64, "fold_cloth": 32,
     "fold_crumpled_cloth": 4, "drop_cloth": 4, "drop_fold_cloth": 4,
@@ -182,6 +188,32 @@ def test_a_custom_task_has_its_own_symmetries(tmp_path, register):
     run = Training(training, method, [0], tmp_path, "host")
     run.run()
     assert {row["replay"] for row in run.rows} == {"symmetric"} and run.learner.updates > 0
+
+
+def test_the_custom_task_of_the_docs_is_the_same_in_all_its_forms():
+    """Its measure is invariant, and tensors of many environments give what one of NumPy does."""
+    (code,) = re.findall(r"```python\n([^`]*class GatherRope[^`]*)```", PAGE.read_text())
+    namespace: dict = {"__name__": "page"}
+    exec(code, namespace)
+    env = Environment(namespace["GatherRope"](), name="gather_rope", horizon=5, split=[3])
+    env.reset(3)
+    for action in np.random.default_rng(0).uniform(-1.0, 1.0, (3, 8)):
+        env.step(action)
+    found = symmetries(env)
+    assert len(found) == 32
+    seen = env.task.observe("reduced")
+    for symmetry in found:
+        state, episode = _moved(env, symmetry)
+        measured = env.task.measure(state, episode).performance
+        assert measured == pytest.approx(env.task.last_evaluation.performance, abs=1e-12)
+        np.testing.assert_allclose(
+            reduced(env.task, state, episode), symmetry.observation @ seen, atol=1e-12
+        )
+    points = env.task.points()
+    many = State({"rope": torch.tensor(np.stack([points, 2.0 * points]))}, {}, {}, None, None)
+    performance = env.task.measure(many, env.task.episode).performance
+    one = env.task.last_evaluation.performance
+    np.testing.assert_allclose(performance, [one, 2.0 * one], rtol=1e-12)
 
 
 def test_orders_that_are_none_are_refused():
