@@ -24,7 +24,7 @@ import numpy as np
 from dm_control import mjcf
 
 from softgym_mj.entities import Cloth
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.envs.environment import Environment
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.tasks import Measures, Task

@@ -12,7 +12,7 @@ import rich.table
 import typer
 
 from softgym_mj.cli.console import Ray, console, progress_bar
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.files import make_folder, read_json, write_json
 

@@ -3,9 +3,9 @@
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.cup import Cup, CupSize
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.garment import Garment
 from softgym_mj.entities.rope import Rope
-from softgym_mj.entities.sheet import Fabric
 from softgym_mj.entities.views import CameraPose, View
 
 __all__ = [

@@ -3,7 +3,8 @@
 import numpy as np
 
 from softgym_mj import metrics
-from softgym_mj.entities.sheet import Fabric, Sheet
+from softgym_mj.entities.fabric import Fabric
+from softgym_mj.entities.sheet import Sheet
 from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.kinds import typed
 from softgym_mj.rendering.skins import spline

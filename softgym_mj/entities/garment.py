@@ -6,9 +6,10 @@ import warnings
 
 import numpy as np
 
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.flex import Color
 from softgym_mj.entities.mesh_files import read_mesh, remarks
-from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Fabric, Sheet
+from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Sheet
 from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
 from softgym_mj.rendering.skins import refined

@@ -17,7 +17,7 @@ import numpy as np
 from dm_control import mjcf
 
 from softgym_mj.cloth import fabrics, solver
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality.meshes import Mesh
 from softgym_mj.reality.recorder import Recorder, Replay

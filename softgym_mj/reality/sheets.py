@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from softgym_mj.entities.sheet import Fabric, Sheet
+from softgym_mj.entities.fabric import Fabric
+from softgym_mj.entities.sheet import Sheet
 from softgym_mj.reality.meshes import Mesh
 
 

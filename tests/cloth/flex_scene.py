@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 
 from softgym_mj.cloth import solver
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.intersections import count_intersections
-from softgym_mj.entities.sheet import Fabric
 from softgym_mj.native.library import load_plugin
 from softgym_mj.reality.vertices import Vertices
 

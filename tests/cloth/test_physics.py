@@ -14,7 +14,7 @@ import pytest
 
 from softgym_mj.cloth import solver
 from softgym_mj.entities.cloth import DEFAULT_DIMS, Cloth
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.reality.meshes import rectangle
 from softgym_mj.reality.replay import replay
 from tests.cloth.beams import elastica_drop

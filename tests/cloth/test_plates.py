@@ -7,7 +7,7 @@ import pytest
 
 from softgym_mj.cloth import solver
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.reality.lab.experiments import SPACING, cantilever
 from softgym_mj.reality.lab.meshes import MESHES, strip
 from softgym_mj.reality.lab.specimen import Specimen

@@ -7,7 +7,7 @@ import pytest
 import softgym_mj
 from softgym_mj.entities import Fabric
 from softgym_mj.entities.cloth import Cloth, grid_shape
-from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS
+from softgym_mj.entities.fabric import AREA_DENSITY, THICKNESS
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.robots.base import SIM_STEP

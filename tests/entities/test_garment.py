@@ -11,8 +11,8 @@ import pytest
 from softgym_mj import assets, metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cloth import Cloth
+from softgym_mj.entities.fabric import AREA_DENSITY, THICKNESS, Fabric
 from softgym_mj.entities.garment import Garment
-from softgym_mj.entities.sheet import AREA_DENSITY, THICKNESS, Fabric
 from softgym_mj.robots.base import SIM_STEP
 
 RADIUS = THICKNESS / 2.0  # [m]

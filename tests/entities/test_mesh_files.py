@@ -8,9 +8,9 @@ import pytest
 import trimesh
 
 from softgym_mj import assets
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.garment import Garment
 from softgym_mj.entities.mesh_files import MOST_VERTICES, read_mesh
-from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from tests.cloth.test_slivers import irregular, with_sliver_inside
 from tests.entities.test_garment import T_SHIRT, Scene, obj

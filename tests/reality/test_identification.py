@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.jobs.executors import SerialExecutor
 from softgym_mj.reality import rag_scene, rags

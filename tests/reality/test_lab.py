@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality.lab import experiments
 from softgym_mj.reality.lab.meshes import MESHES, strip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.cloth import fabrics
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.reality import primitives
 from softgym_mj.reality.identification.rag_data import SIZE, RagScene
 from softgym_mj.reality.meshes import rectangle

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softgym_mj.cloth.fabrics import GRAVITY
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality import recorder as recorders
 from softgym_mj.reality.meshes import Mesh, rectangle

@@ -11,7 +11,7 @@ from dm_control import suite
 
 import softgym_mj
 from softgym_mj.entities import CameraPose, Cloth, Garment, Rope, View
-from softgym_mj.entities.sheet import AREA_DENSITY
+from softgym_mj.entities.fabric import AREA_DENSITY
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, UnexpectedArgumentError
 from softgym_mj.fluid import Liquid, Resolution, Water

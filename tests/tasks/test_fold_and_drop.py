@@ -6,7 +6,7 @@ import pytest
 import softgym_mj
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.sheet import THICKNESS
+from softgym_mj.entities.fabric import THICKNESS
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.tasks.shared.starts.cloths import FlatCloth, HangingCloth
 from softgym_mj.variations.indices import NUM_VARIATIONS

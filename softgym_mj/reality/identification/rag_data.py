@@ -10,7 +10,7 @@ import pathlib
 import numpy as np
 
 from softgym_mj.cloth import solver
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import StoreError
 from softgym_mj.reality import primitives, rags
 from softgym_mj.reality.identification.recordings import (

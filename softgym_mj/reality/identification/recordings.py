@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from scipy.spatial import cKDTree
 
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.reality.meshes import Mesh
 from softgym_mj.reality.nearest import SurfaceDistance
 from softgym_mj.reality.surfaces import seen

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from softgym_mj.cloth import solver
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.reality import rags
 from softgym_mj.reality.clouds import Cloud
 from softgym_mj.reality.identification.rag_data import (

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.reality.identification.recordings import FIT, Motion, Recording, Scene
 from softgym_mj.reality.identification.unknowns import LATENCY, fabric_of, values_at
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from softgym_mj.cloth import solver
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError, SimulationError
 from softgym_mj.reality.lab import theory
 from softgym_mj.reality.lab.meshes import strip

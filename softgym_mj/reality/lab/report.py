@@ -6,7 +6,7 @@ import pathlib
 from collections.abc import Callable, Iterator, Sequence
 
 from softgym_mj.cloth.fabrics import FABRICS
-from softgym_mj.entities.sheet import Fabric
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import check_name
 from softgym_mj.jobs.files import whole, write_json
 from softgym_mj.reality.lab import experiments

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 
 from softgym_mj.cloth import solver
+from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.flex import HELD_MASS
-from softgym_mj.entities.sheet import Fabric
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.native.library import CLOTH, load_plugin
 from softgym_mj.reality.lab.theory import GRAVITY
