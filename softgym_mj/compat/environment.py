@@ -14,8 +14,8 @@ from softgym_mj.compat.actions import ACTION_MODES, MODES_OF, checked, to_flex
 from softgym_mj.compat.cameras import CAMERAS
 from softgym_mj.compat.names import ReplacedError, Table, check_settings
 from softgym_mj.envs.clipping import Clipping
-from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
+from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count, check_name
 from softgym_mj.rendering.offscreen import CameraView, Video
 from softgym_mj.tasks.rope_configuration import goal_name

@@ -2,8 +2,7 @@
 
 import contextlib
 import copy
-import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import dm_env
 import mujoco
@@ -12,6 +11,7 @@ from dm_control import composer
 from dm_control.rl.control import PhysicsError
 
 from softgym_mj.envs import discarded
+from softgym_mj.envs.snapshots import Snapshot, check_content, check_origin
 from softgym_mj.exceptions import (
     InvalidArgumentError,
     LifecycleError,
@@ -19,7 +19,6 @@ from softgym_mj.exceptions import (
     SnapshotError,
     check_count,
 )
-from softgym_mj.kinds import check_kind
 from softgym_mj.rendering.calibration import Calibration
 from softgym_mj.rendering.framebuffer import SizedPhysics
 from softgym_mj.rendering.observables import blank_images
@@ -27,29 +26,6 @@ from softgym_mj.tasks.shared.base import Task
 from softgym_mj.variations.indices import check_variation, split_indices
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-
-
-@dataclasses.dataclass(frozen=True)
-class Snapshot:
-    """Everything that the continuation of an episode depends on.
-
-    Attributes:
-        task_name: task it was taken from.
-        key: `Task.snapshot_key` of that task.
-        physics: mjSTATE_INTEGRATION vector of mjData.
-        task: memory of the task and its actor: variation, bounds, what is held.
-        step_count: env steps since reset.
-        ended: whether the episode has ended.
-        random_state: state of the environment's random generator.
-    """
-
-    task_name: str
-    key: dict[str, object]
-    physics: np.ndarray
-    task: dict
-    step_count: int
-    ended: bool
-    random_state: tuple
 
 
 class Environment(composer.Environment):
@@ -296,14 +272,15 @@ class Environment(composer.Environment):
         self._check_open()
         if not isinstance(snapshot, Snapshot):
             raise SnapshotError(f"expected what `get_state` returned, not {snapshot!r}")
-        self._check_origin(snapshot)
+        check_origin(snapshot, self.name, self._snapshot_key)
         before = None
         try:
             variation = check_variation(snapshot.task["variation"])
             if variation != self.started:
                 before = None if self.started is None else self.get_state()
                 self._start(variation)
-            self._check_content(snapshot)
+            size = mujoco.mj_stateSize(self._model, _STATE)
+            check_content(snapshot, size, self._task.get_state())
         except (LookupError, TypeError, ValueError) as error:
             if before is not None:
                 self.set_state(before)
@@ -341,45 +318,6 @@ class Environment(composer.Environment):
         self._hooks.after_step(self._physics_proxy, self._random_state)
         self.step_count += 1
         return self.step_count < self.horizon
-
-    def _check_origin(self, snapshot: Snapshot) -> None:
-        """Raises unless a snapshot is of the same task with the same settings."""
-        try:
-            for field in dataclasses.fields(Snapshot):
-                check_kind(field.name, getattr(snapshot, field.name), field.type)
-        except InvalidArgumentError as error:
-            raise SnapshotError(f"the snapshot is damaged: {error}") from error
-        if snapshot.task_name != self.name:
-            raise SnapshotError(
-                f"the snapshot is of task {snapshot.task_name!r}, this one is {self.name!r}"
-            )
-        theirs, ours = snapshot.key, self._snapshot_key
-        differ = [
-            f"{name}={theirs.get(name)!r} against {ours.get(name)!r}"
-            for name in {**theirs, **ours}
-            if repr(theirs.get(name)) != repr(ours.get(name))
-        ]
-        if differ:
-            raise SnapshotError(
-                f"the snapshot is of an environment with other settings: {', '.join(differ)}"
-            )
-
-    def _check_content(self, snapshot: Snapshot) -> None:
-        """Raises a ValueError unless a snapshot has what those of the running variation have."""
-        state, own = snapshot.task, self._task.get_state()
-        size = (mujoco.mj_stateSize(self._model, _STATE),)
-        if snapshot.physics.shape != size or not np.isfinite(snapshot.physics).all():
-            raise ValueError(f"physics is expected to be {size} finite numbers")
-        for name in ("initial_performance", "most_strained"):
-            check_kind(name, state[name], float)
-        check_kind("actor", state["actor"], Mapping[str, np.ndarray])
-        found, expected = (
-            {name: (a.shape, a.dtype.kind) for name, a in actor.items()}
-            for actor in (state["actor"], own["actor"])
-        )
-        if found != expected or state.keys() != own.keys():
-            raise ValueError(f"{[*state]}, {found}; expected {[*own]}, {expected}")
-        np.random.RandomState(0).set_state(snapshot.random_state)
 
     def observation(self) -> dict[str, np.ndarray]:
         """The current observation (of `observation_spec()`), for example after `set_state`."""

@@ -13,12 +13,11 @@ from gymnasium.utils import EzPickle
 
 from softgym_mj import registry
 from softgym_mj.envs.clipping import Clipping
-from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.load import load
+from softgym_mj.envs.resets import check_known, checked_options, checked_state, draw_variation
+from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import (
-    InvalidArgumentError,
     LifecycleError,
-    SnapshotError,
     UnexpectedArgumentError,
     check_count,
     check_image_size,
@@ -27,63 +26,9 @@ from softgym_mj.exceptions import (
 from softgym_mj.kinds import check_kind
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
 
-_SHOWN = 60  # Characters of a wrong state in a message.
 _OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera", "clip_actions")
 # Attributes that a copy has besides the arguments and the state of the episode.
 _COPIED = ("_np_random", "_np_random_seed", "action_space", "observation_space", "_spec")
-
-
-def checked_options(options: object) -> dict[Any, Any]:
-    """A copy of the options of a reset.
-
-    Raises:
-        InvalidArgumentError: for what is no dict.
-    """
-    if options is None:
-        return {}
-    if not isinstance(options, Mapping):
-        raise InvalidArgumentError("options", options, 'a dict such as {"variation": 800}, or None')
-    return dict(options)
-
-
-def check_known(seed: object, options: Mapping[str, Any]) -> None:
-    """Raises unless a reset can have these options.
-
-    Raises:
-        InvalidArgumentError: for an unknown option; for a seed or a variation beside a state.
-    """
-    for key in options:
-        check_name("options key", key, ("variation", "state"))
-    if "state" in options:
-        for name, value in (("seed", seed), ("variation", options.get("variation"))):
-            if value is not None:
-                raise InvalidArgumentError(name, value, "None, as the state has its own")
-
-
-def checked_state(state: Any) -> tuple[Snapshot, Mapping[str, Any]]:
-    """A snapshot with the state of a generator.
-
-    Raises:
-        SnapshotError: for anything else.
-    """
-    try:
-        snapshot, generator = state
-        np.random.PCG64().state = generator
-        check_kind("snapshot", snapshot, Snapshot)
-    except (LookupError, TypeError, ValueError, OverflowError) as error:
-        reason = f"expected what `get_state` returned, not {brief(state)}"
-        raise SnapshotError(reason) from error
-    return snapshot, generator
-
-
-def brief(value: object) -> str:
-    """What something is, in few characters: a state has thousands."""
-    return f"{type(value).__name__} {repr(value)[:_SHOWN]}"
-
-
-def draw_variation(generator: np.random.Generator, variations: Sequence[int]) -> int:
-    """The variation of the next episode, one of a split."""
-    return int(variations[int(generator.integers(len(variations)))])
 
 
 def space_of(spec: specs.Array) -> gymnasium.spaces.Box:

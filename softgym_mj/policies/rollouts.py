@@ -14,9 +14,10 @@ import numpy as np
 from gymnasium.vector.utils import CloudpickleWrapper
 
 from softgym_mj import registry
-from softgym_mj.envs.environment import Environment, Snapshot
+from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.load import load
+from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.registry import TaskRecord
 from softgym_mj.vector.batch.backend import BatchBackend

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, iterate
 
 from softgym_mj.envs.clipping import Clipping
-from softgym_mj.envs.environment import Snapshot
+from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.kinds import as_array
 from softgym_mj.robots.base import BOUND_TOLERANCE

@@ -9,8 +9,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from softgym_mj.envs.environment import Snapshot
-from softgym_mj.envs.gymnasium_env import brief, check_known, checked_options, checked_state
+from softgym_mj.envs.resets import brief, check_known, checked_options, checked_state
+from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import (
     InvalidArgumentError,
     LifecycleError,

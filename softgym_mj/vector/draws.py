@@ -5,7 +5,7 @@ from typing import Any
 
 from gymnasium.utils.seeding import np_random
 
-from softgym_mj.envs.gymnasium_env import draw_variation
+from softgym_mj.envs.resets import draw_variation
 
 
 class Draws:

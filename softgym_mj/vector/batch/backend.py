@@ -11,8 +11,8 @@ from gymnasium.vector import AutoresetMode
 
 from softgym_mj.batch.places import Place
 from softgym_mj.batch.worlds import NOT_FINITE
-from softgym_mj.envs.environment import Snapshot
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.grip import may_be

@@ -9,8 +9,9 @@ from typing import Any
 import cloudpickle
 
 from softgym_mj.batch.places import Place, Processor
-from softgym_mj.envs.environment import Environment, Snapshot
+from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
+from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.executors import ProcessExecutor
 from softgym_mj.rendering.observables import blank_images

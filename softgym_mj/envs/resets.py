@@ -1,0 +1,65 @@
+"""What a reset of Gymnasium is asked for: its options, a state, a variation."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from softgym_mj.envs.snapshots import Snapshot
+from softgym_mj.exceptions import InvalidArgumentError, SnapshotError, check_name
+from softgym_mj.kinds import check_kind
+
+_SHOWN = 60  # Characters of a wrong state in a message.
+
+
+def checked_options(options: object) -> dict[Any, Any]:
+    """A copy of the options of a reset.
+
+    Raises:
+        InvalidArgumentError: for what is no dict.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise InvalidArgumentError("options", options, 'a dict such as {"variation": 800}, or None')
+    return dict(options)
+
+
+def check_known(seed: object, options: Mapping[str, Any]) -> None:
+    """Raises unless a reset can have these options.
+
+    Raises:
+        InvalidArgumentError: for an unknown option; for a seed or a variation beside a state.
+    """
+    for key in options:
+        check_name("options key", key, ("variation", "state"))
+    if "state" in options:
+        for name, value in (("seed", seed), ("variation", options.get("variation"))):
+            if value is not None:
+                raise InvalidArgumentError(name, value, "None, as the state has its own")
+
+
+def checked_state(state: Any) -> tuple[Snapshot, Mapping[str, Any]]:
+    """A snapshot with the state of a generator.
+
+    Raises:
+        SnapshotError: for anything else.
+    """
+    try:
+        snapshot, generator = state
+        np.random.PCG64().state = generator
+        check_kind("snapshot", snapshot, Snapshot)
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
+        reason = f"expected what `get_state` returned, not {brief(state)}"
+        raise SnapshotError(reason) from error
+    return snapshot, generator
+
+
+def brief(value: object) -> str:
+    """What something is, in few characters: a state has thousands."""
+    return f"{type(value).__name__} {repr(value)[:_SHOWN]}"
+
+
+def draw_variation(generator: np.random.Generator, variations: Sequence[int]) -> int:
+    """The variation of the next episode, one of a split."""
+    return int(variations[int(generator.integers(len(variations)))])
