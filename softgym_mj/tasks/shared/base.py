@@ -1,20 +1,17 @@
-"""`Task`: objects in a scene, an actor, a start and what is measured; what every task is."""
+"""`Task`: objects in a scene, an actor and a start; how an episode begins, steps and ends."""
 
-import abc
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from dm_control import composer
-from dm_control.composer.observation import observable
 from dm_env import specs
 
 from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.flex import Flex
-from softgym_mj.entities.views import View
 from softgym_mj.exceptions import (
     InvalidArgumentError,
     LifecycleError,
@@ -25,12 +22,9 @@ from softgym_mj.metrics import Array, Measures
 from softgym_mj.rendering.look import FAST, find_look
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.robots.cup_mover import CupTool
-from softgym_mj.robots.factory import GRIPPERS
-from softgym_mj.robots.workspace import ToolStart, Workspace
 from softgym_mj.tasks.shared import actors, checks
+from softgym_mj.tasks.shared.definition import Definition
 from softgym_mj.tasks.shared.driving import Driving
-from softgym_mj.tasks.shared.entries import Entries, point
-from softgym_mj.tasks.shared.goals import Goals
 from softgym_mj.tasks.shared.observations import (
     DEFAULT_IMAGE_SIZE,
     STATES,
@@ -39,41 +33,18 @@ from softgym_mj.tasks.shared.observations import (
 )
 from softgym_mj.tasks.shared.scene import Scene
 from softgym_mj.tasks.shared.state import Episode, State
-from softgym_mj.tasks.shared.symmetry import Turned
 from softgym_mj.variations.indices import SPLITS, Start, check_variation, generator
 from softgym_mj.variations.randomization import DomainRandomization
 from softgym_mj.variations.store import VariationStore
 
 
-class Task(composer.Task, abc.ABC):
+class Task(Definition):
     """What is to be done with ropes, cloths, garments and water, and with which actor.
 
-    A subclass says in its class data what kind of task it is, builds its objects in `__init__`, and
-    defines `measure`; `arrange` too, unless it has a `Start`. `measure`, `bounds`, `reduced` and
-    `beside` are functions of arrays, of one simulation or of many.
+    What a subclass defines is `Definition`'s; here is what all tasks do with it, as a task of
+    composer: scene, episodes, steps, info and snapshots.
 
     Attributes:
-        summary: what is to be done.
-        difficulty, material: words to find it by; the material is also what pickers are made for:
-            "cloth" or "rope".
-        horizon: env steps in an episode.
-        action_repeat: sim steps of 0.01 s per env step.
-        success: normalised performance from which the goal counts as reached.
-        actors: names of those that it can have, the usual one first.
-        workspace: of grippers.
-        reset_height: of grippers at the start [m], or of a cup.
-        arm_height: of the bases of arms above the floor [m].
-        view: from where it is looked at, or its name in `views.VIEWS`.
-        planning_horizon: env steps that planners look ahead; the shipped ones are the paper's table
-            and, for hard tasks, the authors' code.
-        example_variation: the one that shows it best.
-        softgym_name: what SoftGym calls it.
-        hidden_goal: whether the goal depends on the variation and nothing in images without marks
-            shows it.
-        goals: functions of a goal that is drawn in each variation, for hindsight; None for others.
-        symmetries: turns of the world and orders of points that leave the task as it is; a policy
-            can learn from each step in all of them. None by default.
-        driven: whether an `Environment` makes as many sim steps as an action takes.
         actor: what acts.
         scene: everything that is there.
         flexes: what grippers can hold: the vertices of all flexes, numbered on in their order.
@@ -86,20 +57,6 @@ class Task(composer.Task, abc.ABC):
         goal_marks: whether colored images show the marks of the goal.
         arguments: those, as text, that have to agree for a snapshot to fit, besides `snapshot_key`.
     """
-
-    summary = ""
-    difficulty, material = "custom", "cloth"
-    horizon, action_repeat = 100, 8
-    success = 0.9
-    actors: ClassVar[tuple[str, ...]] = GRIPPERS
-    workspace = Workspace((-0.7, -0.6, 0.0), (0.7, 0.6, 0.6))
-    reset_height, arm_height = 0.3, 0.0
-    view: View | str = "cloth"
-    planning_horizon, example_variation = 15, 806
-    softgym_name: str | None = None
-    hidden_goal = driven = False
-    goals: ClassVar[type[Goals] | None] = None
-    symmetries: ClassVar[tuple[Turned, ...]] = ()
 
     def __init__(
         self,
@@ -192,92 +149,6 @@ class Task(composer.Task, abc.ABC):
     def visualize_reward(self, wanted: bool) -> None:
         if wanted is not False:
             raise InvalidArgumentError("visualize_reward", wanted, "False")
-
-    # ------------------------------------------------------------------ what a task defines
-
-    def arrange(self, random: np.random.Generator) -> None:
-        """Places the objects where an episode starts: finite, and not below the floor.
-
-        By default the first object gets the points as stored.
-
-        Args:
-            random: the generator of the current variation: the same for the same index and name
-                of the class. A subclass, or a class with another name, starts elsewhere.
-        """
-        assert self.store is not None, "checked by the constructor"
-        name, thing = next(iter(self.scene.materials.items()))
-        self._stored = {name: self.store.load(self._variation)}
-        thing.set_points(self._stored[name])
-
-    def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
-        """Where the actor starts: unless a task says otherwise above the origin.
-
-        Args:
-            points: (n, 3) [m] of each object at the start, by name.
-        """
-        return ToolStart((0.0, 0.0, self.reset_height), self.workspace)
-
-    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """What an episode's measures compare with: arrays by name.
-
-        Args:
-            variation: index.
-            points: (n, 3) [m] of each object at the start, by name.
-        """
-        return {}
-
-    def show(self, goal: dict[str, np.ndarray]) -> None:
-        """Draws the goal of an episode that starts."""
-
-    @abc.abstractmethod
-    def measure(self, state: State, episode: Episode) -> Measures:
-        """Measures a state and changes nothing: `set_state` calls it once more.
-
-        The tasks of the package are functions of these arrays alone, of one simulation or of many.
-        """
-
-    def bounds(self, episode: Episode) -> tuple[Array, Array]:
-        """(lower, upper) performance (...) that normalise to 0 and 1 in an episode, lower < upper.
-
-        Unless a task says otherwise its performance is from 0 to 1 by itself.
-        """
-        return 0.0, 1.0
-
-    def reduced(self, state: State, episode: Episode) -> Entries:
-        """The few numbers that describe the state, by what they are called.
-
-        What the actor senses of itself follows by itself. Unless a task says otherwise they are
-        the middle of every object.
-        """
-        return {
-            f"middle of the {name}": point(points.mean(axis=-2))
-            for name, points in state.points.items()
-        }
-
-    def beside(self, state: State, episode: Episode) -> Entries:
-        """What the full state lists between the points and what the actor senses, as `reduced`."""
-        return {}
-
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        """Further scalars (...) for info and results, as other work has them; only read there."""
-        return {}
-
-    def remarks(self, episode: Episode) -> dict[str, Array]:
-        """Further scalars (...) for info that say how an episode has started."""
-        return {}
-
-    def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
-        """Further observables by name, with images of height x width pixels."""
-        return {}
-
-    def resize(self, variation: int) -> bool:
-        """Fits the model to a variation; returns True when it changed and must be recompiled."""
-        sizes = () if self.start is None else self.start.sizes(variation)
-        return self.scene.resize(sizes)
-
-    def diagnostics(self) -> dict[str, float | int]:
-        """Further scalars for info."""
-        return self.scene.diagnostics(self.counts_intersections)
 
     # ------------------------------------------------------------------ episode
 
@@ -396,21 +267,6 @@ class Task(composer.Task, abc.ABC):
             "variation": self._variation,
         }
         return {name: np.asarray(value).flat[0] for name, value in found.items()}
-
-    def describe(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        """What info says of a state by its points alone: (...) by name."""
-        normalized = metrics.normalize(measures.performance, *self.bounds(episode))
-        success = normalized >= self.success
-        return {
-            "performance": measures.performance,
-            "normalized_performance": normalized,
-            "success": success,
-            "is_success": success,  # Its name in Stable-Baselines3 and Gymnasium-Robotics.
-            **{f"reward_{name}": value for name, value in measures.rewards.items()},
-            **measures.info,
-            **self.quality(state, episode, measures),
-            **self.remarks(episode),
-        }
 
     @property
     def last_quality(self) -> dict[str, float]:
