@@ -15,8 +15,7 @@ FLOORS = [
     {"envs"},
     {"vector", "compat"},
     {"__init__", "policies"},
-    {"evaluation", "viewing"},
-    {"recording"},
+    {"evaluation", "viewing", "recording"},
     {"learning"},
     {"cli"},
 ]

@@ -17,7 +17,7 @@ from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import BUDGET, CEM, ITERATIONS, PLANNERS, make_planner
 from softgym_mj.policies.saved import SEED, is_saved, sha256
-from softgym_mj.variations.indices import check_variation, split_indices
+from softgym_mj.variations.indices import check_settings, check_variation, split_indices
 
 # Counts up when scores of the same episode would differ: results of two versions are not mixed.
 PROTOCOL = 1
@@ -136,14 +136,6 @@ class Configuration:
                 "python": platform.python_version(),
             },
         }
-
-
-def check_settings(settings: Mapping[str, Any]) -> None:
-    """Raises `InvalidArgumentError` for settings that say what is played, as the variations do."""
-    for name in ("split", "random_state"):
-        if name in settings:
-            valid = f"arguments of the task; not {name!r}, the variations say what is played"
-            raise InvalidArgumentError("settings", dict(settings), valid)
 
 
 def evaluation_variations(number: int, split: str = "evaluate") -> tuple[int, ...]:

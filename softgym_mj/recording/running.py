@@ -16,7 +16,6 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj import registry
-from softgym_mj.evaluation.configuration import check_settings
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.jobs.store import ARRAYS, Store
@@ -29,7 +28,7 @@ from softgym_mj.recording.episodes import LABEL, nested
 from softgym_mj.recording.formats import dataset_name, make_format
 from softgym_mj.recording.noise import check_noise
 from softgym_mj.recording.playing import played
-from softgym_mj.variations.indices import SPLITS, check_variation
+from softgym_mj.variations.indices import SPLITS, check_settings, check_variation
 
 IDLE = ("keep", "drop")
 _NO_NUMBERS = ("cameras", LABEL)  # Infos that say nothing about an episode.

@@ -6,7 +6,7 @@ and whatever was generated before.
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -80,3 +80,11 @@ def generator(name: str, index: int) -> np.random.Generator:
     """The random generator of variation `index` of the family `name`."""
     digest = hashlib.sha256(f"softgym_mj/{name}/{check_variation(index)}".encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:16], "little"))
+
+
+def check_settings(settings: Mapping[str, Any]) -> None:
+    """Raises `InvalidArgumentError` for settings that say what is played, as the variations do."""
+    for name in ("split", "random_state"):
+        if name in settings:
+            valid = f"arguments of the task; not {name!r}, the variations say what is played"
+            raise InvalidArgumentError("settings", dict(settings), valid)
