@@ -88,7 +88,7 @@ app.add_typer(learning.app, name="learning")
 app.add_typer(validation.app, name="validate")
 app.add_typer(identification.app, name="identify")
 
-_VIDEO_SIZE = 480  # Side of a video [pixels].
+VIDEO_SIZE = 480  # Side of a video [pixels].
 
 
 @app.command("list")
@@ -123,7 +123,7 @@ def demo(
     out: Annotated[
         pathlib.Path, typer.Option(help="Folder for videos and pictures.")
     ] = pathlib.Path("demo"),
-    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = _VIDEO_SIZE,
+    size: Annotated[int, typer.Option(help="Image side [pixels].", min=64, max=1280)] = VIDEO_SIZE,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
     look: Look = PAPER.name,
 ) -> None:
@@ -242,7 +242,7 @@ def oracle(
 def _filmed(env, policy: str, variation: int, filmed: bool, **settings: Any) -> Episode:
     """Plays an episode; pictures, which take most of the time, only if they are wanted."""
     camera = "task" if filmed else None
-    return play(env, policy, variation, camera=camera, size=_VIDEO_SIZE, **settings)
+    return play(env, policy, variation, camera=camera, size=VIDEO_SIZE, **settings)
 
 
 def _score(episode: Episode) -> float:

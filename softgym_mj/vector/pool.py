@@ -18,7 +18,7 @@ from softgym_mj.jobs.scripts import unknown_main
 from softgym_mj.vector.worker import END, serve
 
 # [s] That workers have to finish a call whose answer nobody waits for; one may be stuck.
-_PATIENCE = 5.0
+PATIENCE = 5.0
 # [s] After which a waiting thread looks for signals: one that comes just before it goes to sleep
 # does not wake it.
 _GLANCE = 0.5
@@ -169,7 +169,7 @@ def _end(
     jobs.put(None)
     if thread is threading.current_thread():
         return
-    thread.join(_PATIENCE)
+    thread.join(PATIENCE)
     if thread.is_alive():
         for process in processes:
             process.kill()

@@ -30,7 +30,7 @@ def test_a_rollout_is_played_by_the_actor(monkeypatch):
 
 @pytest.mark.long
 def test_scores_name_the_actor(tmp_path, monkeypatch):
-    monkeypatch.setattr(commands, "_VIDEO_SIZE", 64)  # Filming takes longer than the episode.
+    monkeypatch.setattr(commands, "VIDEO_SIZE", 64)  # Filming takes longer than the episode.
     command = ["oracle", "straighten_rope", "--episodes", "1", "--actor", "franka"]
     result = CliRunner().invoke(commands.app, [*command, "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output

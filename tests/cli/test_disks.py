@@ -28,7 +28,7 @@ def run(name, folder, monkeypatch, capsys):
     """Status and last line of a command that writes into a folder."""
     arguments = COMMANDS[name] + [str(folder)] * (COMMANDS[name][-1].startswith("--"))
     monkeypatch.setattr(sys, "argv", ["softgym-mj", *arguments])
-    monkeypatch.setattr(commands, "_VIDEO_SIZE", 64)
+    monkeypatch.setattr(commands, "VIDEO_SIZE", 64)
     for variable in ("SOFTGYM_MJ_CACHE", "MINARI_DATASETS_PATH"):
         monkeypatch.setenv(variable, str(folder))
     with pytest.raises(SystemExit) as ended:

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
 from softgym_mj.learning import reports
-from softgym_mj.learning.training import Training
+from softgym_mj.learning.methods.sac import SAC
 
 SETTINGS = {
     "env_steps": 16, "worlds": 2, "part": 8, "evaluate_every": 2, "episodes": 1,
@@ -21,15 +21,13 @@ def test_a_log_has_lines_of_how_a_training_goes(tmp_path, monkeypatch):
     monkeypatch.setattr(reports, "LINE_SECONDS", 0.01)
     command = ["train", "sac", "straighten_rope", "--device", "host", "--out", str(tmp_path)]
     command += ["--settings", json.dumps(SETTINGS)]
-    learn = Training._learn
+    update = SAC.update
 
-    def interrupted(training, *told):
-        if training.done == 1:
-            time.sleep(0.05)
-            raise KeyboardInterrupt
-        return learn(training, *told)
+    def interrupted(sac, batch):  # The first update is in the second part.
+        time.sleep(0.05)
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr(Training, "_learn", interrupted)
+    monkeypatch.setattr(SAC, "update", interrupted)
     done = CliRunner().invoke(commands.app, command)
     assert done.exit_code != 0
     lines = done.output.splitlines()
@@ -37,7 +35,7 @@ def test_a_log_has_lines_of_how_a_training_goes(tmp_path, monkeypatch):
     assert lines[0].endswith(" sac straighten_rope: makes 2 environments")
     assert any(re.fullmatch(f"{name}starts in {tmp_path}", s) for s in lines)
     assert any(re.match(f"{name}learns: 8 of 16 env steps, .*/s, .* min left", s) for s in lines)
-    monkeypatch.setattr(Training, "_learn", learn)
+    monkeypatch.setattr(SAC, "update", update)
     done = CliRunner().invoke(commands.app, command)
     assert done.exit_code == 0, done.output
     lines = done.output.splitlines()

@@ -208,7 +208,7 @@ class Stuck(gymnasium.Env):
 
 
 def test_nobody_waits_for_a_stuck_worker(monkeypatch):
-    monkeypatch.setattr(vector_pool, "_PATIENCE", 0.1)
+    monkeypatch.setattr(vector_pool, "PATIENCE", 0.1)
     before = set(multiprocessing.active_children())
     backend = ProcessBackend(Stuck, 2, num_workers=2)
     envs = VectorEnv(backend, [0], gymnasium.vector.AutoresetMode.NEXT_STEP)
