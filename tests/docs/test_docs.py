@@ -101,7 +101,16 @@ def _folder(tmp_path_factory):
     return tmp_path_factory.mktemp("commands")
 
 
-@pytest.mark.parametrize("command", shown_commands())
+LONG = ("softgym-mj photo", "softgym-mj oracle")  # Pictures take seconds.
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(command, marks=pytest.mark.long if command.startswith(LONG) else ())
+        for command in shown_commands()
+    ],
+)
 def test_commands_run(command, monkeypatch, folder):
     monkeypatch.chdir(folder)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))

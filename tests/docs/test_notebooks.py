@@ -3,7 +3,6 @@
 import pathlib
 import re
 
-import nbclient
 import nbformat
 import pytest
 
@@ -14,7 +13,6 @@ notebooks = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.ste
 TRAINING_STEPS = 160  # Of the agent in 07_training, which learns from 20,000.
 
 
-QUICK = ("01_quickstart",)  # The others run in `make test-long`, as in CI.
 # Cells appended to notebooks, which check the results of the cells above them.
 CHECKS = {
     "01_quickstart": "assert len(yours) >= 10 and yours.min() > max(0.95, idle.max())",
@@ -22,14 +20,11 @@ CHECKS = {
 }
 
 
-@pytest.mark.parametrize(
-    "file",
-    [
-        pytest.param(file, marks=() if file.stem in QUICK else pytest.mark.long, id=file.stem)
-        for file in NOTEBOOKS
-    ],
-)
+@pytest.mark.long
+@notebooks
 def test_notebook_runs(file, monkeypatch):
+    import nbclient
+
     monkeypatch.setenv("SOFTGYM_MJ_NOTEBOOK_STEPS", str(TRAINING_STEPS))
     notebook = nbformat.read(file, as_version=4)
     if file.stem in CHECKS:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import nbformat
+import pytest
 
 from tools import site_pages
 
@@ -15,6 +16,7 @@ ROOT = pathlib.Path(__file__).parents[2]
 COMMANDS = ("cli", "console", "gymnasium_registration")
 
 
+@pytest.mark.long
 def test_the_site_builds_without_warnings(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -145,6 +145,7 @@ def test_noise_is_larger_in_an_eighth():
     assert noise[3_500:].std().item() == pytest.approx(0.25, rel=0.1)
 
 
+@pytest.mark.long
 def test_it_learns_what_the_teacher_does():
     settings = DistillSettings(**SMALL | {"hidden": (32,)}, updates=4, batch=64, rate=3e-3)
     learner = Distill(settings, _problem(env_steps=16 * 100), _teacher)

@@ -25,7 +25,7 @@ SHOWN = {"demonstrations": 2, "jobs": 1}
 CASES = {
     "sac": (
         ROPE,
-        {**OFF_POLICY, "added": 2, "symmetric": True, "averaged": True, "standard": True},
+        {**OFF_POLICY, "added": 2, "symmetric": True, "standard": True},
     ),
     "sac_hindsight": (GOALS, {**OFF_POLICY, "symmetric": True}),
     "sac_points": (GOALS, {**OFF_POLICY, "points": (8, 8), "symmetric": True}),

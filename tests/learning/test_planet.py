@@ -361,6 +361,7 @@ def _open_loop(seed, number, steps):
     return torch.stack(frames, 2), torch.stack(actions, 2), torch.stack(rewards, 2)
 
 
+@pytest.mark.long
 def test_it_predicts_rewards_and_images_from_actions_alone(trained):
     frames, actions, rewards = _open_loop(11, 40, 12)
     model = trained.model
@@ -386,6 +387,7 @@ def test_it_predicts_rewards_and_images_from_actions_alone(trained):
         assert np.median(found.psnr[..., 1:]) > np.median(others_psnr) + 1.0
 
 
+@pytest.mark.long
 def test_it_reaches_the_middle_more_often_than_random_actions(trained):
     reached = {}
     for name in ("planned", "random"):

@@ -516,6 +516,7 @@ def test_when_it_plans(plans, remembers):
         assert action.shape == (1, 2, ACTION) and (action.abs() <= 1.0).all()
 
 
+@pytest.mark.long
 def test_it_learns_to_reach_a_point():
     """A point in 0..1 on a line is moved by the action; what counts is where it ends, at 0.5.
 

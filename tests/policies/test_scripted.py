@@ -49,6 +49,7 @@ def test_straighten_rope_is_solved():
     assert play("straighten_rope", 801)["normalized_performance"] > 0.95
 
 
+@pytest.mark.long
 def test_spread_cloth_is_spread():
     info = play("spread_cloth", 810)
     assert info["normalized_performance"] > 0.95 and info["finished"]

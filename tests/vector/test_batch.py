@@ -15,6 +15,7 @@ from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, Snapshot
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.batch.rows import Rows, leaves
+from tests.kinds import by_kind
 from tests.native.torch_processor import TorchProcessor
 from tests.vector.same import same
 
@@ -66,7 +67,7 @@ PIXELS = {"actor": "pixel_pick_and_place"}
 @pytest.mark.parametrize(
     "task, settings",
     [
-        *((task, {}) for task in softgym_mj.TASKS),
+        *by_kind({}),
         *((task, PIXELS) for task in ("straighten_rope", "spread_cloth", "fold_cloth")),
     ],
 )
@@ -305,7 +306,7 @@ def _agree(arrays, tensors, where=slice(None)):
 
 @pytest.mark.parametrize(
     "task, settings",
-    [*((task, {}) for task in softgym_mj.TASKS), ("straighten_rope", PIXELS)],
+    [*by_kind({}), ("straighten_rope", PIXELS)],
 )
 def test_tensors_say_what_arrays_say(task, settings):
     both = _twins(task, horizon=3, **settings)
@@ -358,7 +359,9 @@ def test_tensors_that_are_no_actions():
     envs.close()
 
 
-@pytest.mark.parametrize("task", ["straighten_rope", "transport_water"])
+@pytest.mark.parametrize(
+    "task", ["straighten_rope", pytest.param("transport_water", marks=pytest.mark.long)]
+)
 def test_processes_read_the_same_starts(task, monkeypatch):
     monkeypatch.setattr(softgym_mj.vector.batch.starts, "MANY", 2)
     monkeypatch.setattr(softgym_mj.vector.batch.starts, "num_cores", lambda: 2)

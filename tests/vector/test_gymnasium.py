@@ -5,12 +5,13 @@ import pytest
 from gymnasium.vector.utils import batch_space
 
 import softgym_mj
+from tests.kinds import by_kind
 
 NUMBER, HORIZON = 2, 3
 BACKENDS = [
-    *(("host", task) for task in softgym_mj.TASKS),
+    *by_kind("host"),
     *(
-        pytest.param("cpu", task, marks=() if task == "pour_water" else pytest.mark.slow)
+        pytest.param(task, "cpu", marks=() if task == "pour_water" else pytest.mark.slow)
         for task in softgym_mj.TASKS
     ),
 ]
@@ -25,7 +26,7 @@ def _check_infos(infos):
             assert mask.shape == (NUMBER,) and mask.dtype == bool
 
 
-@pytest.mark.parametrize(("device", "task"), BACKENDS)
+@pytest.mark.parametrize(("task", "device"), BACKENDS)
 def test_it_keeps_to_the_interface(device, task):
     settings = {"horizon": HORIZON, "fidelity": "fast", "split": "all", "num_workers": 1}
     names = ["reduced", "full", "full_mask"]

@@ -14,6 +14,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.batch import Pictures, describe, layout
 from softgym_mj.rendering.observables import LABELS
 from softgym_mj.vector.batch.cameras import IMAGES
+from tests.kinds import by_kind
 from tests.native.torch_processor import TorchProcessor
 
 OBJECT = LABELS.index("object")
@@ -50,7 +51,7 @@ def _check(seen, alone, is_water):
 @pytest.mark.parametrize(
     ("task", "domain"),
     [
-        *((task, "nominal") for task in softgym_mj.TASKS),
+        *by_kind("nominal"),
         *((t, SEEN_OTHERWISE) for t in ("drop_fold_cloth", "rope_configuration", "pour_water")),
     ],
 )

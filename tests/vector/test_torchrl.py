@@ -7,19 +7,19 @@ from torchrl.envs.utils import check_env_specs
 
 import softgym_mj
 from softgym_mj.vector.torchrl import TorchRLEnv
+from tests.kinds import by_kind
 
 SETTINGS = {"fidelity": "fast", "num_workers": 1, "split": "all"}
 BACKENDS = [
-    *(("host", task) for task in softgym_mj.TASKS),
+    *by_kind("host"),
     *(
-        ("cpu", task) if task == "transport_water" else pytest.param("cpu", task, marks=slow)
-        for slow in (pytest.mark.slow,)
+        pytest.param(task, "cpu", marks=() if task == "transport_water" else pytest.mark.slow)
         for task in softgym_mj.TASKS
     ),
 ]
 
 
-@pytest.mark.parametrize(("device", "task"), BACKENDS)
+@pytest.mark.parametrize(("task", "device"), BACKENDS)
 def test_specs(device, task):
     names = ["reduced", "full", "full_mask"]
     info = ["normalized_performance", "success"]
