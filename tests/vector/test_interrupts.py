@@ -273,7 +273,7 @@ def test_workers_end_with_the_last_reference():
     envs = make()
     envs.reset(seed=SEED)
     with pytest.raises(InvalidArgumentError):  # Its traceback has the environment.
-        envs.step(np.full((2, 8), 2.0))
+        envs.step(np.full((2, 8), np.nan))
     unwrapped = weakref.ref(envs.unwrapped)
     del envs
     gc.collect()
