@@ -18,12 +18,10 @@ import numpy as np
 
 from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.marks import OUTLINE_WIDTH, GoalLine
-from softgym_mj.metrics import Array, Measures
+from softgym_mj.metrics import Measures
 from softgym_mj.robots.workspace import ToolStart
-from softgym_mj.tasks.shared import entries, hanging, quality
-from softgym_mj.tasks.shared.base import Task
-from softgym_mj.tasks.shared.entries import Entries
+from softgym_mj.tasks.shared import hanging
+from softgym_mj.tasks.shared.laid_cloth import LaidCloth
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import HangingCloth
 from softgym_mj.tasks.shared.state import Episode, State
@@ -32,7 +30,7 @@ from softgym_mj.tasks.shared.symmetry import mirrored
 SIZES = (60, 100)  # [particles] The upper end exclusive: facts 5, row 27.
 
 
-class DropCloth(Task):
+class DropCloth(LaidCloth):
     """See the module docstring."""
 
     summary = "Drop a hanging cloth so that it lies flat in its place."
@@ -41,7 +39,7 @@ class DropCloth(Task):
     success = 0.8  # Ours: vertices of a cloth of 0.5 m are 10 cm from their places on average.
     actors, workspace = hanging.ACTORS, hanging.WORKSPACE
     arm_height, view = hanging.BASE_HEIGHT, "drop_cloth"
-    softgym_name = "ClothDrop"
+    softgym_name, folded = "ClothDrop", False
     symmetries = mirrored("rows")
 
     def __init__(
@@ -59,34 +57,17 @@ class DropCloth(Task):
             **settings: entries of `ClothTaskSettings`;
                 `help("softgym_mj.tasks.shared.settings")` explains them.
         """
-        self.cloth = Cloth(fidelity=fidelity)
-        self._outline = GoalLine(5, OUTLINE_WIDTH)
-        super().__init__(
-            [self.cloth], HangingCloth(fidelity, sizes), marks=[self._outline], **settings
-        )
+        cloth = Cloth(fidelity=fidelity)
+        super().__init__(cloth, HangingCloth(fidelity, sizes), **settings)
         hanging.check_grippers(self.actor)
 
     def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
         return hanging.held_by_corners(self.cloth)
 
-    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """SoftGym's particles (dimy, dimx, 3) [m] of the cloth in its place, and its outline."""
-        particles = hanging.laid_down(self.cloth)
-        return {"particles": particles, "outline": quality.outline(particles, folded=False)}
-
-    def show(self, goal: dict[str, np.ndarray]) -> None:
-        self._outline.draw(goal["outline"][quality.AROUND, :2])
+    def place(self, points: np.ndarray) -> np.ndarray:
+        return hanging.laid_down(self.cloth)
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]
         performance = -metrics.offsets(shape, state.points["cloth"], goal)
         return Measures(performance, rewards={"distance": performance})
-
-    def bounds(self, episode: Episode) -> tuple[Array, Array]:
-        return episode.initial_performance, 0.0
-
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        return quality.laying(state, episode, folded=False)
-
-    def reduced(self, state: State, episode: Episode) -> Entries:
-        return entries.corners(state, episode)

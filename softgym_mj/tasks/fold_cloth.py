@@ -18,21 +18,15 @@ from typing import Unpack
 
 import numpy as np
 
-from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.marks import OUTLINE_WIDTH, GoalLine
-from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart, Workspace
-from softgym_mj.tasks.shared import entries, quality
-from softgym_mj.tasks.shared.base import Task
-from softgym_mj.tasks.shared.entries import Entries
+from softgym_mj.tasks.shared.laid_cloth import LaidCloth
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import FlatCloth
-from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.shared.symmetry import anywhere
 
 
-class FoldCloth(Task):
+class FoldCloth(LaidCloth):
     """See the module docstring."""
 
     summary = "Fold a flat cloth in half."
@@ -51,31 +45,12 @@ class FoldCloth(Task):
             **settings: entries of `ClothTaskSettings`;
                 `help("softgym_mj.tasks.shared.settings")` explains them.
         """
-        self.cloth = Cloth(fidelity=fidelity, marker=True)
-        self._outline = GoalLine(5, OUTLINE_WIDTH)
-        super().__init__([self.cloth], FlatCloth(fidelity), marks=[self._outline], **settings)
+        cloth = Cloth(fidelity=fidelity, marker=True)
+        super().__init__(cloth, FlatCloth(fidelity), **settings)
 
     def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
         column = points["cloth"][self.cloth.corners[:2]]
         return ToolStart.over(column, self.reset_height, self.workspace)
 
-    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """SoftGym's particles (dimy, dimx, 3) [m] of the unfolded cloth, and its outline."""
-        particles = self.cloth.particles(points["cloth"])
-        return {"particles": particles, "outline": quality.outline(particles, folded=True)}
-
-    def show(self, goal: dict[str, np.ndarray]) -> None:
-        self._outline.draw(goal["outline"][quality.AROUND, :2])
-
-    def measure(self, state: State, episode: Episode) -> Measures:
-        shape, goal = episode.shapes["cloth"], episode.goal["particles"]
-        return metrics.fold(shape, state.points["cloth"], goal)
-
-    def bounds(self, episode: Episode) -> tuple[Array, Array]:
-        return episode.initial_performance, 0.0
-
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        return quality.laying(state, episode, folded=True)
-
-    def reduced(self, state: State, episode: Episode) -> Entries:
-        return entries.corners(state, episode)
+    def place(self, points: np.ndarray) -> np.ndarray:
+        return self.cloth.particles(points)

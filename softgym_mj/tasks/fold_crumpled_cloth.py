@@ -18,21 +18,15 @@ from typing import Unpack
 
 import numpy as np
 
-from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
-from softgym_mj.entities.marks import OUTLINE_WIDTH, GoalLine
-from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import Workspace
-from softgym_mj.tasks.shared import entries, quality
-from softgym_mj.tasks.shared.base import Task
-from softgym_mj.tasks.shared.entries import Entries
+from softgym_mj.tasks.shared.laid_cloth import LaidCloth
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
 from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth
-from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.shared.symmetry import mirrored
 
 
-class FoldCrumpledCloth(Task):
+class FoldCrumpledCloth(LaidCloth):
     """See the module docstring."""
 
     summary = "Spread a crumpled cloth, then fold it in half."
@@ -51,27 +45,8 @@ class FoldCrumpledCloth(Task):
             **settings: entries of `ClothTaskSettings`;
                 `help("softgym_mj.tasks.shared.settings")` explains them.
         """
-        self.cloth = Cloth(fidelity=fidelity, marker=True)
-        self._outline = GoalLine(5, OUTLINE_WIDTH)
-        super().__init__([self.cloth], CrumpledCloth(fidelity), marks=[self._outline], **settings)
+        cloth = Cloth(fidelity=fidelity, marker=True)
+        super().__init__(cloth, CrumpledCloth(fidelity), **settings)
 
-    def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """SoftGym's particles (dimy, dimx, 3) [m] of the cloth at the origin, and its outline."""
-        particles = self.cloth.particles(self.cloth.flat())
-        return {"particles": particles, "outline": quality.outline(particles, folded=True)}
-
-    def show(self, goal: dict[str, np.ndarray]) -> None:
-        self._outline.draw(goal["outline"][quality.AROUND, :2])
-
-    def measure(self, state: State, episode: Episode) -> Measures:
-        shape, goal = episode.shapes["cloth"], episode.goal["particles"]
-        return metrics.fold(shape, state.points["cloth"], goal)
-
-    def bounds(self, episode: Episode) -> tuple[Array, Array]:
-        return episode.initial_performance, 0.0
-
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        return quality.laying(state, episode, folded=True)
-
-    def reduced(self, state: State, episode: Episode) -> Entries:
-        return entries.corners(state, episode)
+    def place(self, points: np.ndarray) -> np.ndarray:
+        return self.cloth.particles(self.cloth.flat())
