@@ -46,9 +46,12 @@ def images() -> str:
         if task in found:
             without, own = (found[task][name]["env_steps_per_s"] for name in ("without", "with"))
             cells = [f"{without:,.0f}", f"{own:,.0f}", f"{100 * own / without:.0f} %"]
-        overlap = alike[task]["overlap"]["object"]
-        cells += [f"{overlap['mean']:.3f} ({overlap['least']:.3f})"]
-        cells += [f"{alike[task]['rgb_mean_difference']:.1f}"]
+        if task in alike:
+            overlap = alike[task]["overlap"]["object"]
+            cells += [f"{overlap['mean']:.3f} ({overlap['least']:.3f})"]
+            cells += [f"{alike[task]['rgb_mean_difference']:.1f}"]
+        else:
+            cells += ["not yet"] * 2
         rows.append(f"| `{task}` | {' | '.join(cells)} |")
     head = "| task | without | with rgb | share | overlap, mean (least) | difference in colour |"
     return table(head, rows)
@@ -85,7 +88,7 @@ def long() -> str:
     """Many env steps in a row: rate and memory at first and at last."""
     found: Mapping[str, Any] = measured("gpu_steps")
     rows = []
-    for task in TASKS:
+    for task in (name for name in TASKS if name in found):
         own = found[task]
         rate, memory = own["env_steps_per_s"], own["memory_gb"]
         cells = f"{own['env_steps']:,}", *(f"{rate[i]:,.0f}" for i in (1, -1))

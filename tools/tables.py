@@ -76,11 +76,10 @@ def cells(actors: dict[str, experts.Played]) -> list[str]:
 def budgets(results: list[dict]) -> str:
     """What the planners may spend."""
     rows = []
-    for task in TASKS:
-        (result,) = (r for r in results if (r["task"], r["policy"]) == (task, "cem"))
+    for result in (r for r in results if r["policy"] == "cem"):
         keys = ("horizon", "budget", "iterations", "replan_every")
         numbers = [result["planning"][key] for key in keys] + [planned_env_steps(result)]
-        rows.append(f"| `{task}` | {' | '.join(map(str, numbers))} |")
+        rows.append(f"| `{result['task']}` | {' | '.join(map(str, numbers))} |")
     titles = "horizon | env steps for a decision | iterations | a plan is executed for"
     return table(f"| task | {titles} | env steps of an episode |", rows)
 
@@ -139,12 +138,12 @@ def materials() -> str:
 def arm_speeds() -> str:
     """The README's speeds with pickers or cups, and with arms by their shares of these."""
     found, rows = measured("throughput"), []
-    for name in TASKS:
+    for name in (task for task in TASKS if task in found["tasks"]):
         own = found["tasks"][name]
         rate = own["env_steps_per_second"]
         rates = (rate, *(rate * own["arms"][arm] for arm in own["arms"]))
         rows.append(f"| `{name}` | {' | '.join(f'{r:.0f}' for r in rates)} |")
-    titles = " | ".join(f"`{arm}`" for arm in found["tasks"][next(iter(TASKS))]["arms"])
+    titles = " | ".join(f"`{arm}`" for arm in own["arms"])
     head = f"| task, env steps/s | abstract actor | {titles} |"
     return f"{table(head, rows)}\n\n{on(found['machine'])}"
 
@@ -172,7 +171,7 @@ def pictures() -> str:
     }
     for task in TASKS:
         for actor in framing.ACTORS:
-            if actor not in found["after"][task]:
+            if actor not in found["after"].get(task, {}):
                 continue  # Not yet measured.
             cells = []
             for key, form in forms.items():

@@ -176,6 +176,13 @@ def test_the_scores_are_those_of_the_files():
         assert path.read_text() == text
 
 
+def test_a_task_without_measurements_is_listed(monkeypatch):
+    record = registry.TaskRecord("lay_rope", registry.TASKS["straighten_rope"].resolve())
+    monkeypatch.setitem(registry.TASKS, "lay_rope", record)
+    (row,) = re.findall(r".*docs/tasks/lay_rope.md.*", tables.pages()[tables.README])
+    assert row.count("not yet measured") == 2 and "not yet played" in row
+
+
 def test_the_picture_of_the_folders_is_theirs():
     assert architecture.FILE.read_text() == architecture.svg()
     page = (ROOT / "docs" / "architecture.md").read_text()
