@@ -17,6 +17,7 @@ from softgym_mj.registry import find
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.make import make_place
+from softgym_mj.vector.playing import play_each, to_host
 
 MOST = 1056  # Episodes at once: more cost memory, and what is done is kept less often.
 
@@ -57,46 +58,35 @@ def play_rows(
         # All that these policies know of an environment.
         known: Any = SimpleNamespace(task=SimpleNamespace(actor=actor, variation=variation))
         policies.append(make_policy(policy, known, seed, trust=trust))
-    kind, returns = dm_env.StepType.FIRST, np.zeros(len(calls))
+
+    def act(seen: Any, first: np.ndarray) -> np.ndarray:
+        rows, actions = _rows(seen, example.observation_space), []
+        for i, choose in enumerate(policies):
+            kind = dm_env.StepType.FIRST if first[i] else dm_env.StepType.MID
+            own = {name: array[i] for name, array in rows.items()}
+            actions.append(choose(dm_env.TimeStep(kind, 0.0, 1.0, own)))
+        return np.array(actions, float)
+
     variations = [variation for variation, _ in calls]
-    seen, _ = envs.reset(options={"variation": variations})
-    ended = np.zeros(len(calls), bool)
-    while not ended.any():
-        rows = _rows(seen, example.observation_space)
-        actions = [
-            act(dm_env.TimeStep(kind, 0.0, 1.0, {name: array[i] for name, array in rows.items()}))
-            for i, act in enumerate(policies)
-        ]
-        seen, rewards, terminated, truncated, infos = envs.step(np.array(actions, float))
-        kind, returns = dm_env.StepType.MID, returns + _host(rewards)
-        if _host(terminated).any():
-            (first, *_) = np.flatnonzero(_host(terminated)).tolist()
-            raise SimulationError(f"variation {variations[first]} of {task} has diverged")
-        ended = _host(truncated)
+    numbers = play_each(envs, act, variations)
+    for i in np.flatnonzero(numbers["diverged"]).tolist():
+        raise SimulationError(f"variation {variations[i]} of {task} has diverged")
     example.dm_env.reset(variations[0])
     quality = tuple(example.dm_env.task.last_quality)
-    numbers = {
-        name: _host(infos[name])
-        for name in ("normalized_performance", "performance", "success", *quality)
-    }
     envs.close()
+    names = ("normalized_performance", "performance", "success", "return")
     return [
         {
             "variation": variation,
             "seed": seed,
-            **{name: numbers[name][i].item() for name in numbers if name not in quality},
-            "return": returns[i].item(),
+            **{name: numbers[name][i].item() for name in names},
             "quality": {name: float(numbers[name][i]) for name in quality},
         }
         for i, (variation, seed) in enumerate(calls)
     ]
 
 
-def _host(array: Any) -> np.ndarray:
-    return np.asarray(array.cpu() if hasattr(array, "cpu") else array)
-
-
 def _rows(seen: Any, space: spaces.Space) -> dict[str, np.ndarray]:
     """Observations by name, as arrays of NumPy."""
     named = seen if isinstance(space, spaces.Dict) else {"observation": seen}
-    return {name: _host(array) for name, array in named.items()}
+    return {name: to_host(array) for name, array in named.items()}

@@ -4,10 +4,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from softgym_mj.learning.learner import Problem, worlds_of
+from softgym_mj.vector.playing import play_each
 
 Act = Callable[[Any, Tensor, Any], tuple[Tensor, Any]]
 
@@ -35,33 +35,23 @@ class Players:
                 each is the first of an episode (seeds, n), and what it remembers.
 
         Returns:
-            Numbers (seeds, variations) of the infos at the end, by name.
+            Numbers (seeds, variations) of the infos at the end, and the "return", by name.
         """
         seeds = len(self._problem.seeds)
         number = len(variations) * seeds
         if number not in self._made:
             self._made[number] = self._make(number)
-        envs, each = self._made[number], [*variations] * seeds
-        seen, _ = envs.reset(options={"variation": each})
-        first, done, memory = np.ones(number, bool), np.zeros(number, bool), None
-        found: dict[str, np.ndarray] = {}
-        while not done.all():
+        memory = None
+
+        def chosen(seen: Any, first: np.ndarray) -> Any:
+            nonlocal memory
             action, memory = act(
                 worlds_of(self._problem, seen), worlds_of(self._problem, first), memory
             )
-            seen, _, terminated, truncated, infos = envs.step(self._told(action))
-            first = np.asarray(torch.as_tensor(terminated | truncated).cpu())
-            fresh, done = first & ~done, done | first
-            if fresh.any():
-                for name, values in infos.items():
-                    if not (name.startswith("_") or isinstance(values, dict)):
-                        array = np.asarray(torch.as_tensor(values).cpu(), float)
-                        kept = found.setdefault(name, np.zeros(number))
-                        kept[fresh] = array[fresh]
-            if first.any() and not done.all():  # What has diverged ends before the others.
-                options = {"reset_mask": first, "variation": each}
-                seen, _ = envs.reset(options=options)
-        return {name: values.reshape(seeds, -1) for name, values in found.items()}
+            return self._told(action)
+
+        found = play_each(self._made[number], chosen, [*variations] * seeds)
+        return {name: values.astype(float).reshape(seeds, -1) for name, values in found.items()}
 
     def close(self) -> None:
         """Closes all environments."""
