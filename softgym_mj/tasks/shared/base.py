@@ -8,17 +8,12 @@ import numpy as np
 from dm_control import composer
 from dm_env import specs
 
-from softgym_mj import metrics
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup
 from softgym_mj.entities.flex import Flex
-from softgym_mj.exceptions import (
-    InvalidArgumentError,
-    LifecycleError,
-    SoftGymError,
-)
+from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SoftGymError
 from softgym_mj.fluid import Water
-from softgym_mj.metrics import Array, Measures
+from softgym_mj.metrics import Measures
 from softgym_mj.rendering.look import FAST, find_look
 from softgym_mj.robots.base import SIM_STEP, Actor
 from softgym_mj.robots.cup_mover import CupTool
@@ -252,10 +247,6 @@ class Task(Definition):
         if self._measures is None:
             raise LifecycleError("no episode has started: call reset() first")
         return self._measures
-
-    def normalized(self, performance: Array) -> Array:
-        """A performance of this episode in terms of its bounds."""
-        return metrics.normalize(performance, *self.bounds(self.episode))
 
     def info(self) -> dict[str, np.generic]:
         """NumPy scalars of the last evaluation; "reward_*" entries add up to the reward."""
