@@ -82,7 +82,8 @@ def test_the_example_of_the_cloth_plugin_runs(tmp_path, monkeypatch, capsys):
 def test_the_migration_page_lists_every_name():
     for name, record in registry.TASKS.items():
         old = record.resolve().softgym_name
-        assert re.search(rf"^\| `{old}` \| \w+ \| `{name}` \|$", MIGRATION, re.MULTILINE)
+        row = rf"^\| `{old}` \| \w+ \| `{name}` \|$"
+        assert old is None or re.search(row, MIGRATION, re.MULTILINE)
 
 
 def test_links_lead_to_files():
