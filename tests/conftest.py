@@ -2,16 +2,29 @@
 
 import os
 import pathlib
+import random
 import signal
+import sys
 
 # Before anything imports dm_control.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("SOFTGYM_MJ_CACHE", str(pathlib.Path(__file__).parent.parent / ".test_cache"))
 import gymnasium
+import numpy as np
 import pytest
 
 import softgym_mj  # Chooses the OpenGL backend.
 from tests.disks import Disk
+
+
+@pytest.fixture(autouse=True)
+def _seeds(monkeypatch):
+    """Each test draws the same random numbers, also by generators that it leaves without a seed."""
+    random.seed(0)
+    np.random.seed(0)  # noqa: NPY002 - the global generator, too.
+    monkeypatch.setattr(np.random.bit_generator, "randbits", random.Random(0).getrandbits)
+    if "torch" in sys.modules:
+        sys.modules["torch"].manual_seed(0)
 
 
 @pytest.fixture(autouse=True)

@@ -1,7 +1,5 @@
 """Behaviour cloning: its oracles are plain loops, one seed alone, and experts that are formulas."""
 
-import io
-
 import numpy as np
 import pytest
 import torch
@@ -81,15 +79,6 @@ def test_symmetries_teach_what_was_not_shown():
             bc.study()
         errors.append((bc.actor.mean(place) + 0.8).abs().mean().item())
     assert errors[0] > 1.0 and errors[1] < 0.3
-
-
-def test_a_policy_is_exported():
-    bc = BC(SMALL, [1, 2], _shown())
-    file, place = io.BytesIO(), torch.randn(1, 2)
-    torch.export.save(torch.export.export(bc.policy(1).eval(), (place,)), file)
-    file.seek(0)
-    found = torch.export.load(file).module()(place)
-    assert torch.equal(found, bc.actor.mean(place.expand(2, 1, 2))[1])
 
 
 class _Killed(Exception):

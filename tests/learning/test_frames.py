@@ -90,18 +90,6 @@ def _padded(history, step, world, name, part):
     return wide if name == "depth" else np.moveaxis(wide, 1, -1)
 
 
-def test_a_state_continues_with_the_same_draws():
-    first, second = (Frames(9, SEEDS, WORLDS, SHAPES, frames=2, shift=1) for _ in range(2))
-    _played(first, 12)
-    first.sample(0, 5)
-    second.set_state(first.get_state())
-    for frames in (first, second):  # The episodes continue, too.
-        frames.add(_values(torch.Generator().manual_seed(5)), torch.zeros(2, WORLDS, dtype=bool))
-    for k in range(2):
-        drawn, again = first.sample(k, 50), second.sample(k, 50)
-        assert all(torch.equal(drawn[name], again[name]) for name in SHAPES)
-
-
 def test_a_state_that_is_cut_has_no_stacks_across_the_cut(monkeypatch):
     monkeypatch.setattr("softgym_mj.learning.frames.NEWEST_IMAGES", 4 * WORLDS * len(SEEDS))
     first, second = (Frames(9, SEEDS, WORLDS, SHAPES, frames=3) for _ in range(2))

@@ -26,7 +26,6 @@ from softgym_mj.learning.methods.planet.learner import (
     plan,
 )
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.optimization import cut
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
@@ -218,23 +217,6 @@ def test_frames_are_centred_by_their_bits():
     np.testing.assert_allclose(centred(frames, 5, 0.0), steps / 32 - 0.5)
     np.testing.assert_allclose(centred(frames, 5, 0.75), (steps + 0.75) / 32 - 0.5)
     np.testing.assert_allclose(centred(frames, 8), (frames.numpy() + 0.5) / 256 - 0.5)
-
-
-def test_each_seed_has_a_longest_gradient_of_its_own():
-    sources = generators([1, 2], "cpu")
-    weights = [nn.Parameter(drawn(sources, *shape)) for shape in ((3,), (2, 4))]
-    before = [drawn(sources, *weight.shape[1:]) for weight in weights]
-    before = [torch.stack([gradient[0], 0.01 * gradient[1]]) for gradient in before]
-    for weight, gradient in zip(weights, before, strict=True):
-        weight.grad = gradient.clone()
-    cut(weights, len(weights[0]), 0.5)
-    own = [nn.Parameter(weight[0].detach()) for weight in weights]
-    for weight, gradient in zip(own, before, strict=True):
-        weight.grad = gradient[0].clone()
-    nn.utils.clip_grad_norm_(own, 0.5)
-    for weight, single, gradient in zip(weights, own, before, strict=True):
-        torch.testing.assert_close(weight.grad[0], single.grad)
-        assert torch.equal(weight.grad[1], gradient[1])  # Short enough.
 
 
 # ---------------------------------------------------------------------- planning

@@ -77,27 +77,6 @@ def test_the_oldest_make_way():
     assert replay.size == 4
 
 
-def test_a_seed_draws_the_same_whoever_is_beside_it():
-    together, alone = _replay(), Replay(10, SEEDS[1:], WORLDS, (2,), 1, discount=DISCOUNT)
-    for t in range(6):
-        step = _step(t)
-        together.add(step)
-        alone.add(Step(*(array[1:] for array in step)))
-    for _ in range(3):
-        assert torch.equal(together.sample(5).action[1], alone.sample(5).action[0])
-
-
-def test_a_state_goes_on_with_the_same_batches():
-    first, second = _replay(steps=2), _replay(steps=2)
-    for t in range(7):
-        first.add(_step(t))
-    first.sample(3)
-    second.set_state(first.get_state())
-    for replay in (first, second):
-        replay.add(_step(7))
-    assert torch.equal(first.sample(6).action, second.sample(6).action)
-
-
 def test_a_state_has_the_newest_images(monkeypatch, caplog):
     monkeypatch.setattr(replays, "NEWEST_IMAGES", 5)
     first, second = (Replay(6, [0], 2, (1, 1, 3), 1, discount=0.9) for _ in range(2))

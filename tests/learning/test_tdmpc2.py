@@ -43,11 +43,6 @@ SMALL = TDMPC2Settings(
 )  # fmt: skip
 
 
-@pytest.fixture(autouse=True)
-def _seeded():
-    torch.manual_seed(0)
-
-
 def _normal(source, *shape):
     return torch.randn(*shape, generator=source)
 

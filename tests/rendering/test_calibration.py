@@ -8,6 +8,7 @@ import softgym_mj
 from softgym_mj.entities import Arena
 from softgym_mj.rendering.observables import EXTERNAL
 from softgym_mj.rendering.offscreen import CameraView
+from tests.kinds import by_kind
 
 SIZE = (160, 200)
 CAMERAS = ("task", "overview", *EXTERNAL)
@@ -79,7 +80,7 @@ def test_cameras_face_each_other_across_the_scene(scene):
     np.testing.assert_allclose(places[0][:2], -places[1][:2], atol=1e-9)
 
 
-@pytest.mark.parametrize("task", softgym_mj.TASKS)
+@pytest.mark.parametrize("task", by_kind())
 def test_external_cameras_see_all_of_the_object(task):
     own = {} if "rope" in task else {"fidelity": "fast"}
     env = softgym_mj.load(task, split="all", observation="external_depth", **own)
