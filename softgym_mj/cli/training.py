@@ -126,7 +126,7 @@ def train(
 
 def _teacher(name: str, trust: bool) -> dict[str, Any]:
     """Returns settings of distill for a teacher."""
-    from softgym_mj.policies.exported import SUFFIX, observes
+    from softgym_mj.policies.exported import SUFFIX, has_images, observes
 
     file = name if name.endswith(SUFFIX) else f"docs/results/policies/{name}{SUFFIX}"
     if not pathlib.Path(file).is_file():
@@ -137,7 +137,7 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
             "trust whoever made it, say so by --trust"
         )
     observed = observes(file).get("observation", "markov")
-    if not isinstance(observed, str) or observed == "rgb":
+    if not isinstance(observed, str) or has_images([observed]):
         raise InvalidArgumentError("teacher", name, f"a policy of states; it observes {observed}")
     return {"teacher": file, "privileged": observed}
 

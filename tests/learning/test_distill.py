@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from softgym_mj.cli import training
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.frames import pictured
 from softgym_mj.learning.learner import Problem, Step
@@ -191,3 +192,14 @@ def test_bad_settings_are_refused():
     for shapes in ({"held": (2,)}, {"rgb": (20, 20, 3)}):
         with pytest.raises(InvalidArgumentError, match="35 pixels"):
             Student(DistillSettings(), shapes, 2)
+
+
+@pytest.mark.parametrize("observed", ["rgb", "depth", "external_rgb", ["reduced", "rgb"]])
+def test_teachers_of_images_are_refused(tmp_path, monkeypatch, observed):
+    file = tmp_path / "teacher.pt2"
+    file.touch()
+    monkeypatch.setattr(
+        "softgym_mj.policies.exported.observes", lambda name: {"observation": observed}
+    )
+    with pytest.raises(InvalidArgumentError, match="a policy of states"):
+        training._teacher(str(file), True)
