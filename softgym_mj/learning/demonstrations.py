@@ -8,7 +8,8 @@ the next one finds them, until the expert is written otherwise.
 import functools
 import json
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -35,7 +36,7 @@ from softgym_mj.vector.processes import num_cores
 
 POLICY = "scripted"
 OBSERVATIONS = ("reduced", "markov", "full")
-_KEPT = ("observations", "rewards", "terminations")
+_KEPT = ("rewards", "terminations")  # Beside observations.
 _APART = 0x44454D4F  # Keeps the random numbers of batches apart from those of other replays.
 
 _log = logging.getLogger(__name__)
@@ -79,10 +80,57 @@ def collect(
             the task has no expert.
         StoreError: if the cache cannot be written.
     """
+    check_name("observation", problem.observed, OBSERVATIONS)
+    found = _collected(problem, {"observation": problem.observed}, episodes, jobs, progress, noise)
+    seen, terminated = found["observations"], found["terminations"]
+    ended = terminated.clone()
+    ended[:, -1] = True
+    rewards = problem.reward_scale * found["rewards"].float()
+    return Step(seen[:, :-1], found[_shown(noise)], rewards, seen[:, 1:], terminated, ended)
+
+
+def collect_images(
+    problem: Problem, episodes: int, jobs: int | None = None, noise: float = 0.0
+) -> tuple[dict[str, Tensor], Tensor]:
+    """Plays the same episodes, of several observations; MuJoCo draws what is an image.
+
+    Args:
+        problem: see `collect`; its observations have names.
+        episodes, jobs, noise: see `collect`.
+
+    Returns:
+        Observations by name before each env step, and actions of the expert (episodes, steps, ...).
+
+    Raises:
+        InvalidArgumentError, StoreError: see `collect`.
+    """
+    seen: dict[str, Any] = {"observation": [*problem.shapes]}
+    if sizes := [shape for shape in problem.shapes.values() if len(shape) > 1]:
+        seen["image_size"] = sizes[0][-3:-1] if len(sizes[0]) > 2 else sizes[0]
+    found = _collected(problem, seen, episodes, jobs, _tell, noise)
+    names = seen["observation"]
+    keys = [f"observations/{name}" for name in names] if len(names) > 1 else ["observations"]
+    observations = {name: found[key][:, :-1] for name, key in zip(names, keys, strict=True)}
+    return observations, found[_shown(noise)]
+
+
+def _collected(
+    problem: Problem,
+    seen: Mapping[str, Any],
+    episodes: int,
+    jobs: int | None,
+    progress: Callable[[int, int], None],
+    noise: float,
+) -> dict[str, Tensor]:
+    """Returns the arrays of episodes (episodes, ...) by name.
+
+    Args:
+        seen: what is observed, as arguments of the task.
+        problem, episodes, jobs, progress, noise: see `collect`.
+    """
     check_demonstrations(episodes, jobs)
     check_noise(noise)
-    check_name("observation", problem.observed, OBSERVATIONS)
-    settings = {"observation": problem.observed, **problem.task_settings}
+    settings = {**seen, **problem.task_settings}
     specification = {
         "task": problem.task,
         "policy": POLICY,
@@ -105,16 +153,13 @@ def collect(
         written = json.dumps(settings, sort_keys=True)
         play_one = functools.partial(_played, sent_to(executor, problem.task), written, noise)
         store.run(range(episodes), play_one, executor, add, replace=True)
-
-    def stacked(name: str) -> Tensor:
-        arrays = np.stack([found[variation][name] for variation in range(episodes)])
-        return torch.as_tensor(arrays, device=problem.device)
-
-    seen, terminated = stacked("observations"), stacked("terminations")
-    ended = terminated.clone()
-    ended[:, -1] = True
-    rewards = problem.reward_scale * stacked("rewards").float()
-    return Step(seen[:, :-1], stacked(_shown(noise)), rewards, seen[:, 1:], terminated, ended)
+    return {
+        name: torch.as_tensor(
+            np.stack([found[variation][name] for variation in range(episodes)]),
+            device=problem.device,
+        )
+        for name in found[0]
+    }
 
 
 def _played(
@@ -122,7 +167,12 @@ def _played(
 ) -> dict[str, np.ndarray]:
     """The arrays of an episode, by `_KEPT`, and the actions that are shown."""
     arrays = played(task, settings, POLICY, 0, False, "keep", noise, variation)
-    return {name: arrays[name] for name in (*_KEPT, _shown(noise))}
+    kept = *_KEPT, _shown(noise)
+    return {
+        name: array
+        for name, array in arrays.items()
+        if name.startswith("observations") or name in kept
+    }
 
 
 def _shown(noise: float) -> str:

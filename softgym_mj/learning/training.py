@@ -118,7 +118,7 @@ class Training:
     def _make(self, number: int, **settings: Any) -> Any:
         own, observed = self.settings, self.settings.observed
         if (privileged := getattr(self.method.settings, "privileged", None)) is not None:
-            observed["observation"] = [*own.observations, privileged]
+            observed["observation"] = [*own.observations, *filter(None, [privileged])]
         return softgym_mj.make_vec(
             own.task, number, device=self.device, **{**observed, **own.task_settings, **settings}
         )

@@ -11,7 +11,7 @@ from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.jobs.executors import Executor
 from softgym_mj.learning import demonstrations
-from softgym_mj.learning.demonstrations import collect, replay_of
+from softgym_mj.learning.demonstrations import collect, collect_images, replay_of
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.symmetries import Symmetry
 from softgym_mj.policies.experts import make_policy
@@ -50,6 +50,39 @@ def test_they_are_what_the_expert_does(cache):
         assert env.dm_env.info()["normalized_performance"] > 0.9
     assert not shown.terminated.any()
     assert shown.ended[:, -1].all() and not shown.ended[:, :-1].any()
+
+
+def test_images_are_what_the_expert_sees(cache):
+    names, size = ["rgb", "held"], (24, 20)
+    env = SoftGymEnv(
+        "straighten_rope", observation=names, image_size=size, split="all", horizon=6, **SETTINGS
+    )
+    shapes = {name: env.observation_space[name].shape for name in names}
+    problem = dataclasses.replace(
+        PROBLEM, observation=(), observed=tuple(names), shapes=shapes,
+        task_settings={**SETTINGS, "horizon": 6},
+    )  # fmt: skip
+    seen, actions = collect_images(problem, 2, 1, 0.1)
+    assert actions.shape == (2, 6, 8) and seen["rgb"].dtype == torch.uint8
+    again, _ = collect_images(problem, 2, 1)
+    alone = {"rgb": shapes["rgb"]}
+    single, _ = collect_images(dataclasses.replace(problem, observed="rgb", shapes=alone), 2, 1)
+    assert single.keys() == {"rgb"} and torch.equal(single["rgb"], again["rgb"])
+    for variation in range(2):
+        now, _ = env.reset(options={"variation": variation})
+        act, timestep = make_policy(env.dm_env), env.dm_env.reset(variation)
+        # Noise leads elsewhere; what is shown are the expert's own actions.
+        np.testing.assert_array_equal(actions[variation, 0], act(timestep).astype(np.float32))
+        for name in names:
+            np.testing.assert_array_equal(seen[name][variation, 0], now[name])
+        for k in range(5):
+            action = act(timestep) if k else actions[variation, 0].numpy().astype(float)
+            timestep = env.dm_env.step(action)
+            for name in names:
+                np.testing.assert_array_equal(
+                    again[name][variation, k + 1], timestep.observation[name]
+                )
+        assert not torch.equal(again["rgb"][variation, 5], seen["rgb"][variation, 5])
 
 
 def test_what_was_killed_goes_on_from_what_is_there(cache):

@@ -42,6 +42,10 @@ CASES = {
     ),
     "curl": (PIXELS, {**IMAGES, "crop": 30}),
     "drq": (PIXELS, {**IMAGES, "pad": 1}),
+    "bc_images": (
+        dataclasses.replace(PIXELS, observation=("rgb", "held")),
+        {**SHOWN, "batch": 4, "channels": 4, "features": 6, "hidden": (8,)},
+    ),
     "distill": (
         dataclasses.replace(PIXELS, observation=("rgb", "held")),
         {"updates": 2, "batch": 4, "buffer": 10, "channels": 4, "features": 6, "hidden": (8,)},

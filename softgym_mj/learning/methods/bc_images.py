@@ -1,0 +1,116 @@
+"""Behavior cloning from images: students of `distill` are fitted to episodes of the expert alone.
+
+Nothing is acted while it learns, so that it never sees what its own errors lead to (no DAgger): for
+tasks without a good policy of states, which `distill` needs.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from softgym_mj.kinds import typed
+from softgym_mj.learning.demonstrations import check_demonstrations, collect_images
+from softgym_mj.learning.frames import Frames
+from softgym_mj.learning.learner import Problem, Step
+from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
+from softgym_mj.learning.repetition import Repeated
+from softgym_mj.recording.noise import check_noise
+
+_NOTHING = Step(*[torch.zeros(())] * 6)  # `Distill` learns from its frames.
+
+
+@typed
+@dataclasses.dataclass(frozen=True)
+class BCImagesSettings(DistillSettings):
+    """How a student learns, and from how much; a teacher and its noise have no part in it.
+
+    Attributes:
+        privileged, buffer: unused: students have all that is observed, of all episodes.
+        demonstrations: number of episodes of the expert.
+        jobs: number of processes that play them; None for as many as there are cores.
+        demonstration_noise: standard deviation of the noise on what they apply, as in
+            `recording.record`; what is learned are the actions of the expert itself.
+
+    Raises:
+        InvalidArgumentError: for numbers out of range.
+    """
+
+    privileged: str = ""
+    updates: int = 1
+    buffer: int = 1_000_000
+    demonstrations: int = 200
+    jobs: int | None = None
+    demonstration_noise: float = 0.0
+
+    def __post_init__(self):
+        super().__post_init__()
+        check_demonstrations(self.demonstrations, self.jobs)
+        check_noise(self.demonstration_noise)
+
+
+class BCImages(Distill):
+    """An `Offline` learner.
+
+    Attributes:
+        demonstrated: env steps of the demonstrations.
+    """
+
+    def __init__(self, settings: BCImagesSettings, problem: Problem, shown: Mapping[str, Tensor]):
+        """Draws the students and keeps what they learn from.
+
+        Args:
+            settings: how they learn.
+            problem: what is to be learned.
+            shown: observations and `LABEL`, actions of the expert (episodes, steps, ...) by name.
+        """
+        episodes, steps = shown[LABEL].shape[:2]
+        self.demonstrated = episodes * steps
+        # As many updates as there are vector steps in the whole training.
+        total = problem.env_steps // problem.worlds * episodes
+        own = dataclasses.replace(problem, worlds=episodes, env_steps=total)
+        super().__init__(settings, own, lambda states: states)
+        shapes = {name: tuple(array.shape[2:]) for name, array in shown.items()}
+        self.frames = _Shown(
+            steps, problem.seeds, episodes, shapes, frames=settings.frames, shift=settings.shift,
+            device=problem.device,
+        )  # fmt: skip
+        self._again = Repeated(self._update, self.frames.sources)
+        for t in range(steps):
+            first = torch.full((len(problem.seeds), episodes), t == 0, device=problem.device)
+            self.frames.add({name: array[:, t] for name, array in shown.items()}, first)
+
+    def act(
+        self, observation: Any, first: Tensor, memory: Any, *, explore: bool
+    ) -> tuple[Tensor, Any]:
+        """See `Learner`; a single observation has no name."""
+        if isinstance(observation, Tensor):
+            observation = {str(self._problem.observed): observation}
+        return super().act(observation, first, memory, explore=explore)
+
+    def study(self) -> dict[str, Tensor]:
+        """See `Offline`."""
+        return self.learn(_NOTHING)
+
+
+class _Shown(Frames):
+    """Frames that are in the cache, too: their state has random numbers alone."""
+
+    def get_state(self) -> dict[str, Any]:
+        return {"random": [source.get_state() for source in self.sources]}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        for source, kept in zip(self.sources, state["random"], strict=True):
+            source.set_state(kept)
+
+
+def make(settings: BCImagesSettings, problem: Problem) -> BCImages:
+    """Returns the learner of a problem, which waits for demonstrations that were never played."""
+    if not problem.shapes:
+        shapes = {str(problem.observed): problem.observation}
+        problem = dataclasses.replace(problem, shapes=shapes)
+    own = settings.demonstrations, settings.jobs, settings.demonstration_noise
+    observations, actions = collect_images(problem, *own)
+    return BCImages(settings, problem, {**observations, LABEL: actions})
