@@ -20,8 +20,8 @@ import torch
 import softgym_mj
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import BUDGET, Plan, make_planner
-from softgym_mj.policies.rollouts import DeviceRollouts
 from softgym_mj.registry import find
+from softgym_mj.vector.batch.rollouts import DeviceRollouts
 
 DECISIONS = {"straighten_rope": 10, "fold_cloth": 10, "transport_water": 10}
 VARIATION = 800

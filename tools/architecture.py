@@ -13,9 +13,8 @@ FLOORS = [
     {"tasks"},
     {"registry"},
     {"envs"},
-    {"vector", "compat"},
-    {"__init__", "policies"},
-    {"evaluation", "viewing", "recording"},
+    {"vector", "compat", "policies"},
+    {"__init__", "viewing", "evaluation", "recording"},
     {"learning"},
     {"cli"},
 ]

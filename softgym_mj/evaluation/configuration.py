@@ -1,6 +1,7 @@
 """What is evaluated: task, policy, variations, seeds, settings."""
 
 import dataclasses
+import importlib.metadata
 import json
 import platform
 from collections.abc import Mapping
@@ -9,7 +10,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-import softgym_mj
 from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
 from softgym_mj.kinds import typed
@@ -130,7 +130,7 @@ class Configuration:
             "settings": json.loads(json.dumps(dict(self.settings))),  # Tuples are lists there.
             "planning": None if self.planning is None else dataclasses.asdict(self.planning),
             "versions": {
-                "softgym_mj": softgym_mj.__version__,
+                "softgym_mj": importlib.metadata.version("softgym_mj"),
                 "mujoco": mujoco.__version__,
                 "numpy": np.__version__,
                 "python": platform.python_version(),

@@ -26,13 +26,13 @@ from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import PLANNERS, Plan
 from softgym_mj.policies.rollouts import (
     Asking,
-    DeviceRollouts,
     ExecutorRollouts,
     Rollouts,
     answered,
     kept_environment,
     sent_to,
 )
+from softgym_mj.vector.batch.rollouts import DeviceRollouts
 from softgym_mj.vector.make import DEVICES
 
 MOST_WORLDS = 4096  # Of the samples of episodes that are played together: more cost memory.

@@ -1,10 +1,9 @@
-"""`Rollouts`: returns of many action sequences from one state, by any executor or on a device.
+"""`Rollouts`: returns of many action sequences from one state, by any executor.
 
 A snapshot restores an episode exactly, so that the returns do not depend on who computes them.
 """
 
 import functools
-import itertools
 import json
 import pickle
 from collections.abc import Generator, Mapping, Sequence
@@ -15,13 +14,10 @@ from gymnasium.vector.utils import CloudpickleWrapper
 
 from softgym_mj import registry
 from softgym_mj.envs.environment import Environment
-from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.load import load
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.jobs.executors import Executor, SerialExecutor
 from softgym_mj.registry import TaskRecord
-from softgym_mj.vector.batch.backend import BatchBackend
-from softgym_mj.vector.make import make_place
 
 # Calls for each worker at a time: enough to even out sequences that take longer than others.
 CALLS_PER_WORKER = 3
@@ -65,50 +61,6 @@ class ExecutorRollouts(Rollouts):
         parts = np.array_split(sequences, number)
         calls = [(*self._key, snapshot, part) for part in parts]
         return np.concatenate(self._executor.all(play_sequences, calls))
-
-
-class DeviceRollouts(Rollouts):
-    """All at once, as rows of arrays on a device: see `vector.make_vec`."""
-
-    def __init__(
-        self,
-        task: str | TaskRecord,
-        settings: Mapping[str, object],
-        device: str,
-        variations: Sequence[int] = (),
-    ):
-        """Chooses what is played.
-
-        Args:
-            task, settings: as of `ExecutorRollouts`.
-            device: "host" or "cuda".
-            variations: those that will be played. Arrays are padded for the largest so far, which
-                changes the last bits of sums: told of all from the start, returns never depend on
-                which are played together.
-        """
-        arguments: dict[str, Any] = {"observation": "reduced", **settings}
-        self._make = functools.partial(SoftGymEnv, registry.find(task), split="all", **arguments)
-        self._device, self._variations = device, variations
-        self._backends: dict[int, BatchBackend] = {}  # The last one, by its number of worlds.
-
-    def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
-        return self.all([(snapshot, sequences)])[0]
-
-    def all(self, trials: Sequence[Trial]) -> list[np.ndarray]:
-        ends = np.cumsum([len(sequences) for _, sequences in trials])
-        number = int(ends[-1])
-        if number not in self._backends:
-            self._backends.clear()  # First: two need twice the memory.
-            self._backends[number] = self._backend(number)
-        return np.split(self._backends[number].replay(trials), ends[:-1])
-
-    def _backend(self, number: int) -> BatchBackend:
-        """So many worlds, with room for all variations."""
-        backend = BatchBackend(self._make(), number, make_place(self._device, number))
-        several = itertools.cycle(self._variations)
-        for _ in range(0, len(self._variations), number):
-            backend.reset(dict(zip(range(number), several, strict=False)))
-        return backend
 
 
 def answered(askers: Sequence[Asking[T]], rollouts: Rollouts) -> list[T]:

@@ -8,13 +8,12 @@ import functools
 import json
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from typing import Any
 
 import gymnasium
-import mujoco
 import numpy as np
 
-import softgym_mj
 from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name
 from softgym_mj.jobs.executors import make_executor
@@ -130,7 +129,7 @@ def record(
             "settings": settings,
             "idle": idle,
             **({"noise": noise} if noise else {}),
-            "versions": {"softgym_mj": softgym_mj.__version__, "mujoco": mujoco.__version__},
+            "versions": {name: version(name) for name in ("softgym_mj", "mujoco")},
         }
         made_of = {
             **configuration,

@@ -10,7 +10,8 @@ from softgym_mj.jobs.journal import Journal
 from softgym_mj.policies import planners
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
-from softgym_mj.policies.rollouts import DeviceRollouts, ExecutorRollouts, Rollouts, answered
+from softgym_mj.policies.rollouts import ExecutorRollouts, Rollouts, answered
+from softgym_mj.vector.batch.rollouts import DeviceRollouts
 from tests.contract.test_contract import actions
 
 both_planners = pytest.mark.parametrize("planner", [CEM, ICEM])
