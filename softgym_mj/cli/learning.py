@@ -43,12 +43,13 @@ def print_table(
     """
     from softgym_mj.learning import results as learned
     from softgym_mj.learning.entering import enter
+    from softgym_mj.learning.tables import table
 
     file = _published(results, "learning.csv")
     known = learned.read_rows(file)
     read = enter if merge else learned.read_folder
     rows = learned.merged(known, *map(read, folders or ()))
-    lines = learned.table(rows, learned.read_references(_published(results, "references.csv")))
+    lines = table(rows, learned.read_references(_published(results, "references.csv")))
     shown = rich.table.Table(show_lines=True, box=rich.box.SIMPLE)
     titles = (
         "task\nhow",

@@ -13,7 +13,6 @@ import numpy as np
 
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.configuration import Planning
-from softgym_mj.evaluation.statistics import summary
 from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.files import naming, read_whole, write_whole
 from softgym_mj.learning.curves import COLUMNS, FILE
@@ -21,8 +20,6 @@ from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
 from softgym_mj.variations.indices import SPLITS
 
-# Numbers of a table that one seed has not: it says nothing of others.
-_SPREAD = "percentile_25", "percentile_75", "mean_low", "mean_high", "iqm_low", "iqm_high"
 _T = TypeVar("_T")
 _Parser = tuple[Callable[[str], Any], str]  # What makes a value of its text, and what is valid.
 
@@ -264,48 +261,3 @@ def write_csv(
     writer.writeheader()
     writer.writerows(table)
     write_whole(file, text.getvalue().encode())
-
-
-def table(rows: Iterable[Row], references: Sequence[Reference] = ()) -> list[dict[str, Any]]:
-    """The numbers of each name and number of env steps, of the last checkpoints on held out ones.
-
-    Args:
-        rows: of all evaluations.
-        references: scores of others.
-
-    Returns:
-        The fields of `Name`; `seeds`: how many; `env_steps`; `updates`, `minutes`, `episodes` and
-        `gap` (train minus held out): medians over seeds; numbers of `statistics.summary`, of the
-        seeds' means: intervals are of resampled seeds; `published`: what others have of that task,
-        method and observation, at the number of env steps next to this one. None where unknown,
-        as quartiles and intervals of one seed are.
-    """
-    found: dict[tuple, dict[str, list[Row]]] = {}
-    for row in (row for row in rows if row.final):
-        splits = found.setdefault((row.name, row.env_steps), {"train": [], "evaluate": []})
-        splits[row.split].append(row)
-    lines = []
-    for (name, env_steps), splits in found.items():
-        if not (held_out := splits["evaluate"]):
-            continue
-        trained = {row.seed: row.normalized_performance for row in splits["train"]}
-        gaps = [trained[r.seed] - r.normalized_performance for r in held_out if r.seed in trained]
-        minutes = [row.seconds / 60 for row in held_out if row.seconds is not None]
-        known = {
-            abs((r.env_steps or env_steps) - env_steps): r.value
-            for r in references
-            if r.bound == "is" and (r.task, r.method, r.observation) == name[:3]
-        }
-        lines.append({
-            **name._asdict(),
-            "seeds": len(held_out),
-            "env_steps": env_steps,
-            "updates": int(np.median([row.updates for row in held_out])),
-            "minutes": float(np.median(minutes)) if minutes else None,
-            "episodes": int(np.median([row.episodes for row in held_out])),
-            **summary([{**vars(row), "variation": None} for row in held_out]),
-            **dict.fromkeys(_SPREAD if len(held_out) == 1 else ()),
-            "gap": float(np.median(gaps)) if gaps else None,
-            "published": known[min(known)] if known else None,
-        })  # fmt: skip
-    return lines

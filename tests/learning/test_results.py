@@ -18,6 +18,7 @@ from softgym_mj.learning.entering import enter
 from softgym_mj.learning.queue import QueuedRun, read_queue
 from softgym_mj.learning.registry import PRESETS
 from softgym_mj.learning.results import Reference, Row
+from softgym_mj.learning.tables import table
 from softgym_mj.policies.planners import BUDGET
 from softgym_mj.registry import TASKS
 from tools import learned
@@ -101,7 +102,7 @@ def test_the_table_by_hand():
         Reference(*NAME[:3], 300, 0.8, "below", "plot", "a bound"),
         Reference("fold_cloth", *NAME[1:3], 300, 0.3, "is", "plot", "another task"),
     ]
-    (line,) = results.table(_training(), known)
+    (line,) = table(_training(), known)
     assert tuple(line[key] for key in results.Name._fields) == NAME
     assert (line["seeds"], line["env_steps"], line["updates"], line["episodes"]) == (
         5,
@@ -122,14 +123,14 @@ def test_the_table_by_hand():
 def test_one_seed_has_no_spread_and_other_lengths_are_other_lines():
     short = [_row(0, 200, "evaluate", 0.3, True, ("fold_cloth", *NAME[1:]))]
     longer = [dataclasses.replace(short[0], env_steps=400)]
-    lines = results.table([*short, *longer, _row(1, 900, "evaluate", 0.9, False)])
+    lines = table([*short, *longer, _row(1, 900, "evaluate", 0.9, False)])
     assert [(line["env_steps"], line["median"], line["iqm"]) for line in lines] == [
         (200, 0.3, 0.3),
         (400, 0.3, 0.3),
     ]
     missing = ("percentile_25", "iqm_low", "iqm_high", "gap", "published")
     assert [lines[0][key] for key in missing] == [None] * 5
-    assert results.table([]) == []
+    assert table([]) == []
 
 
 def test_curves_by_hand():

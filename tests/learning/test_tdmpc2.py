@@ -12,7 +12,7 @@ import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.tdmpc2 import losses
-from softgym_mj.learning.methods.tdmpc2.learner import TDMPC2, TDMPC2Settings, discount_of, make
+from softgym_mj.learning.methods.tdmpc2.learner import TDMPC2, discount_of, make
 from softgym_mj.learning.methods.tdmpc2.mppi import MPPISettings, fitted, mppi
 from softgym_mj.learning.methods.tdmpc2.networks import (
     WorldModel,
@@ -20,6 +20,7 @@ from softgym_mj.learning.methods.tdmpc2.networks import (
     imagined,
     simplicial,
 )
+from softgym_mj.learning.methods.tdmpc2.settings import TDMPC2Settings
 from softgym_mj.learning.methods.tdmpc2.two_hot import (
     cross_entropy,
     expected,
