@@ -11,7 +11,6 @@ import softgym_mj
 from softgym_mj.entities.views import VIEWS
 from softgym_mj.tasks.shared.observations import OBSERVATIONS
 
-STATE_OBSERVATIONS = ("full", "reduced")
 # Fast objects keep the contract tests short; the contract does not depend on the resolution.
 SETTINGS: dict[str, dict] = {
     name: {} if "rope" in record.tags else {"fidelity": "fast"}

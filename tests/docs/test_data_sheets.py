@@ -33,11 +33,12 @@ def test_there_is_a_sheet_for_every_task_and_no_other():
 
 def test_sheets_have_the_dtypes_of_both_interfaces():
     sheet = (data_sheets.FOLDER / "fold_cloth.md").read_text()
-    for name in (*STATES, "full_mask", "rgb", "depth"):
-        in_dm_env = softgym_mj.load("fold_cloth", observation=name).observation_spec()[name]
-        in_gymnasium = gymnasium.make("softgym_mj/FoldCloth-v0", observation=name)
-        dtypes = in_dm_env.dtype, in_gymnasium.observation_space.dtype
-        assert f"| `{name}` | {in_dm_env.shape} | {dtypes[0]} | {dtypes[1]} |" in sheet
+    names = [*STATES, "full_mask", "rgb", "depth"]
+    in_dm_env = softgym_mj.load("fold_cloth", observation=names).observation_spec()
+    in_gymnasium = gymnasium.make("softgym_mj/FoldCloth-v0", observation=names).observation_space
+    for name in names:
+        dtypes = in_dm_env[name].dtype, in_gymnasium[name].dtype
+        assert f"| `{name}` | {in_dm_env[name].shape} | {dtypes[0]} | {dtypes[1]} |" in sheet
 
 
 @pytest.mark.parametrize(("name", "settings"), CASES, ids=str)

@@ -35,7 +35,7 @@ def _compile(folder, *flags):
 
 @pytest.fixture(name="emulated", scope="module")
 def _emulated(tmp_path_factory):
-    return _compile(tmp_path_factory.mktemp("emulated"), "-O2")
+    return _compile(tmp_path_factory.mktemp("emulated"), "-O1")
 
 
 @pytest.mark.parametrize(("task", "variation"), CASES)
