@@ -154,10 +154,12 @@ def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
     text = rich.progress.TextColumn("{task.fields[note]}")
     elapsed = rich.progress.TimeElapsedColumn()
     with rich.progress.Progress(text, elapsed, console=console) as progress:
-        bar = progress.add_task("", total=training.settings.env_steps, note=training.summary())
+        bar = progress.add_task(
+            "", total=training.settings.env_steps, note=reports.summary(training)
+        )
 
         def show() -> None:
-            progress.update(bar, completed=training.covered, note=training.summary())
+            progress.update(bar, completed=training.covered, note=reports.summary(training))
 
         with reports.repeated(show, 1.0):
             training.run(tell, reports.start, logs.POINTS)

@@ -37,6 +37,26 @@ def named(observation: Any) -> Any:
     return "+".join(map(str, observation)) if isinstance(observation, list | tuple) else observation
 
 
+def curve_rows(
+    common: Mapping[str, Any], seeds: Sequence[int], infos: Mapping[str, np.ndarray]
+) -> list[dict[str, Any]]:
+    """Returns the rows of an evaluation.
+
+    Args:
+        common: what they have in common, by `COLUMNS`.
+        seeds: a row of each.
+        infos: how episodes ended (seeds, variations), by name.
+    """
+    scores = {name: infos[name].mean(1) for name in ("normalized_performance", "success")}
+    return [
+        {
+            **common, "seed": seed, "episodes": infos["success"].shape[1],
+            **{name: float(each[k]) for name, each in scores.items()},
+        }
+        for k, seed in enumerate(seeds)
+    ]  # fmt: skip
+
+
 def write_curve(folder: pathlib.Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Writes rows by `COLUMNS` to `folder`/curve.csv: all of it or nothing."""
     _write(folder / FILE, COLUMNS, rows)

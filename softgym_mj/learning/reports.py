@@ -5,6 +5,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
 from softgym_mj.learning.training import Training
 
 LINE_SECONDS = 10.0  # Between two lines of a log.
@@ -36,7 +38,22 @@ def line(text: str) -> None:
 
 def progress(training: Training) -> None:
     """Prints a line about the progress of a training."""
-    line(f"{_name(training)}: {training.summary()}")
+    line(f"{_name(training)}: {summary(training)}")
+
+
+def summary(training: Training) -> str:
+    """Progress in a line: env steps, their rate, updates, time left and the last scores."""
+    total, rate = training.settings.env_steps, training.covered / max(training.seconds, 1e-9)
+    words = [f"{training.phase}: {training.covered:,} of {total:,} env steps"]
+    if training.covered:
+        minutes = (total - training.covered) / rate / 60.0
+        words.append(f"{rate * len(training.seeds):.0f}/s, {minutes:.0f} min left")
+    words.append(f"{training.learner.updates:,} updates")
+    scores = [row for row in training.rows if row["split"] == "evaluate"][-len(training.seeds) :]
+    if scores:
+        mean = np.mean([row["normalized_performance"] for row in scores])
+        words.append(f"held out {mean:.3f}")
+    return ", ".join(words)
 
 
 def start(training: Training) -> None:

@@ -35,13 +35,21 @@ from softgym_mj.learning.checkpoints import (
     refused,
     write_checkpoint,
 )
-from softgym_mj.learning.curves import CARD, POLICY, evaluated, named, write_curve, write_episodes
-from softgym_mj.learning.learner import Learner, Method, Offline, Problem, Step, worlds_of
+from softgym_mj.learning.curves import (
+    CARD,
+    POLICY,
+    curve_rows,
+    evaluated,
+    named,
+    write_curve,
+    write_episodes,
+)
+from softgym_mj.learning.exploring import Explorer, problem_of
+from softgym_mj.learning.learner import Learner, Method, Offline
 from softgym_mj.learning.players import Players
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.policies.exported import export_policy
 
-_PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
 # Between two checkpoints within a part; and as a multiple of the seconds that writing one takes, as
 # those of images have gigabytes.
 KEEP_SECONDS, KEEP_RATIO = 60.0, 50.0
@@ -81,7 +89,6 @@ class Training:
         # Vector steps of the part so far, their actions (seeds, worlds, n), and what the learner
         # remembers of the episodes.
         self._step, self._actions, self._memory = 0, list[Tensor](), None
-        self._scores: tuple[Any, Any] | None = None  # Since the last call of `progress`.
         self._due = time.monotonic() + KEEP_SECONDS  # Of the next checkpoint within a part.
         own = "cuda" if self.device == "cuda" else "cpu"
         if self.learner_device == "cuda" and not torch.cuda.is_available():
@@ -89,21 +96,13 @@ class Training:
         number = settings.worlds * len(self.seeds)
         left = {} if settings.learned_steps is None else {"horizon": settings.learned_steps}
         self._envs = self._make(number, autoreset_mode="SameStep", **left)
-        space = self._envs.single_observation_space
-        shapes = {name: each.shape for name, each in getattr(space, "spaces", {}).items()}
-        if shapes and not hasattr(self.method.settings, "privileged"):
-            valid = f"a single name, as {self.method.name} takes one observation"
-            raise InvalidArgumentError("observation", settings.observation, valid)
-        self._problem = Problem(
-            settings.task, settings.task_settings, self.seeds, settings.worlds,
-            space.shape or (), self._envs.single_action_space.shape[-1],
-            settings.reward_scale, self.learner_device or own, settings.observation,
-            shapes, settings.env_steps,
-        )  # fmt: skip
+        at = self.learner_device or own
+        self._problem = problem_of(settings, self.method, self.seeds, self._envs, at)
+        self._explorer = Explorer(self._problem, self._envs, self.device)
         self._players = Players(
             self._problem,
             lambda number: self._make(number, autoreset_mode="Disabled", split="all"),
-            self._told,
+            self._explorer.told,
         )
         try:
             self.learner = self.method.make(self.method.settings, self._problem)
@@ -129,7 +128,7 @@ class Training:
         return self.done * self.settings.part + self._step * self.settings.worlds
 
     @property
-    def _seconds(self) -> float:
+    def seconds(self) -> float:
         """All that it took so far: start-up and evaluations, too."""
         return self._before + time.perf_counter() - self._begun
 
@@ -192,15 +191,23 @@ class Training:
         settings, news = self.settings, dict[str, Tensor]()
         steps, is_offline = settings.part // settings.worlds, isinstance(self.learner, Offline)
         self.phase = "starts a part"
-        observation, first = (None, None) if is_offline else self._begin_part()
+        observation, first = None, None
+        if not is_offline:
+            if self._actions:
+                self.phase = "repeats a part"
+            observation, first = self._explorer.begin(self.done, self._actions)
         self.phase = "learns"
         while self._step < steps:
             if isinstance(self.learner, Offline):  # As often as others step their environments.
                 news = self.learner.study()
             else:
+                action, self._memory = self.learner.act(
+                    observation, first, self._memory, explore=True
+                )
                 is_last = self._step == steps - 1
-                observation, first, found = self._learn_step(observation, first, is_last)
-                news = found or news
+                step, observation, first = self._explorer.step(observation, action, is_last)
+                self._actions.append(action)
+                news = self.learner.learn(step) or news
             self._step += 1
             before = (self.covered - settings.worlds) * points // settings.env_steps
             if self._step < steps and before < self.covered * points // settings.env_steps:
@@ -212,96 +219,8 @@ class Training:
 
     def _told_of(self, news: Mapping[str, Tensor]) -> dict[str, list[float]]:
         """Losses and the like as lists, with scores of episodes since the last call."""
-        found = dict(news)
-        if self._scores is not None:
-            total, number = self._scores
-            found["explored/normalized_performance"] = total / number  # Not a number without any.
-            self._scores = None
+        found = {**news, **self._explorer.scores()}
         return {name: value.tolist() for name, value in found.items()}
-
-    def _note_scores(self, infos: Mapping[str, Any]) -> None:
-        """Adds scores of episodes that have ended to sums and numbers (seeds,)."""
-        if "final_info" not in infos:
-            return
-        ended = worlds_of(self._problem, infos["_final_info"])
-        scores = worlds_of(self._problem, infos["final_info"]["normalized_performance"])
-        now = torch.where(ended, scores, 0.0).sum(dim=1), ended.sum(dim=1)
-        before = self._scores or (0.0, 0)
-        self._scores = before[0] + now[0], before[1] + now[1]
-
-    def _begin_part(self) -> tuple[Tensor, Tensor]:
-        """Starts the part's episodes and repeats its actions so far.
-
-        Returns:
-            Observations, and whether each is the first of an episode (seeds, worlds).
-        """
-        number = self.settings.worlds
-        firsts = [(seed * _PARTS + self.done) * number for seed in self.seeds]
-        each = [first + i for first in firsts for i in range(number)]
-        seen, _ = self._envs.reset(seed=each, options={"stagger": number})
-        observation = worlds_of(self._problem, seen)
-        first = torch.ones(len(self.seeds), number, dtype=torch.bool, device=self._problem.device)
-        for action in self._actions:
-            self.phase = "repeats a part"
-            seen, _, terminated, truncated, _ = self._envs.step(self._told(action))
-            observation = worlds_of(self._problem, seen)
-            first = worlds_of(self._problem, terminated) | worlds_of(self._problem, truncated)
-        return observation, first
-
-    def _learn_step(
-        self, observation: Tensor, first: Tensor, is_last: bool
-    ) -> tuple[Tensor, Tensor, dict[str, Tensor]]:
-        """Steps all environments and learns from it.
-
-        Args:
-            observation, first: as `_begin_part` returns them.
-            is_last: whether the part ends, so that no episode is followed any further.
-
-        Returns:
-            The next observations, whether each is the first of an episode, and losses.
-        """
-        action, self._memory = self.learner.act(observation, first, self._memory, explore=True)
-        seen, rewards, terminated, truncated, infos = self._envs.step(self._told(action))
-        self._note_scores(infos)
-        following = worlds_of(self._problem, seen)
-        terminated, truncated = (worlds_of(self._problem, each) for each in (terminated, truncated))
-        ended = terminated | truncated
-        step = Step(
-            observation, action,
-            self.settings.reward_scale * worlds_of(self._problem, rewards).float(),
-            self._last(following, infos), terminated, ended | is_last,
-        )  # fmt: skip
-        self._actions.append(action)
-        return following, ended, self.learner.learn(step)
-
-    def _told(self, action: Tensor) -> Any:
-        """Actions (seeds, worlds, n) as environments take them."""
-        flat = action.flatten(0, 1)
-        return flat if self.device == "cuda" else flat.cpu().numpy()
-
-    def _last(self, following: Any, infos: Mapping[str, Any]) -> Any:
-        """What was seen at the end of each episode, where one has ended: else what follows."""
-        if "final_obs" not in infos:
-            return following
-        return self._replaced(following, infos["final_obs"], infos["_final_obs"])
-
-    def _replaced(self, following: Any, final: Any, ended: Any) -> Any:
-        if isinstance(following, Mapping):
-            parts = {
-                name: final[name]
-                if isinstance(final, Mapping)
-                else [each and each[name] for each in final]
-                for name in following
-            }
-            return {n: self._replaced(seen, parts[n], ended) for n, seen in following.items()}
-        if isinstance(final, Tensor):
-            mask = worlds_of(self._problem, ended)
-            mask = mask.reshape(*mask.shape, *[1] * (following.ndim - 2))
-            return torch.where(mask, worlds_of(self._problem, final), following)
-        found = following.clone().flatten(0, 1)
-        for i in np.flatnonzero(ended).tolist():
-            found[i] = torch.as_tensor(final[i])
-        return found.reshape(following.shape)
 
     # ------------------------------------------------------------------ evaluation
 
@@ -326,20 +245,14 @@ class Training:
             found = {name: each[:, first : first + len(indices)] for name, each in scores.items()}
             if final and split == "evaluate":
                 write_episodes(self.folder, self.seeds, indices, found)
-            for k, seed in enumerate(self.seeds):
-                self.rows.append(
-                    {
-                        "task": settings.task, "method": self.method.name,
-                        "observation": named(settings.observations),
-                        "preset": self.method.preset,
-                        "replay": "symmetric" if is_symmetric else "plain",
-                        "seed": seed, "env_steps": self.env_steps,
-                        "updates": self.learner.updates, "seconds": round(self._seconds, 1),
-                        "split": split, "episodes": len(indices),
-                        "normalized_performance": float(found["normalized_performance"][k].mean()),
-                        "success": float(found["success"][k].mean()), "final": int(final),
-                    }
-                )  # fmt: skip
+            common = {
+                "task": settings.task, "method": self.method.name,
+                "observation": named(settings.observations), "preset": self.method.preset,
+                "replay": "symmetric" if is_symmetric else "plain",
+                "env_steps": self.env_steps, "updates": self.learner.updates,
+                "seconds": round(self.seconds, 1), "split": split, "final": int(final),
+            }  # fmt: skip
+            self.rows += curve_rows(common, self.seeds, found)
 
     def play(self, variations: Sequence[int]) -> dict[str, np.ndarray]:
         """Plays an episode of each variation with the best actions of each seed.
@@ -349,20 +262,6 @@ class Training:
         """
         act = functools.partial(self.learner.act, explore=False)
         return self._players.play(variations, act)
-
-    def summary(self) -> str:
-        """Progress in a line: env steps, their rate, updates, time left and the last scores."""
-        total, rate = self.settings.env_steps, self.covered / max(self._seconds, 1e-9)
-        words = [f"{self.phase}: {self.covered:,} of {total:,} env steps"]
-        if self.covered:
-            minutes = (total - self.covered) / rate / 60.0
-            words.append(f"{rate * len(self.seeds):.0f}/s, {minutes:.0f} min left")
-        words.append(f"{self.learner.updates:,} updates")
-        scores = [row for row in self.rows if row["split"] == "evaluate"][-len(self.seeds) :]
-        if scores:
-            mean = np.mean([row["normalized_performance"] for row in scores])
-            words.append(f"held out {mean:.3f}")
-        return ", ".join(words)
 
     # ------------------------------------------------------------------ checkpoints
 
@@ -383,7 +282,7 @@ class Training:
             "evaluations": self.evaluations(),
             "env_steps": self.env_steps,
             "updates": self.learner.updates,
-            "seconds": round(self._seconds, 1),
+            "seconds": round(self.seconds, 1),
             "split": "train",
             "device": platform.machine() if on == "cpu" else torch.cuda.get_device_name(),
             "backend": self.device,
@@ -399,7 +298,7 @@ class Training:
             part["actions"] = torch.stack(self._actions).cpu()
         state = {
             "owner": self._owner(), "learner": self.learner.get_state(), "rows": self.rows,
-            "done": self.done, "part": part, "seconds": self._seconds,
+            "done": self.done, "part": part, "seconds": self.seconds,
         }  # fmt: skip
         write_checkpoint(self.folder, state)
         write_curve(self.folder, self.rows)

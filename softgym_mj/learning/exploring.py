@@ -1,0 +1,143 @@
+"""`Explorer`: environments of all seeds in which a training explores, and what they are for."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.learning.learner import Method, Problem, Step, worlds_of
+from softgym_mj.learning.settings import TrainingSettings
+
+_PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
+
+
+def problem_of(
+    settings: TrainingSettings, method: Method, seeds: Sequence[int], envs: Any, device: str
+) -> Problem:
+    """Returns what is to be learned in environments, on a device of PyTorch.
+
+    Raises:
+        InvalidArgumentError: for several observations, unless the method takes them.
+    """
+    space = envs.single_observation_space
+    shapes = {name: each.shape for name, each in getattr(space, "spaces", {}).items()}
+    if shapes and not hasattr(method.settings, "privileged"):
+        valid = f"a single name, as {method.name} takes one observation"
+        raise InvalidArgumentError("observation", settings.observation, valid)
+    return Problem(
+        settings.task, settings.task_settings, seeds, settings.worlds, space.shape or (),
+        envs.single_action_space.shape[-1], settings.reward_scale, device, settings.observation,
+        shapes, settings.env_steps,
+    )  # fmt: skip
+
+
+class Explorer:
+    """Environments that begin another episode where one has ended."""
+
+    def __init__(self, problem: Problem, envs: Any, device: str):
+        """Takes environments over.
+
+        Args:
+            problem: what is learned.
+            envs: seeds * worlds environments, which reset in the same step.
+            device: where they are.
+        """
+        self._problem, self._envs, self._device = problem, envs, device
+        self._scores: tuple[Any, Any] | None = None  # Since the last call of `scores`.
+
+    def begin(self, part: int, actions: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+        """Starts the episodes of a part and repeats its actions so far.
+
+        Args:
+            part: number of parts before it.
+            actions: (seeds, worlds, n) each.
+
+        Returns:
+            Observations, and whether each is the first of an episode (seeds, worlds).
+        """
+        seeds, number = self._problem.seeds, self._problem.worlds
+        firsts = [(seed * _PARTS + part) * number for seed in seeds]
+        each = [first + i for first in firsts for i in range(number)]
+        seen, _ = self._envs.reset(seed=each, options={"stagger": number})
+        observation = worlds_of(self._problem, seen)
+        first = torch.ones(len(seeds), number, dtype=torch.bool, device=self._problem.device)
+        for action in actions:
+            seen, _, terminated, truncated, _ = self._envs.step(self.told(action))
+            observation = worlds_of(self._problem, seen)
+            first = worlds_of(self._problem, terminated) | worlds_of(self._problem, truncated)
+        return observation, first
+
+    def step(
+        self, observation: Tensor, action: Tensor, is_last: bool
+    ) -> tuple[Step, Tensor, Tensor]:
+        """Steps all environments.
+
+        Args:
+            observation: what was seen before (seeds, worlds, ...).
+            action: (seeds, worlds, n).
+            is_last: whether the part ends, so that no episode is followed any further.
+
+        Returns:
+            What is learned from, the next observations, and whether each is the first of an episode
+            (seeds, worlds).
+        """
+        seen, rewards, terminated, truncated, infos = self._envs.step(self.told(action))
+        self._note_scores(infos)
+        following = worlds_of(self._problem, seen)
+        terminated, truncated = (worlds_of(self._problem, each) for each in (terminated, truncated))
+        ended = terminated | truncated
+        step = Step(
+            observation, action,
+            self._problem.reward_scale * worlds_of(self._problem, rewards).float(),
+            self._last(following, infos), terminated, ended | is_last,
+        )  # fmt: skip
+        return step, following, ended
+
+    def scores(self) -> dict[str, Tensor]:
+        """Returns mean scores (seeds,) of episodes that ended since the last call, by name."""
+        if self._scores is None:
+            return {}
+        (total, number), self._scores = self._scores, None
+        return {"explored/normalized_performance": total / number}  # Not a number without any.
+
+    def told(self, action: Tensor) -> Any:
+        """Actions (seeds, worlds, n) as environments take them."""
+        flat = action.flatten(0, 1)
+        return flat if self._device == "cuda" else flat.cpu().numpy()
+
+    def _note_scores(self, infos: Mapping[str, Any]) -> None:
+        """Adds scores of episodes that have ended to sums and numbers (seeds,)."""
+        if "final_info" not in infos:
+            return
+        ended = worlds_of(self._problem, infos["_final_info"])
+        scores = worlds_of(self._problem, infos["final_info"]["normalized_performance"])
+        now = torch.where(ended, scores, 0.0).sum(dim=1), ended.sum(dim=1)
+        before = self._scores or (0.0, 0)
+        self._scores = before[0] + now[0], before[1] + now[1]
+
+    def _last(self, following: Any, infos: Mapping[str, Any]) -> Any:
+        """What was seen at the end of each episode, where one has ended: else what follows."""
+        if "final_obs" not in infos:
+            return following
+        return self._replaced(following, infos["final_obs"], infos["_final_obs"])
+
+    def _replaced(self, following: Any, final: Any, ended: Any) -> Any:
+        if isinstance(following, Mapping):
+            parts = {
+                name: final[name]
+                if isinstance(final, Mapping)
+                else [each and each[name] for each in final]
+                for name in following
+            }
+            return {n: self._replaced(seen, parts[n], ended) for n, seen in following.items()}
+        if isinstance(final, Tensor):
+            mask = worlds_of(self._problem, ended)
+            mask = mask.reshape(*mask.shape, *[1] * (following.ndim - 2))
+            return torch.where(mask, worlds_of(self._problem, final), following)
+        found = following.clone().flatten(0, 1)
+        for i in np.flatnonzero(ended).tolist():
+            found[i] = torch.as_tensor(final[i])
+        return found.reshape(following.shape)
