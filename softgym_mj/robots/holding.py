@@ -131,6 +131,8 @@ class Attachment(Holding):
                 self.slip(i)
         vertices = self.vertices
         holders = [i for i, vertex in enumerate(vertices) if vertex >= 0]
+        if len(holders) < 2:
+            return
         holders.sort(key=self._order.__getitem__)
 
         def distance(i: int, j: int) -> float:
