@@ -323,7 +323,7 @@ def _trained():
     settings = PlaNetSettings(
         random_steps=240, updates=20, batch=16, length=9, replay=640, bits=8, noise=0.3,
         evaluation_noise=0.0, horizon=4, iterations=3, candidates=60, elites=8, rate=3e-3,
-        belief=32, latent=4, hidden=32, channels=16,
+        belief=32, latent=4, hidden=32, channels=16, bfloat16=True, fused=True,
     )  # fmt: skip
     learner = PlaNet(settings, _problem([3], worlds=16))
     _go(learner, _Dot([3], 16), 27)
