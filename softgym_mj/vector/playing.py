@@ -9,7 +9,7 @@ from softgym_mj.vector.base import VectorEnv
 
 
 def to_host(array: Any) -> np.ndarray:
-    """Returns an array of NumPy, or a tensor on any device, as one of NumPy."""
+    """Returns an array (...) of NumPy, or a tensor on any device, as one of NumPy."""
     return np.asarray(array.cpu() if hasattr(array, "cpu") else array)
 
 
