@@ -9,6 +9,7 @@ from dm_control.composer.observation import observable
 
 from softgym_mj.entities.flex import Flex
 from softgym_mj.entities.flex_group import FlexGroup
+from softgym_mj.metrics import Array
 from softgym_mj.robots.base import ActionSpace, BodyActor
 from softgym_mj.robots.grip import NONE, GripCommand, remembered
 from softgym_mj.robots.holding import Holding
@@ -129,9 +130,13 @@ class Gripper(BodyActor):
 
     # ------------------------------------------------------------------ motion
 
+    def commands(self, actions: Array) -> GripCommand:
+        """What actions (..., action_size) of NumPy or PyTorch have grippers do in each sim step."""
+        each = actions.reshape((*actions.shape[:-1], self.num_grippers, 4))
+        return GripCommand(MAX_DISPLACEMENT * each[..., :3], each[..., 3] > 0.0)
+
     def command(self, action: np.ndarray) -> None:
-        action = action.reshape(-1, 4)
-        self._command = GripCommand(MAX_DISPLACEMENT * action[:, :3], action[:, 3] > 0.0)
+        self._command = self.commands(action)
 
     def displacing(self, fractions: np.ndarray, grips: Sequence[bool] | np.ndarray) -> np.ndarray:
         """The action (action_size,) that moves grippers and nothing else, where it `displaces`.

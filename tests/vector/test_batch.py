@@ -1,5 +1,8 @@
 """Rows of arrays in place of environments: their oracle is `SoftGymEnv`, bit by bit."""
 
+import functools
+from typing import Unpack
+
 import gymnasium
 import numpy as np
 import pytest
@@ -12,6 +15,11 @@ import softgym_mj.vector.batch.starts
 from softgym_mj.batch.places import Processor
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
+from softgym_mj.metrics import constant
+from softgym_mj.robots.grip import GripCommand
+from softgym_mj.robots.gripper import DISPLACEMENTS, MAX_DISPLACEMENT, gripper_actions
+from softgym_mj.robots.picker import ROPE_GEOMETRY, Picker
+from softgym_mj.tasks import TaskSettings
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.batch.rows import Rows, leaves
@@ -72,6 +80,10 @@ PIXELS = {"actor": "pixel_pick_and_place"}
     ],
 )
 def test_a_row_is_an_environment(task, settings):
+    _check_rows(task, settings)
+
+
+def _check_rows(task, settings):
     envs, alone = _make(task, **settings), [_env(task, **settings) for _ in VARIATIONS]
     batch = envs.reset(seed=0, options={"variation": VARIATIONS})
     for i, (env, variation) in enumerate(zip(alone, VARIATIONS, strict=True)):
@@ -243,6 +255,33 @@ def test_custom_tasks_are_played_if_they_are_functions_of_arrays(register):
     _, infos = envs.reset(seed=0, options={"variation": [1, 807]})
     assert (infos["success"] == (infos["normalized_performance"] >= 0.5)).all()
     envs.close()
+
+
+class _Planar(Picker):
+    """Pickers that keep their height."""
+
+    displaces = False
+
+    @functools.cached_property
+    def actions(self):
+        return gripper_actions(self.num_grippers, DISPLACEMENTS[:2])
+
+    def commands(self, actions):
+        each = actions.reshape((*actions.shape[:-1], self.num_grippers, 3))
+        moves = MAX_DISPLACEMENT * each * constant(np.array([1.0, 1.0, 0.0]), each)
+        return GripCommand(moves, each[..., 2] > 0.0)
+
+
+class _PlanarRope(softgym_mj.tasks.straighten_rope.StraightenRope):
+    """A custom task whose pickers have an action space of their own."""
+
+    def __init__(self, *, fidelity: str = "default", **settings: Unpack[TaskSettings]):
+        super().__init__(fidelity=fidelity, actor=_Planar(ROPE_GEOMETRY), **settings)
+
+
+def test_pickers_have_action_spaces_of_their_own(register):
+    register("planar_rope", _PlanarRope)
+    _check_rows("planar_rope", {})
 
 
 def test_rows_grow_with_what_is_put_into_them():

@@ -18,6 +18,15 @@ from softgym_mj.vector.batch.pickers import Pickers
 from softgym_mj.vector.batch.routes import Routes
 from softgym_mj.vector.batch.side import Arrays, Side
 
+# Methods of `Picker` whose arrays `Pickers` has; a class of another action space has `commands`.
+_OF_PICKER = "begin", "command", "get_state", "move", "place", "plan", "positions", "set_state"
+
+
+def _is_known(actor: type) -> bool:
+    """Whether batches have the rules of a class of actors."""
+    own = (getattr(actor, name, None) is getattr(Picker, name) for name in _OF_PICKER)
+    return actor is PixelPickAndPlace or all(own)
+
 
 class Flexes(Side):
     """See the module docstring."""
@@ -33,7 +42,7 @@ class Flexes(Side):
             InvalidArgumentError: unless there is one flex and the actor is a picker.
         """
         task, flexes = env.task, env.task.flexes.flexes
-        if type(task.actor) not in (Picker, PixelPickAndPlace):
+        if not _is_known(type(task.actor)):
             valid = f"{Picker.name!r} or {PixelPickAndPlace.name!r}, on this device"
             raise InvalidArgumentError("actor", task.actor.name, valid)
         if len(flexes) != 1 or len(task.objects) != 1:
@@ -48,7 +57,7 @@ class Flexes(Side):
         self._pickers = (
             Routes(self.now, place, num_worlds, *own)
             if isinstance(actor, PixelPickAndPlace)
-            else Pickers(self.now, place.xp, actor.num_grippers, *own)
+            else Pickers(self.now, place.xp, actor.num_grippers, *own, actor.commands)
         )
         # Of meshes that have been seen, all that `Ways.all` says, where it begins for each, and
         # where what is free begins.

@@ -13,7 +13,6 @@ from softgym_mj.robots.grip import (
     may_be,
     step_grips,
 )
-from softgym_mj.robots.gripper import MAX_DISPLACEMENT
 
 # The largest distance (num_worlds,) to which pairs of vertices (num_worlds,) may be drawn [m].
 Gap = Callable[[Array, Array], Array]
@@ -22,7 +21,15 @@ Gap = Callable[[Array, Array], Array]
 class Pickers:
     """Pickers of worlds, a row for each: rules of the arrays that `Picker.get_state` has."""
 
-    def __init__(self, now: dict[str, Any], xp: Any, number: int, radius: float, reach: float):
+    def __init__(
+        self,
+        now: dict[str, Any],
+        xp: Any,
+        number: int,
+        radius: float,
+        reach: float,
+        commands: Callable[[Array], GripCommand] | None = None,
+    ):
         """Notes what they are.
 
         Args:
@@ -31,9 +38,10 @@ class Pickers:
             number: of pickers in each world.
             radius: of the spheres [m].
             reach: largest distance of a vertex that they take [m].
+            commands: as `Gripper.commands`; None for a subclass with a `command` of its own.
         """
         self._now, self._xp, self._number = now, xp, number
-        self._radius, self._reach = radius, reach
+        self._radius, self._reach, self._commands = radius, reach, commands
         self._command: GripCommand | None = None
 
     @property
@@ -45,9 +53,9 @@ class Pickers:
         self._now.update(grips._asdict())
 
     def command(self, actions: Array) -> None:
-        """Starts an env step with actions (num_worlds, 4 * pickers)."""
-        each = actions.reshape((-1, self._number, 4))
-        self._command = GripCommand(MAX_DISPLACEMENT * each[..., :3], each[..., 3] > 0.0)
+        """Starts an env step with actions (num_worlds, n)."""
+        assert self._commands is not None, "a subclass commands otherwise"
+        self._command = self._commands(actions)
 
     def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
         """Starts a sim step; arguments as of `step_grips`."""
