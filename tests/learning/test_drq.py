@@ -122,8 +122,6 @@ def test_presets_suit_every_task(preset):
 
 
 def test_bad_settings_are_refused():
-    with pytest.raises(InvalidArgumentError, match="pad"):
-        DrQSettings(pad=-1)
     problem = Problem("straighten_rope", {}, [0], 1, (30,), 8, 1.0, "cpu")
     with pytest.raises(InvalidArgumentError, match="rgb"):
         make(DrQSettings(), problem)

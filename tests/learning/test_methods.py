@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 import torch
 
+from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.learning import training as module
 from softgym_mj.learning.registry import METHODS, find_method
 from softgym_mj.learning.settings import TrainingSettings
@@ -182,3 +183,41 @@ def test_seeds_together_learn_what_each_learns_alone(train, whole, no_policies):
     expected, found = _best(whole, seen), _best(alone, seen)
     torch.testing.assert_close(found[0], expected[1], rtol=0, atol=1e-5)
     assert (expected[0] - expected[1]).abs().max() > 1e-2
+
+
+# Values of settings that are refused by name.
+BAD_SETTINGS = {
+    "sac": [
+        ("tau", 0.0), ("discount", 1.5), ("actor_every", 0), ("target_entropy", 0.7),
+        ("pessimism", 2),
+    ],
+    "sac_hindsight": [("strategy", "past"), ("share", 1.5), ("tau", 0.0)],
+    "sac_points": [("points", ()), ("points", (8, 0)), ("tau", 0.0)],
+    "rlpd": [("critics", 0), ("least_of", 11), ("demonstrations", 0), ("tau", 0.0)],
+    "bc": [("rate", 0.0), ("batch", 0), ("demonstrations", 801), ("jobs", 0), ("noise", 1.5)],
+    "ppo": [
+        ("steps", 0), ("trace", 1.5), ("rate", 0.0), ("value_weight", -1.0),
+        ("largest_gradient", 0.0), ("target_divergence", 0.0),
+    ],
+    "curl": [("crop", 14), ("encoder_rate", 0.0), ("encoder_tau", 1.5)],
+    "drq": [("pad", -1)],
+    "wu": [("channels", (0,)), ("best_share", 0.0), ("symmetric", True)],
+    "distill": [("frames", 0), ("batch", 0), ("shift", -1), ("teacher_share", 1.5)],
+    "bc_images": [("demonstrations", 0), ("jobs", 0), ("frames", 0)],
+    "planet": [
+        ("bits", 9), ("elites", 1001), ("length", 1), ("rate", 0.0), ("noise", -1.0), ("batch", 0)
+    ],
+    "tdmpc2": [
+        ("latent", 10), ("hidden", ()), ("dropout", 1.0), ("log_std", (1.0, 0.0)), ("bins", 1),
+        ("elites", 600), ("proposals", 513), ("temperature", 0.0), ("std", (0.0, 1.0)),
+        ("plans", "sometimes"), ("updates", 0), ("rho", 0.0), ("entropy", -1.0),
+        ("largest_gradient", 0.0), ("critics", 1), ("horizon", 0),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bad_settings_are_refused_by_name(method):
+    for name, value in BAD_SETTINGS[method]:
+        with pytest.raises(InvalidArgumentError, match=name):
+            find_method(method, **{name: value})

@@ -152,9 +152,6 @@ def test_presets_suit_every_task():
 
 
 def test_what_cannot_be_is_refused(tmp_path):
-    for name, value in (("points", ()), ("points", (8, 0)), ("tau", 0.0)):
-        with pytest.raises(InvalidArgumentError, match=name):
-            PointSetSettings(**{name: value})
     settings = TrainingSettings(**{**vars(SETTINGS), "observation": "reduced"})
     with pytest.raises(InvalidArgumentError, match="observation"):
         Training(settings, METHOD, [0], tmp_path, "host")

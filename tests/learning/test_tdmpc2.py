@@ -549,14 +549,6 @@ def test_it_learns_to_reach_a_point():
 
 
 def test_bad_settings_are_refused():
-    for name, value in (
-        ("latent", 10), ("hidden", ()), ("dropout", 1.0), ("log_std", (1.0, 0.0)), ("bins", 1),
-        ("elites", 600), ("proposals", 513), ("temperature", 0.0), ("std", (0.0, 1.0)),
-        ("plans", "sometimes"), ("updates", 0), ("rho", 0.0), ("entropy", -1.0),
-        ("largest_gradient", 0.0), ("critics", 1), ("horizon", 0),
-    ):  # fmt: skip
-        with pytest.raises(InvalidArgumentError, match=name):
-            TDMPC2Settings(**{name: value})
     with pytest.raises(InvalidArgumentError, match="replay"):
         _learner([0], TDMPC2Settings(**{**vars(SMALL), "replay": 5}))
     images = Problem("straighten_rope", {}, [0], 1, (64, 64, 3), 8, 1.0, "cpu")

@@ -293,9 +293,6 @@ def test_presets_suit_cloth(preset, batch):
 
 
 def test_bad_settings_are_refused():
-    for name, value in (("channels", (0,)), ("best_share", 0.0), ("symmetric", True)):
-        with pytest.raises(InvalidArgumentError, match=name):
-            WuSettings(**{name: value})
     with pytest.raises(InvalidArgumentError, match="observation"):
         make(SMALL, _problem(observation=(12,)))
     with pytest.raises(InvalidArgumentError, match="pixel_pick_and_place"):
