@@ -28,7 +28,8 @@ STALE = {
     *((task, "cem", "small", "simulator") for task in
       ("straighten_rope", "rope_configuration", "spread_cloth", "fold_crumpled_cloth")),
 }  # fmt: skip
-_TITLES = {"distill": "Distillation"}  # Of methods, where they are no abbreviations.
+# Of methods, where they are no abbreviations.
+_TITLES = {"asymmetric": "Asymmetric SAC", "distill": "Distillation"}
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
 
 

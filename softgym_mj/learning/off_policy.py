@@ -138,7 +138,8 @@ class OffPolicy:
                 raise InvalidArgumentError("observation", problem.observed, valid)
             self._best = Averaged(self._best, self._symmetries, problem.device)
         self.replay = replay(
-            settings.replay // problem.worlds, problem.seeds, problem.worlds, problem.observation,
+            settings.replay // problem.worlds, problem.seeds, problem.worlds,
+            problem.shapes or problem.observation,
             problem.action, discount=settings.discount, steps=settings.added,
             symmetries=self._symmetries, device=problem.device,
         )  # fmt: skip

@@ -31,6 +31,7 @@ METHODS = {
     "curl": ("curl", "CURLSettings"),
     "drq": ("drq", "DrQSettings"),
     "distill": ("distill", "DistillSettings"),
+    "asymmetric": ("asymmetric", "AsymmetricSettings"),
     "bc_images": ("bc_images", "BCImagesSettings"),
 }
 PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # A file of each method.

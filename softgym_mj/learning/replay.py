@@ -2,7 +2,7 @@
 
 import dataclasses
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -24,15 +24,16 @@ class Batch:
     """Steps to learn from, (seeds, n, ...) each.
 
     Attributes:
-        observation, action, next_observation: (seeds, n, ...).
+        observation, next_observation: (seeds, n, ...), or several by name.
+        action: (seeds, n, action).
         reward: sums (seeds, n) up to the next observation, discounted.
         discount: factor (seeds, n) to the value of the next observation: 0 where there is none.
     """
 
-    observation: Tensor
+    observation: Any
     action: Tensor
     reward: Tensor
-    next_observation: Tensor
+    next_observation: Any
     discount: Tensor
 
 
@@ -52,7 +53,7 @@ class Replay:
         capacity: int,
         seeds: Sequence[int],
         worlds: int,
-        observation: tuple[int, ...],
+        observation: tuple[int, ...] | Mapping[str, tuple[int, ...]],
         action: int,
         *,
         discount: float,
@@ -66,7 +67,7 @@ class Replay:
             capacity: vector steps that are kept; older ones make way.
             seeds: of random numbers.
             worlds: of each seed.
-            observation: shape; those of images are kept as uint8, others as float32.
+            observation: shape, or shapes by name; images are kept as uint8, others as float32.
             action: size.
             discount: of rewards, in each env step.
             steps: env steps whose rewards are added up, until the episode ends.
@@ -79,12 +80,19 @@ class Replay:
         self._seeds, self._worlds = len(seeds), worlds
         self._sources = generators(seeds, device)
         lead = capacity, len(seeds), worlds
-        kind = torch.uint8 if len(observation) == 3 else torch.float32
-        self.kept = {
-            "observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
-            "action": torch.zeros(*lead, action, device=device),
+
+        shapes = observation.values() if isinstance(observation, Mapping) else [observation]
+        self._has_images = any(len(shape) == 3 for shape in shapes)
+
+        def room(shape: tuple[int, ...]) -> Tensor:
+            kind = torch.uint8 if len(shape) == 3 else torch.float32
+            return torch.zeros(*lead, *shape, dtype=kind, device=device)
+
+        self.kept: dict[str, Any] = {
+            "observation": _each(room, observation),
+            "action": room((action,)),
             "reward": torch.zeros(lead, device=device),
-            "next_observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
+            "next_observation": _each(room, observation),
             "terminated": torch.zeros(lead, dtype=torch.bool, device=device),
             "ended": torch.zeros(lead, dtype=torch.bool, device=device),
         }
@@ -99,8 +107,12 @@ class Replay:
 
     def add(self, step: Step) -> None:
         """Keeps a vector step."""
+
+        def put(kept: Tensor, new: Tensor) -> None:
+            kept[self._next] = new.reshape(kept.shape[1:]).to(kept.dtype)
+
         for name, kept in self.kept.items():
-            kept[self._next] = getattr(step, name).reshape(kept.shape[1:]).to(kept.dtype)
+            _each(put, kept, getattr(step, name))
         self._next = (self._next + 1) % self._capacity
         self.size = min(self.size + 1, self._capacity)
         self._note()
@@ -146,7 +158,7 @@ class Replay:
         """The batch that begins in these vector steps and worlds (seeds, number)."""
         seed = torch.arange(self._seeds, device=first.device)[:, None]
         kept = self.kept
-        observation = kept["observation"][first, seed, world]
+        observation = _each(lambda own: own[first, seed, world], kept["observation"])
         action = kept["action"][first, seed, world]
         reward = torch.zeros(first.shape, device=first.device)
         factor = torch.ones((), device=first.device)
@@ -161,7 +173,7 @@ class Replay:
             lives = (~kept["terminated"][at, seed, world]).float()
             discount = torch.where(going > 0, factor * lives, discount)
             going = going * (~kept["ended"][at, seed, world]).float()
-        following = kept["next_observation"][last, seed, world]
+        following = _each(lambda own: own[last, seed, world], kept["next_observation"])
         return Batch(observation, action, reward, following, discount)
 
     # ------------------------------------------------------------------ state
@@ -169,13 +181,13 @@ class Replay:
     def get_state(self) -> dict[str, Any]:
         """All that `set_state` needs to go on with the same numbers; of images the newest ones."""
         number, following, which = self.size, self._next, slice(0, self.size)
-        if self.kept["observation"].dtype == torch.uint8:
+        if self._has_images:
             number = min(self.size, -(-NEWEST_IMAGES // self._worlds))
         if number < self.size:
             which = (torch.arange(number) + self._next - number) % self._capacity
             following = number % self._capacity
         return {
-            "kept": {name: array[which].clone() for name, array in self.kept.items()},
+            "kept": _each(lambda own: own[which].clone(), self.kept),
             "size": number,
             "whole": self.size,
             "next": following,
@@ -187,11 +199,21 @@ class Replay:
         self.size, self._next = state["size"], state["next"]
         if self.size < state["whole"]:
             _log.warning("Goes on with the newest %d of %d steps", self.size, state["whole"])
-        for name, array in state["kept"].items():
-            self.kept[name][: self.size] = array
+
+        def put(kept: Tensor, new: Tensor) -> None:
+            kept[: self.size] = new
+
+        _each(put, self.kept, state["kept"])
         for source, kept in zip(self._sources, state["random"], strict=True):
             source.set_state(kept)
         self._note()
+
+
+def _each(function: Callable[..., Any], *values: Any) -> Any:
+    """Returns a function's results of values, by name where they are mappings."""
+    if not isinstance(values[0], Mapping):
+        return function(*values)
+    return {name: _each(function, *(each[name] for each in values)) for name in values[0]}
 
 
 def _shown(

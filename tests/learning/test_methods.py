@@ -51,6 +51,7 @@ CASES = {
         dataclasses.replace(PIXELS, observation=("rgb", "held")),
         {"updates": 2, "batch": 4, "buffer": 10, "channels": 4, "features": 6, "hidden": (8,)},
     ),
+    "asymmetric": (dataclasses.replace(PIXELS, observation=("rgb", "held")), IMAGES),
 }  # fmt: skip
 
 
