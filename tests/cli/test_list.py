@@ -7,7 +7,7 @@ import rich.console
 from typer.testing import CliRunner
 
 from softgym_mj import registry
-from softgym_mj.cli import commands
+from softgym_mj.cli import commands, playing
 
 
 @pytest.mark.parametrize("width", [80, 120])
@@ -15,8 +15,8 @@ def test_names_and_ids_are_whole_in_a_terminal(width, monkeypatch):
     terminal = rich.console.Console(
         file=io.StringIO(), width=width, force_terminal=True, color_system=None
     )
-    monkeypatch.setattr(commands, "console", terminal)
-    commands.list_tasks()
+    monkeypatch.setattr(playing, "console", terminal)
+    playing.list_tasks()
     lines = terminal.file.getvalue().splitlines()
     assert max(map(len, lines)) <= width
     for name, record in registry.TASKS.items():

@@ -161,7 +161,7 @@ def test_tables_list_every_task_and_argument():
 
 def test_demo_writes_videos_that_move(tmp_path, monkeypatch):
     one = {"straighten_rope": registry.TASKS["straighten_rope"]}
-    monkeypatch.setattr(commands.softgym_mj, "TASKS", one)
+    monkeypatch.setattr(softgym_mj, "TASKS", one)
     arguments = ["demo", "--out", str(tmp_path), "--size", "96", "--look", "fast"]
     result = CliRunner().invoke(commands.app, arguments)
     assert result.exit_code == 0, result.output
