@@ -73,7 +73,7 @@ def bits() -> str:
 
 
 def planner() -> str:
-    """Seconds of a decision of the oracle, beside those of a core of a CPU."""
+    """Seconds of a decision of CEM with true dynamics, beside those of a core of a CPU."""
     rows, on_core = [], measured("throughput")["tasks"]
     for task, own in measured("gpu_planner").items():
         seconds, env_steps = own["seconds"], own["env_steps"]

@@ -1,12 +1,17 @@
-"""The command line: softgym-mj list | demo | rollout | oracle | evaluate | plot | ..."""
+"""The command line: softgym-mj list | demo | rollout | expert | evaluate | plot | ..."""
 
 import os
+import platform
 import signal
 import sys
+from collections.abc import Callable
+from typing import Annotated
 
+import mujoco
 import typer
 import typer.core
 
+import softgym_mj
 from softgym_mj.cli import (
     data,
     devices,
@@ -42,26 +47,53 @@ class _Commands(typer.core.TyperGroup):
 
 app = typer.Typer(
     cls=_Commands,
-    help="Deformable-object manipulation tasks on MuJoCo.",
     no_args_is_help=True,
     rich_markup_mode="markdown",  # "rich" takes units, [m], for its own.
 )
-app.command("list")(playing.list_tasks)
-app.command()(playing.demo)
-app.command()(playing.rollout)
-app.command()(playing.oracle)
-app.command()(evaluation.evaluate)
-app.command()(evaluation.plot)
-app.command()(data.generate)
-app.command()(data.record)
-app.command()(view.view)
-app.command()(photo.photo)
-app.command("compile")(devices.compile_programs)
-app.command()(devices.bench)
-app.command()(training.train)
-app.add_typer(learning.app, name="learning")
-app.add_typer(validation.app, name="validate")
-app.add_typer(identification.app, name="identify")
+_PANELS: dict[str, dict[str, Callable[..., None]]] = {
+    "Tasks": {
+        "demo": playing.demo,
+        "list": playing.list_tasks,
+        "view": view.view,
+        "rollout": playing.rollout,
+        "expert": playing.expert,
+        "photo": photo.photo,
+    },
+    "Policies": {
+        "train": training.train,
+        "evaluate": evaluation.evaluate,
+        "plot": evaluation.plot,
+    },
+    "Data and speed": {
+        "record": data.record,
+        "generate": data.generate,
+        "bench": devices.bench,
+        "compile": devices.compile_programs,
+    },
+}
+for panel, commands in _PANELS.items():
+    for name, command in commands.items():
+        app.command(name, rich_help_panel=panel)(command)
+app.add_typer(learning.app, name="learning", rich_help_panel="Policies")
+app.add_typer(validation.app, name="validate", rich_help_panel="Fabrics")
+app.add_typer(identification.app, name="identify", rich_help_panel="Fabrics")
+
+
+def _print_version(is_wanted: bool) -> None:
+    if is_wanted:
+        versions = f"softgym-mj {softgym_mj.__version__} (MuJoCo {mujoco.__version__}"
+        typer.echo(f"{versions}, Python {platform.python_version()})")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Show versions."),
+    ] = False,
+) -> None:
+    """Deformable-object manipulation tasks on MuJoCo."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Commands that list and play tasks: list, demo, rollout, oracle."""
+"""Commands that list and play tasks: list, demo, rollout, expert."""
 
 import functools
 import json
@@ -138,7 +138,7 @@ def rollout(
         typer.echo(json.dumps(line))
 
 
-def oracle(
+def expert(
     task: Task,
     actor: Actor = None,
     grasp: Grasp = None,
@@ -147,7 +147,7 @@ def oracle(
     look: Look = None,
     out: Annotated[
         pathlib.Path, typer.Option(help="Folder for the scores and a video of the first episode.")
-    ] = pathlib.Path("oracle"),
+    ] = pathlib.Path("expert"),
 ) -> None:
     """Scores the scripted expert on the first variations of a split; writes JSON and a video."""
     record = find(task)

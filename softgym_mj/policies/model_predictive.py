@@ -15,7 +15,7 @@ _SEED_KEY = 0x504C414E  # Keeps the planner's random numbers apart from those of
 
 
 class ModelPredictivePolicy:
-    """The dynamics oracle: it knows the whole state and simulates what would happen.
+    """CEM with true dynamics: a planner that simulates from the exact state what actions would do.
 
     What was decided can be kept in a journal, from which an interrupted episode goes on exactly:
     the random numbers of a decision depend on seed, variation and step alone.

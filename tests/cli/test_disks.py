@@ -15,12 +15,12 @@ COMMANDS = {
                 *PLANNER.split(), "--out"],
     "rollout": ["rollout", "straighten_rope", "--policy", "zero", "--episodes", "1",
                 "--look", "fast", "--video"],
-    "oracle": ["oracle", "straighten_rope", "--episodes", "1", "--look", "fast", "--out"],
+    "expert": ["expert", "straighten_rope", "--episodes", "1", "--look", "fast", "--out"],
     "record": ["record", "straighten_rope", "--episodes", "2", "--settings", SHORT],
 }  # fmt: skip
 
 
-FILMED, SLOW = ("rollout", "oracle"), pytest.mark.slow
+FILMED, SLOW = ("rollout", "expert"), pytest.mark.slow
 STAGES = (0, *(2**i << 10 for i in range(2, 13)))  # Space that is left [bytes].
 
 

@@ -1,5 +1,7 @@
 """Help says all that commands do."""
 
+import importlib.metadata
+
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -26,3 +28,17 @@ def test_units_are_shown(path):
     ]
     shown = CliRunner().invoke(app, [*path, "--help"], env={"COLUMNS": "200"}).stdout
     assert [word for word in wanted if word.startswith("[") and word not in shown] == []
+
+
+def test_the_version_is_the_package_s():
+    shown = CliRunner().invoke(app, ["--version"])
+    assert shown.exit_code == 0
+    assert shown.stdout.startswith(f"softgym-mj {importlib.metadata.version('softgym_mj')} (")
+
+
+def test_every_command_is_in_a_panel():
+    shown = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "120"}).stdout
+    assert "─ Commands ─" not in shown
+    assert shown.index(" demo ") < min(
+        shown.index(f" {path[0]} ") for path in COMMANDS if path != ("demo",)
+    )

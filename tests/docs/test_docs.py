@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import softgym_mj
 from softgym_mj import compat, registry
 from softgym_mj.cli import commands
 from softgym_mj.entities import View
@@ -102,7 +103,7 @@ def _folder(tmp_path_factory):
     return tmp_path_factory.mktemp("commands")
 
 
-LONG = ("softgym-mj photo", "softgym-mj oracle")  # Pictures take seconds.
+LONG = ("softgym-mj photo", "softgym-mj expert")  # Pictures take seconds.
 
 
 @pytest.mark.parametrize(
@@ -129,11 +130,11 @@ def test_commands_run(command, monkeypatch, folder):
     assert result.exit_code == 0, result.output
     if " list" in command:
         assert all(name[:10] in result.output for name in registry.TASKS)
-    if " oracle " in command:
-        scores = json.loads((folder / "oracle" / "straighten_rope.json").read_text())
+    if " expert " in command:
+        scores = json.loads((folder / "expert" / "straighten_rope.json").read_text())
         assert list(scores["normalized_performance"]) == ["800", "801"]
         assert scores["min"] <= scores["mean"] <= scores["max"]
-        assert (folder / "oracle" / "straighten_rope.mp4").stat().st_size > 10_000
+        assert (folder / "expert" / "straighten_rope.mp4").stat().st_size > 10_000
     if " rollout " in command:
         assert result.output.count('"normalized_performance"') == 2
 
