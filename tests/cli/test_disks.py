@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from softgym_mj.cli import commands
+from softgym_mj.cli import commands, playing
 
 SHORT = '{"horizon": 3}'
 PLANNER = "--policy icem --horizon 2 --budget 40 --iterations 2"
@@ -28,7 +28,7 @@ def run(name, folder, monkeypatch, capsys):
     """Status and last line of a command that writes into a folder."""
     arguments = COMMANDS[name] + [str(folder)] * (COMMANDS[name][-1].startswith("--"))
     monkeypatch.setattr(sys, "argv", ["softgym-mj", *arguments])
-    monkeypatch.setattr(commands, "VIDEO_SIZE", 64)
+    monkeypatch.setattr(playing, "VIDEO_SIZE", 64)
     for variable in ("SOFTGYM_MJ_CACHE", "MINARI_DATASETS_PATH"):
         monkeypatch.setenv(variable, str(folder))
     with pytest.raises(SystemExit) as ended:

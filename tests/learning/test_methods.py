@@ -214,6 +214,7 @@ BAD_SETTINGS = {
         ("plans", "sometimes"), ("updates", 0), ("rho", 0.0), ("entropy", -1.0),
         ("largest_gradient", 0.0), ("critics", 1), ("horizon", 0),
     ],
+    "asymmetric": [("symmetric", True), ("averaged", True), ("square", 0), ("shift", -1)],
 }  # fmt: skip
 
 
