@@ -207,13 +207,6 @@ class AsymmetricSAC(SAC):
         if self.actor.seen.others:
             self.actor.seen.standard.fit(self.actor.seen.beside(observation), LEAST_DEVIATION)
 
-    def act(self, observation: Observation, *, explore: bool) -> Tensor:
-        """Returns actions (seeds, n, action) for observations (seeds, n, ...) by name."""
-        with torch.no_grad():
-            mean, log_std = self.actor(observation)
-            noise = self._noise(*mean.shape[1:]) if explore else torch.zeros_like(mean)
-            return torch.tanh(mean + noise * log_std.exp())
-
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Learns from a batch with images shifted; returns losses (seeds,) by name."""
         observation, following = map(self._shifted, (batch.observation, batch.next_observation))

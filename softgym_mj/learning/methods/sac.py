@@ -167,13 +167,12 @@ class SAC:
         """Weights (seeds,) of the entropy."""
         return self.log_alpha.detach().exp()
 
-    def act(self, observation: Tensor, *, explore: bool) -> Tensor:
-        """Actions (seeds, n, action) for observations (seeds, n, observation)."""
+    def act(self, observation: Any, *, explore: bool) -> Tensor:
+        """Returns actions (seeds, n, action) for observations (seeds, n, ...)."""
         with torch.no_grad():
-            if not explore:
-                return self.actor.mean(observation)
-            size = self.actor.body[-1].bias.shape[-1] // 2
-            return self.actor.sample(observation, self._noise(observation.shape[1], size))[0]
+            mean, log_std = self.actor(observation)
+            noise = self._noise(*mean.shape[1:]) * log_std.exp() if explore else 0.0
+            return torch.tanh(mean + noise)
 
     def _noise(self, *shape: int) -> Tensor:
         return drawn(self.sources, *shape)
