@@ -16,7 +16,6 @@ from softgym_mj.learning.demonstrations import check_demonstrations, collect_ima
 from softgym_mj.learning.frames import Frames
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
-from softgym_mj.learning.repetition import Repeated
 from softgym_mj.recording.noise import check_noise
 
 _NOTHING = Step(*[torch.zeros(())] * 6)  # `Distill` learns from its frames.
@@ -51,12 +50,25 @@ class BCImagesSettings(DistillSettings):
         check_noise(self.demonstration_noise)
 
 
+class _Shown(Frames):
+    """Frames that are in the cache, too: their state has random numbers alone."""
+
+    def get_state(self) -> dict[str, Any]:
+        return {"random": [source.get_state() for source in self.sources]}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        for source, kept in zip(self.sources, state["random"], strict=True):
+            source.set_state(kept)
+
+
 class BCImages(Distill):
     """An `Offline` learner.
 
     Attributes:
         demonstrated: env steps of the demonstrations.
     """
+
+    FRAMES = _Shown
 
     def __init__(self, settings: BCImagesSettings, problem: Problem, shown: Mapping[str, Tensor]):
         """Draws the students and keeps what they learn from.
@@ -71,13 +83,8 @@ class BCImages(Distill):
         # As many updates as there are vector steps in the whole training.
         total = problem.env_steps // problem.worlds * episodes
         own = dataclasses.replace(problem, worlds=episodes, env_steps=total)
-        super().__init__(settings, own, lambda states: states)
-        shapes = {name: tuple(array.shape[2:]) for name, array in shown.items()}
-        self.frames = _Shown(
-            steps, problem.seeds, episodes, shapes, frames=settings.frames, shift=settings.shift,
-            device=problem.device,
-        )  # fmt: skip
-        self._again = Repeated(self._update, self.frames.sources)
+        whole = dataclasses.replace(settings, buffer=self.demonstrated)
+        super().__init__(whole, own, lambda states: states)
         for t in range(steps):
             first = torch.full((len(problem.seeds), episodes), t == 0, device=problem.device)
             self.frames.add({name: array[:, t] for name, array in shown.items()}, first)
@@ -85,25 +92,14 @@ class BCImages(Distill):
     def act(
         self, observation: Any, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
-        """See `Learner`; a single observation has no name."""
+        """Returns actions and stacks, also of a single observation, which has no name."""
         if isinstance(observation, Tensor):
             observation = {str(self._problem.observed): observation}
         return super().act(observation, first, memory, explore=explore)
 
     def study(self) -> dict[str, Tensor]:
-        """See `Offline`."""
+        """Updates the students; returns their last losses (seeds,)."""
         return self.learn(_NOTHING)
-
-
-class _Shown(Frames):
-    """Frames that are in the cache, too: their state has random numbers alone."""
-
-    def get_state(self) -> dict[str, Any]:
-        return {"random": [source.get_state() for source in self.sources]}
-
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        for source, kept in zip(self.sources, state["random"], strict=True):
-            source.set_state(kept)
 
 
 def make(settings: BCImagesSettings, problem: Problem) -> BCImages:

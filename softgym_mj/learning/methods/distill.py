@@ -157,6 +157,8 @@ class Distill:
         students: one of each seed.
     """
 
+    FRAMES = Frames  # Class of `frames`.
+
     def __init__(
         self, settings: DistillSettings, problem: Problem, teacher: Callable[[Tensor], Tensor]
     ):
@@ -183,7 +185,7 @@ class Distill:
             for student in self.students
         ]
         self.updates = self._steps = 0
-        self.frames = Frames(
+        self.frames = self.FRAMES(
             settings.buffer // problem.worlds, problem.seeds, problem.worlds,
             {**shapes, LABEL: (problem.action,)}, frames=settings.frames, shift=settings.shift,
             device=at,
@@ -195,15 +197,13 @@ class Distill:
         self, observation: Observation, first: Tensor, memory: Any, *, explore: bool
     ) -> tuple[Tensor, Any]:
         """Returns actions (seeds, n, action), and stacks (seeds, n, frames, ...) of images."""
-        before = memory or {}
         stacks = {
-            name: stacked(observation[name], before.get(name), first, self._settings.frames)
+            name: stacked(observation[name], (memory or {}).get(name), first, self._settings.frames)
             for name in self.students[0].images
         }
-        seen = {**observation, **stacks}
         with torch.no_grad(), self._precision(explore):
             action = torch.stack([
-                student({name: array[k] for name, array in seen.items()})
+                student({name: array[k] for name, array in {**observation, **stacks}.items()})
                 for k, student in enumerate(self.students)
             ]).float()  # fmt: skip
         return (self._explored(action, observation, first) if explore else action), stacks
