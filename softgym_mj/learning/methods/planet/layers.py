@@ -45,7 +45,7 @@ class GRU(nn.Module):
 
 
 class Convolution(nn.Module):
-    """Of stride 2, dense ones of each seed: as groups of one convolution they take longer."""
+    """Convolutions of stride 2, dense ones of each seed: as groups of one they take longer."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class Encoder(nn.Module):
         self._kind = kind
 
     def forward(self, image: Tensor) -> Tensor:
-        """Of (seeds, n, size, size, 3): (seeds, n, 4 * channels)."""
+        """Returns (seeds, n, 4 * channels) of images (seeds, n, size, size, 3)."""
         return torch.stack([self._single(own, k) for k, own in enumerate(image)])
 
     def _single(self, image: Tensor, seed: int) -> Tensor:
@@ -122,7 +122,7 @@ class Decoder(nn.Module):
         self._kind = kind
 
     def forward(self, features: Tensor) -> Tensor:
-        """Of (seeds, n, features): (seeds, n, size, size, 3)."""
+        """Returns images (seeds, n, size, size, 3) of features (seeds, n, features)."""
         first = self.first(features).to(self._kind)
         return torch.stack([self._single(own, k) for k, own in enumerate(first)])
 

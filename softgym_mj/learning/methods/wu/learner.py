@@ -133,7 +133,7 @@ class PickAndPlace(SAC):
             return torch.cat([self._best(*part) for part in parts], 1)
 
     def _best(self, images: Tensor, shares: Tensor) -> Tensor:
-        """Of some images of each seed (seeds, n, height, width, 3): (seeds, n, 5)."""
+        """Returns actions (seeds, n, 5) of some images (seeds, n, height, width, 3)."""
         mask, lead = _candidates(images), images.shape[:2]
         count = mask.sum(-1)
         # Cloth pixels first, as many as the image with the most of them has.
