@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 # Cloth and rope are single-threaded; without this every worker starts a thread per core.
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo notebooks test test-long test-all lint bench sheets films gallery photos docs native clean
+.PHONY: demo notebooks test test-long test-all lint bench sheets videos gallery renders docs native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/softgym-mj demo --out demo
@@ -45,17 +45,17 @@ sheets: $(VENV)/.installed-dev
 	$(BIN)/python -m tools.tables
 	$(BIN)/python -m tools.architecture
 
-# Plays the tasks for the README's moving pictures, docs/films.
-films: $(VENV)/.installed
-	$(BIN)/python -m tools.films
+# Plays the tasks for the README's moving pictures, docs/videos.
+videos: $(VENV)/.installed
+	$(BIN)/python -m tools.videos
 
 # Draws every task with every actor, docs/gallery.
 gallery: $(VENV)/.installed
 	$(BIN)/python -m tools.gallery
 
-# Photographs of each material, docs/photos: some minutes.
-photos: $(VENV)/.installed-dev
-	$(BIN)/python -m tools.photos
+# Photographs of each material, docs/renders: some minutes.
+renders: $(VENV)/.installed-dev
+	$(BIN)/python -m tools.renders
 
 # The folder of the notebooks in the site: by default they are executed, minutes after a change to
 # them; `make docs NOTEBOOKS=notebooks` shows them as they are committed, without outputs.

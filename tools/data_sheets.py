@@ -265,7 +265,7 @@ def sheet(name: str) -> str:
     parts = [
         f"# {name}\n",
         f"{record.summary}\n",
-        f"![The scripted expert](../films/{name}.webp)\n",
+        f"![The scripted expert](../videos/{name}.webp)\n",
         facts,
         "## Goal and reward\n",
         *(line for label in ("", "Goal", "Reward", "Bounds", "End") for line in text[label]),

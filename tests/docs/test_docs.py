@@ -147,10 +147,10 @@ def test_make_targets_exist_and_ci_runs_the_test_command():
 
 
 def test_tables_list_every_task_and_argument():
-    assert "](docs/films/tasks.webp)" in README
+    assert "](docs/videos/tasks.webp)" in README
     for name, record in registry.TASKS.items():
         assert f"[`{name}`](docs/tasks/{name}.md)" in README
-        assert f"](../films/{name}.webp)" in (ROOT / "docs/tasks" / f"{name}.md").read_text()
+        assert f"](../videos/{name}.webp)" in (ROOT / "docs/tasks" / f"{name}.md").read_text()
         for argument in record.arguments:
             assert f"`{argument}`" in ARGUMENTS
     for parameter in inspect.signature(SoftGymEnv).parameters.values():

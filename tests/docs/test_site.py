@@ -22,7 +22,7 @@ def test_the_site_builds_without_warnings(tmp_path):
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     home = (tmp_path / "index.html").read_text()
-    for part in ('href="validation/"', 'href="fluid/"', 'src="films/tasks.webp"'):
+    for part in ('href="validation/"', 'href="fluid/"', 'src="videos/tasks.webp"'):
         assert part in home
     for source in (ROOT / "notebooks").glob("*.ipynb"):
         page = (tmp_path / "notebooks" / source.stem / "index.html").read_text()
@@ -37,19 +37,19 @@ def test_a_notebook_is_shown_with_what_it_printed_pictures_and_videos(tmp_path):
     picture = b"\x89PNG of nothing"
     data = {"image/png": base64.b64encode(picture).decode(), "text/plain": "<Figure>"}
     cell = nbformat.v4.new_code_cell("show()")
-    film = {"text/html": '<video src="data:,"></video>', "text/plain": "Video(...)"}
+    video = {"text/html": '<video src="data:,"></video>', "text/plain": "Video(...)"}
     cell.outputs = [
         nbformat.v4.new_output("stream", text="reward -0.5\n"),
         nbformat.v4.new_output("display_data", data),
-        nbformat.v4.new_output("display_data", film),
+        nbformat.v4.new_output("display_data", video),
     ]
     nbformat.write(nbformat.v4.new_notebook(cells=[cell]), tmp_path / "own.ipynb")
     text, pictures = site_pages.notebook_page(tmp_path / "own.ipynb")
     ((name, content),) = pictures.items()
     assert content == picture and name.startswith("pictures/own")
     assert f"]({name})" in text and "show()" in text
-    assert "\n    reward -0.5\n" in text and f"\n{film['text/html']}\n" in text
-    assert film["text/plain"] not in text
+    assert "\n    reward -0.5\n" in text and f"\n{video['text/html']}\n" in text
+    assert video["text/plain"] not in text
 
 
 def test_the_reference_has_every_public_module():

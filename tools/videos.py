@@ -1,6 +1,6 @@
-"""The moving pictures of README and docs, docs/films: the scripted expert at each task.
+"""The moving pictures of README and docs, docs/videos: the scripted expert at each task.
 
-`python -m tools.films` (`make films`) writes them; a quarter of an hour without a GPU. Names of
+`python -m tools.videos` (`make videos`) writes them; a quarter of an hour without a GPU. Names of
 tasks: only theirs. Names of policies in docs/results/policies, such as straighten_rope-sac: what
 was learned. Names of `ARMS`: the expert with an arm that uses its wrist. And `tasks.webp`:
 all tasks side by side, made of the others.
@@ -20,21 +20,21 @@ from softgym_mj.policies.exported import has_images, observes
 from softgym_mj.registry import TASKS
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs"
-FOLDER, LEARNED = DOCS / "films", DOCS / "results" / "policies"
+FOLDER, LEARNED = DOCS / "videos", DOCS / "results" / "policies"
 SIZE = 240  # Side [pixels].
 PASSES = 8  # Of which a picture is the mean: shadows are soft, edges smooth.
 QUALITY = 60  # Of WebP, 0..100.
-COLUMNS = 5  # Of the film of all tasks.
+COLUMNS = 5  # Of the video of all tasks.
 HOLD = 1200  # Of the end, before it starts anew [ms].
 STILL = 0.3  # Mean difference of two pictures without motion [of 255].
 REST = 6  # Pictures kept after the last motion.
-# Arguments of films of arms that turn what they hold.
+# Arguments of videos of arms that turn what they hold.
 ARMS: dict[str, dict[str, str]] = {
     "fold_cloth-tilted": {"actor": "franka", "action": "pose"},
     "pour_water-wrist": {"actor": "ur5e"},
 }
-# Variations of films, else the task's example: where the policy carries that out of the picture, or
-# is done before anyone has seen it.
+# Variations of videos, else the task's example: where the policy carries that out of the picture,
+# or is done before anyone has seen it.
 VARIATIONS = {
     "straighten_rope-sac": 991, "fold_cloth-sac": 805,
     "straighten_rope-distill": 991, "fold_cloth-distill": 805,
@@ -42,7 +42,7 @@ VARIATIONS = {
 
 
 def names_of_all() -> list[str]:
-    """Of films: tasks, arms that use their wrists, and policies that were learned."""
+    """Of videos: tasks, arms that use their wrists, and policies that were learned."""
     return [*TASKS, *ARMS, *sorted(file.stem for file in LEARNED.glob("*.pt2"))]
 
 
@@ -53,7 +53,7 @@ def until_rest(frames: np.ndarray) -> np.ndarray:
     return frames[: moving.max(initial=0) + 1 + REST]
 
 
-def write_film(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.Path) -> None:
+def write_video(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.Path) -> None:
     """Writes pictures as a moving WebP, which holds the last one."""
     pictures = [Image.fromarray(frame) for frame in frames]
     durations = [milliseconds] * (len(pictures) - 1) + [HOLD]
@@ -66,30 +66,30 @@ def write_film(frames: Sequence[np.ndarray], milliseconds: int, file: pathlib.Pa
 
 def all_tasks(folder: pathlib.Path) -> tuple[list[np.ndarray], int]:
     """Films side by side, as pictures and milliseconds each; those that have ended stand still."""
-    films, duration = [], 0
+    videos, duration = [], 0
     for name in TASKS:
-        with Image.open(folder / f"{name}.webp") as film:
+        with Image.open(folder / f"{name}.webp") as video:
             pictures = []
-            for i in range(film.n_frames):
-                film.seek(i)
-                pictures.append(np.asarray(film.convert("RGB")))
-                duration = duration or int(film.info["duration"])
-            films.append(pictures)
+            for i in range(video.n_frames):
+                video.seek(i)
+                pictures.append(np.asarray(video.convert("RGB")))
+                duration = duration or int(video.info["duration"])
+            videos.append(pictures)
     frames = []
-    for i in range(max(map(len, films))):
-        shown = [pictures[min(i, len(pictures) - 1)] for pictures in films]
+    for i in range(max(map(len, videos))):
+        shown = [pictures[min(i, len(pictures) - 1)] for pictures in videos]
         rows = (shown[k : k + COLUMNS] for k in range(0, len(shown), COLUMNS))
         frames.append(np.vstack([np.hstack(row) for row in rows]))
     return frames, duration
 
 
 def is_learned(name: str) -> bool:
-    """Whether a film shows a policy that was learned."""
+    """Whether a video shows a policy that was learned."""
     return name not in TASKS and name not in ARMS
 
 
 def seen_by(name: str) -> dict[str, Any]:
-    """Arguments of the task of a film: what the policy observes; images as it has seen them."""
+    """Arguments of the task of a video: what the policy observes; images as it has seen them."""
     if not is_learned(name):
         return {"observation": "reduced", "look": "paper"}
     observed = observes(str(LEARNED / f"{name}.pt2"))
@@ -105,12 +105,12 @@ def main(names: Sequence[str]) -> None:
         episode = play(env, policy, variation, trust=learned, size=SIZE, passes=PASSES)
         frames = until_rest(episode.frames)
         file = FOLDER / f"{name}.webp"
-        write_film(frames, round(1000 / episode.fps), file)
+        write_video(frames, round(1000 / episode.fps), file)
         score = episode.info["normalized_performance"][-1]
         print(f"{file.name}: {len(frames)} pictures, {file.stat().st_size / 1e3:.0f} kB, "
               f"normalised performance {score:.2f}")  # fmt: skip
     if not names or set(names) & set(TASKS):
-        write_film(*all_tasks(FOLDER), FOLDER / "tasks.webp")
+        write_video(*all_tasks(FOLDER), FOLDER / "tasks.webp")
 
 
 if __name__ == "__main__":

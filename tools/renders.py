@@ -1,6 +1,6 @@
-"""The photographs of the README and of docs/pictures.md, docs/photos: one of each material.
+"""The photographs of the README and of docs/pictures.md, docs/renders: one of each material.
 
-`python -m tools.photos` (`make photos`) writes them; minutes each. Names of photographs: only
+`python -m tools.renders` (`make renders`) writes them; minutes each. Names of photographs: only
 these.
 """
 
@@ -16,7 +16,7 @@ from softgym_mj.envs.load import load
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.rendering import photo
 
-FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "photos"
+FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "renders"
 SIZE = 512  # Side [pixels].
 QUALITY = 92  # Of the JPEGs: no blocks are seen.
 

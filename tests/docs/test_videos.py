@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image
 
-from tools import films
+from tools import videos
 
 LARGEST, ALL = 400e3, 2.5e6  # Of a file, and of all of them [bytes].
 
@@ -18,28 +18,28 @@ def moving_dot(n, still):
 
 
 def test_every_task_has_a_small_moving_picture():
-    files = {file.stem: file for file in films.FOLDER.glob("*.webp")}
+    files = {file.stem: file for file in videos.FOLDER.glob("*.webp")}
     with Image.open(files.pop("tasks")) as picture:
-        assert picture.size == (films.COLUMNS * films.SIZE, 2 * films.SIZE)
+        assert picture.size == (videos.COLUMNS * videos.SIZE, 2 * videos.SIZE)
         assert picture.n_frames > 90
-    assert set(files) == set(films.names_of_all())
+    assert set(files) == set(videos.names_of_all())
     sizes = [file.stat().st_size for file in files.values()]
     assert max(sizes) < LARGEST and sum(sizes) < ALL
     for file in files.values():
         with Image.open(file) as picture:
-            assert picture.size == (films.SIZE, films.SIZE)
+            assert picture.size == (videos.SIZE, videos.SIZE)
             assert picture.n_frames > 20 and picture.info["loop"] == 0
 
 
 def test_it_ends_when_nothing_moves_any_more():
     frames = moving_dot(10, still=30)
-    assert len(films.until_rest(frames)) == 9 + films.REST  # The tenth is as all that follow.
-    assert len(films.until_rest(frames[:10])) == 10
+    assert len(videos.until_rest(frames)) == 9 + videos.REST  # The tenth is as all that follow.
+    assert len(videos.until_rest(frames[:10])) == 10
 
 
 def test_a_film_shows_its_pictures(tmp_path):
     frames = moving_dot(10, still=0)
-    films.write_film(frames, 80, tmp_path / "dot.webp")
+    videos.write_video(frames, 80, tmp_path / "dot.webp")
     with Image.open(tmp_path / "dot.webp") as picture:
         durations = []
         for i, frame in enumerate(frames):
@@ -47,4 +47,4 @@ def test_a_film_shows_its_pictures(tmp_path):
             shown = np.asarray(picture.convert("RGB")).astype(int)
             durations.append(picture.info["duration"])
             assert np.abs(shown - frame).mean() < 4
-    assert durations == [80] * 9 + [films.HOLD]
+    assert durations == [80] * 9 + [videos.HOLD]
