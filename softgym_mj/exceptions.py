@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 _SHOWN = 200  # Characters of a wrong value in a message.
+_SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 
 class SoftGymError(Exception):
@@ -89,6 +90,19 @@ def check_count(argument: str, value: object, low: int, high: int | None = None)
     if isinstance(value, bool) or count < low or (high is not None and count > high):
         raise InvalidArgumentError(argument, value, valid)
     return count
+
+
+def check_number(argument: str, value: float, **limits: float) -> None:
+    """Raises `InvalidArgumentError` unless a number is within its limits.
+
+    Args:
+        argument: Name of the argument.
+        value: The number; NaN is within no limits.
+        **limits: `gt`, `ge`, `lt`, `le`, as of `operator`: what the number is compared with.
+    """
+    if not all(getattr(operator, name)(value, limit) for name, limit in limits.items()):
+        valid = " and ".join(f"{_SIGNS[name]} {limit:g}" for name, limit in limits.items())
+        raise InvalidArgumentError(argument, value, f"a number {valid}")
 
 
 def check_image_size(argument: str, value: object, largest: int) -> tuple[int, int]:

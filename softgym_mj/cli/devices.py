@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from softgym_mj.cli.console import Settings, Task, console, parsed_settings
-from softgym_mj.exceptions import InvalidArgumentError, UnavailableError, check_count
+from softgym_mj.exceptions import UnavailableError, check_count, check_number
 from softgym_mj.vector.make import DEVICES, make_vec
 
 _WARM_UP = 3  # Env steps before the clock runs.
@@ -45,8 +45,7 @@ def bench(
 ) -> None:
     """Counts env steps a second: random actions, evaluation variations, episodes that reset."""
     check_count("num_envs", num_envs, 1)
-    if not 0.0 <= seconds < math.inf:  # Nor NaN.
-        raise InvalidArgumentError("seconds", seconds, "a finite number, 0 or more")
+    check_number("seconds", seconds, ge=0.0, lt=math.inf)
     arguments: dict[str, Any] = {"split": "evaluate", **parsed_settings(settings)}
     envs = make_vec(task, num_envs, device=device, **arguments)
     random = np.random.default_rng(0)

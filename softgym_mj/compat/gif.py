@@ -5,7 +5,7 @@ import pathlib
 import numpy as np
 from PIL import Image
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.kinds import typed
 
 
@@ -25,8 +25,7 @@ def save_numpy_as_gif(
         InvalidArgumentError: for another shape, no image, or a number that is not positive.
     """
     for name, value in (("fps", fps), ("scale", scale)):
-        if value <= 0:
-            raise InvalidArgumentError(name, value, "a number above 0")
+        check_number(name, value, gt=0)
     if array.ndim not in (3, 4) or not array.size or array.shape[3:] not in ((), (3,)):
         valid = "images (n, height, width, 3) or (n, height, width)"
         raise InvalidArgumentError("array", array.shape, valid)

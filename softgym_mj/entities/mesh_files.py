@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 from scipy import sparse, spatial
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.kinds import typed
 
 SUFFIXES = (".obj", ".off", ".ply", ".stl")
@@ -42,8 +42,7 @@ def read_mesh(file: str | os.PathLike, scale: float = 1.0) -> tuple[np.ndarray, 
             finite, or it is smaller than 2 cm or larger than 5 m or has more than 5000 vertices;
             for a bad scale.
     """
-    if scale <= 0.0:
-        raise InvalidArgumentError("scale", scale, "above 0")
+    check_number("scale", scale, gt=0.0)
     path = pathlib.Path(file).resolve()
     points, triangles = _load(path)
     # Files of STL, and MuJoCo, have float32 numbers.

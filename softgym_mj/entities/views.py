@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.kinds import typed
 
 FIELD_OF_VIEW = 45.0  # [deg] SoftGym's.
@@ -36,10 +36,7 @@ class CameraPose:
     field_of_view: float = FIELD_OF_VIEW
 
     def __post_init__(self):
-        if not 0.0 < self.field_of_view < 180.0:
-            raise InvalidArgumentError(
-                "field_of_view", self.field_of_view, "above 0 and below 180 degrees"
-            )
+        check_number("field_of_view", self.field_of_view, gt=0.0, lt=180.0)
 
     @classmethod
     def looking(

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from dm_control import composer, mjcf
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.native.library import FLUID, load_plugin
 from softgym_mj.rendering.look import FAST, WATER, Look
@@ -57,8 +57,7 @@ class Resolution:
     def __post_init__(self):
         for number in (self.count, *self.columns):
             check_count("count, columns", number, 1, MOST_PARTICLES)
-        if self.spacing <= 0.0:
-            raise InvalidArgumentError("spacing", self.spacing, "a length above 0 [m]")
+        check_number("spacing", self.spacing, gt=0.0)
 
 
 def _check_particles(name: str, values: np.ndarray, shapes: tuple[tuple[int, ...], ...]):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name, check_number
 from softgym_mj.registry import find
 
 BUDGET = 21_000  # Env steps for a decision, all iterations together (paper).
@@ -73,8 +73,7 @@ class CEM:
         check_count("horizon", horizon, 1)
         check_count("iterations", iterations, 1)
         check_count("budget", budget, 1, MOST_BUDGET)
-        if not 0.0 < variance <= 1.0:
-            raise InvalidArgumentError("variance", variance, "above 0, at most 1")
+        check_number("variance", variance, gt=0.0, le=1.0)
         self.horizon, self.iterations, self.variance = horizon, iterations, variance
         self.population = budget // iterations // horizon
         if self.population < MIN_POPULATION:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from softgym_mj.entities.cloth import alternating_triangles
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,8 +90,7 @@ def rectangle(width: float, depth: float, spacing: float) -> Mesh:
     """
     sides = {"width": width, "depth": depth, "spacing": spacing}
     for name, value in sides.items():
-        if not 0.0 < value < math.inf:
-            raise InvalidArgumentError(name, value, "a finite number of metres above 0")
+        check_number(name, value, gt=0.0, lt=math.inf)
     columns, rows = (max(round(side / spacing), 1) + 1 for side in (width, depth))
     return grid(width, depth, rows, columns)
 

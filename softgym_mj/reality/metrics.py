@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 from scipy.spatial import cKDTree
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 
 MANHATTAN, EUCLID = 1, 2  # Orders of the norm.
 
@@ -87,8 +87,7 @@ def jitter(positions: np.ndarray, step: float) -> float:
     positions = np.asarray(positions, float)
     if positions.ndim != 3 or positions.shape[2] != 3 or positions.shape[0] < 3:
         raise InvalidArgumentError("positions", positions.shape, "a shape (3 or more, n, 3)")
-    if not step > 0.0 or not np.isfinite(step):
-        raise InvalidArgumentError("step", step, "a finite number of seconds above 0")
+    check_number("step", step, gt=0.0, lt=np.inf)
     _cloud("positions", positions.reshape(-1, 3))
     second = np.diff(positions, n=2, axis=0) / step**2
     return float(np.mean(np.linalg.norm(second, axis=2)))

@@ -18,7 +18,7 @@ from dm_control import mjcf
 
 from softgym_mj.cloth import fabrics, solver
 from softgym_mj.entities.fabric import Fabric
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.reality.meshes import Mesh
 from softgym_mj.reality.recorder import Recorder, Replay
 from softgym_mj.reality.sheets import BareSheet
@@ -159,8 +159,7 @@ def replay(
     start = mesh.points if start is None else np.asarray(start, float)
     if start.shape != mesh.points.shape or not np.isfinite(start).all():
         raise InvalidArgumentError("start", start.shape, f"finite, of a shape {mesh.points.shape}")
-    if not 0.0 < step < math.inf:
-        raise InvalidArgumentError("step", step, "a finite number of seconds above 0")
+    check_number("step", step, gt=0.0, lt=math.inf)
     check_holds(holds, start, begin)
     recorder = Recorder(mesh, times, floor)
     sheet, model, data = _compiled(mesh, fabric, floor, step)

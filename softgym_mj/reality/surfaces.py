@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from softgym_mj.exceptions import InvalidArgumentError
+from softgym_mj.exceptions import InvalidArgumentError, check_number
 from softgym_mj.rendering.calibration import Calibration
 
 SPACING = 0.005  # [m] About the noise of depth cameras at a metre.
@@ -55,8 +55,7 @@ def sample_surface(
         InvalidArgumentError: if shapes, indices or the spacing make no sense.
     """
     vertices, triangles = _mesh(vertices, triangles)
-    if not spacing > 0.0:
-        raise InvalidArgumentError("spacing", spacing, "a number of metres above 0")
+    check_number("spacing", spacing, gt=0.0)
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
     edges, which = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
     lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)

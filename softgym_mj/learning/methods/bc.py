@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem, Step
@@ -59,8 +59,7 @@ class BCSettings:
         check_demonstrations(self.demonstrations, self.jobs)
         check_noise(self.noise)
         check_count("batch", self.batch, 1)
-        if not 0.0 < self.rate <= 1.0:
-            raise InvalidArgumentError("rate", self.rate, "above 0, at most 1")
+        check_number("rate", self.rate, gt=0.0, le=1.0)
 
 
 class Clone(nn.Module):

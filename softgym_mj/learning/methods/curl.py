@@ -15,7 +15,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.pixels import LEAST, PixelSAC, PixelSettings, cropped, picture_size
@@ -49,8 +49,7 @@ class CURLSettings(PixelSettings):
         super().__post_init__()
         check_count("crop", self.crop, LEAST)
         for name in ("encoder_rate", "encoder_tau"):
-            if not 0.0 < getattr(self, name) <= 1.0:
-                raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
+            check_number(name, getattr(self, name), gt=0.0, le=1.0)
 
 
 class Contrast(nn.Module):

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.export.passes import move_to_device_pass
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.jobs.files import read_whole
 from softgym_mj.kinds import typed
 from softgym_mj.learning.frames import Frames, pictured, stacked
@@ -85,8 +85,7 @@ class DistillSettings:
             check_count(name, getattr(self, name), 1)
         check_count("shift", self.shift, 0)
         for name in ("teacher_share", "teacher_until"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InvalidArgumentError(name, getattr(self, name), "a number in 0..1")
+            check_number(name, getattr(self, name), ge=0.0, le=1.0)
 
 
 class Student(nn.Module):

@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_name
+from softgym_mj.exceptions import InvalidArgumentError, check_name, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, StateSACSettings
@@ -47,8 +47,7 @@ class HindsightSettings(StateSACSettings):
     def __post_init__(self):
         super().__post_init__()
         check_name("strategy", self.strategy, STRATEGIES)
-        if not 0.0 <= self.share <= 1.0:
-            raise InvalidArgumentError("share", self.share, "0 to 1")
+        check_number("share", self.share, ge=0.0, le=1.0)
 
 
 class HindsightReplay(Replay):

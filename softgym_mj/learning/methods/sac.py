@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.networks import Actor, Critics, Mean, Standard, drawn, generators
@@ -67,10 +67,8 @@ class SACSettings(OffPolicySettings):
     def __post_init__(self):
         super().__post_init__()
         for name in ("discount", "tau", "alpha", "actor_rate", "critic_rate", "alpha_rate"):
-            if not 0.0 < getattr(self, name) <= 1.0:
-                raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
-        if not 0.0 <= self.pessimism <= 1.0:
-            raise InvalidArgumentError("pessimism", self.pessimism, "from 0 to 1")
+            check_number(name, getattr(self, name), gt=0.0, le=1.0)
+        check_number("pessimism", self.pessimism, ge=0.0, le=1.0)
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
         check_count("halved_every", self.halved_every, 0)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet.latent import WorldModel, centred
@@ -87,11 +87,9 @@ class PlaNetSettings:
         check_count("bits", self.bits, 1, 8)
         check_count("elites", self.elites, 1, self.candidates)
         for name in ("rate", "epsilon", "gradient_norm"):
-            if not getattr(self, name) > 0.0:
-                raise InvalidArgumentError(name, getattr(self, name), "above 0")
+            check_number(name, getattr(self, name), gt=0.0)
         for name in ("noise", "evaluation_noise", "free_nats"):
-            if not getattr(self, name) >= 0.0:
-                raise InvalidArgumentError(name, getattr(self, name), "0 or more")
+            check_number(name, getattr(self, name), ge=0.0)
 
 
 class Memory(NamedTuple):

@@ -17,7 +17,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.ppo.rollout import Rollout, advantages
@@ -69,14 +69,11 @@ class PPOSettings:
         for name in ("steps", "epochs", "minibatches"):
             check_count(name, getattr(self, name), 1)
         for name in ("rate", "discount", "trace", "clip"):
-            if not 0.0 < getattr(self, name) <= 1.0:
-                raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
+            check_number(name, getattr(self, name), gt=0.0, le=1.0)
         for name in ("value_weight", "entropy_weight"):
-            if getattr(self, name) < 0.0:
-                raise InvalidArgumentError(name, getattr(self, name), "0 or more")
+            check_number(name, getattr(self, name), ge=0.0)
         for name in ("largest_gradient", "target_divergence"):
-            if getattr(self, name) <= 0.0:
-                raise InvalidArgumentError(name, getattr(self, name), "above 0")
+            check_number(name, getattr(self, name), gt=0.0)
 
 
 class Gaussian(nn.Module):

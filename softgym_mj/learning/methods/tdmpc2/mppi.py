@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.networks import drawn
 
@@ -46,8 +46,7 @@ class MPPISettings:
             check_count(name, getattr(self, name), 1)
         check_count("proposals", self.proposals, 1, self.samples)
         check_count("elites", self.elites, 1, self.samples)
-        if self.temperature <= 0.0:
-            raise InvalidArgumentError("temperature", self.temperature, "above 0")
+        check_number("temperature", self.temperature, gt=0.0)
         if not 0.0 < self.std[0] <= self.std[1]:
             raise InvalidArgumentError("std", self.std, "(least, largest), above 0")
 

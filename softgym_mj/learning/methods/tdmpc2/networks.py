@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.methods.tdmpc2.two_hot import expected
 from softgym_mj.learning.networks import Actor, LayerNorm, Linear, drawn
@@ -57,8 +57,7 @@ class WorldModelSettings:
             raise InvalidArgumentError("latent", self.latent, f"{self.simplex} times a number")
         if not self.hidden or min(self.hidden) < 1:
             raise InvalidArgumentError("hidden", self.hidden, "sizes of one layer or more")
-        if not 0.0 <= self.dropout < 1.0:
-            raise InvalidArgumentError("dropout", self.dropout, "0 or more, below 1")
+        check_number("dropout", self.dropout, ge=0.0, lt=1.0)
         if self.log_std[0] >= self.log_std[1]:
             raise InvalidArgumentError("log_std", self.log_std, "(least, largest)")
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.exceptions import check_count, check_name, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.methods.tdmpc2.mppi import MPPISettings
 from softgym_mj.learning.methods.tdmpc2.networks import WorldModelSettings
@@ -59,10 +59,7 @@ class TDMPC2Settings(WorldModelSettings, MPPISettings):
         for name in ("random_steps", "pretraining"):
             check_count(name, getattr(self, name), 0)
         for name in ("rate", "encoder_rate", "tau", "rho"):
-            if not 0.0 < getattr(self, name) <= 1.0:
-                raise InvalidArgumentError(name, getattr(self, name), "above 0, at most 1")
+            check_number(name, getattr(self, name), gt=0.0, le=1.0)
         for name in ("consistency", "reward", "value", "entropy"):
-            if getattr(self, name) < 0.0:
-                raise InvalidArgumentError(name, getattr(self, name), "0 or more")
-        if self.largest_gradient <= 0.0:
-            raise InvalidArgumentError("largest_gradient", self.largest_gradient, "above 0")
+            check_number(name, getattr(self, name), ge=0.0)
+        check_number("largest_gradient", self.largest_gradient, gt=0.0)

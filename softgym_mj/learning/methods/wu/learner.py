@@ -17,7 +17,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, SACSettings
@@ -68,8 +68,7 @@ class WuSettings(SACSettings):
         super().__post_init__()
         for number in self.channels:
             check_count("channels", number, 1)
-        if not 0.0 < self.best_share <= 1.0:
-            raise InvalidArgumentError("best_share", self.best_share, "above 0, at most 1")
+        check_number("best_share", self.best_share, gt=0.0, le=1.0)
         if self.symmetric:
             raise InvalidArgumentError("symmetric", True, "False: images are shown as they are")
 
