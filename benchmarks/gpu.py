@@ -114,7 +114,7 @@ def rate(task: str, number: int, most: int, **settings: Any) -> dict[str, float]
         "reset_ms": round(1e3 * min(again), 1),
         "memory_gb": round(torch.cuda.max_memory_allocated() / 1e9, 2),
         "episodes_ended": int(ended),
-        "flags": flags[flags != 0].tolist(),  # Of ClothWorlds or WaterWorlds.
+        "flags": flags[flags != 0].tolist(),  # Of ClothBatchSolver or FluidBatchSolver.
         "mean_normalized_performance": round(float(infos["normalized_performance"].mean()), 4),
     }
     envs.close()
@@ -162,7 +162,7 @@ def bits(task: str) -> dict[str, Any]:
 
 
 def alone(task: str) -> bool:
-    """Whether a world that is not finite changes no other."""
+    """Whether an environment that is not finite changes no other."""
     seen = []
     for spoilt in (False, True):
         envs = softgym_mj.make_vec(task, 8, device="cuda", observation="full", split=EVALUATION[:8])

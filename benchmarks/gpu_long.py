@@ -86,7 +86,7 @@ def steps(task: str, number: int, until: float) -> dict[str, Any]:
         "env_steps": NUMBER * each * len(rates),
         "env_steps_per_s": rates,
         "memory_gb": memory,
-        "most_worlds_with_warnings": flags,
+        "most_envs_with_warnings": flags,
         "finite": bool(np.isfinite(float(infos["normalized_performance"].mean()))),
     }
 

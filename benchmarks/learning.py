@@ -39,11 +39,11 @@ def updates_per_second(name: str, preset: str, task: str, seeds: int, device: st
     env.close()
     assert observation is not None and action is not None
     problem = Problem(
-        task, training.task_settings, range(seeds), training.worlds, observation, action[-1],
+        task, training.task_settings, range(seeds), training.num_envs, observation, action[-1],
         training.reward_scale, device, training.observation,
     )  # fmt: skip
     learner = method.make(method.settings, problem)
-    lead = seeds, training.worlds
+    lead = seeds, training.num_envs
     no = torch.zeros(lead, dtype=torch.bool, device=device)
 
     def step() -> None:

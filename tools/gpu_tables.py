@@ -66,9 +66,7 @@ def bits() -> str:
         words = ["yes" if own[name] else "no" for name in kept]
         apart = f"{own['of_processor_largest_difference']:.1g}"
         rows.append(f"| `{task}` | {' | '.join(words)} | {apart} |")
-    head = (
-        "| task | same bits in another run | among other worlds | furthest from the processor's |"
-    )
+    head = "| task | same bits in another run | in other batches | furthest from the processor's |"
     return table(head, rows)
 
 

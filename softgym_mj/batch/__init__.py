@@ -1,1 +1,1 @@
-"""What worlds stepped together share: their arrays, who steps them, the GPU launcher."""
+"""What environments stepped together share: their arrays, who steps them, the GPU launcher."""

@@ -1,7 +1,7 @@
-"""`Gpu`: a place for worlds on a CUDA device, whose programs are compiled when they are first used.
+"""`Gpu`: a CUDA device for batches of environments; its programs are compiled at their first use.
 
-The programs are those of the library, a block of threads a world. NVIDIA's compiler comes as a
-package (cuda-core); what it made is kept in the cache folder.
+The programs are those of the library; a block of threads steps an environment. NVIDIA's compiler
+comes as a package (cuda-core); its output is kept in the cache folder.
 """
 
 import functools
@@ -50,7 +50,7 @@ def _core() -> Any:
         import cuda.core
     except ImportError as error:
         raise UnavailableError(
-            f"worlds on a GPU need CUDA's packages ({error}): {install_extra('gpu')}"
+            f"environments on a GPU need CUDA's packages ({error}): {install_extra('gpu')}"
         ) from error
     return cuda.core
 
@@ -188,7 +188,7 @@ class Gpu(Place):
             from array_api_compat import torch as xp
         except ImportError as error:
             raise UnavailableError(
-                f"worlds on a GPU need PyTorch ({error}): {install_extra('gpu')}"
+                f"environments on a GPU need PyTorch ({error}): {install_extra('gpu')}"
             ) from error
         if not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")

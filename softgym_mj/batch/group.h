@@ -1,8 +1,8 @@
-// The threads that work on one world of a batch: those of a block on a GPU, or one of a processor.
+// The threads that work on one environment of a batch: those of a block on a GPU, or one of a processor.
 //
-// A program for a world is a sequence of loops; in none of them may what one turn does depend on another turn, but by
-// the functions below that say so. On a processor `Turns` makes the turns of each loop come in another order: what
-// comes out must have the same bits.
+// A program for an environment is a sequence of loops; in none of them may what one turn does depend on another turn,
+// but by the functions below that say so. On a processor `Turns` makes the turns of each loop come in another order:
+// what comes out must have the same bits.
 
 #ifndef SOFTGYM_MJ_BATCH_GROUP_H_
 #define SOFTGYM_MJ_BATCH_GROUP_H_

@@ -1,4 +1,4 @@
-"""`Place`: where the arrays of worlds are, and what makes their steps: here, this processor."""
+"""`Place`: where the arrays of environments are, and what makes their steps: this processor."""
 
 import ctypes
 from collections.abc import Callable, Hashable
@@ -25,7 +25,7 @@ class Copy(Protocol):
 
 
 class Place(Protocol):
-    """Arrays of NumPy or PyTorch, and programs that step worlds of a kind which lie in them.
+    """Arrays of NumPy or PyTorch, and programs that step environments of a kind which lie in them.
 
     Attributes:
         xp: the arrays' namespace.
@@ -36,7 +36,7 @@ class Place(Protocol):
     device: Any
 
     def at_once(self, kind: str, size: int) -> int:
-        """How many worlds of a kind it works on at a time, at most; `size` as of `step`."""
+        """How many environments of a kind it works on at a time, at most; `size` as of `step`."""
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
         """Zeros (...), of a type by its name; their memory begins at a multiple of `ALIGNMENT`."""
@@ -64,10 +64,10 @@ class Place(Protocol):
         """
 
     def step(self, kind: str, batch: Any, num_slots: int, size: int) -> None:
-        """Makes, or begins, a step of worlds of a kind.
+        """Makes, or begins, a step of environments of a kind.
 
         Args:
-            kind: of `batch.worlds.Worlds`.
+            kind: of `batch.solver.BatchSolver`.
             batch: its `Batch`, as bytes.
             num_slots: how many are worked on at a time.
             size: how much there is to do at a time in each: points.
@@ -91,10 +91,10 @@ class Processor(Place):
     device: Any = None
 
     def __init__(self, num_threads: int = 1, turns: int = 0):
-        """Notes how worlds are stepped.
+        """Notes how environments are stepped.
 
         Args:
-            num_threads: that step worlds at a time.
+            num_threads: that step environments at a time.
             turns: in which order each part of a step is done, which changes no bit: for tests.
         """
         self._threads, self._turns = num_threads, turns
@@ -130,6 +130,6 @@ class Processor(Place):
 
 
 def function(kind: str, name: str) -> Any:
-    """A function of the library for worlds of a kind."""
+    """A function of the library for environments of a kind."""
     found = getattr(open_library(), f"softgym_mj_{kind}_batch_{name}")
     return found

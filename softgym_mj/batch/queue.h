@@ -1,4 +1,4 @@
-// Blocks of a GPU that take worlds of a batch one after the other: each has memory of its own, its slot.
+// Blocks of a GPU that take environments of a batch one after the other: each has memory of its own, its slot.
 
 #ifndef SOFTGYM_MJ_BATCH_QUEUE_H_
 #define SOFTGYM_MJ_BATCH_QUEUE_H_
@@ -6,20 +6,20 @@
 namespace softgym_mj {
 namespace {
 
-// Calls f(world, slot) for all worlds in the order of a batch, and notes what each cost. `begun` is 0 before.
+// Calls f(env_index, slot) for all environments in the order of a batch, and notes what each cost. `begun` is 0 before.
 template <class Batch, class F>
-__device__ void EachWorld(const Batch& batch, F f) {
+__device__ void EachEnvironment(const Batch& batch, F f) {
   __shared__ int turn;
   for (;;) {
     if (threadIdx.x == 0) turn = atomicAdd(batch.begun, 1);
     __syncthreads();
     const int own = turn;
     __syncthreads();
-    if (own >= batch.num_worlds) return;
-    const int world = batch.order[own];
+    if (own >= batch.num_envs) return;
+    const int env_index = batch.order[own];
     const long long start = clock64();
-    f(world, static_cast<int>(blockIdx.x));
-    if (threadIdx.x == 0) batch.cost[world] = clock64() - start;
+    f(env_index, static_cast<int>(blockIdx.x));
+    if (threadIdx.x == 0) batch.cost[env_index] = clock64() - start;
     __syncthreads();
   }
 }

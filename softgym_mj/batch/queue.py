@@ -1,4 +1,4 @@
-"""`Queue`: in which order the blocks of a GPU take worlds: see queue.h."""
+"""`Queue`: in which order the blocks of a GPU take environments: see queue.h."""
 
 from typing import Any
 
@@ -12,15 +12,15 @@ class Queue:
 
     Attributes:
         arrays: for a `Batch`, in this order: how many have been begun (1,) int32, in which order
-            worlds are (num_worlds,) int32, and what each took the last time (num_worlds,) int64
+            environments are (num_envs,) int32, and what each took the last time (num_envs,) int64
             [cycles].
     """
 
-    def __init__(self, num_worlds: int, place: Place):
-        """Worlds as they are counted, in a place."""
+    def __init__(self, num_envs: int, place: Place):
+        """Environments as they are counted, in a place."""
         self._place = place
-        order = place.put(np.arange(num_worlds, dtype=np.int32))
-        zeros = place.zeros((1,), "int32"), place.zeros((num_worlds,), "int64")
+        order = place.put(np.arange(num_envs, dtype=np.int32))
+        zeros = place.zeros((1,), "int32"), place.zeros((num_envs,), "int64")
         self.arrays: tuple[Any, Any, Any] = (zeros[0], order, zeros[1])
 
     def plan(self) -> None:

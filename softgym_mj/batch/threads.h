@@ -1,4 +1,4 @@
-// Worlds that threads of a processor step.
+// Environments that threads of a processor step.
 
 #ifndef SOFTGYM_MJ_BATCH_THREADS_H_
 #define SOFTGYM_MJ_BATCH_THREADS_H_

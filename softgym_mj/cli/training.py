@@ -102,7 +102,9 @@ def train(
     training, found = find_preset(method, preset, find(task).name, **chosen)
     try:
         if jobs == 1 and ray is None:
-            reports.line(f"{method} {training.task}: makes {training.worlds * seeds} environments")
+            reports.line(
+                f"{method} {training.task}: makes {training.num_envs * seeds} environments"
+            )
             run = Training(training, found, chosen_seeds, out, device, learner_device)
             rows = _side_by_side(run, log)
         else:

@@ -35,7 +35,7 @@ from softgym_mj.policies.rollouts import (
 from softgym_mj.vector.batch.rollouts import DeviceRollouts
 from softgym_mj.vector.make import DEVICES
 
-MOST_WORLDS = 4096  # Of the samples of episodes that are played together: more cost memory.
+MOST_ENVS = 4096  # Of the samples of episodes that are played together: more cost memory.
 
 
 @dataclasses.dataclass
@@ -142,7 +142,7 @@ def _planned(
         rollouts = DeviceRollouts(
             configuration.task, configuration.settings, device, configuration.variations
         )
-        most = max(1, MOST_WORLDS // planner.population)
+        most = max(1, MOST_ENVS // planner.population)
     # Not `kept_environment`: in this process the samples are played in that one.
     settings = {"observation": "reduced", **configuration.settings}
     envs: list[Environment] = []

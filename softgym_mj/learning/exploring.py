@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.learner import Method, Problem, Step, worlds_of
+from softgym_mj.learning.learner import Method, Problem, Step, split_by_seed
 from softgym_mj.learning.settings import TrainingSettings
 
 _PARTS = 1_000_003  # Keeps the seeds of environments of different parts apart.
@@ -28,7 +28,7 @@ def problem_of(
         valid = f"a single name, as {method.name} takes one observation"
         raise InvalidArgumentError("observation", settings.observation, valid)
     return Problem(
-        settings.task, settings.task_settings, seeds, settings.worlds, space.shape or (),
+        settings.task, settings.task_settings, seeds, settings.num_envs, space.shape or (),
         envs.single_action_space.shape[-1], settings.reward_scale, device, settings.observation,
         shapes, settings.env_steps,
     )  # fmt: skip
@@ -42,7 +42,7 @@ class Explorer:
 
         Args:
             problem: what is learned.
-            envs: seeds * worlds environments, which reset in the same step.
+            envs: seeds * num_envs environments, which reset in the same step.
             device: where they are.
         """
         self._problem, self._envs, self._device = problem, envs, device
@@ -53,21 +53,23 @@ class Explorer:
 
         Args:
             part: number of parts before it.
-            actions: (seeds, worlds, n) each.
+            actions: (seeds, num_envs, n) each.
 
         Returns:
-            Observations, and whether each is the first of an episode (seeds, worlds).
+            Observations, and whether each is the first of an episode (seeds, num_envs).
         """
-        seeds, number = self._problem.seeds, self._problem.worlds
+        seeds, number = self._problem.seeds, self._problem.num_envs
         firsts = [(seed * _PARTS + part) * number for seed in seeds]
         each = [first + i for first in firsts for i in range(number)]
         seen, _ = self._envs.reset(seed=each, options={"stagger": number})
-        observation = worlds_of(self._problem, seen)
+        observation = split_by_seed(self._problem, seen)
         first = torch.ones(len(seeds), number, dtype=torch.bool, device=self._problem.device)
         for action in actions:
             seen, _, terminated, truncated, _ = self._envs.step(self.told(action))
-            observation = worlds_of(self._problem, seen)
-            first = worlds_of(self._problem, terminated) | worlds_of(self._problem, truncated)
+            observation = split_by_seed(self._problem, seen)
+            first = split_by_seed(self._problem, terminated) | split_by_seed(
+                self._problem, truncated
+            )
         return observation, first
 
     def step(
@@ -76,22 +78,24 @@ class Explorer:
         """Steps all environments.
 
         Args:
-            observation: what was seen before (seeds, worlds, ...).
-            action: (seeds, worlds, n).
+            observation: what was seen before (seeds, num_envs, ...).
+            action: (seeds, num_envs, n).
             is_last: whether the part ends, so that no episode is followed any further.
 
         Returns:
             What is learned from, the next observations, and whether each is the first of an episode
-            (seeds, worlds).
+            (seeds, num_envs).
         """
         seen, rewards, terminated, truncated, infos = self._envs.step(self.told(action))
         self._note_scores(infos)
-        following = worlds_of(self._problem, seen)
-        terminated, truncated = (worlds_of(self._problem, each) for each in (terminated, truncated))
+        following = split_by_seed(self._problem, seen)
+        terminated, truncated = (
+            split_by_seed(self._problem, each) for each in (terminated, truncated)
+        )
         ended = terminated | truncated
         step = Step(
             observation, action,
-            self._problem.reward_scale * worlds_of(self._problem, rewards).float(),
+            self._problem.reward_scale * split_by_seed(self._problem, rewards).float(),
             self._last(following, infos), terminated, ended | is_last,
         )  # fmt: skip
         return step, following, ended
@@ -104,7 +108,7 @@ class Explorer:
         return {"explored/normalized_performance": total / number}  # Not a number without any.
 
     def told(self, action: Tensor) -> Any:
-        """Actions (seeds, worlds, n) as environments take them."""
+        """Actions (seeds, num_envs, n) as environments take them."""
         flat = action.flatten(0, 1)
         return flat if self._device == "cuda" else flat.cpu().numpy()
 
@@ -112,8 +116,8 @@ class Explorer:
         """Adds scores of episodes that have ended to sums and numbers (seeds,)."""
         if "final_info" not in infos:
             return
-        ended = worlds_of(self._problem, infos["_final_info"])
-        scores = worlds_of(self._problem, infos["final_info"]["normalized_performance"])
+        ended = split_by_seed(self._problem, infos["_final_info"])
+        scores = split_by_seed(self._problem, infos["final_info"]["normalized_performance"])
         now = torch.where(ended, scores, 0.0).sum(dim=1), ended.sum(dim=1)
         before = self._scores or (0.0, 0)
         self._scores = before[0] + now[0], before[1] + now[1]
@@ -134,9 +138,9 @@ class Explorer:
             }
             return {n: self._replaced(seen, parts[n], ended) for n, seen in following.items()}
         if isinstance(final, Tensor):
-            mask = worlds_of(self._problem, ended)
+            mask = split_by_seed(self._problem, ended)
             mask = mask.reshape(*mask.shape, *[1] * (following.ndim - 2))
-            return torch.where(mask, worlds_of(self._problem, final), following)
+            return torch.where(mask, split_by_seed(self._problem, final), following)
         found = following.clone().flatten(0, 1)
         for i in np.flatnonzero(ended).tolist():
             found[i] = torch.as_tensor(final[i])

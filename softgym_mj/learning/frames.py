@@ -18,7 +18,7 @@ _log = logging.getLogger(__name__)
 
 
 class Frames:
-    """A ring of vector steps: arrays (capacity, seeds, worlds, ...) by name.
+    """A ring of vector steps: arrays (capacity, seeds, num_envs, ...) by name.
 
     `sample` asks for no number of the device, so that it can be part of a CUDA graph.
 
@@ -30,7 +30,7 @@ class Frames:
         self,
         capacity: int,
         seeds: Sequence[int],
-        worlds: int,
+        num_envs: int,
         shapes: Mapping[str, tuple[int, ...]],
         *,
         frames: int,
@@ -42,17 +42,17 @@ class Frames:
         Args:
             capacity: number of vector steps that are kept.
             seeds: of the draws.
-            worlds: number of environments of each seed.
+            num_envs: number of environments of each seed.
             shapes: of a single entry by name; images have two dimensions or more: (height, width),
                 (height, width, 3) or (cameras, height, width, 3).
             frames: number of frames in a stack; before the start of an episode, its first one.
             shift: largest random shift of a stack in each direction [pixels]; edges are repeated.
             device: of PyTorch.
         """
-        self._frames, self._shift, self._worlds = frames, shift, worlds
+        self._frames, self._shift, self._num_envs = frames, shift, num_envs
         self._capacity, self._size, self._next = max(capacity, frames), 0, 0
         self._is_cut = False  # Whether steps before the oldest were left out of a state.
-        lead = self._capacity, len(seeds), worlds
+        lead = self._capacity, len(seeds), num_envs
         self._kept = {
             name: torch.zeros(*lead, *shape, dtype=_kind(name, shape), device=device)
             for name, shape in shapes.items()
@@ -68,8 +68,8 @@ class Frames:
         """Keeps a vector step.
 
         Args:
-            values: (seeds, worlds, ...) by name.
-            first: whether each is the first of an episode (seeds, worlds).
+            values: (seeds, num_envs, ...) by name.
+            first: whether each is the first of an episode (seeds, num_envs).
         """
         for name, kept in self._kept.items():
             kept[self._next] = values[name]
@@ -94,18 +94,18 @@ class Frames:
         size, oldest, lacking = self._extent
         shares = drawn(self.sources[k : k + 1], 4, number, normal=False)[0]
         at = (oldest + lacking + whole_numbers(shares[0], size - lacking)) % self._capacity
-        world = whole_numbers(shares[1], self._worlds)
+        env_index = whole_numbers(shares[1], self._num_envs)
         back = torch.arange(self._frames - 1, -1, -1, device=at.device)
-        age = self._age[at, k, world, None]
+        age = self._age[at, k, env_index, None]
         past = (at[:, None] - torch.minimum(back, age)) % self._capacity
         return {
-            name: self._moved(kept[:, k], past, world[:, None], shares[2:])
+            name: self._moved(kept[:, k], past, env_index[:, None], shares[2:])
             if name in self._images
-            else kept[at, k, world]
+            else kept[at, k, env_index]
             for name, kept in self._kept.items()
         }
 
-    def _moved(self, kept: Tensor, at: Tensor, world: Tensor, shares: Tensor) -> Tensor:
+    def _moved(self, kept: Tensor, at: Tensor, env_index: Tensor, shares: Tensor) -> Tensor:
         """Returns images of places (n, frames), each stack shifted by shares (2, n) in 0..1."""
         is_several = kept.ndim == 6
         sides = kept.shape[3:5] if is_several else kept.shape[2:4]
@@ -114,9 +114,9 @@ class Frames:
         )
         rows, columns = rows[:, None, :, None], columns[:, None, None, :]
         if not is_several:
-            return kept[at[..., None, None], world[..., None, None], rows, columns]
+            return kept[at[..., None, None], env_index[..., None, None], rows, columns]
         cameras = torch.arange(kept.shape[2], device=at.device)[:, None, None]
-        lead = at[..., None, None, None], world[..., None, None, None]
+        lead = at[..., None, None, None], env_index[..., None, None, None]
         return kept[*lead, cameras, rows[:, None], columns[:, None]]
 
     def get_state(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ class Problem:
         task: its name.
         task_settings: keyword arguments of the task.
         seeds: of trainings that go side by side.
-        worlds: environments of each seed.
+        num_envs: environments of each seed.
         observation: shape of one; images are (height, width, 3) uint8, all else is (n,).
         action: size of one, in -1..1.
         reward_scale: factor to the task's rewards, in those that are learned from.
@@ -32,7 +32,7 @@ class Problem:
     task: str
     task_settings: Mapping[str, Any]
     seeds: Sequence[int]
-    worlds: int
+    num_envs: int
     observation: tuple[int, ...]
     action: int
     reward_scale: float
@@ -51,11 +51,11 @@ class Problem:
 
 
 class Step(NamedTuple):
-    """A step of all environments, (seeds, worlds, ...) each.
+    """A step of all environments, (seeds, num_envs, ...) each.
 
     Attributes:
         observation, action: what was seen, and done.
-        reward: scaled, (seeds, worlds).
+        reward: scaled, (seeds, num_envs).
         next_observation: of the same episode, at its end too.
         terminated: whether the simulation has diverged: nothing follows.
         ended: whether the episode is over for any reason, or is not followed any further.
@@ -82,7 +82,7 @@ class Learner(Protocol):
         """Chooses actions.
 
         Args:
-            observation: (seeds, n, ...), n being the worlds of a seed or any other number.
+            observation: (seeds, n, ...), n being the environments of a seed or any other number.
             first: whether each is the first of an episode (seeds, n).
             memory: what was returned with the actions before; None at first.
             explore: whether to learn from it; else these are the best that are known.
@@ -92,7 +92,7 @@ class Learner(Protocol):
         """
 
     def learn(self, step: Step) -> dict[str, Tensor]:
-        """Learns from a step of all worlds, and from all before.
+        """Learns from a step of all environments, and from all before.
 
         Returns:
             Losses and the like (seeds,) by name, if there was an update.
@@ -143,9 +143,9 @@ class Method:
     make: Callable[[Any, Problem], Learner]
 
 
-def worlds_of(problem: Problem, array: Any) -> Tensor:
-    """An array of all environments (seeds * worlds, ...) as (seeds, worlds, ...), on its device."""
+def split_by_seed(problem: Problem, array: Any) -> Tensor:
+    """Returns an array (seeds * num_envs, ...) as (seeds, num_envs, ...) on its device."""
     if isinstance(array, Mapping):
-        return {name: worlds_of(problem, each) for name, each in array.items()}
+        return {name: split_by_seed(problem, each) for name, each in array.items()}
     tensor = torch.as_tensor(array, device=problem.device)
     return tensor.reshape(len(problem.seeds), -1, *tensor.shape[1:])

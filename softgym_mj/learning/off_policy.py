@@ -138,7 +138,7 @@ class OffPolicy:
                 raise InvalidArgumentError("observation", problem.observed, valid)
             self._best = Averaged(self._best, self._symmetries, problem.device)
         self.replay = replay(
-            settings.replay // problem.worlds, problem.seeds, problem.worlds,
+            settings.replay // problem.num_envs, problem.seeds, problem.num_envs,
             problem.shapes or problem.observation,
             problem.action, discount=settings.discount, steps=settings.added,
             symmetries=self._symmetries, device=problem.device,
@@ -179,7 +179,7 @@ class OffPolicy:
         """See `Learner`."""
         self.replay.add(step)
         learns = self._seen >= self._settings.random_steps
-        self._seen += self._problem.worlds
+        self._seen += self._problem.num_envs
         found: dict[str, Tensor] = {}
         if learns and self.replay.size >= self._settings.added:
             if not self.updates:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from softgym_mj.learning.learner import Problem, worlds_of
+from softgym_mj.learning.learner import Problem, split_by_seed
 from softgym_mj.vector.playing import play_each
 
 Act = Callable[[Any, Tensor, Any], tuple[Tensor, Any]]
@@ -46,7 +46,7 @@ class Players:
         def chosen(seen: Any, first: np.ndarray) -> Any:
             nonlocal memory
             action, memory = act(
-                worlds_of(self._problem, seen), worlds_of(self._problem, first), memory
+                split_by_seed(self._problem, seen), split_by_seed(self._problem, first), memory
             )
             return self._told(action)
 

@@ -38,10 +38,10 @@ class Batch:
 
 
 class Replay:
-    """The newest env steps of environments that step together: (steps, seeds, worlds, ...).
+    """The newest env steps of environments that step together: (steps, seeds, num_envs, ...).
 
-    Each seed learns from worlds of its own. Nothing in `sample` asks for a number of the device, so
-    that it can be part of one of CUDA's graphs.
+    Each seed learns from environments of its own. Nothing in `sample` asks for a number of the
+    device, so that it can be part of one of CUDA's graphs.
 
     Attributes:
         size: how many vector steps there are.
@@ -52,7 +52,7 @@ class Replay:
         self,
         capacity: int,
         seeds: Sequence[int],
-        worlds: int,
+        num_envs: int,
         observation: tuple[int, ...] | Mapping[str, tuple[int, ...]],
         action: int,
         *,
@@ -66,7 +66,7 @@ class Replay:
         Args:
             capacity: vector steps that are kept; older ones make way.
             seeds: of random numbers.
-            worlds: of each seed.
+            num_envs: of each seed.
             observation: shape, or shapes by name; images are kept as uint8, others as float32.
             action: size.
             discount: of rewards, in each env step.
@@ -77,9 +77,9 @@ class Replay:
         self._steps = check_count("steps", steps, 1, capacity)
         self._capacity, self.size, self._next = capacity, 0, 0
         self.discount = torch.full((), discount, device=device)
-        self._seeds, self._worlds = len(seeds), worlds
+        self._seeds, self._num_envs = len(seeds), num_envs
         self._sources = generators(seeds, device)
-        lead = capacity, len(seeds), worlds
+        lead = capacity, len(seeds), num_envs
 
         shapes = observation.values() if isinstance(observation, Mapping) else [observation]
         self._has_images = any(len(shape) == 3 for shape in shapes)
@@ -132,7 +132,7 @@ class Replay:
         shares = drawn(self._sources, 3, number, normal=False)
         first = whole_numbers(shares[:, 0], size - (self._steps - 1))
         batch = self._added_up(
-            (oldest + first) % self._capacity, whole_numbers(shares[:, 1], self._worlds)
+            (oldest + first) % self._capacity, whole_numbers(shares[:, 1], self._num_envs)
         )
         if self._symmetries is None:
             return batch
@@ -151,29 +151,29 @@ class Replay:
         first = (oldest + whole_numbers(shares[:, 0], size - (length - 1)))[..., None]
         seed = torch.arange(self._seeds, device=first.device)[:, None, None]
         at = (first + torch.arange(length, device=first.device)) % self._capacity
-        world = whole_numbers(shares[:, 1], self._worlds)[..., None]
-        return Step(*(self.kept[name][at, seed, world] for name in Step._fields))
+        env_index = whole_numbers(shares[:, 1], self._num_envs)[..., None]
+        return Step(*(self.kept[name][at, seed, env_index] for name in Step._fields))
 
-    def _added_up(self, first: Tensor, world: Tensor) -> Batch:
-        """The batch that begins in these vector steps and worlds (seeds, number)."""
+    def _added_up(self, first: Tensor, env_index: Tensor) -> Batch:
+        """The batch that begins in these vector steps and environments (seeds, number)."""
         seed = torch.arange(self._seeds, device=first.device)[:, None]
         kept = self.kept
-        observation = _each(lambda own: own[first, seed, world], kept["observation"])
-        action = kept["action"][first, seed, world]
+        observation = _each(lambda own: own[first, seed, env_index], kept["observation"])
+        action = kept["action"][first, seed, env_index]
         reward = torch.zeros(first.shape, device=first.device)
         factor = torch.ones((), device=first.device)
         going = torch.ones_like(reward)  # Whether the episode still goes on.
         last, discount = first, torch.zeros_like(reward)
         for k in range(self._steps):
             at = (first + k) % self._capacity
-            reward = reward + going * factor * kept["reward"][at, seed, world]
+            reward = reward + going * factor * kept["reward"][at, seed, env_index]
             last = torch.where(going > 0, at, last)
             factor = factor * self.discount
             # Of an episode that has come to its horizon the value goes on.
-            lives = (~kept["terminated"][at, seed, world]).float()
+            lives = (~kept["terminated"][at, seed, env_index]).float()
             discount = torch.where(going > 0, factor * lives, discount)
-            going = going * (~kept["ended"][at, seed, world]).float()
-        following = _each(lambda own: own[last, seed, world], kept["next_observation"])
+            going = going * (~kept["ended"][at, seed, env_index]).float()
+        following = _each(lambda own: own[last, seed, env_index], kept["next_observation"])
         return Batch(observation, action, reward, following, discount)
 
     # ------------------------------------------------------------------ state
@@ -182,7 +182,7 @@ class Replay:
         """All that `set_state` needs to go on with the same numbers; of images the newest ones."""
         number, following, which = self.size, self._next, slice(0, self.size)
         if self._has_images:
-            number = min(self.size, -(-NEWEST_IMAGES // self._worlds))
+            number = min(self.size, -(-NEWEST_IMAGES // self._num_envs))
         if number < self.size:
             which = (torch.arange(number) + self._next - number) % self._capacity
             following = number % self._capacity

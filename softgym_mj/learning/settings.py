@@ -29,7 +29,7 @@ class TrainingSettings:
             observations of the task, for methods that take them.
         image_size: height and width of images [pixels].
         env_steps: of each seed, in all.
-        worlds: environments of each seed.
+        num_envs: environments of each seed.
         reward_scale: factor to rewards.
         part: env steps of each seed between two checkpoints.
         evaluate_every: parts from an evaluation to the next; the last one is evaluated, too.
@@ -52,7 +52,7 @@ class TrainingSettings:
     observation: str | tuple[str, ...] = "reduced"
     image_size: tuple[int, int] = (128, 128)
     env_steps: int = 1_000_000
-    worlds: int = 50
+    num_envs: int = 50
     reward_scale: float = 50.0
     part: int = 50_000
     evaluate_every: int = 1
@@ -75,14 +75,14 @@ class TrainingSettings:
         elif len({*self.observation}) < max(len(self.observation), 2):
             valid = "a name, or names of two or more different observations"
             raise InvalidArgumentError("observation", self.observation, valid)
-        for name in ("env_steps", "worlds", "evaluate_every"):
+        for name in ("env_steps", "num_envs", "evaluate_every"):
             check_count(name, getattr(self, name), 1)
         for name in ("episodes", "final_episodes"):
             check_count(name, getattr(self, name), 1, len(SPLITS["evaluate"]))
         for name in ("env_steps", "part"):
-            if getattr(self, name) % self.worlds:
+            if getattr(self, name) % self.num_envs:
                 raise InvalidArgumentError(
-                    name, getattr(self, name), f"{self.worlds} times a number"
+                    name, getattr(self, name), f"{self.num_envs} times a number"
                 )
         if self.learned_steps is not None:
             check_count("learned_steps", self.learned_steps, 1)

@@ -86,14 +86,14 @@ class Training:
     def __post_init__(self):
         settings = self.settings
         self._begun, self._before = time.perf_counter(), 0.0  # Seconds: now, and of those before.
-        # Vector steps of the part so far, their actions (seeds, worlds, n), and what the learner
+        # Vector steps of the part so far, their actions (seeds, num_envs, n), and what the learner
         # remembers of the episodes.
         self._step, self._actions, self._memory = 0, list[Tensor](), None
         self._due = time.monotonic() + KEEP_SECONDS  # Of the next checkpoint within a part.
         own = "cuda" if self.device == "cuda" else "cpu"
         if self.learner_device == "cuda" and not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
-        number = settings.worlds * len(self.seeds)
+        number = settings.num_envs * len(self.seeds)
         left = {} if settings.learned_steps is None else {"horizon": settings.learned_steps}
         self._envs = self._make(number, autoreset_mode="SameStep", **left)
         at = self.learner_device or own
@@ -125,7 +125,7 @@ class Training:
     @property
     def covered(self) -> int:
         """Env steps of each seed so far, of `settings.env_steps`."""
-        return self.done * self.settings.part + self._step * self.settings.worlds
+        return self.done * self.settings.part + self._step * self.settings.num_envs
 
     @property
     def seconds(self) -> float:
@@ -189,7 +189,7 @@ class Training:
     ) -> dict[str, Tensor]:
         """Learns to the end of a part; returns the last losses and the like."""
         settings, news = self.settings, dict[str, Tensor]()
-        steps, is_offline = settings.part // settings.worlds, isinstance(self.learner, Offline)
+        steps, is_offline = settings.part // settings.num_envs, isinstance(self.learner, Offline)
         self.phase = "starts a part"
         observation, first = None, None
         if not is_offline:
@@ -209,7 +209,7 @@ class Training:
                 self._actions.append(action)
                 news = self.learner.learn(step) or news
             self._step += 1
-            before = (self.covered - settings.worlds) * points // settings.env_steps
+            before = (self.covered - settings.num_envs) * points // settings.env_steps
             if self._step < steps and before < self.covered * points // settings.env_steps:
                 progress(self._told_of(news))
             if self._step < steps and time.monotonic() > self._due:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 from softgym_mj.batch.places import Processor
-from softgym_mj.cloth.worlds import ClothWorlds, describe
+from softgym_mj.cloth.batch_solver import ClothBatchSolver, describe
 from tests.cloth.flex_scene import TIMESTEP, WOVEN, Flex, FlexScene, sheet
 
 SPACING, RADIUS, COUNT = 0.02, 0.0025, 21  # [m], [m], vertices along a side.
@@ -123,16 +123,16 @@ def test_layers_rest_a_thickness_apart_at_a_sliver():
 
 
 @pytest.mark.parametrize("turns", [0, 3])
-def test_worlds_of_slivers_have_the_bits_of_the_plugin(turns):
+def test_environments_of_slivers_have_the_bits_of_the_plugin(turns):
     scene = standing(irregular(0))
     count = len(scene.positions())
-    worlds = ClothWorlds(1, count, 0, Processor(turns=turns))
-    worlds.start(0, describe(scene.model, [], room=4.0))
-    worlds.qpos[0] = scene.data.qpos.reshape(-1, 3)
+    solver = ClothBatchSolver(1, count, 0, Processor(turns=turns))
+    solver.start(0, describe(scene.model, [], room=4.0))
+    solver.qpos[0] = scene.data.qpos.reshape(-1, 3)
     nothing = np.zeros((1, 0, 3))
     for _ in range(60):
         scene.step()
-        worlds.step(nothing, np.zeros((1, 0), np.int32), nothing)
-        np.testing.assert_array_equal(worlds.qpos[0], scene.data.qpos.reshape(-1, 3))
-    assert worlds.flags[0] == 0
-    assert (worlds.after_layers[..., 0] != 0).sum() > 5  # Layers pushed.
+        solver.step(nothing, np.zeros((1, 0), np.int32), nothing)
+        np.testing.assert_array_equal(solver.qpos[0], scene.data.qpos.reshape(-1, 3))
+    assert solver.flags[0] == 0
+    assert (solver.after_layers[..., 0] != 0).sum() > 5  # Layers pushed.

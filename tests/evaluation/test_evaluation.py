@@ -185,23 +185,23 @@ def _replayed(patch):
 
 def test_episodes_are_planned_together_as_alone(tmp_path, lockstep, monkeypatch):
     replayed = _replayed(monkeypatch)
-    monkeypatch.setattr(running, "MOST_WORLDS", 20)
+    monkeypatch.setattr(running, "MOST_ENVS", 20)
     evaluate(LOCKSTEP, tmp_path, device="host")
     assert replayed == 6 * [2] + 6 * [1]
     assert kept(tmp_path) == kept(lockstep)
 
 
 # All three together; one after the other where there is room for less than one.
-@pytest.mark.parametrize("worlds", [30, 5])
-def test_episodes_together_go_on_from_their_plans(tmp_path, lockstep, worlds, monkeypatch):
-    random, told = np.random.default_rng(worlds), []
+@pytest.mark.parametrize("num_envs", [30, 5])
+def test_episodes_together_go_on_from_their_plans(tmp_path, lockstep, num_envs, monkeypatch):
+    random, told = np.random.default_rng(num_envs), []
 
     def interrupt(plan):
         told.append(plan)
         if len(told) == last:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(running, "MOST_WORLDS", worlds)
+    monkeypatch.setattr(running, "MOST_ENVS", num_envs)
     last = int(random.integers(4, 6))  # Alone: in the second episode.
     with pytest.raises(KeyboardInterrupt):
         evaluate(

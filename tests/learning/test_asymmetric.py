@@ -34,8 +34,8 @@ def _seen(places):
     return {"rgb": _images(places), "held": held, "markov": places[..., None]}
 
 
-def _problem(worlds=16):
-    return Problem("toy", {}, [3], worlds, (), 1, 1.0, "cpu", ("rgb", "held"), SHAPES, 10_000)
+def _problem(num_envs=16):
+    return Problem("toy", {}, [3], num_envs, (), 1, 1.0, "cpu", ("rgb", "held"), SHAPES, 10_000)
 
 
 def test_squares_are_means():
@@ -90,10 +90,10 @@ def test_it_learns_what_only_an_image_tells_the_actor():
     settings = AsymmetricSettings(
         **SMALL, discount=0.5, actor_rate=3e-3, critic_rate=3e-3, alpha=0.01, actor_every=1
     )
-    learner, worlds = make(settings, _problem()), 16
+    learner, num_envs = make(settings, _problem()), 16
     source = torch.Generator().manual_seed(0)
-    first = torch.ones(1, worlds, dtype=torch.bool)
-    tested = torch.linspace(-0.8, 0.8, worlds)[None]
+    first = torch.ones(1, num_envs, dtype=torch.bool)
+    tested = torch.linspace(-0.8, 0.8, num_envs)[None]
 
     def miss():
         action, _ = learner.act(_seen(tested), first, None, explore=False)
@@ -101,7 +101,7 @@ def test_it_learns_what_only_an_image_tells_the_actor():
 
     before = miss()
     for _ in range(60):  # Each env step is an episode: go where the bright column is.
-        places = 1.6 * torch.rand(1, worlds, generator=source) - 0.8
+        places = 1.6 * torch.rand(1, num_envs, generator=source) - 0.8
         seen = _seen(places)
         action, _ = learner.act(seen, first, None, explore=True)
         reward = -((action[..., 0] - places) ** 2)

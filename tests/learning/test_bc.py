@@ -87,7 +87,7 @@ class _Killed(Exception):
 @pytest.mark.parametrize("observation", ["reduced", "full"])
 def test_a_training_steps_no_environment_and_counts_what_was_shown(tmp_path, observation):
     settings = TrainingSettings(
-        "straighten_rope", observation, env_steps=4, worlds=1, part=2, episodes=1,
+        "straighten_rope", observation, env_steps=4, num_envs=1, part=2, episodes=1,
         final_episodes=1, fidelity="fast", episode_steps=6,
     )  # fmt: skip
     symmetric = observation == "reduced"
@@ -106,4 +106,4 @@ def test_presets_suit_every_task():
     for task in softgym_mj.TASKS:
         training, method = find_preset("bc", "fast", task)
         assert method.settings.symmetric == ("water" not in task)
-        assert training.worlds == 1
+        assert training.num_envs == 1

@@ -20,7 +20,7 @@ def _learner(seeds=(0,)):
         **{**SMALL, "hidden": (32,)}, batch=64, rate=3e-3, updates=3, warm_up=10
     )
     shapes = {name: SHAPES[name] for name in ("rgb", "held")}
-    problem = dataclasses.replace(_problem(seeds, worlds=2), shapes=shapes, env_steps=2 * STUDIES)
+    problem = dataclasses.replace(_problem(seeds, num_envs=2), shapes=shapes, env_steps=2 * STUDIES)
     source = torch.Generator().manual_seed(0)
     places = 2.0 * torch.rand(8, 12, 1, generator=source) - 1.0  # Episodes, steps.
     seen = _seen(places)

@@ -124,7 +124,7 @@ def test_presets_suit_every_task(preset):
     for task in softgym_mj.TASKS:
         training, method = find_preset("curl", preset, task)
         settings, folds = method.settings, task == "fold_cloth"
-        ratio = settings.updates / training.worlds
+        ratio = settings.updates / training.num_envs
         assert training.observation == "rgb" and ratio == (1.0 if preset == "paper" else 0.25)
         assert training.reward_scale == (20.0 if "water" in task else 50.0)
         assert settings.actor_rate == settings.critic_rate == (1e-4 if folds else 3e-4)

@@ -16,9 +16,9 @@ SHAPES = {"markov": (1,), "rgb": (SIZE, SIZE, 3), "held": (2,)}
 SMALL = {"channels": 4, "features": 6, "hidden": (8,), "shift": 0}
 
 
-def _problem(seeds=(0,), worlds=16, env_steps=16_000):
+def _problem(seeds=(0,), num_envs=16, env_steps=16_000):
     return Problem(
-        "straighten_rope", {}, seeds, worlds, (), 1, 1.0, "cpu", ("rgb", "held"), SHAPES,
+        "straighten_rope", {}, seeds, num_envs, (), 1, 1.0, "cpu", ("rgb", "held"), SHAPES,
         env_steps,
     )  # fmt: skip
 
@@ -29,7 +29,7 @@ def _teacher(states):
 
 
 def _seen(places):
-    """A bar in each image at places (seeds, worlds, 1) in -1..1."""
+    """A bar in each image at places (seeds, num_envs, 1) in -1..1."""
     across = torch.linspace(-1.0, 1.0, SIZE) - places
     row = (255.0 * torch.exp(-((across / 0.15) ** 2))).to(torch.uint8)
     shape = (*places.shape[:2], SIZE, SIZE, 3)
@@ -136,7 +136,7 @@ def test_gradients_are_scaled_to_the_largest_norm():
 
 def test_noise_is_larger_in_an_eighth():
     settings = DistillSettings(**SMALL, updates=1, batch=4, noise=0.05, wild_noise=0.2)
-    learner = Distill(settings, _problem(worlds=4_000, env_steps=4_000), lambda s: 0.0 * s)
+    learner = Distill(settings, _problem(num_envs=4_000, env_steps=4_000), lambda s: 0.0 * s)
     learner._steps = 10**6  # The teacher never acts.
     places, first = torch.zeros(1, 4_000, 1), torch.ones(1, 4_000, dtype=bool)
     best, _ = learner.act(_seen(places), first, None, explore=False)

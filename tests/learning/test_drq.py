@@ -114,7 +114,7 @@ def test_it_learns_to_move_a_bar():
 def test_presets_suit_every_task(preset):
     for task in softgym_mj.TASKS:
         training, method = find_preset("drq", preset, task)
-        ratio = method.settings.updates / training.worlds
+        ratio = method.settings.updates / training.num_envs
         assert training.observation == "rgb" and ratio == (1.0 if preset == "paper" else 0.25)
         assert training.reward_scale == (20.0 if "water" in task else 50.0)
         assert method.settings.actor_rate == method.settings.alpha_rate == 1e-3

@@ -7,11 +7,11 @@ import torch
 from softgym_mj.learning.frames import Frames
 
 SHAPES = {"rgb": (6, 5, 3), "external_rgb": (2, 6, 5, 3), "depth": (6, 5), "held": (2,)}
-SEEDS, WORLDS = [3, 7], 4
+SEEDS, NUM_ENVS = [3, 7], 4
 
 
 def _values(source):
-    lead = len(SEEDS), WORLDS
+    lead = len(SEEDS), NUM_ENVS
     return {
         name: torch.randint(0, 200, (*lead, *shape), generator=source)
         for name, shape in SHAPES.items()
@@ -25,35 +25,35 @@ def _played(frames, steps, ends=0.2):
     for step in range(steps):
         values = _values(source)
         values["held"][..., 0] = step  # Tells where an entry is from.
-        values["held"][..., 1] = torch.arange(WORLDS)
-        first = torch.rand(len(SEEDS), WORLDS, generator=source) < (1.0 if step == 0 else ends)
+        values["held"][..., 1] = torch.arange(NUM_ENVS)
+        first = torch.rand(len(SEEDS), NUM_ENVS, generator=source) < (1.0 if step == 0 else ends)
         frames.add(values, first)
         history.append((values, first))
     return history
 
 
-def _stack(history, k, step, world, name, count):
+def _stack(history, k, step, env_index, name, count):
     """A stack by going back in the history until the episode starts."""
     found = [step]
     while len(found) < count:
-        earlier = found[0] if history[found[0]][1][k, world] else found[0] - 1
+        earlier = found[0] if history[found[0]][1][k, env_index] else found[0] - 1
         found.insert(0, earlier)
-    return np.stack([history[i][0][name][k, world].numpy() for i in found])
+    return np.stack([history[i][0][name][k, env_index].numpy() for i in found])
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
 @pytest.mark.parametrize("steps", [5, 9, 40])  # With room for nine: short, full, wrapped.
 def test_stacks_are_those_of_the_history(count, steps):
-    frames = Frames(9, SEEDS, WORLDS, SHAPES, frames=count)
+    frames = Frames(9, SEEDS, NUM_ENVS, SHAPES, frames=count)
     history = _played(frames, steps)
     met = set()
     for k in range(len(SEEDS)):
         batch = frames.sample(k, 200)
         for i in range(200):
-            step, world = map(int, batch["held"][i])
+            step, env_index = map(int, batch["held"][i])
             met.add(step)
             for name in ("rgb", "external_rgb", "depth"):
-                expected = _stack(history, k, step, world, name, count)
+                expected = _stack(history, k, step, env_index, name, count)
                 np.testing.assert_array_equal(batch[name][i].numpy(), expected)
     # All that are kept with all earlier frames, and no others.
     oldest = max(steps - 9, 0) + (count - 1 if steps >= 9 else 0)
@@ -61,18 +61,18 @@ def test_stacks_are_those_of_the_history(count, steps):
 
 
 def test_a_stack_is_shifted_as_a_whole_and_edges_are_repeated():
-    frames = Frames(9, SEEDS, WORLDS, SHAPES, frames=2, shift=2)
+    frames = Frames(9, SEEDS, NUM_ENVS, SHAPES, frames=2, shift=2)
     history = _played(frames, 7)
     batch, moves = frames.sample(1, 100), set()
     for i in range(100):
-        step, world = map(int, batch["held"][i])
+        step, env_index = map(int, batch["held"][i])
         fits = []
         for row in range(5):
             for column in range(5):
                 part = np.s_[..., row : row + 6, column : column + 5]
                 if all(
                     np.array_equal(
-                        batch[name][i].numpy(), _padded(history, step, world, name, part)
+                        batch[name][i].numpy(), _padded(history, step, env_index, name, part)
                     )
                     for name in ("rgb", "external_rgb", "depth")
                 ):
@@ -82,8 +82,8 @@ def test_a_stack_is_shifted_as_a_whole_and_edges_are_repeated():
     assert len(moves) > 15
 
 
-def _padded(history, step, world, name, part):
-    stack = _stack(history, 1, step, world, name, 2)
+def _padded(history, step, env_index, name, part):
+    stack = _stack(history, 1, step, env_index, name, 2)
     if name != "depth":
         stack = np.moveaxis(stack, -1, 1)  # Rows and columns last.
     wide = np.pad(stack, [(0, 0)] * (stack.ndim - 2) + [(2, 2), (2, 2)], "edge")[part]
@@ -91,13 +91,13 @@ def _padded(history, step, world, name, part):
 
 
 def test_a_state_that_is_cut_has_no_stacks_across_the_cut(monkeypatch):
-    monkeypatch.setattr("softgym_mj.learning.frames.NEWEST_IMAGES", 4 * WORLDS * len(SEEDS))
-    first, second = (Frames(9, SEEDS, WORLDS, SHAPES, frames=3) for _ in range(2))
+    monkeypatch.setattr("softgym_mj.learning.frames.NEWEST_IMAGES", 4 * NUM_ENVS * len(SEEDS))
+    first, second = (Frames(9, SEEDS, NUM_ENVS, SHAPES, frames=3) for _ in range(2))
     history = _played(first, 12, ends=0.0)
     second.set_state(first.get_state())
     batch = second.sample(0, 100)
     assert set(batch["held"][:, 0].tolist()) == {10.0, 11.0}  # Of 8..11, those with two before.
     for i in range(100):
-        step, world = map(int, batch["held"][i])
-        expected = _stack(history, 0, step, world, "rgb", 3)
+        step, env_index = map(int, batch["held"][i])
+        expected = _stack(history, 0, step, env_index, "rgb", 3)
         np.testing.assert_array_equal(batch["rgb"][i].numpy(), expected)

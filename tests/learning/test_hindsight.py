@@ -24,7 +24,7 @@ from softgym_mj.tasks.rope_configuration import RopeGoals
 from softgym_mj.tasks.shared.entries import points
 from softgym_mj.tasks.shared.goals import goals
 
-SEEDS, WORLDS, CAPACITY, STEPS, DISCOUNT, SCALE = [3, 8], 2, 10, 14, 0.5, 2.0
+SEEDS, NUM_ENVS, CAPACITY, STEPS, DISCOUNT, SCALE = [3, 8], 2, 10, 14, 0.5, 2.0
 ENDS = {5: (True, False), 9: (True, True), 12: (True, False)}  # Ended, terminated.
 
 
@@ -49,12 +49,12 @@ def _steps(rope, seeds=SEEDS):
         ended, terminated = ENDS.get(t, (False, False))
         each = []
         for seed in seeds:
-            goal = _numbers(rope, 100 * seed + episode, size, WORLDS)
-            both = [_numbers(rope, 10_000 * seed + 2 * t + k, size, WORLDS) for k in range(2)]
-            where = torch.tensor([[t, w, seed, 0.0, 0.0, 0.0] for w in range(WORLDS)])
+            goal = _numbers(rope, 100 * seed + episode, size, NUM_ENVS)
+            both = [_numbers(rope, 10_000 * seed + 2 * t + k, size, NUM_ENVS) for k in range(2)]
+            where = torch.tensor([[t, w, seed, 0.0, 0.0, 0.0] for w in range(NUM_ENVS)])
             each.append([torch.cat([points, goal, where], -1) for points in both])
         seen, following = (torch.stack(pair) for pair in zip(*each, strict=True))
-        lead = len(seeds), WORLDS
+        lead = len(seeds), NUM_ENVS
         zeros, flags = torch.zeros(lead), torch.ones(lead, dtype=torch.bool)
         step = Step(
             seen, torch.zeros(*lead, 8), zeros, following, flags & terminated, flags & ended
@@ -67,7 +67,7 @@ def _steps(rope, seeds=SEEDS):
 def _replay(rope, seeds=SEEDS, **settings):
     size = rope.task.observe("full").size
     replay = HindsightReplay(
-        CAPACITY, seeds, WORLDS, (size,), 8, discount=DISCOUNT,
+        CAPACITY, seeds, NUM_ENVS, (size,), 8, discount=DISCOUNT,
         **{"of": rope, "horizon": 6, "reward_scale": SCALE, "share": 0.8, "strategy": "future",
            "steps": 2, **settings},
     )  # fmt: skip
@@ -87,13 +87,13 @@ def test_goals_are_reached_later_and_measured_by_the_task(rope, strategy):
     seen, relabelled = {}, 0
     count = 3 * len(rope.task.rope.key_points)
     for k, i in np.ndindex(len(SEEDS), 150):
-        t, world = (int(value) for value in batch.observation[k, i, -6:-4])
+        t, env_index = (int(value) for value in batch.observation[k, i, -6:-4])
         last = min(end for end in [*ENDS, STEPS - 1] if end >= t)
         key_points = batch.observation[k, i, count : 2 * count]
         assert torch.equal(batch.next_observation[k, i, count : 2 * count], key_points)
-        candidates = {j: steps[j].next_observation[k, world] for j in range(t, last + 1)}
+        candidates = {j: steps[j].next_observation[k, env_index] for j in range(t, last + 1)}
         reached = {j: _alone(rope, full)[0].points["rope"] for j, full in candidates.items()}
-        reached["own"] = _alone(rope, steps[t].observation[k, world])[1].goal["rope"]
+        reached["own"] = _alone(rope, steps[t].observation[k, env_index])[1].goal["rope"]
         chosen = [
             name for name, goal in reached.items()
             if np.array_equal(goal[rope.task.rope.key_points].ravel(), key_points.double().numpy())
@@ -103,7 +103,7 @@ def test_goals_are_reached_later_and_measured_by_the_task(rope, strategy):
         seen.setdefault((t, last), set()).add(chosen[0])
         expected = 0.0
         for n in range(2):
-            following = steps[t + n].next_observation[k, world]
+            following = steps[t + n].next_observation[k, env_index]
             state, episode = _alone(rope, following)
             other = dataclasses.replace(episode, goal={"rope": reached[chosen[0]]})
             expected += DISCOUNT**n * SCALE * rope.task.measure(state, other).reward
@@ -149,7 +149,7 @@ METHOD = find_method(
     "sac_hindsight", hidden=(16, 16), random_steps=8, updates=2, batch=8, replay=24, symmetric=True
 )
 SETTINGS = TrainingSettings(
-    "rope_configuration", observation="full", env_steps=24, worlds=2, part=8, evaluate_every=3,
+    "rope_configuration", observation="full", env_steps=24, num_envs=2, part=8, evaluate_every=3,
     episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
@@ -183,12 +183,12 @@ def test_it_learns_to_reach_points_that_it_hardly_ever_meets():
         tau=0.05, actor_every=1, target_every=1, updates=4, batch=64, random_steps=320,
         replay=8_000, alpha=0.05,
     )  # fmt: skip
-    seeds, worlds, horizon, of = [0, 1], 16, 10, _Reach()
+    seeds, num_envs, horizon, of = [0, 1], 16, 10, _Reach()
     sac = HindsightSAC(settings, seeds, of, 2)
     replay = functools.partial(
         HindsightReplay, of=of, horizon=horizon, reward_scale=1.0, share=0.8, strategy="future"
     )
-    problem = Problem("toy", {}, seeds, worlds, (6,), 2, 1.0, "cpu")
+    problem = Problem("toy", {}, seeds, num_envs, (6,), 2, 1.0, "cpu")
     learner, sources = OffPolicy(settings, problem, sac, replay), generators([5, 6], "cpu")
 
     def episodes(number, explore):
@@ -207,7 +207,7 @@ def test_it_learns_to_reach_points_that_it_hardly_ever_meets():
 
     assert episodes(200, False).mean() < -0.9
     for _ in range(20):
-        episodes(worlds, True)
+        episodes(num_envs, True)
     assert episodes(200, False).mean() > -0.6  # Without hindsight it stays as it was.
 
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 SETTINGS = {
-    "env_steps": 640, "worlds": 4, "part": 64, "episodes": 1, "final_episodes": 2,
+    "env_steps": 640, "num_envs": 4, "part": 64, "episodes": 1, "final_episodes": 2,
     "fidelity": "fast", "episode_steps": 20, "random_steps": 64, "updates": 4, "batch": 64,
     "replay": 400, "hidden": [32, 32],
 }  # fmt: skip

@@ -14,7 +14,7 @@ from softgym_mj.policies.exported import has_images
 
 SEEDS = [4, 9]
 ROPE = TrainingSettings(
-    "straighten_rope", env_steps=24, worlds=2, part=8, evaluate_every=3, episodes=1,
+    "straighten_rope", env_steps=24, num_envs=2, part=8, evaluate_every=3, episodes=1,
     final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 PIXELS = dataclasses.replace(ROPE, observation="rgb", image_size=(36, 38))
@@ -163,17 +163,17 @@ def test_a_policy_file_acts_as_the_learner(whole):
 def test_a_training_killed_within_a_part_ends_alike(train, whole, no_policies, monkeypatch):
     monkeypatch.setattr(module, "KEEP_SECONDS", -1.0)  # A checkpoint after each vector step.
     monkeypatch.setattr(module, "KEEP_RATIO", 0.0)
-    part, worlds = whole.settings.part, whole.settings.worlds
+    part, num_envs = whole.settings.part, whole.settings.num_envs
 
     def kill(training, news):
-        if training.covered == part + 2 * worlds:  # The next checkpoint is not yet written.
+        if training.covered == part + 2 * num_envs:  # The next checkpoint is not yet written.
             raise _Killed
 
     with pytest.raises(_Killed):
         train("killed within").run(kill, points=whole.settings.env_steps)
     again, starts = train("killed within"), []
     again.run(on_start=lambda now: starts.append(now.covered))
-    assert starts == [part + worlds]
+    assert starts == [part + num_envs]
     assert same(again.learner.get_state(), whole.learner.get_state())
 
 

@@ -42,8 +42,8 @@ def _model(seeds, image_size=SIZE, **sizes):
     return WorldModel(generators(seeds, "cpu"), image_size, ACTION, **{**SIZES, **sizes})
 
 
-def _problem(seeds=(0, 1), worlds=2, size=SIZE):
-    return Problem("none", {}, list(seeds), worlds, (size, size, 3), ACTION, 1.0, "cpu")
+def _problem(seeds=(0, 1), num_envs=2, size=SIZE):
+    return Problem("none", {}, list(seeds), num_envs, (size, size, 3), ACTION, 1.0, "cpu")
 
 
 def _single(layer, k):
@@ -223,7 +223,7 @@ def test_frames_are_centred_by_their_bits():
 
 
 def test_plans_are_those_of_a_slow_planner():
-    """One world and one candidate after the other, with the same random numbers."""
+    """One environment and one candidate after the other, with the same random numbers."""
     model, seeds, number = _model([3]), [5], 2
     sources = generators([8], "cpu")
     belief, latent = drawn(sources, number, 24), drawn(sources, number, 4)
@@ -234,20 +234,20 @@ def test_plans_are_those_of_a_slow_planner():
         for _ in range(TINY.iterations):
             noise = torch.randn(number, 8, 3, 1, generator=source).numpy()
             chances = [torch.randn(number * 8, 4, generator=source) for _ in range(3)]
-            for world in range(number):
+            for env_index in range(number):
                 actions, returns = [], []
                 for i in range(8):
-                    actions.append(mean[world] + deviation[world] * noise[world, i])
-                    state, total = (belief[:, [world]], latent[:, [world]]), 0.0
+                    actions.append(mean[env_index] + deviation[env_index] * noise[env_index, i])
+                    state, total = (belief[:, [env_index]], latent[:, [env_index]]), 0.0
                     for t in range(3):
                         told = torch.tensor(actions[-1][t], dtype=torch.float32)[None, None]
                         after = model.advance(*state, told)
-                        drawn_latent = model.prior(after).sample(chances[t][world * 8 + i])
+                        drawn_latent = model.prior(after).sample(chances[t][env_index * 8 + i])
                         state = after, drawn_latent
                         total += model.reward(*state).item()
                     returns.append(total)
                 best = np.array(actions)[np.argsort(returns)[-3:]]
-                mean[world], deviation[world] = best.mean(0), best.std(0)
+                mean[env_index], deviation[env_index] = best.mean(0), best.std(0)
     np.testing.assert_allclose(found[0], mean[:, 0], rtol=1e-4, atol=1e-4)
 
 
@@ -277,10 +277,10 @@ class _Dot:
 
     horizon = 12
 
-    def __init__(self, seeds, worlds):
-        self._sources, self._worlds = generators(seeds, "cpu"), worlds
-        self._time = torch.arange(worlds).expand(len(seeds), worlds) % self.horizon
-        self.place = drawn(self._sources, worlds, normal=False)
+    def __init__(self, seeds, num_envs):
+        self._sources, self._num_envs = generators(seeds, "cpu"), num_envs
+        self._time = torch.arange(num_envs).expand(len(seeds), num_envs) % self.horizon
+        self.place = drawn(self._sources, num_envs, normal=False)
 
     def frames(self):
         columns = torch.arange(SIZE)
@@ -300,7 +300,7 @@ class _Dot:
         step = Step(
             observation, action, self.reward(), self.frames(), torch.zeros_like(ended), ended
         )
-        fresh = drawn(self._sources, self._worlds, normal=False)
+        fresh = drawn(self._sources, self._num_envs, normal=False)
         self.place = torch.where(ended, fresh, self.place)
         return step
 
@@ -325,7 +325,7 @@ def _trained():
         evaluation_noise=0.0, horizon=4, iterations=3, candidates=60, elites=8, rate=3e-3,
         belief=32, latent=4, hidden=32, channels=16, bfloat16=True, fused=True,
     )  # fmt: skip
-    learner = PlaNet(settings, _problem([3], worlds=16))
+    learner = PlaNet(settings, _problem([3], num_envs=16))
     _go(learner, _Dot([3], 16), 27)
     return learner
 
@@ -423,8 +423,8 @@ def test_a_figure_of_a_training(tmp_path):
 
 METHOD = find_method("planet", **dataclasses.asdict(TINY))
 SETTINGS = TrainingSettings(
-    "straighten_rope", observation="rgb", image_size=(SIZE, SIZE), env_steps=32, worlds=2, part=16,
-    evaluate_every=2, episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
+    "straighten_rope", observation="rgb", image_size=(SIZE, SIZE), env_steps=32, num_envs=2,
+    part=16, evaluate_every=2, episodes=1, final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
 
@@ -435,8 +435,8 @@ def test_presets_suit_every_task():
             own = method.settings
             assert training.observation == "rgb" and training.image_size == (128, 128)
             # 100 updates for 900 env steps (paper).
-            assert own.updates * 900 == 100 * training.worlds
-            assert own.random_steps >= (own.length - 1) * training.worlds
+            assert own.updates * 900 == 100 * training.num_envs
+            assert own.random_steps >= (own.length - 1) * training.num_envs
         assert published[1].settings == PlaNetSettings()
         assert published[0].reward_scale == 1.0
         assert ours[0].reward_scale == (20.0 if task.endswith(("water", "amount")) else 50.0)
@@ -445,7 +445,7 @@ def test_presets_suit_every_task():
         own = method.settings
         assert tuple(training.image_size) == (64, 64)
         assert training.reward_scale == ours[0].reward_scale
-        assert own.updates * 900 == 100 * training.worlds and own.bfloat16 and own.fused
+        assert own.updates * 900 == 100 * training.num_envs and own.bfloat16 and own.fused
         assert (own.batch, own.length, own.channels, own.bits) == (50, 50, 256, 8)
 
 
@@ -453,7 +453,7 @@ def test_bad_settings_are_refused():
     for problem, name in (
         (dataclasses.replace(_problem(), observation=(7,)), "observation"),
         (_problem(size=24), "image_size"),
-        (_problem(worlds=200), "replay"),
+        (_problem(num_envs=200), "replay"),
         (_problem(size=128), "channels"),
     ):
         with pytest.raises(InvalidArgumentError, match=name):

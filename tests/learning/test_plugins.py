@@ -14,7 +14,7 @@ from softgym_mj.learning.results import read_folder
 
 NAME = "tests.learning.test_plugins:make"
 SHORT = {
-    "env_steps": 4, "worlds": 2, "part": 4, "episodes": 1, "final_episodes": 1,
+    "env_steps": 4, "num_envs": 2, "part": 4, "episodes": 1, "final_episodes": 1,
     "fidelity": "fast", "episode_steps": 3,
 }  # fmt: skip
 PRESETS = {

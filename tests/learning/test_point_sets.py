@@ -139,7 +139,7 @@ METHOD = find_method(
     symmetric=True,
 )  # fmt: skip
 SETTINGS = TrainingSettings(
-    "rope_configuration", observation="full", env_steps=24, worlds=2, part=8, episodes=1,
+    "rope_configuration", observation="full", env_steps=24, num_envs=2, part=8, episodes=1,
     final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 

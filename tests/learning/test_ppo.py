@@ -19,12 +19,12 @@ from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
 
-OBSERVATION, ACTION, WORLDS = 5, 2, 6
+OBSERVATION, ACTION, NUM_ENVS = 5, 2, 6
 SMALL = PPOSettings(steps=4, epochs=2, minibatches=3, hidden=(16,), entropy_weight=0.01)
 
 
-def _problem(seeds, observation=OBSERVATION, action=ACTION, worlds=WORLDS):
-    return Problem("straighten_rope", {}, seeds, worlds, (observation,), action, 1.0, "cpu")
+def _problem(seeds, observation=OBSERVATION, action=ACTION, num_envs=NUM_ENVS):
+    return Problem("straighten_rope", {}, seeds, num_envs, (observation,), action, 1.0, "cpu")
 
 
 def _normal(source, *shape):
@@ -32,10 +32,10 @@ def _normal(source, *shape):
 
 
 def _walk(learner, seeds, steps, source):
-    """Has a learner act and learn in a random world; what it last found."""
+    """Has a learner act and learn in a random environment; what it last found."""
     found = {}
     for _ in range(steps):
-        lead = 3, WORLDS  # The same for each number of seeds.
+        lead = 3, NUM_ENVS  # The same for each number of seeds.
         seen, following = (_normal(source, *lead, OBSERVATION)[seeds] for _ in range(2))
         reward, share = _normal(source, *lead)[seeds], torch.rand(lead, generator=source)[seeds]
         action, _ = learner.act(seen, torch.zeros(lead)[seeds] > 0, None, explore=True)
@@ -187,9 +187,9 @@ def test_what_is_learned_is_what_was_drawn():
     learner = PPO(SMALL, _problem([0, 1]))
     with torch.no_grad():
         learner.policies.log_std.fill_(1.0)
-    seen = torch.zeros(2, WORLDS, OBSERVATION)
+    seen = torch.zeros(2, NUM_ENVS, OBSERVATION)
     action, _ = learner.act(seen, seen[..., 0] > 0, None, explore=True)
-    zeros = torch.zeros(2, WORLDS)
+    zeros = torch.zeros(2, NUM_ENVS)
     learner.learn(Step(seen, action, zeros, seen, zeros > 0, zeros > 0))
     drawn_ones = learner.get_state()["steps"]["kept"]["action"][0]
     assert action.abs().max() == 1.0 < drawn_ones.abs().max()
@@ -202,16 +202,16 @@ def test_what_is_learned_is_what_was_drawn():
 def test_it_learns_to_reach_a_point():
     """A point in 0..1 on a line is moved by the action; what counts is where it ends, at 0.5."""
     settings = PPOSettings(steps=16, epochs=4, minibatches=4, hidden=(32,), rate=3e-3, discount=0.9)
-    seeds, worlds = [0, 1], 32
-    learner, source = PPO(settings, _problem(seeds, 1, 1, worlds)), generators(seeds, "cpu")
-    place = drawn(source, worlds, 1, normal=False)
+    seeds, num_envs = [0, 1], 32
+    learner, source = PPO(settings, _problem(seeds, 1, 1, num_envs)), generators(seeds, "cpu")
+    place = drawn(source, num_envs, 1, normal=False)
     for k in range(1, 16 * 25 + 1):
         action, _ = learner.act(place, place[..., 0] > 2.0, None, explore=True)
         following = (place + 0.5 * action).clamp(0.0, 1.0)
-        ended = torch.full((2, worlds), k % 4 == 0)
+        ended = torch.full((2, num_envs), k % 4 == 0)
         reward = -(following - 0.5).abs()[..., 0]
         learner.learn(Step(place, action, reward, following, ended & False, ended))
-        place = drawn(source, worlds, 1, normal=False) if k % 4 == 0 else following
+        place = drawn(source, num_envs, 1, normal=False) if k % 4 == 0 else following
     place = torch.linspace(0.0, 1.0, 9)[None, :, None].expand(2, -1, -1)
     action, _ = learner.act(place, place[..., 0] > 2.0, None, explore=False)
     ends = (place + 0.5 * action).clamp(0.0, 1.0)
@@ -222,7 +222,7 @@ def test_it_learns_to_reach_a_point():
 
 METHOD = find_method("ppo", steps=4, epochs=2, minibatches=2, hidden=(16,))
 SETTINGS = TrainingSettings(
-    "straighten_rope", env_steps=24, worlds=2, part=12, evaluate_every=2, episodes=1,
+    "straighten_rope", env_steps=24, num_envs=2, part=12, evaluate_every=2, episodes=1,
     final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
@@ -232,7 +232,7 @@ def test_the_preset_suits_every_task():
         training, method = find_preset("ppo", "fast", task)
         settings = method.settings
         assert (training.task, method.preset, settings.discount) == (task, "fast", 0.97)
-        method.make(settings, _problem([0], worlds=training.worlds))  # Minibatches are even.
+        method.make(settings, _problem([0], num_envs=training.num_envs))  # Minibatches are even.
 
 
 def test_bad_settings_are_refused():

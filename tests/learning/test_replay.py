@@ -9,21 +9,21 @@ from softgym_mj.learning.learner import Step
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.symmetries import symmetries
 
-SEEDS, WORLDS, DISCOUNT = [3, 8], 2, 0.5
+SEEDS, NUM_ENVS, DISCOUNT = [3, 8], 2, 0.5
 
 
 def _step(t, ended=False, terminated=False):
     """Numbers that say when and where they are from."""
-    at = torch.arange(len(SEEDS) * WORLDS, dtype=torch.float32)
+    at = torch.arange(len(SEEDS) * NUM_ENVS, dtype=torch.float32)
     seen = torch.stack([torch.full_like(at, t), at], -1)
     following = torch.stack([torch.full_like(at, t + 0.5), at], -1)
     told = (torch.full_like(at, said, dtype=torch.bool) for said in (terminated, ended))
     arrays = seen, (100.0 * at + t)[:, None], torch.full_like(at, 2.0**t), following, *told
-    return Step(*(array.reshape(len(SEEDS), WORLDS, *array.shape[1:]) for array in arrays))
+    return Step(*(array.reshape(len(SEEDS), NUM_ENVS, *array.shape[1:]) for array in arrays))
 
 
 def _replay(capacity=10, **settings):
-    return Replay(capacity, SEEDS, WORLDS, (2,), 1, discount=DISCOUNT, **settings)
+    return Replay(capacity, SEEDS, NUM_ENVS, (2,), 1, discount=DISCOUNT, **settings)
 
 
 def test_rewards_are_added_up_to_the_end_of_an_episode():
@@ -35,10 +35,10 @@ def test_rewards_are_added_up_to_the_end_of_an_episode():
     seen = set()
     for k in range(2):
         for i in range(400):
-            t, world = batch.observation[k, i].tolist()
-            seen.add((k, t, world))
-            assert world // WORLDS == k
-            assert batch.action[k, i].item() == 100.0 * world + t
+            t, env_index = batch.observation[k, i].tolist()
+            seen.add((k, t, env_index))
+            assert env_index // NUM_ENVS == k
+            assert batch.action[k, i].item() == 100.0 * env_index + t
             reward, factor, last, lives = 0.0, 1.0, t, 1.0
             for n in range(3):
                 last = t + n
@@ -49,12 +49,12 @@ def test_rewards_are_added_up_to_the_end_of_an_episode():
                 if ended:
                     break
             assert batch.reward[k, i].item() == reward
-            assert batch.next_observation[k, i].tolist() == [last + 0.5, world]
+            assert batch.next_observation[k, i].tolist() == [last + 0.5, env_index]
             assert batch.discount[k, i].item() == factor * lives
-    assert len(seen) == 2 * 7 * 2  # 7 vector steps that three begin with, 2 worlds each.
+    assert len(seen) == 2 * 7 * 2  # 7 vector steps that three begin with, 2 environments each.
 
 
-def test_stretches_are_of_one_world_and_in_order():
+def test_stretches_are_of_one_environment_and_in_order():
     replay = _replay(capacity=6)
     for t in range(9):
         replay.add(_step(t, ended=t == 5))
@@ -63,7 +63,7 @@ def test_stretches_are_of_one_world_and_in_order():
     assert set(times[..., 0].ravel().tolist()) == {3.0, 4.0, 5.0, 6.0}
     assert torch.equal(times, times[..., :1] + torch.arange(3.0))
     assert torch.equal(places, places[..., :1].expand(2, 200, 3))
-    assert torch.equal(places[..., 0] // WORLDS, torch.arange(2.0)[:, None].expand(2, 200))
+    assert torch.equal(places[..., 0] // NUM_ENVS, torch.arange(2.0)[:, None].expand(2, 200))
     assert torch.equal(found.ended, times == 5.0)
     assert torch.equal(found.action[..., 0], 100.0 * places + times)
 
@@ -85,7 +85,7 @@ def test_a_state_has_the_newest_images(monkeypatch, caplog):
         seen = torch.full((1, 2, 1, 1, 3), t, dtype=torch.uint8)
         first.add(Step(seen, torch.zeros(1, 2, 1), torch.full((1, 2), float(t)), seen + 1, no, no))
     second.set_state(first.get_state())
-    assert "newest 3 of 6" in caplog.text  # Vector steps of two worlds each.
+    assert "newest 3 of 6" in caplog.text  # Vector steps of two environments each.
     batch = second.sample(200)
     assert set(batch.reward.ravel().tolist()) == {5.0, 6.0, 7.0}
     assert torch.equal(batch.observation[..., 0, 0, 0].float(), batch.reward)

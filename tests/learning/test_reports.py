@@ -11,7 +11,7 @@ from softgym_mj.learning import reports
 from softgym_mj.learning.methods.sac import SAC
 
 SETTINGS = {
-    "env_steps": 16, "worlds": 2, "part": 8, "evaluate_every": 2, "episodes": 1,
+    "env_steps": 16, "num_envs": 2, "part": 8, "evaluate_every": 2, "episodes": 1,
     "final_episodes": 2, "fidelity": "fast", "episode_steps": 6, "random_steps": 8, "updates": 2,
     "batch": 8, "hidden": [8], "replay": 24,
 }  # fmt: skip

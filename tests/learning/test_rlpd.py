@@ -166,7 +166,7 @@ def test_it_learns_to_reach_a_point_that_was_shown():
 
 def test_demonstrations_have_the_discount_of_what_was_done(tmp_path):
     settings = TrainingSettings(
-        "straighten_rope", env_steps=24, worlds=2, part=12, episodes=1, final_episodes=1,
+        "straighten_rope", env_steps=24, num_envs=2, part=12, episodes=1, final_episodes=1,
         evaluate_every=2, fidelity="fast", episode_steps=6,
     )  # fmt: skip
     method = find_method(
@@ -190,5 +190,5 @@ def test_presets_suit_every_task(preset):
         assert (settings.critics, settings.least_of, settings.norm) == (10, 2, True)
         assert settings.updates % settings.actor_every == 0
     if preset == "paper":  # 20 updates of 256 for each env step; all else are the defaults.
-        assert (settings.updates, 2 * settings.batch) == (20 * training.worlds, 256)
+        assert (settings.updates, 2 * settings.batch) == (20 * training.num_envs, 256)
         assert dataclasses.replace(settings, updates=20) == RLPDSettings()

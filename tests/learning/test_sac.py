@@ -181,15 +181,15 @@ def test_it_learns_to_reach_a_point():
 
 
 def test_random_actions_last_as_long_as_they_are_told_to():
-    lasting, worlds, steps = 4, 50, 200
+    lasting, num_envs, steps = 4, 50, 200
     settings = SACSettings(
-        hidden=(4,), random_steps=worlds * steps, lasting=lasting, replay=worlds * steps
+        hidden=(4,), random_steps=num_envs * steps, lasting=lasting, replay=num_envs * steps
     )
-    problem = Problem("straighten_rope", {}, (0, 1), worlds, (OBSERVATION,), ACTION, 1.0, "cpu")
+    problem = Problem("straighten_rope", {}, (0, 1), num_envs, (OBSERVATION,), ACTION, 1.0, "cpu")
     learner = make(settings, problem)
-    observation, memory, shares = torch.zeros(2, worlds, OBSERVATION), None, []
+    observation, memory, shares = torch.zeros(2, num_envs, OBSERVATION), None, []
     for k in range(steps):
-        first, before = torch.full((2, worlds), k % 20 == 0), memory
+        first, before = torch.full((2, num_envs), k % 20 == 0), memory
         action, memory = learner.act(observation, first, memory, explore=True)
         if before is not None:
             changed = action != before
@@ -198,7 +198,7 @@ def test_random_actions_last_as_long_as_they_are_told_to():
                 assert changed.all()
             else:
                 shares.append(changed.float().mean())
-    error = math.sqrt((lasting - 1.0) / lasting**2 / (2 * worlds * len(shares)))
+    error = math.sqrt((lasting - 1.0) / lasting**2 / (2 * num_envs * len(shares)))
     assert abs(torch.stack(shares).mean() - 1.0 / lasting) < 4.0 * error
 
 

@@ -21,7 +21,7 @@ METHOD = find_method("sac", hidden=(8, 8), random_steps=4, updates=2, batch=4, r
 SETTINGS = TrainingSettings(
     "straighten_rope",
     env_steps=8,
-    worlds=2,
+    num_envs=2,
     part=8,
     episodes=1,
     final_episodes=1,

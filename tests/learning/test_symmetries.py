@@ -180,7 +180,7 @@ def test_a_custom_task_has_its_own_symmetries(tmp_path, register):
     expected = np.concatenate([(points @ mirror)[::-1], pickers @ mirror])
     np.testing.assert_array_equal(found[2].observation @ seen, expected.ravel())
     training = TrainingSettings(
-        "pull_rope", env_steps=16, worlds=2, part=16, episodes=1, final_episodes=1
+        "pull_rope", env_steps=16, num_envs=2, part=16, episodes=1, final_episodes=1
     )
     method = find_method(
         "sac", hidden=(8,), random_steps=4, updates=2, batch=4, replay=16, symmetric=True

@@ -367,7 +367,7 @@ def _learner(seeds, settings=SMALL):
 
 
 def _step(seeds, t):
-    """Of two worlds of each seed, which depends on the seed alone."""
+    """Of two environments of each seed, which depends on the seed alone."""
     arrays = []
     for seed in seeds:
         source = torch.Generator().manual_seed(1000 * seed + t)
@@ -524,20 +524,23 @@ def test_it_learns_to_reach_a_point():
         updates=4, pretraining=60, batch=64, replay=2_000, rate=3e-3, encoder_rate=2e-3, tau=0.05,
         entropy=0.1,
     )  # fmt: skip
-    seeds, worlds = [0, 1], 16
-    learner, source = TDMPC2(settings, seeds, worlds, 2, 1, discount=0.9), generators(seeds, "cpu")
+    seeds, num_envs = [0, 1], 16
+    learner, source = (
+        TDMPC2(settings, seeds, num_envs, 2, 1, discount=0.9),
+        generators(seeds, "cpu"),
+    )
 
     def seen(place):
         return torch.cat([place, 1.0 - place], -1)
 
-    no, place = torch.zeros(2, worlds, dtype=torch.bool), drawn(source, worlds, 1, normal=False)
+    no, place = torch.zeros(2, num_envs, dtype=torch.bool), drawn(source, num_envs, 1, normal=False)
     for t in range(60):
         action, _ = learner.act(seen(place), no, None, explore=True)
         following = (place + 0.5 * action).clamp(0.0, 1.0)
         reward = -10.0 * (following - 0.5).abs()[..., 0]
         ends = torch.full_like(no, t % 4 == 3)
         learner.learn(Step(seen(place), action, reward, seen(following), no, ends))
-        place = drawn(source, worlds, 1, normal=False) if t % 4 == 3 else following
+        place = drawn(source, num_envs, 1, normal=False) if t % 4 == 3 else following
     place = torch.linspace(0.0, 1.0, 9)[None, :, None].expand(2, -1, -1)
     planned, _ = learner.act(seen(place), no[:, :9], None, explore=False)
     for action in (planned, learner.model.actor.mean(learner.model.encode(seen(place)))):
@@ -566,7 +569,7 @@ def test_presets_suit_every_task(preset):
     for task in softgym_mj.TASKS:
         training, method = find_preset("tdmpc2", preset, task)
         assert (training.task, method.preset) == (task, preset)
-        assert method.settings.replay >= training.worlds * method.settings.horizon
+        assert method.settings.replay >= training.num_envs * method.settings.horizon
     defaults, published = TDMPC2Settings(updates=10), find_preset("tdmpc2", "paper", "fold_cloth")
     assert published[1].settings == defaults
 
@@ -577,6 +580,6 @@ METHOD = find_method(
     replay=24,
 )  # fmt: skip
 SETTINGS = TrainingSettings(
-    "straighten_rope", env_steps=24, worlds=2, part=8, evaluate_every=3, episodes=1,
+    "straighten_rope", env_steps=24, num_envs=2, part=8, evaluate_every=3, episodes=1,
     final_episodes=1, fidelity="fast", episode_steps=6,
 )  # fmt: skip

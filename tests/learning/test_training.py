@@ -30,7 +30,7 @@ METHOD = find_method(
     symmetric=True, averaged=True,
 )  # fmt: skip
 SETTINGS = TrainingSettings(
-    "straighten_rope", env_steps=32, worlds=2, part=8, evaluate_every=2, episodes=1,
+    "straighten_rope", env_steps=32, num_envs=2, part=8, evaluate_every=2, episodes=1,
     final_episodes=2, fidelity="fast", episode_steps=6,
 )  # fmt: skip
 
@@ -75,7 +75,7 @@ def test_a_curve_has_a_row_of_each_evaluation_seed_and_split(whole):
 
 
 def test_episodes_are_left_early_where_they_are_learned_from(tmp_path, no_policies):
-    settings = dataclasses.replace(SETTINGS, learned_steps=4, worlds=1, evaluate_every=4)
+    settings = dataclasses.replace(SETTINGS, learned_steps=4, num_envs=1, evaluate_every=4)
     training = _training(tmp_path, settings=settings)
     horizons, make = [], training._make
 
@@ -141,7 +141,7 @@ def test_who_sees_what_is_held_plays_as_its_evaluation(tmp_path):
 def test_a_card_says_what_a_checkpoint_is(whole):
     card = json.loads((whole.folder / "card.json").read_text())
     assert (card["method"], card["env_steps"], card["seeds"]) == ("sac", 32, SEEDS)
-    assert card["settings"]["hidden"] == [16, 16] and card["training"]["worlds"] == 2
+    assert card["settings"]["hidden"] == [16, 16] and card["training"]["num_envs"] == 2
     assert [row["split"] for row in card["last"]] == ["train", "train", "evaluate", "evaluate"]
 
 
@@ -274,7 +274,7 @@ def test_other_settings_are_refused(whole):
     other = TrainingSettings(**{**vars(SETTINGS), "episodes": 2})
     with pytest.raises(StoreError, match="other settings"):
         _training(whole.folder, settings=other).run()
-    for name, value in (("part", 7), ("worlds", 0), ("episodes", 500)):
+    for name, value in (("part", 7), ("num_envs", 0), ("episodes", 500)):
         with pytest.raises(InvalidArgumentError, match=name):
             TrainingSettings(**{**vars(SETTINGS), name: value})
 
@@ -326,12 +326,12 @@ def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, said):
         ({"hidden": [10**9]}, "hidden=1000000000"),
         ({"batch": 10**12}, "batch=1000000000000"),
         (
-            {"replay": 10**12, "worlds": 4, "env_steps": 4, "part": 4},
+            {"replay": 10**12, "num_envs": 4, "env_steps": 4, "part": 4},
             "replay of sac cannot be made",
         ),
     ],
 )
 def test_impossible_settings_are_refused(tmp_path, settings, said):
-    settings |= {"worlds": 4, "env_steps": 4, "part": 4}
+    settings |= {"num_envs": 4, "env_steps": 4, "part": 4}
     with pytest.raises(InvalidArgumentError, match=said):
         Training(*find_preset("sac", "night", "straighten_rope", **settings), [0], tmp_path, "host")

@@ -268,8 +268,8 @@ METHOD = find_method(
 )
 SETTINGS = TrainingSettings(
     "spread_cloth", observation="rgb", image_size=(16, 16), actor="pixel_pick_and_place",
-    env_steps=6, worlds=1, part=3, evaluate_every=2, episodes=1, final_episodes=1, fidelity="fast",
-    episode_steps=2,
+    env_steps=6, num_envs=1, part=3, evaluate_every=2, episodes=1, final_episodes=1,
+    fidelity="fast", episode_steps=2,
 )  # fmt: skip
 
 
@@ -281,11 +281,11 @@ def test_presets_suit_cloth(preset, batch):
     for task in ("spread_cloth", "fold_cloth"):
         training, method = find_preset("wu", preset, task)
         assert (training.observation, training.actor) == ("rgb", "pixel_pick_and_place")
-        assert tuple(training.image_size) == (64, 64) and training.worlds == 16
+        assert tuple(training.image_size) == (64, 64) and training.num_envs == 16
         assert method.settings.batch == batch and method.settings.log_std == (-20.0, 2.0)
         training, method = find_preset("wu", "minutes", task)
         # Two updates of 1,024 for 16 places (paper).
-        assert 16 * method.settings.updates == 2 * training.worlds
+        assert 16 * method.settings.updates == 2 * training.num_envs
         assert method.settings.batch == 1024 and method.settings.bfloat16
     # What the configuration of the paper's time leaves out is a default.
     paper = find_preset("wu", "paper", "spread_cloth")[1].settings

@@ -216,7 +216,7 @@ namespace {
 template <class Batch, class F>
 void Emulate(const Batch& batch, int threads, F step) {
   blockDim.x = threads;
-  for (int i = 0; i < batch.num_worlds; ++i) {
+  for (int i = 0; i < batch.num_envs; ++i) {
     block = std::make_unique<Barrier>(threads);
     groups.clear();
     for (int g = 0; g < threads / kGroup; ++g) groups.push_back(std::make_unique<Group>());
@@ -228,11 +228,11 @@ void Emulate(const Batch& batch, int threads, F step) {
 
 // In place of the library's functions of these names; `turns` is the number of threads.
 extern "C" void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batch, int, int turns) {
-  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::cloth::StepWorldOf(b, i, 0); });
+  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::cloth::StepEnvironmentOf(b, i, 0); });
 }
 extern "C" void softgym_mj_fluid_batch_step(const softgym_mj::fluid::Batch* batch, int, int turns) {
-  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::fluid::StepWorldOf(b, i, 0); });
+  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::fluid::StepEnvironmentOf(b, i, 0); });
 }
 extern "C" void softgym_mj_pictures_batch_step(const softgym_mj::pictures::Batch* batch, int, int turns) {
-  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::pictures::DrawWorld(b, i, 0); });
+  Emulate(*batch, turns, [](const auto& b, int i) { softgym_mj::pictures::DrawEnvironment(b, i, 0); });
 }

@@ -1,4 +1,4 @@
-"""Makes steps of a task's worlds, and draws them, by a library in place of the package's.
+"""Makes steps of a task's environments, and draws them, by a library in place of the package's.
 
 python -m tests.native.emulated_steps LIBRARY TASK VARIATION STEPS
 """
@@ -12,8 +12,8 @@ import numpy as np
 import softgym_mj
 from softgym_mj.batch.places import Processor
 from softgym_mj.rendering.batch import Pictures, describe
-from tests.cloth import test_worlds as cloth
-from tests.fluid import test_worlds as water
+from tests.cloth import test_batch_solver as cloth
+from tests.fluid import test_batch_solver as water
 
 THREADS = 16  # Of a block: two groups of eight lanes.
 SIDES = 16, 12  # Of a picture [pixels].
@@ -26,7 +26,7 @@ class _Emulated(Processor):
         super().__init__()
         self._library = ctypes.CDLL(str(file))
 
-    def step(self, kind, batch, num_worlds, size):
+    def step(self, kind, batch, num_envs, size):
         step = getattr(self._library, f"softgym_mj_{kind}_batch_step")
         step(ctypes.c_void_p(self.address(batch)), 1, THREADS)
 
@@ -36,17 +36,17 @@ def step_and_check(file, task, variation, steps):
     place = _Emulated(file)
     if "water" in task:
         followed = water._Followed(task, variation)
-        worlds = water._worlds([followed], place)
+        solver = water._solver([followed], place)
         told = ((poses,) for poses in followed.steps(1))
     else:
         followed = cloth._Followed(task, variation, fidelity="fast")
-        worlds = cloth._worlds([cloth._model(followed.env)], place)
-        followed.place(worlds, 0)
+        solver = cloth._solver([cloth._model(followed.env)], place)
+        followed.place(solver, 0)
         told = followed.steps(followed.actions(1, 0))
     for arrays in itertools.islice(told, steps):
-        worlds.step(*(array[None] for array in arrays))
-        followed.check(worlds, 0)
-    assert worlds.flags[0] == 0
+        solver.step(*(array[None] for array in arrays))
+        followed.check(solver, 0)
+    assert solver.flags[0] == 0
 
 
 def draw_and_check(file, task, variation):

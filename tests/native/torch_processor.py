@@ -27,5 +27,5 @@ class TorchProcessor(Processor):
     def address(self, array):
         return array.data_ptr()
 
-    def step(self, kind, batch, num_worlds, size):
-        super().step(kind, batch.numpy(), num_worlds, size)
+    def step(self, kind, batch, num_envs, size):
+        super().step(kind, batch.numpy(), num_envs, size)

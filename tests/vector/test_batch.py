@@ -198,7 +198,7 @@ def test_a_row_that_diverges_ends_alone():
     twin = _make("spread_cloth", autoreset_mode="NextStep")
     for each in (envs, twin):
         each.reset(options={"variation": VARIATIONS})
-    envs.backend._side._worlds.qvel[1, 5] = np.inf
+    envs.backend._side._solver.qvel[1, 5] = np.inf
     actions = _actions(envs, 3)
     for i, each in enumerate(actions):
         mine, theirs = envs.step(each), twin.step(each)

@@ -94,7 +94,7 @@ MODEL = """
 
 
 def _ball(place, number=1, size=(65, 65)):
-    """Pictures of worlds with a ball on a table, and where it is drawn in them."""
+    """Pictures of environments with a ball on a table, and where it is drawn in them."""
     model = mujoco.MjModel.from_xml_string(MODEL)
     body = model.body("ball").id
     pictures = Pictures(number, 1, 1, 1, size, place)
@@ -163,7 +163,7 @@ def test_structs_are_those_of_the_program():
     assert sizes.tolist() == [np.dtype(kind).itemsize for kind in kinds]
 
 
-def test_a_world_without_a_scene_is_not_drawn():
+def test_an_environment_without_a_scene_is_not_drawn():
     pictures, scenes, points = _ball(Processor(), 2)
     scenes[0] = 0
     poses = np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]] * 2)

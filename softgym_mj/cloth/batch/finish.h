@@ -3,9 +3,9 @@
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
 
+#include "cloth/batch/environment.h"
 #include "cloth/batch/search.h"
 #include "cloth/batch/springs.h"
-#include "cloth/batch/world.h"
 #include "cloth/plugin/meets.h"
 #include "cloth/plugin/method.h"
 
@@ -13,13 +13,13 @@ namespace softgym_mj::cloth {
 namespace {
 
 // The zone that a vertex is in: the lowest of its vertices.
-inline int ZoneOf(const World& w, int v) {
+inline int ZoneOf(const Environment& w, int v) {
   while (w.zone[v] != v) v = w.zone[v];
   return v;
 }
 
 // See `Impacts::Prevent`; zones stand still if `stand`.
-inline int PreventImpacts(const World& w, bool stand) {
+inline int PreventImpacts(const Environment& w, bool stand) {
   const Model& m = *w.model;
   Step* step = w.step;
   const int n = m.vertices;
@@ -77,7 +77,7 @@ inline int PreventImpacts(const World& w, bool stand) {
 }
 
 // See `Solver::Prevent`.
-inline int Prevent(const World& w) {
+inline int Prevent(const Environment& w) {
   const int n = w.model->vertices;
   int more = PreventImpacts(w, false), changed = more;
   for (int turn = 0; more && turn < kCordTurns && w.model->chains > 0; ++turn) {
@@ -96,7 +96,7 @@ inline int Prevent(const World& w) {
 }
 
 // See `Planes::LiftOut`. Whether there was anything.
-inline bool LiftOut(const World& w) {
+inline bool LiftOut(const Environment& w) {
   const Model& m = *w.model;
   Once([&] { w.step->lifted = 0; });
   Each(m.vertices, [&](int v) {
@@ -120,7 +120,7 @@ inline bool LiftOut(const World& w) {
 }
 
 // Displacements and final velocities of the step.
-inline void FinishMotion(const World& w) {
+inline void FinishMotion(const Environment& w) {
   const Model& m = *w.model;
   Step* step = w.step;
   const int n = m.vertices;

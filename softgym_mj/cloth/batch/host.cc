@@ -1,7 +1,7 @@
 #include "cloth/batch/host.h"
 
 #include "batch/threads.h"
-#include "cloth/batch/world.h"
+#include "cloth/batch/environment.h"
 #include "native/export.h"
 #include "native/instructions.h"
 
@@ -19,12 +19,12 @@ auto ChooseStepOne() {
 }  // namespace
 }  // namespace softgym_mj::cloth
 
-// Bytes that a world of a model keeps, and those of the memory of a slot.
+// Bytes that an environment of a model keeps, and those of the memory of a slot.
 SGM_EXPORT void softgym_mj_cloth_batch_memory(const char* model, long long* sizes) {
   using namespace softgym_mj::cloth;
   const auto& description = *reinterpret_cast<const Model*>(model);
   softgym_mj::Memory kept(nullptr), memory(nullptr);
-  World unused;
+  Environment unused;
   TakeKept(description, &kept, &unused);
   TakeMemory(description, &memory, &unused);
   sizes[0] = kept.size(), sizes[1] = memory.size();
@@ -36,9 +36,9 @@ SGM_EXPORT void softgym_mj_cloth_batch_counts(const char* bytes, int* counts) {
   counts[0] = model.vertices, counts[1] = model.edges, counts[2] = model.grippers;
 }
 
-// A step of all worlds by some threads, no more than slots; `turns`: see group.h.
+// A step of all environments by some threads, no more than slots; `turns`: see group.h.
 SGM_EXPORT void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batch, int threads, int turns) {
   using namespace softgym_mj::cloth;
   const auto step = ChooseStepOne();
-  softgym_mj::InThreads(batch->num_worlds, threads, [&](int i, int slot) { step(*batch, i, slot, turns); });
+  softgym_mj::InThreads(batch->num_envs, threads, [&](int i, int slot) { step(*batch, i, slot, turns); });
 }

@@ -3,9 +3,9 @@
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_LAYERS_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_LAYERS_H_
 
+#include "cloth/batch/environment.h"
 #include "cloth/batch/rows.h"
 #include "cloth/batch/search.h"
-#include "cloth/batch/world.h"
 
 namespace softgym_mj::cloth {
 namespace {
@@ -25,7 +25,7 @@ inline int FirstOf(const Model& m, double key) {
 }
 
 // Positions for the search, which follow vertices that have moved, and displacements of those that do not stand.
-inline void FollowReference(const World& w) {
+inline void FollowReference(const Environment& w) {
   const Model& m = *w.model;
   const double dt = m.timestep;
   Each(3, [&](int k) {
@@ -55,7 +55,7 @@ inline void FollowReference(const World& w) {
   });
 }
 
-inline void MakeLayerRows(const World& w) {
+inline void MakeLayerRows(const Environment& w) {
   const Model& m = *w.model;
   Rows* rows = &w.step->layers;
   Once([&] { rows->count = w.step->num_pairs; });
@@ -108,7 +108,7 @@ inline void MakeLayerRows(const World& w) {
 }
 
 // See `Layers::Keep`.
-inline void KeepLayers(const World& w) {
+inline void KeepLayers(const Environment& w) {
   const Model& m = *w.model;
   const Rows& rows = w.step->layers;
   const int size = kKeptPairs * m.vertices;

@@ -1,4 +1,4 @@
-// A step of one world of a `Batch`, for whoever has the memory at hand: a processor or a block of a GPU.
+// A step of one environment of a `Batch`, for whoever has the memory at hand: a processor or a block of a GPU.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_ONE_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_ONE_H_
@@ -10,9 +10,9 @@ namespace softgym_mj::cloth {
 namespace {
 
 // `quick`: memory that is quicker than others, of `size` bytes; null if there is none.
-inline void StepWorldOf(const Batch& batch, int i, int slot, float* quick = nullptr, int size = 0) {
+inline void StepEnvironmentOf(const Batch& batch, int i, int slot, float* quick = nullptr, int size = 0) {
   if (!batch.models[i]) return;
-  SGM_SHARED World w;
+  SGM_SHARED Environment w;
   Once([&] {
     w.model = reinterpret_cast<const Model*>(batch.models[i]);
     const long long vertices = batch.most_vertices * i, grippers = batch.num_grippers * i;
@@ -36,7 +36,7 @@ inline void StepWorldOf(const Batch& batch, int i, int slot, float* quick = null
       w.points.now = quick, w.points.before = quick + of_points, w.points.predicted = quick + 2 * of_points;
     }
   });
-  StepWorld(w);
+  StepEnvironment(w);
   Once([&] { batch.flags[i] |= w.step->flags; });
 }
 

@@ -3,7 +3,7 @@
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_ROWS_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_ROWS_H_
 
-#include "cloth/batch/world.h"
+#include "cloth/batch/environment.h"
 #include "cloth/plugin/method.h"
 
 namespace softgym_mj::cloth {
@@ -20,7 +20,7 @@ inline Key RowKey(const int* vertex, int corners, unsigned number) {
 // that `counts` with a row of a lower key (Jones and Plassmann, 1993). Fills `order`, where rows of a level come in the
 // order of their keys if they are `ranked`. Beyond the last level rows are left out.
 template <class F>
-inline void MakeLevels(const World& w, int corners, bool ranked, Rows* rows, F counts) {
+inline void MakeLevels(const Environment& w, int corners, bool ranked, Rows* rows, F counts) {
   const int levels = rows->room, words = (levels + 63) / 64, count = rows->count;
   Each(w.model->padded, [&](int v) {
     for (int k = 0; k < words; ++k) w.taken[words * v + k] = 0;

@@ -3,7 +3,7 @@
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_SEARCH_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_SEARCH_H_
 
-#include "cloth/batch/world.h"
+#include "cloth/batch/environment.h"
 #include "cloth/plugin/method.h"
 #include "cloth/plugin/pair_rules.h"
 #include "cloth/plugin/search.h"
@@ -23,7 +23,7 @@ struct Items {
   int Corner(int item, int c) const { return vertex ? vertex[corners * item + c] : item; }
 };
 
-inline void BoundBoxes(const World& w, const Items& items) {
+inline void BoundBoxes(const Environment& w, const Items& items) {
   Each(items.NumNodes() * kBlock, [&](int leaf) {
     Boxes& node = items.nodes[leaf / kBlock];
     for (int k = 0; k < 3; ++k) {
@@ -45,7 +45,7 @@ inline void BoundBoxes(const World& w, const Items& items) {
 }
 
 // Appends the pairs of items whose boxes overlap and that have no corner in common; of the same items once each.
-inline void Collect(const World& w, const Items& a, const Items& b, bool same, int* count, int* out) {
+inline void Collect(const Environment& w, const Items& a, const Items& b, bool same, int* count, int* out) {
   EachBlock(0, a.leaves * kBlock, [&](int place) {
     const int item = a.order[place], own = place / kBlock;
     if (item < 0) return;
@@ -80,7 +80,7 @@ inline void Collect(const World& w, const Items& a, const Items& b, bool same, i
 
 // Candidates for vertices at `position` that move by `move`; those of earlier steps suffice while vertices stay within
 // their boxes.
-inline void FindCandidates(const World& w) {
+inline void FindCandidates(const Environment& w) {
   const Model& m = *w.model;
   const float reach = kInterest * m.thickness, slack = kSlack * reach;
   Once([&] { w.step->furthest = 0, w.step->left = 0; });
@@ -133,7 +133,7 @@ inline float ThicknessOf(const Model& m, const Pair& pair) {
 }
 
 // Fills `found`, those that must not pass through each other, and `pairs`, those that push.
-inline void FindPairs(const World& w) {
+inline void FindPairs(const Environment& w) {
   const Model& m = *w.model;
   FindCandidates(w);
   Each(m.triangles, [&](int t) { FindNormal(w.position, m.At<int>(m.triangle_vertex_at) + 3 * t, w.normals + 3 * t); });

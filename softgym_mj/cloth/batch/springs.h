@@ -3,14 +3,14 @@
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_SPRINGS_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_SPRINGS_H_
 
+#include "cloth/batch/environment.h"
 #include "cloth/batch/rows.h"
-#include "cloth/batch/world.h"
 #include "cloth/plugin/edges.h"
 
 namespace softgym_mj::cloth {
 namespace {
 
-inline void StartSprings(const World& w) {
+inline void StartSprings(const Environment& w) {
   const Model& m = *w.model;
   const int *edge_order = m.At<int>(m.edge_order_at), *hinge_order = m.At<int>(m.hinge_order_at);
   const EdgeBlock* edges = m.At<EdgeBlock>(m.edge_blocks_at);
@@ -59,7 +59,7 @@ inline void StartSprings(const World& w) {
   }
 }
 
-inline void Bend(const World& w, int substep) {
+inline void Bend(const Environment& w, int substep) {
   const Model& m = *w.model;
   if (m.hinge_blocks == 0 || substep % m.bend_interval != 0) return;
   const float n = static_cast<float>(m.bend_interval);
@@ -69,7 +69,7 @@ inline void Bend(const World& w, int substep) {
   EachBlock(0, chunks, [&](int i) { SpreadBend(w.points, kLanes * i, n); });
 }
 
-inline ChainRow ChainOf(const World& w, int c) {
+inline ChainRow ChainOf(const Environment& w, int c) {
   const Model& m = *w.model;
   const int first = m.At<int>(m.chain_first_at)[c], size = m.At<int>(m.chain_first_at)[c + 1] - first;
   return {size,
@@ -87,7 +87,7 @@ inline ChainRow ChainOf(const World& w, int c) {
 }
 
 // See `ChainRows::Solve`.
-inline void SolveChains(const World& w, bool settles) {
+inline void SolveChains(const Environment& w, bool settles) {
   for (int c = 0; c < w.model->chains; ++c) {
     const ChainRow chain = ChainOf(w, c);
     const int size = chain.size;
@@ -99,14 +99,14 @@ inline void SolveChains(const World& w, bool settles) {
 }
 
 // See `ChainRows::End`.
-inline void EndChains(const World& w) {
+inline void EndChains(const Environment& w) {
   for (int c = 0; c < w.model->chains; ++c) {
     const ChainRow chain = ChainOf(w, c);
     Each(chain.size, [&](int e) { EndChainEdge(w.points, chain, e); });
   }
 }
 
-inline void SweepSprings(const World& w) {
+inline void SweepSprings(const Environment& w) {
   const Model& m = *w.model;
   EachBlockOf(m.At<int>(m.edge_levels_at), m.edge_levels, [&](int b) { SweepEdges(w.points, w.edges + b); });
   SolveChains(w, false);
@@ -114,7 +114,7 @@ inline void SweepSprings(const World& w) {
 }
 
 // Adds with which force edges pull what is held: `share` times their impulses.
-inline void AddHoldingForces(const World& w, double share) {
+inline void AddHoldingForces(const Environment& w, double share) {
   const Model& m = *w.model;
   // In memory: GCC 12 keeps some of what is rounded only in between as it was.
   Each(3 * m.chain_edges, [&](int i) { w.chain_way[i] = static_cast<float>(w.chain_normal[i]); });
@@ -145,7 +145,7 @@ inline void AddHoldingForces(const World& w, double share) {
   });
 }
 
-inline void KeepSprings(const World& w) {
+inline void KeepSprings(const Environment& w) {
   const Model& m = *w.model;
   const int* order = m.At<int>(m.edge_order_at);
   Each(kBlock * m.edge_blocks, [&](int i) {

@@ -1,4 +1,4 @@
-// A step of all worlds of a batch on a GPU: by a block of `SGM_THREADS` each, with `size` bytes of shared memory.
+// A step of all environments of a batch on a GPU: by a block of `SGM_THREADS` each, with `size` bytes of shared memory.
 
 #include "batch/queue.h"
 #include "cloth/batch/one.h"
@@ -6,7 +6,8 @@
 extern "C" __global__ void __launch_bounds__(SGM_THREADS, SGM_BLOCKS)
     Step(const softgym_mj::cloth::Batch* batch, long long size) {
   extern __shared__ float4 quick[];
-  softgym_mj::EachWorld(*batch, [&](int world, int slot) {
-    softgym_mj::cloth::StepWorldOf(*batch, world, slot, reinterpret_cast<float*>(quick), static_cast<int>(size));
+  softgym_mj::EachEnvironment(*batch, [&](int env_index, int slot) {
+    softgym_mj::cloth::StepEnvironmentOf(*batch, env_index, slot, reinterpret_cast<float*>(quick),
+                                         static_cast<int>(size));
   });
 }

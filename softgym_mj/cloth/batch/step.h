@@ -1,13 +1,13 @@
-// A step of one world, as `Solver` makes it: the same bits.
+// A step of one environment, as `Solver` makes it: the same bits.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_STEP_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_STEP_H_
 
+#include "cloth/batch/environment.h"
 #include "cloth/batch/finish.h"
 #include "cloth/batch/layers.h"
 #include "cloth/batch/springs.h"
 #include "cloth/batch/touch.h"
-#include "cloth/batch/world.h"
 #include "cloth/plugin/drag.h"
 #include "cloth/plugin/sweeps.h"
 
@@ -15,7 +15,7 @@ namespace softgym_mj::cloth {
 namespace {
 
 // Where everything is and how it moves, and what it weighs.
-inline void Gather(const World& w) {
+inline void Gather(const Environment& w) {
   const Model& m = *w.model;
   const double dt = m.timestep;
   const double* origin = m.At<double>(m.origin_at);
@@ -72,7 +72,7 @@ inline void Gather(const World& w) {
   Once([&] { *w.valid = 1; });
 }
 
-inline void StartPoints(const World& w) {
+inline void StartPoints(const Environment& w) {
   const Model& m = *w.model;
   const double h = m.h;
   const int *corners = m.At<int>(m.triangle_vertex_at), *first = m.At<int>(m.triangles_of_at);
@@ -107,7 +107,7 @@ inline void StartPoints(const World& w) {
   });
 }
 
-inline void StartPlane(const World& w) {
+inline void StartPlane(const Environment& w) {
   const Model& m = *w.model;
   Each(m.padded / kBlock, [&](int b) { w.plane_near[b] = 0; });
   Each(m.vertices, [&](int v) {
@@ -123,7 +123,7 @@ inline void StartPlane(const World& w) {
 }
 
 // See `StartAir`.
-inline void StartAirOf(const World& w) {
+inline void StartAirOf(const Environment& w) {
   const Model& m = *w.model;
   if (!m.takes_air) return;
   float* air = const_cast<float*>(w.points.air);
@@ -166,7 +166,7 @@ inline void StartAirOf(const World& w) {
 
 // Calls `sweep` with what is held of a surface as if it were free, see `Driven`.
 template <class F>
-inline void Give(const World& w, F sweep) {
+inline void Give(const Environment& w, F sweep) {
   Each(w.step->num_driven, [&](int i) {
     const int v = w.driven[i];
     w.points.now[4 * v + 3] = w.yielding[v];
@@ -184,7 +184,7 @@ inline void Give(const World& w, F sweep) {
   });
 }
 
-inline void Substep(const World& w, int substep, int search_interval) {
+inline void Substep(const Environment& w, int substep, int search_interval) {
   const Model& m = *w.model;
   const int blocks = m.padded / kBlock;
   Bend(w, substep);
@@ -214,7 +214,7 @@ inline void Substep(const World& w, int substep, int search_interval) {
   AddHoldingForces(w, 1 / (m.h * m.h * m.substeps));
 }
 
-inline void StepWorld(const World& w) {
+inline void StepEnvironment(const Environment& w) {
   const Model& m = *w.model;
   Gather(w);
   FollowReference(w);

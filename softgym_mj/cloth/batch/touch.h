@@ -3,8 +3,8 @@
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_TOUCH_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_TOUCH_H_
 
+#include "cloth/batch/environment.h"
 #include "cloth/batch/rows.h"
-#include "cloth/batch/world.h"
 #include "cloth/plugin/method.h"
 #include "cloth/plugin/near.h"
 #include "cloth/plugin/solid_sweeps.h"
@@ -13,7 +13,7 @@ namespace softgym_mj::cloth {
 namespace {
 
 // Empty rows of vertices or of elements. `third`: of an element without a third vertex.
-inline void FillBlocks(const World& w, const Rows& rows, bool elements, SolidBlock* blocks) {
+inline void FillBlocks(const Environment& w, const Rows& rows, bool elements, SolidBlock* blocks) {
   const Model& m = *w.model;
   Each(kBlock * rows.blocks, [&](int i) {
     SolidBlock& block = blocks[i / kBlock];
@@ -33,7 +33,7 @@ inline void FillBlocks(const World& w, const Rows& rows, bool elements, SolidBlo
 }
 
 // Rows of what may touch a gripper in the step.
-inline void StartTouch(const World& w, int gripper) {
+inline void StartTouch(const Environment& w, int gripper) {
   const Model& m = *w.model;
   Touch* touch = w.touch + gripper;
   const double* velocity = w.gripper_qvel + 3 * gripper;
@@ -76,7 +76,7 @@ inline void StartTouch(const World& w, int gripper) {
   FillBlocks(w, touch->triangles, true, touch->triangle_blocks);
 }
 
-inline void FindTouch(const World& w, Touch* touch, int substeps) {
+inline void FindTouch(const Environment& w, Touch* touch, int substeps) {
   Once([&] {
     for (int k = 0; k < 3; ++k) {
       touch->geom.pose[k] = static_cast<float>(touch->centre[k] + touch->shift[k]);
@@ -92,7 +92,7 @@ inline void FindTouch(const World& w, Touch* touch, int substeps) {
   });
 }
 
-inline void SweepTouch(const World& w, Touch* touch) {
+inline void SweepTouch(const Environment& w, Touch* touch) {
   const ContactRow& row = w.model->gripper_row;
   EachLevel(touch->points,
             [&](int b) { SweepSolid(w.points, row, touch->point_blocks + b, &touch->rigid, {true, true}); });

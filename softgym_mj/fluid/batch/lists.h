@@ -3,7 +3,7 @@
 #ifndef SOFTGYM_MJ_FLUID_BATCH_LISTS_H_
 #define SOFTGYM_MJ_FLUID_BATCH_LISTS_H_
 
-#include "fluid/batch/world.h"
+#include "fluid/batch/environment.h"
 #include "fluid/plugin/motion.h"
 #include "fluid/plugin/particles.h"
 
@@ -13,7 +13,7 @@ namespace {
 inline float ListDistance(const Model& m) { return m.fluid.radius + kListSkin * m.fluid.spacing; }
 
 // A wall and the particles near it.
-inline WallPairs PairsOf(const World& w, int wall) {
+inline WallPairs PairsOf(const Environment& w, int wall) {
   const Model& m = *w.model;
   const long long n = m.count + kLanes;
   float* numbers = w.wall_numbers + 5 * n * wall;
@@ -33,7 +33,7 @@ inline WallPairs PairsOf(const World& w, int wall) {
 
 // Fills `sum` with those of number(i, k) of all particles i, for 0 <= k < 3, as `SumInShares` adds them up.
 template <class T, class F>
-inline void SumAll(const World& w, F number) {
+inline void SumAll(const Environment& w, F number) {
   const int count = w.model->count, shares = (count + kShare - 1) / kShare;
   Each(3 * shares, [&](int j) {
     const int first = j / 3 * kShare, k = j % 3;
@@ -49,7 +49,7 @@ inline void SumAll(const World& w, F number) {
 }
 
 // See `Solver::ShapeGrid`.
-inline void ShapeGrid(const World& w) {
+inline void ShapeGrid(const Environment& w) {
   const Model& m = *w.model;
   const float cell = ListDistance(m);
   const float* x = w.particles.position;
@@ -75,7 +75,7 @@ inline void ShapeGrid(const World& w) {
 }
 
 // Brings the particles into the order of their cells.
-inline void Sort(World* w) {
+inline void Sort(Environment* w) {
   const Model& m = *w->model;
   const Step& step = *w->step;
   const int count = m.count, cells = step.nx * step.ny * step.nz;
@@ -125,7 +125,7 @@ inline void Sort(World* w) {
 
 // Lists the neighbours of particle i: see `FindNeighbors` of the kernels. By one thread: those of its neighbours read
 // the same.
-inline void ListNeighbors(const World& w, int i) {
+inline void ListNeighbors(const Environment& w, int i) {
   const Particles& p = w.particles;
   const Step& step = *w.step;
   const Grid grid = {step.nx, step.ny, step.nz, w.start};
@@ -152,7 +152,7 @@ inline void ListNeighbors(const World& w, int i) {
 }
 
 // Lists the particles near each wall.
-inline void ListPairs(const World& w) {
+inline void ListPairs(const Environment& w) {
   const Model& m = *w.model;
   const float range = m.fluid.radius + kWallSkin * m.fluid.spacing;
   Each(12 * m.num_walls, [&](int k) { w.step->wall_built[k] = w.step->wall_end[k]; });
@@ -180,7 +180,7 @@ inline void ListPairs(const World& w) {
   }
 }
 
-inline void BuildLists(World* w) {
+inline void BuildLists(Environment* w) {
   const Model& m = *w->model;
   Sort(w);
   Each(m.count, [&](int i) { ListNeighbors(*w, i); });
@@ -190,7 +190,7 @@ inline void BuildLists(World* w) {
 }
 
 // See `Solver::ListsExpired`.
-inline bool ListsExpired(const World& w) {
+inline bool ListsExpired(const Environment& w) {
   const Model& m = *w.model;
   Step* step = w.step;
   if (!step->lists_valid) return true;
@@ -226,7 +226,7 @@ inline bool ListsExpired(const World& w) {
 }
 
 // See `Solver::Separate`.
-inline void Separate(const World& w) {
+inline void Separate(const Environment& w) {
   const Particles& p = w.particles;
   const Step& step = *w.step;
   const auto compare = [&](int i, int j) {

@@ -1,4 +1,4 @@
-// A step of one world of a `Batch`, for whoever has the memory at hand: a processor or a block of a GPU.
+// A step of one environment of a `Batch`, for whoever has the memory at hand: a processor or a block of a GPU.
 
 #ifndef SOFTGYM_MJ_FLUID_BATCH_ONE_H_
 #define SOFTGYM_MJ_FLUID_BATCH_ONE_H_
@@ -9,9 +9,9 @@
 namespace softgym_mj::fluid {
 namespace {
 
-inline void StepWorldOf(const Batch& batch, int i, int slot) {
+inline void StepEnvironmentOf(const Batch& batch, int i, int slot) {
   if (!batch.models[i]) return;
-  SGM_SHARED World w;
+  SGM_SHARED Environment w;
   Once([&] {
     w.model = reinterpret_cast<const Model*>(batch.models[i]);
     const long long particles = batch.most_particles * i;
@@ -23,7 +23,7 @@ inline void StepWorldOf(const Batch& batch, int i, int slot) {
     Memory memory(batch.memory + batch.memory_size * slot);
     TakeMemory(*w.model, &memory, &w);
   });
-  StepWorld(&w);
+  StepEnvironment(&w);
   Once([&] { batch.flags[i] |= w.step->flags; });
 }
 

@@ -1,10 +1,10 @@
-// A step of the water of one world, as `Solver` makes it: the same bits.
+// A step of the water of one environment, as `Solver` makes it: the same bits.
 
 #ifndef SOFTGYM_MJ_FLUID_BATCH_STEP_H_
 #define SOFTGYM_MJ_FLUID_BATCH_STEP_H_
 
+#include "fluid/batch/environment.h"
 #include "fluid/batch/lists.h"
-#include "fluid/batch/world.h"
 #include "fluid/plugin/sweep.h"
 #include "native/rotation.h"
 
@@ -14,7 +14,7 @@ namespace {
 constexpr double kStray = 100;  // [m] As in solver.cc; here, what is further away is flagged.
 
 // Where walls are at the start and the end of the step.
-inline void FindPoses(const World& w) {
+inline void FindPoses(const Environment& w) {
   const Model& m = *w.model;
   const bool known = *w.known != 0;
   Wait();
@@ -39,7 +39,7 @@ inline void FindPoses(const World& w) {
 }
 
 // Poses of walls at a fraction of the way, relative to the origin.
-inline void PlaceWalls(const World& w, double fraction) {
+inline void PlaceWalls(const Environment& w, double fraction) {
   Each(w.model->num_walls, [&](int i) {
     const double *a = w.step->from + 7 * i, *b = w.step->to + 7 * i;
     double position[3], quaternion[4], matrix[9], dot = 0;
@@ -55,7 +55,7 @@ inline void PlaceWalls(const World& w, double fraction) {
   });
 }
 
-inline void Load(const World& w) {
+inline void Load(const Environment& w) {
   const Model& m = *w.model;
   const Particles& p = w.particles;
   SumAll<double>(w, [&](int i, int k) { return w.positions[3 * i + k]; });
@@ -92,7 +92,7 @@ inline void Load(const World& w) {
   });
 }
 
-inline void Substep(World* w) {
+inline void Substep(Environment* w) {
   const Model& m = *w->model;
   const Particles& p = w->particles;
   const FluidConstants fluid = m.fluid;
@@ -139,7 +139,7 @@ inline void Substep(World* w) {
 }
 
 // Viscosity, once a step.
-inline void SmoothAll(const World& w) {
+inline void SmoothAll(const Environment& w) {
   const Model& m = *w.model;
   const Particles& p = w.particles;
   const FluidConstants fluid = m.fluid;
@@ -162,7 +162,7 @@ inline void SmoothAll(const World& w) {
   }
 }
 
-inline void StepWorld(World* w) {
+inline void StepEnvironment(Environment* w) {
   const Model& m = *w->model;
   FindPoses(*w);
   Load(*w);

@@ -7,8 +7,8 @@
 #include <mujoco/mujoco.h>
 
 #include "batch/threads.h"
+#include "fluid/batch/environment.h"
 #include "fluid/batch/host.h"
-#include "fluid/batch/world.h"
 #include "fluid/plugin/boundary.h"
 #include "fluid/plugin/config.h"
 #include "fluid/plugin/solver.h"
@@ -97,12 +97,12 @@ SGM_EXPORT int softgym_mj_fluid_batch_model(const mjModel* m, const mjData* d, c
   return sizeof(Model);
 }
 
-// Bytes that a world of a model keeps, and those of the memory of a slot.
+// Bytes that an environment of a model keeps, and those of the memory of a slot.
 SGM_EXPORT void softgym_mj_fluid_batch_memory(const char* model, long long* sizes) {
   using namespace softgym_mj::fluid;
   const auto& description = *reinterpret_cast<const Model*>(model);
   softgym_mj::Memory kept(nullptr), memory(nullptr);
-  World unused;
+  Environment unused;
   TakeMemory(description, &memory, &unused);
   sizes[0] = kept.size(), sizes[1] = memory.size();
 }
@@ -113,8 +113,8 @@ SGM_EXPORT void softgym_mj_fluid_batch_counts(const char* bytes, int* counts) {
   counts[0] = model.count, counts[1] = model.num_walls, counts[2] = model.num_bodies;
 }
 
-// A step of all worlds by some threads, no more than slots; `turns`: see group.h.
+// A step of all environments by some threads, no more than slots; `turns`: see group.h.
 SGM_EXPORT void softgym_mj_fluid_batch_step(const softgym_mj::fluid::Batch* batch, int threads, int turns) {
   const auto step = softgym_mj::fluid::ChooseStepOne();
-  softgym_mj::InThreads(batch->num_worlds, threads, [&](int i, int slot) { step(*batch, i, slot, turns); });
+  softgym_mj::InThreads(batch->num_envs, threads, [&](int i, int slot) { step(*batch, i, slot, turns); });
 }

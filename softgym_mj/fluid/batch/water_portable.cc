@@ -4,7 +4,7 @@ namespace softgym_mj::fluid {
 
 void StepOnePortable(const Batch& batch, int i, int slot, int turns) {
   Turns() = turns;
-  StepWorldOf(batch, i, slot);
+  StepEnvironmentOf(batch, i, slot);
 }
 
 }  // namespace softgym_mj::fluid

@@ -81,8 +81,8 @@ class BCImages(Distill):
         episodes, steps = shown[LABEL].shape[:2]
         self.demonstrated = episodes * steps
         # As many updates as there are vector steps in the whole training.
-        total = problem.env_steps // problem.worlds * episodes
-        own = dataclasses.replace(problem, worlds=episodes, env_steps=total)
+        total = problem.env_steps // problem.num_envs * episodes
+        own = dataclasses.replace(problem, num_envs=episodes, env_steps=total)
         whole = dataclasses.replace(settings, buffer=self.demonstrated)
         super().__init__(whole, own, lambda states: states)
         for t in range(steps):

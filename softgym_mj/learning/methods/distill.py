@@ -185,7 +185,7 @@ class Distill:
         ]
         self.updates = self._steps = 0
         self.frames = self.FRAMES(
-            settings.buffer // problem.worlds, problem.seeds, problem.worlds,
+            settings.buffer // problem.num_envs, problem.seeds, problem.num_envs,
             {**shapes, LABEL: (problem.action,)}, frames=settings.frames, shift=settings.shift,
             device=at,
         )  # fmt: skip
@@ -209,26 +209,26 @@ class Distill:
 
     def _explored(self, action: Tensor, observation: Observation, first: Tensor) -> Tensor:
         """Keeps what is seen with the teacher's labels; returns actions to carry out."""
-        settings, worlds = self._settings, self._problem.worlds
+        settings, num_envs = self._settings, self._problem.num_envs
         with torch.no_grad():
             label = self._teacher(observation[settings.privileged].flatten(0, 1)).reshape_as(action)
         self.frames.add({**observation, LABEL: label}, first)
-        number = torch.arange(worlds, device=action.device)[:, None]
-        wild = settings.wild_noise * (number >= worlds - worlds // 8)
+        number = torch.arange(num_envs, device=action.device)[:, None]
+        wild = settings.wild_noise * (number >= num_envs - num_envs // 8)
         noise = (settings.noise + wild) * drawn(self._noise, *action.shape[1:])
-        is_driven = number < self._teacher_share() * worlds
+        is_driven = number < self._teacher_share() * num_envs
         return (torch.where(is_driven, label, action) + noise).clamp(-1.0, 1.0)
 
     def _teacher_share(self) -> float:
         """Share of the environments in which the teacher acts now."""
-        until = self._settings.teacher_until * self._problem.env_steps / self._problem.worlds
+        until = self._settings.teacher_until * self._problem.env_steps / self._problem.num_envs
         left = 1.0 - self._steps / until if until else 0.0
         return self._settings.teacher_share * max(left, 0.0)
 
     def learn(self, step: Step) -> dict[str, Tensor]:
         """Updates the students; returns their last losses (seeds,)."""
         self._steps += 1
-        left = max(1.0 - self._steps * self._problem.worlds / self._problem.env_steps, 0.0)
+        left = max(1.0 - self._steps * self._problem.num_envs / self._problem.env_steps, 0.0)
         risen = min(self._steps / self._settings.warm_up, 1.0)
         self._rate.fill_(self._settings.rate * risen * left)
         found = [self._again() for _ in range(self._settings.updates)]

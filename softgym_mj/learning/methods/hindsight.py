@@ -77,41 +77,43 @@ class HindsightReplay(Replay):
         self._goals, self._horizon, self._reward_scale = of, horizon, reward_scale
         self._share, self._is_final = share, strategy == "final"
 
-    def _added_up(self, first: Tensor, world: Tensor) -> Batch:
-        batch = super()._added_up(first, world)
+    def _added_up(self, first: Tensor, env_index: Tensor) -> Batch:
+        batch = super()._added_up(first, env_index)
         share, later = drawn(self.sources, 2, first.shape[1], normal=False).unbind(1)
-        left = self._left(first, world)
+        left = self._left(first, env_index)
         ahead = left if self._is_final else torch.minimum((later * (left + 1)).long(), left)
-        at = self._from(first, world, ahead[..., None])
+        at = self._from(first, env_index, ahead[..., None])
         reached = self._goals.reached(*self._goals.read(self.kept["next_observation"][at][:, :, 0]))
         own = self._goals.read(batch.observation)[1].goal
         goal = {name: _where(share < self._share, reached[name], own[name]) for name in own}
         return Batch(
             reduced(self._goals, batch.observation, goal),
             batch.action,
-            self._rewards(first, world, goal),
+            self._rewards(first, env_index, goal),
             reduced(self._goals, batch.next_observation, goal),
             batch.discount,
         )
 
-    def _from(self, first: Tensor, world: Tensor, ahead: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def _from(
+        self, first: Tensor, env_index: Tensor, ahead: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Where in what is kept the steps (seeds, n, k) so many ahead of the first ones are."""
         seed = torch.arange(self._seeds, device=first.device)[:, None, None]
-        return (first[..., None] + ahead) % self._capacity, seed, world[..., None]
+        return (first[..., None] + ahead) % self._capacity, seed, env_index[..., None]
 
-    def _left(self, first: Tensor, world: Tensor) -> Tensor:
+    def _left(self, first: Tensor, env_index: Tensor) -> Tensor:
         """How many steps (seeds, n) of the same episode are kept that come later."""
         size, oldest = self._extent
         age = (first - oldest) % self._capacity
         ahead = torch.arange(self._horizon, device=first.device)
-        ended = self.kept["ended"][self._from(first, world, ahead)]
+        ended = self.kept["ended"][self._from(first, env_index, ahead)]
         last = ended | (age[..., None] + ahead >= size - 1)
         return (last.cumsum(-1) == 0).sum(-1).clamp(max=self._horizon - 1)
 
-    def _rewards(self, first: Tensor, world: Tensor, goal: dict[str, Tensor]) -> Tensor:
+    def _rewards(self, first: Tensor, env_index: Tensor, goal: dict[str, Tensor]) -> Tensor:
         """Sums (seeds, n) as of `Batch` that begin in these vector steps, with these goals."""
         ahead = torch.arange(self._steps, device=first.device)
-        at = self._from(first, world, ahead)
+        at = self._from(first, env_index, ahead)
         state, episode = self._goals.read(self.kept["next_observation"][at])
         same = {name: array[:, :, None] for name, array in goal.items()}
         measures = self._goals.task.measure(state, dataclasses.replace(episode, goal=same))

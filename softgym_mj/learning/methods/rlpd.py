@@ -26,7 +26,7 @@ from softgym_mj.learning.symmetries import symmetries
 @typed
 @dataclasses.dataclass(frozen=True)
 class RLPDSettings(StateSACSettings):
-    """How it learns; the defaults are the authors', of manipulation (Adroit), for one world.
+    """How it learns; the defaults are the authors', of manipulation (Adroit), for one environment.
 
     `batch` counts env steps of environments, which come with as many demonstrated ones.
 

@@ -1,4 +1,4 @@
-// A world's picture.
+// An environment's picture.
 
 #ifndef SOFTGYM_MJ_RENDERING_BATCH_DRAW_H_
 #define SOFTGYM_MJ_RENDERING_BATCH_DRAW_H_
@@ -178,8 +178,8 @@ inline int InTiles(int i, int width, int height) {
   return (tile / across * kHigh + at / kWide) * width + tile % across * kWide + at % kWide;
 }
 
-// Draws world `i`, with the memory of a slot.
-inline void DrawWorld(const Batch& b, long long i, long long slot) {
+// Draws environment `i`, with the memory of a slot.
+inline void DrawEnvironment(const Batch& b, long long i, long long slot) {
   if (!b.scenes[i]) return;
   SGM_SHARED Canvas c;
   Once([&] {

@@ -12,11 +12,11 @@ SGM_EXPORT void softgym_mj_pictures_batch_memory(const char* scene, long long he
   *size = memory.size();
 }
 
-// Pictures of all worlds by some threads, no more than slots; `turns`: see group.h.
+// Pictures of all environments by some threads, no more than slots; `turns`: see group.h.
 SGM_EXPORT void softgym_mj_pictures_batch_step(const softgym_mj::pictures::Batch* batch, int threads, int turns) {
-  softgym_mj::InThreads(static_cast<int>(batch->num_worlds), threads, [&](int i, int slot) {
+  softgym_mj::InThreads(static_cast<int>(batch->num_envs), threads, [&](int i, int slot) {
     softgym_mj::Turns() = turns;
-    softgym_mj::pictures::DrawWorld(*batch, i, slot);
+    softgym_mj::pictures::DrawEnvironment(*batch, i, slot);
   });
 }
 

@@ -1,4 +1,4 @@
-"""`Pictures`: what cameras see in many worlds, drawn together."""
+"""`Pictures`: what cameras see in many environments, drawn together."""
 
 import ctypes
 import hashlib
@@ -19,7 +19,7 @@ Array = Any
 
 
 class Pictures:
-    """Colours, distances and labels of cameras in many worlds.
+    """Colours, distances and labels of cameras in many environments.
 
     Attributes:
         grown: how many times the memory of pictures has been replaced by a larger one.
@@ -27,7 +27,7 @@ class Pictures:
 
     def __init__(
         self,
-        num_worlds: int,
+        num_envs: int,
         most_points: int,
         num_movers: int,
         num_cameras: int,
@@ -37,19 +37,19 @@ class Pictures:
         """Pictures of nothing.
 
         Args:
-            num_worlds: how many worlds.
+            num_envs: how many environments.
             most_points: of what deforms in the largest scene.
             num_movers, num_cameras: of each scene.
             size: (height, width) [pixels].
             place: where they are drawn.
         """
-        self._place, self._size, self._number = place, size, num_worlds
-        self._slots = min(num_worlds, place.at_once(KIND, _BUSY))
-        self._shape = (num_worlds, num_cameras, *size)
-        self._scenes = place.zeros((num_worlds,), "int64")
-        self._points = place.zeros((num_worlds, most_points, 3), "float64")
-        self._poses = place.zeros((num_worlds, num_movers, 7), "float64")
-        self._queue = Queue(num_worlds, place)
+        self._place, self._size, self._number = place, size, num_envs
+        self._slots = min(num_envs, place.at_once(KIND, _BUSY))
+        self._shape = (num_envs, num_cameras, *size)
+        self._scenes = place.zeros((num_envs,), "int64")
+        self._points = place.zeros((num_envs, most_points, 3), "float64")
+        self._poses = place.zeros((num_envs, num_movers, 7), "float64")
+        self._queue = Queue(num_envs, place)
         self._colors = place.zeros((*self._shape, 3), "uint8")
         self._distances = place.zeros(self._shape, "float32")
         self._labels = place.zeros(self._shape, "uint8")
@@ -84,12 +84,12 @@ class Pictures:
         return self._known[key][0]
 
     def colors(self, scenes: Array, points: Array, poses: Array) -> Array:
-        """Images (num_worlds, cameras, height, width, 3) uint8.
+        """Images (num_envs, cameras, height, width, 3) uint8.
 
         Args:
-            scenes: (num_worlds,) addresses, from `load`.
-            points: of what deforms (num_worlds, most_points, 3) [m].
-            poses: of movers (num_worlds, movers, 7), positions [m] and quaternions.
+            scenes: (num_envs,) addresses, from `load`.
+            points: of what deforms (num_envs, most_points, 3) [m].
+            poses: of movers (num_envs, movers, 7), positions [m] and quaternions.
         """
         self._draw(_COLORS, SAMPLES, scenes, points, poses)
         return self._place.xp.asarray(self._colors, copy=True)
@@ -98,7 +98,7 @@ class Pictures:
         """Labels and distances of what the middles of pixels show; arguments as of `colors`.
 
         Returns:
-            Index into `LABELS` (num_worlds, cameras, height, width) uint8, of objects also behind
+            Index into `LABELS` (num_envs, cameras, height, width) uint8, of objects also behind
             glass, and how far away it is along the view (...) float32 [m], of glass first.
         """
         self._draw(_SURFACES, 1, scenes, points, poses)

@@ -81,18 +81,18 @@ struct Scene {
   }
 };
 
-// Pictures of many worlds. Each array has a row for a world.
+// Pictures of many environments. Each array has a row for an environment.
 struct Batch {
-  long long num_worlds, num_slots, most_points, num_movers, num_eyes, height, width, samples, what, memory_size;
-  const char* const* scenes;  // (num_worlds,) a Scene each, or null: not drawn.
+  long long num_envs, num_slots, most_points, num_movers, num_eyes, height, width, samples, what, memory_size;
+  const char* const* scenes;  // (num_envs,) a Scene each, or null: not drawn.
   char* memory;               // (num_slots, memory_size)
-  const double* points;       // (num_worlds, most_points, 3)
-  const double* poses;        // (num_worlds, num_movers, 7) positions and quaternions
+  const double* points;       // (num_envs, most_points, 3)
+  const double* poses;        // (num_envs, num_movers, 7) positions and quaternions
   int* begun;                 // How many have been begun on a GPU,
-  const int* order;           // (num_worlds,) in which order,
+  const int* order;           // (num_envs,) in which order,
   long long* cost;            // and what each took there, in cycles.
-  unsigned char* colors;      // (num_worlds, num_eyes, height, width, 3)
-  float* distances;           // (num_worlds, num_eyes, height, width)
+  unsigned char* colors;      // (num_envs, num_eyes, height, width, 3)
+  float* distances;           // (num_envs, num_eyes, height, width)
   unsigned char* labels;      // likewise
 };
 
@@ -103,7 +103,7 @@ struct Pose {
   bool is_turned;
 };
 
-// What one world is drawn with.
+// What one environment is drawn with.
 struct Canvas {
   const Scene* scene;
   const double *points, *poses;

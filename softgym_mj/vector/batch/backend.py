@@ -10,7 +10,7 @@ from array_api_compat import is_torch_array
 from gymnasium.vector import AutoresetMode
 
 from softgym_mj.batch.places import Place
-from softgym_mj.batch.worlds import NOT_FINITE
+from softgym_mj.batch.solver import NOT_FINITE
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, check_count
@@ -39,7 +39,7 @@ _FOLLOWED = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)  # Another episod
 
 
 class BatchBackend(Backend):
-    """Measures, rewards and observations are the task's own functions, of all worlds at once.
+    """Measures, rewards and observations are the task's own functions, of all environments at once.
 
     Nothing in a step waits for the device: what an episode that ends is followed by lies there
     already, and which of that has been used is read some steps later.
@@ -146,7 +146,7 @@ class BatchBackend(Backend):
             self._look()
 
     def _take(self, which: Array, rows: Array) -> None:
-        """Has some worlds (num_envs,) bool start at rows of `Starts` (num_envs,)."""
+        """Has some environments (num_envs,) bool start at rows of `Starts` (num_envs,)."""
         xp = self._xp
         if not may_be(xp, which):
             return
@@ -220,8 +220,8 @@ class BatchBackend(Backend):
     def _origin(self, i: int, snapshot: Snapshot) -> tuple[int, int, int]:
         """Rows of `Starts` of snapshot `i` and of its variation, and the env steps left from it.
 
-        It is read once as long as it is the same object: that costs more than a step of a world,
-        and planners try many samples from one.
+        It is read once as long as it is the same object: that costs more than a step of an
+        environment, and planners try many samples from one.
         """
         if i not in self._origins or self._origins[i][0] is not snapshot:
             # Numbers from `num_envs` on: `restore` has those below.

@@ -1,4 +1,4 @@
-"""`Cameras`: what is observed of many worlds as images."""
+"""`Cameras`: what is observed of many environments as images."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -41,14 +41,14 @@ class Cameras:
     """
 
     def __init__(
-        self, env: Environment, names: Sequence[str], num_worlds: int, side: Side, place: Place
+        self, env: Environment, names: Sequence[str], num_envs: int, side: Side, place: Place
     ):
         """Notes what is to be drawn.
 
         Args:
             env: says how large images are.
             names: of observations, of which images are drawn.
-            num_worlds: number of worlds.
+            num_envs: number of environments.
             side: what moves in them.
             place: where they are.
 
@@ -69,7 +69,7 @@ class Cameras:
         name, image = next(iter(self._images.items()))
         shape = env.observation_spec()[name].shape[image.is_stack :]
         self._pictures = Pictures(
-            num_worlds, task.max_points, len(side.movers()), len(self.names), shape[:2], place
+            num_envs, task.max_points, len(side.movers()), len(self.names), shape[:2], place
         )
 
     @property
@@ -94,12 +94,12 @@ class Cameras:
         return {name: np.array(self._pictures.load(described)) for name, described in read.items()}
 
     def draw(self, views: Mapping[str, Array], points: Array, poses: Array) -> dict[str, Array]:
-        """Images of all worlds by name.
+        """Images of all environments by name.
 
         Args:
             views: rows as `placed` has them.
-            points: of what deforms (num_worlds, most_points, 3) [m].
-            poses: positions [m] and quaternions of what moves (num_worlds, movers, 7).
+            points: of what deforms (num_envs, most_points, 3) [m].
+            poses: positions [m] and quaternions of what moves (num_envs, movers, 7).
         """
         seen: dict[str, Any] = {}
         told = points, poses

@@ -1,11 +1,11 @@
-"""`Flexes`: a rope or cloth with pickers, in many worlds."""
+"""`Flexes`: a rope or cloth with pickers, in many environments."""
 
 import math
 
 import numpy as np
 
 from softgym_mj.batch.places import Place
-from softgym_mj.cloth.worlds import KEPT_PAIRS, ClothWorlds, describe
+from softgym_mj.cloth.batch_solver import KEPT_PAIRS, ClothBatchSolver, describe
 from softgym_mj.entities.flex import edge_strains, highest_speed, pulls_out
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
@@ -31,12 +31,12 @@ def _is_known(actor: type) -> bool:
 class Flexes(Side):
     """See the module docstring."""
 
-    def __init__(self, env: Environment, num_worlds: int, place: Place):
-        """Makes worlds for an environment's task.
+    def __init__(self, env: Environment, num_envs: int, place: Place):
+        """Makes environments for an environment's task.
 
         Args:
             env: says how episodes start.
-            num_worlds, place: of `ClothWorlds`.
+            num_envs, place: of `ClothBatchSolver`.
 
         Raises:
             InvalidArgumentError: unless there is one flex and the actor is a picker.
@@ -51,11 +51,11 @@ class Flexes(Side):
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
         self._place, self._xp, actor = place, place.xp, task.actor
-        self._worlds = ClothWorlds(num_worlds, task.max_points, actor.num_grippers, place)
-        self.flags, self.now = self._worlds.flags, self._worlds.rows()
+        self._solver = ClothBatchSolver(num_envs, task.max_points, actor.num_grippers, place)
+        self.flags, self.now = self._solver.flags, self._solver.rows()
         own = actor.radius, actor.pick_distance
         self._pickers = (
-            Routes(self.now, place, num_worlds, *own)
+            Routes(self.now, place, num_envs, *own)
             if isinstance(actor, PixelPickAndPlace)
             else Pickers(self.now, place.xp, actor.num_grippers, *own, actor.commands)
         )
@@ -68,15 +68,15 @@ class Flexes(Side):
     @property
     def changed(self) -> int:  # type: ignore[override]
         """See `Side`."""
-        return len(self._ways) + self._worlds.grown
+        return len(self._ways) + self._solver.grown
 
     # ------------------------------------------------------------------ the environment
 
     def read(self) -> Arrays:
         """See `Side`: the state, what pickers remember, and the mesh.
 
-        model: of `ClothWorlds`. origin: of vertices [m]. ends, lengths: of edges, the lengths at
-        rest [m]. ways: of `Ways.all`. radius, hold_force, hold_lag, hold_stretch: of the flex.
+        model: of `ClothBatchSolver`. origin: of vertices [m]. ends, lengths: of edges, the lengths
+        at rest [m]. ways: of `Ways.all`. radius, hold_force, hold_lag, hold_stretch: of the flex.
         view: of the camera by whose pixels the actor is told where to go, if it is.
         """
         flex, model = self._flex, self._env.physics.model.ptr
@@ -106,7 +106,7 @@ class Flexes(Side):
             self._ways_at[key] = self._ways_end
             self._append(read["ways"].ravel())
         own = {name: value for name, value in read.items() if name != "ways"}
-        address = np.array(self._worlds.load(read["model"]))
+        address = np.array(self._solver.load(read["model"]))
         return {**own, "model": address, "ways_at": np.array(self._ways_at[key])}
 
     def _append(self, ways: np.ndarray) -> None:
@@ -119,7 +119,7 @@ class Flexes(Side):
         self._ways_end = last
 
     def arrays(self) -> Arrays:
-        """See `Side`: of `ClothWorlds`."""
+        """See `Side`: of `ClothBatchSolver`."""
         found = {
             "qpos": self._flex.slides,
             "qvel": self._flex.slide_velocities,
@@ -148,10 +148,10 @@ class Flexes(Side):
         bodies = self._env.physics.model.ptr.geom_bodyid
         return [int(bodies[geom]) for geom in self._grippers()]
 
-    # ------------------------------------------------------------------ worlds
+    # ------------------------------------------------------------------ environments
 
     def command(self, actions: Array) -> None:
-        self._worlds.queue.plan()
+        self._solver.queue.plan()
         self._pickers.command(actions)
 
     def sim_steps(self, usual: int) -> int:
@@ -175,11 +175,11 @@ class Flexes(Side):
         behind = lengths(goals - (start + way))
         slips = pulls_out(forces, behind, now["hold_force"][:, None], now["hold_lag"][:, None])
         pickers.give_way(goals, slips, self._gap)
-        models = self._worlds.models
+        models = self._solver.models
         if isinstance(pickers, Routes):  # Those without a model stand still.
             whole = xp.asarray(models, copy=True)
             models[...] = xp.where(pickers.moving, whole, 0)
-        self._worlds.step(now["centre"], now["held"], goals)
+        self._solver.step(now["centre"], now["held"], goals)
         if isinstance(pickers, Routes):
             models[...] = whole
 
@@ -235,4 +235,4 @@ class Flexes(Side):
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         actor = {name: self._place.get(self.now[name][i]) for name in self._actor.get_state()}
-        return self._worlds.get_state(i), actor
+        return self._solver.get_state(i), actor

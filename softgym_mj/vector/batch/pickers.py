@@ -1,4 +1,4 @@
-"""`Pickers`: what `Picker` and `Attachment` do, for many worlds at once."""
+"""`Pickers`: what `Picker` and `Attachment` do, for many environments at once."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,12 +14,12 @@ from softgym_mj.robots.grip import (
     step_grips,
 )
 
-# The largest distance (num_worlds,) to which pairs of vertices (num_worlds,) may be drawn [m].
+# The largest distance (num_envs,) to which pairs of vertices (num_envs,) may be drawn [m].
 Gap = Callable[[Array, Array], Array]
 
 
 class Pickers:
-    """Pickers of worlds, a row for each: rules of the arrays that `Picker.get_state` has."""
+    """Pickers of environments, a row for each: rules of the arrays that `Picker.get_state` has."""
 
     def __init__(
         self,
@@ -35,7 +35,7 @@ class Pickers:
         Args:
             now: where their arrays are, once they have started; a step replaces them.
             xp: the arrays' namespace.
-            number: of pickers in each world.
+            number: of pickers in each environment.
             radius: of the spheres [m].
             reach: largest distance of a vertex that they take [m].
             commands: as `Gripper.commands`; None for a subclass with a `command` of its own.
@@ -53,7 +53,7 @@ class Pickers:
         self._now.update(grips._asdict())
 
     def command(self, actions: Array) -> None:
-        """Starts an env step with actions (num_worlds, n)."""
+        """Starts an env step with actions (num_envs, n)."""
         assert self._commands is not None, "a subclass commands otherwise"
         self._command = self._commands(actions)
 
@@ -73,10 +73,10 @@ class Pickers:
         self._now["order"] = order
 
     def goals(self, resting_height: Array) -> Array:
-        """Where held vertices belong (num_worlds, pickers, 3) [m]; anything if none is held.
+        """Where held vertices belong (num_envs, pickers, 3) [m]; anything if none is held.
 
         Args:
-            resting_height: of vertices, on the floor (num_worlds,) [m].
+            resting_height: of vertices, on the floor (num_envs,) [m].
         """
         goals = self._now["centre"] + self._now["offset"]
         goals[..., 2] = self._xp.maximum(goals[..., 2], resting_height[:, None])
@@ -88,7 +88,7 @@ class Pickers:
         Args:
             goals: from `goals`.
             slips: whether a vertex pulls with more than a grip can take, or is too far behind
-                (num_worlds, pickers) bool.
+                (num_envs, pickers) bool.
             gap: how far pairs of vertices may be apart.
         """
         xp, order = self._xp, self._now["order"]
@@ -108,7 +108,7 @@ class Pickers:
         self._slip(holds & ~xp.take_along_axis(xp.stack(kept, axis=1), back, axis=1))
 
     def _slip(self, which: Array) -> None:
-        """What some (num_worlds, pickers) bool hold is pulled out of them."""
+        """What some (num_envs, pickers) bool hold is pulled out of them."""
         if not may_be(self._xp, which):
             return
         now, xp = self._now, self._xp

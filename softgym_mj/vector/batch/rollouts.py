@@ -41,7 +41,7 @@ class DeviceRollouts:
         arguments: dict[str, Any] = {"observation": "reduced", **settings}
         self._make = functools.partial(SoftGymEnv, registry.find(task), split="all", **arguments)
         self._device, self._variations = device, variations
-        self._backends: dict[int, BatchBackend] = {}  # The last one, by its number of worlds.
+        self._backends: dict[int, BatchBackend] = {}  # The last one, by its number of environments.
 
     def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
         """Undiscounted returns (n,) of action sequences (n, horizon, size) from a state."""
@@ -57,7 +57,7 @@ class DeviceRollouts:
         return np.split(self._backends[number].replay(trials), ends[:-1])
 
     def _backend(self, number: int) -> BatchBackend:
-        """So many worlds, with room for all variations."""
+        """So many environments, with room for all variations."""
         backend = BatchBackend(self._make(), number, make_place(self._device, number))
         several = itertools.cycle(self._variations)
         for _ in range(0, len(self._variations), number):

@@ -1,4 +1,4 @@
-"""`Routes`: what `PixelPickAndPlace` does, for many worlds at once."""
+"""`Routes`: what `PixelPickAndPlace` does, for many environments at once."""
 
 import itertools
 from collections.abc import Callable
@@ -17,26 +17,26 @@ class Routes(Pickers):
     """Pickers whose actions are routes: each makes as many sim steps as its own needs, and rests.
 
     Attributes:
-        moving: whether a world makes this sim step (num_worlds,) bool.
+        moving: whether an environment makes this sim step (num_envs,) bool.
     """
 
     def __init__(
-        self, now: dict[str, Any], place: Place, num_worlds: int, radius: float, reach: float
+        self, now: dict[str, Any], place: Place, num_envs: int, radius: float, reach: float
     ):
         """Makes room for routes.
 
         Args:
             now, radius, reach: of `Pickers`; "view" are cameras for `shown_points`.
             place: where the arrays are.
-            num_worlds: how many.
+            num_envs: how many.
         """
         super().__init__(now, place.xp, 1, radius, reach)
         self._place = place
         parts = len(CLOSED)
-        self._steps = place.zeros((num_worlds, parts, 1, 3), "float64")  # In each sim step [m].
-        self._ends = place.zeros((num_worlds, parts), "float64")  # Sim steps from the start.
-        self._done = place.zeros((num_worlds,), "float64")  # Sim steps.
-        self.moving = place.zeros((num_worlds,), "bool")
+        self._steps = place.zeros((num_envs, parts, 1, 3), "float64")  # In each sim step [m].
+        self._ends = place.zeros((num_envs, parts), "float64")  # Sim steps from the start.
+        self._done = place.zeros((num_envs,), "float64")  # Sim steps.
+        self.moving = place.zeros((num_envs,), "bool")
 
     @property
     def longest(self) -> int:
@@ -44,7 +44,7 @@ class Routes(Pickers):
         return int(self._place.get(self._ends).max())
 
     def command(self, actions: Array) -> None:
-        """Starts an env step with actions (num_worlds, 5)."""
+        """Starts an env step with actions (num_envs, 5)."""
         xp, now = self._xp, self._now
         low, high = (now["workspace"][:, None, i] for i in range(2))
         points = shown_points(now["view"], actions[:, :2], now["radius"])

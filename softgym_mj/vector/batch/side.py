@@ -1,4 +1,4 @@
-"""`Side`: what moves in the worlds of a batch, and how it is read from an environment."""
+"""`Side`: what moves in the environments of a batch, and how it is read from an environment."""
 
 from collections.abc import Mapping
 from typing import Any, Protocol
@@ -12,12 +12,12 @@ Arrays = Mapping[str, np.ndarray]
 
 
 class Side(Protocol):
-    """Objects and an actor in all worlds, a row for each.
+    """Objects and an actor in all environments, a row for each.
 
     Attributes:
         now: arrays of rows by name, as `placed` has them, once episodes have started.
         changed: how many times arrays that are not in `now` have been replaced.
-        flags: what went wrong so far, as bits (num_worlds,); the first one: it is not finite.
+        flags: what went wrong so far, as bits (num_envs,); the first one: it is not finite.
     """
 
     now: dict[str, Any]
@@ -25,7 +25,7 @@ class Side(Protocol):
     flags: Array
 
     def read(self) -> Arrays:
-        """What a world is that does what the environment does, where it is."""
+        """What a row of the batch is that does what the environment does, where it is."""
 
     def placed(self, read: Arrays) -> Arrays:
         """What `read` said, in any process, as a row of `now`."""
@@ -37,13 +37,13 @@ class Side(Protocol):
         """Bodies of the environment's model that its actor moves."""
 
     def poses(self) -> Array:
-        """Where they are in all worlds: (num_worlds, movers, 7), positions [m] and quaternions."""
+        """Positions [m] and quaternions of movers in all environments (num_envs, movers, 7)."""
 
     def points(self, number: int) -> Array:
-        """Of what deforms (num_worlds, at most `number`, 3) [m], zeros where there is none."""
+        """Of what deforms (num_envs, at most `number`, 3) [m], zeros where there is none."""
 
     def command(self, actions: Array) -> None:
-        """Starts an env step with actions (num_worlds, n)."""
+        """Starts an env step with actions (num_envs, n)."""
 
     def sim_steps(self, usual: int) -> int:
         """How many sim steps the env step has that was commanded; asks the device if they vary.
@@ -54,16 +54,16 @@ class Side(Protocol):
         return usual
 
     def sim_step(self) -> None:
-        """Makes a sim step of all worlds."""
+        """Makes a sim step of all environments."""
 
     def state(self, number: int) -> State:
-        """The state of all worlds, with `number` points each."""
+        """The state of all environments, with `number` points each."""
 
     def strains(self) -> Array:
-        """The largest relative elongation of an edge (num_worlds,)."""
+        """The largest relative elongation of an edge (num_envs,)."""
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
-        """Scalars (num_worlds,) of objects and actor by name.
+        """Scalars (num_envs,) of objects and actor by name.
 
         Args:
             strains: from `strains`.
@@ -71,7 +71,7 @@ class Side(Protocol):
         """
 
     def holds(self) -> Array:
-        """1 for each gripper that holds something (num_worlds, grippers) uint8."""
+        """1 for each gripper that holds something (num_envs, grippers) uint8."""
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
-        """The state of world `i`, as in `arrays`, and what its actor remembers."""
+        """The state of environment `i`, as in `arrays`, and what its actor remembers."""

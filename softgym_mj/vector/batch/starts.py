@@ -73,9 +73,9 @@ class Starts:
     """Starts of variations, each read once off an environment on the CPU, and snapshots.
 
     Attributes:
-        rows: of worlds that start so: what `Side.placed` and `Cameras.placed` say; what measures
-            compare with; values of the domain parameters that vary; the largest strain of an edge
-            so far.
+        rows: of environments that start so: what `Side.placed` and `Cameras.placed` say; what
+            measures compare with; values of the domain parameters that vary; the largest strain of
+            an edge so far.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""`Waters`: water in cups, one of which moves, in many worlds."""
+"""`Waters`: water in cups, one of which moves, in many environments."""
 
 import math
 
@@ -8,7 +8,7 @@ from softgym_mj.batch.places import Place
 from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.fluid.worlds import WaterWorlds, describe
+from softgym_mj.fluid.batch_solver import FluidBatchSolver, describe
 from softgym_mj.metrics import Array, columns
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover, cup_step, moved
@@ -21,12 +21,12 @@ POSITION_AND_QUATERNION = slice(7)  # Of a whole pose.
 class Waters(Side):
     """See the module docstring. The cup that moves does what `CupMover` does."""
 
-    def __init__(self, env: Environment, num_worlds: int, place: Place):
-        """Makes worlds for an environment's task.
+    def __init__(self, env: Environment, num_envs: int, place: Place):
+        """Makes environments for an environment's task.
 
         Args:
             env: says how episodes start.
-            num_worlds, place: of `WaterWorlds`.
+            num_envs, place: of `FluidBatchSolver`.
 
         Raises:
             InvalidArgumentError: unless a cup that is told where to go is the actor.
@@ -42,22 +42,23 @@ class Waters(Side):
             task.scene.materials[self._name], task.actor, task.scene.cups,
         )  # fmt: skip
         self._names = [cup.mjcf_model.model for cup in self._cups]
-        self._place, self._xp, self._number = place, place.xp, num_worlds
-        self._worlds = WaterWorlds(num_worlds, task.max_points, len(self._cups), place)
-        self.flags, self.now = self._worlds.flags, self._worlds.rows()
+        self._place, self._xp, self._number = place, place.xp, num_envs
+        self._solver = FluidBatchSolver(num_envs, task.max_points, len(self._cups), place)
+        self.flags, self.now = self._solver.flags, self._solver.rows()
         self._step: Array = None
 
     @property
     def changed(self) -> int:  # type: ignore[override]
         """See `Side`."""
-        return self._worlds.grown
+        return self._solver.grown
 
     # ------------------------------------------------------------------ the environment
 
     def read(self) -> Arrays:
         """See `Side`: the state of the water, what the mover remembers, and the cups.
 
-        model: of `WaterWorlds`. poses: as `whole_pose` has them; sizes: as `Cup.arrays` has them.
+        model: of `FluidBatchSolver`. poses: as `whole_pose` has them; sizes: as `Cup.arrays` has
+        them.
         """
         model, own = self._env.physics.model.ptr, self.arrays()
         poses = []
@@ -66,7 +67,7 @@ class Waters(Side):
             theta = 2.0 * math.atan2(quaternion[2], quaternion[0])
             poses.append(np.concatenate([own[f"{name} position"], quaternion, [theta]]))
         return {
-            **{name: own[name].copy() for name in WaterWorlds.fields},
+            **{name: own[name].copy() for name in FluidBatchSolver.fields},
             **self._mover.get_state(),
             "model": describe(model, self.movers()),
             "present": np.ones(self._water.num_points, bool),
@@ -75,10 +76,10 @@ class Waters(Side):
         }
 
     def placed(self, read: Arrays) -> Arrays:
-        return {**read, "model": np.array(self._worlds.load(read["model"]))}
+        return {**read, "model": np.array(self._solver.load(read["model"]))}
 
     def arrays(self) -> Arrays:
-        """See `Side`: of `WaterWorlds`, then where the cups are."""
+        """See `Side`: of `FluidBatchSolver`, then where the cups are."""
         state = self._water.state
         found = {name: state[name] for name in ("known", "positions", "velocities")}
         found["walls"] = state["rest"].reshape(-1, 7)
@@ -90,10 +91,10 @@ class Waters(Side):
         model = self._env.physics.model.ptr
         return [model.body(cup.body.full_identifier).id for cup in self._cups]
 
-    # ------------------------------------------------------------------ worlds
+    # ------------------------------------------------------------------ environments
 
     def command(self, actions: Array) -> None:
-        self._worlds.queue.plan()
+        self._solver.queue.plan()
         self._step = cup_step(self._mover.max_step, actions)
         self.now["rejected"] = self._xp.zeros_like(self.now["rejected"])
 
@@ -106,7 +107,7 @@ class Waters(Side):
         now["rejected"] = now["rejected"] + xp.astype(~allowed, now["rejected"].dtype)
         now["way"] = xp.stack([pose, goal], axis=1)
         now["poses"] = xp.concat([whole_pose(goal)[:, None], now["poses"][:, 1:]], axis=1)
-        self._worlds.step(self.poses())
+        self._solver.step(self.poses())
 
     # ------------------------------------------------------------------ what is seen
 
@@ -130,18 +131,18 @@ class Waters(Side):
         return self.now["poses"][..., POSITION_AND_QUATERNION]
 
     def strains(self) -> Array:
-        """See `Side`: zeros (num_worlds,), there is no edge."""
+        """See `Side`: zeros (num_envs,), there is no edge."""
         return self._place.zeros((self._number,), "float64")
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
         return {"rejected_moves": self.now["rejected"]}
 
     def holds(self) -> Array:
-        """See `Side`: (num_worlds, 0), there are no grippers."""
+        """See `Side`: (num_envs, 0), there are no grippers."""
         return self._place.zeros((self._number, 0), "uint8")
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
-        state = dict(self._worlds.get_state(i))
+        state = dict(self._solver.get_state(i))
         poses = self._place.get(self.now["poses"][i])
         for pose, name in zip(poses, self._names, strict=True):
             state[f"{name} position"], state[f"{name} quaternion"] = pose[:3], pose[3:7]

@@ -183,7 +183,7 @@ class PlaNet:
             )
         size = problem.observation[0]
         check_count("channels", settings.channels, size // 8)  # The last layer but one has one.
-        check_count("replay", settings.replay, (settings.length - 1) * problem.worlds)
+        check_count("replay", settings.replay, (settings.length - 1) * problem.num_envs)
         self._sources = generators(problem.seeds, problem.device)
         self.model = WorldModel(
             self._sources, size, problem.action, belief=settings.belief, latent=settings.latent,
@@ -194,8 +194,8 @@ class PlaNet:
             self.model.fuse()
         self._adam = adam(self.model.parameters(), settings.rate, eps=settings.epsilon)
         self.replay = Replay(
-            settings.replay // problem.worlds, problem.seeds, problem.worlds, problem.observation,
-            problem.action, discount=1.0, device=problem.device,
+            settings.replay // problem.num_envs, problem.seeds, problem.num_envs,
+            problem.observation, problem.action, discount=1.0, device=problem.device,
         )  # fmt: skip
         self._few = Repeated(self._update, [*self.replay.sources, *self._sources])
         self._seen = 0  # Env steps of each seed.
@@ -247,7 +247,7 @@ class PlaNet:
         own = self.settings
         self.replay.add(step)
         learns = self._seen >= own.random_steps and self.replay.size >= own.length - 1
-        self._seen += self.problem.worlds
+        self._seen += self.problem.num_envs
         found: dict[str, Tensor] = {}
         if learns:
             for _ in range(own.updates):

@@ -14,7 +14,7 @@ import softgym_mj
 from softgym_mj.evaluation.plots import new_figure
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.jobs.files import write_whole
-from softgym_mj.learning.learner import worlds_of
+from softgym_mj.learning.learner import split_by_seed
 from softgym_mj.learning.methods.planet.latent import centred
 from softgym_mj.learning.methods.planet.learner import PlaNet
 from softgym_mj.learning.training import Training
@@ -105,14 +105,14 @@ def record(
     """
     problem, memory = learner.problem, None
     seen, _ = envs.reset(options={"variation": [*variations] * len(problem.seeds)})
-    frames, actions = [worlds_of(problem, seen)], list[Tensor]()
+    frames, actions = [split_by_seed(problem, seen)], list[Tensor]()
     first = torch.ones(frames[0].shape[:2], dtype=torch.bool, device=frames[0].device)
     for _ in range(steps):
         action, memory = learner.act(frames[-1], first, memory, explore=False)
         flat, first = action.flatten(0, 1), torch.zeros_like(first)
         told = flat if flat.is_cuda else flat.numpy()
         seen, _, terminated, truncated, _ = envs.step(told)
-        frames.append(worlds_of(problem, seen))
+        frames.append(split_by_seed(problem, seen))
         actions.append(action)
         if (terminated | truncated).any():
             break

@@ -1,6 +1,6 @@
 """Proximal policy optimisation (Schulman et al., 2017), of several seeds at once.
 
-Settings and networks are those of ManiSkill's baseline for a thousand worlds
+Settings and networks are those of ManiSkill's baseline for a thousand environments
 (`examples/baselines/ppo/ppo.py`), which come from CleanRL. The losses are written here, as
 torchrl's `ClipPPOLoss` takes means over seeds; it is the tests' oracle. Two things differ. What was
 seen at the end of an episode is worth its value, so that only divergence ends a return. And a seed
@@ -131,7 +131,7 @@ class PPO:
         Raises:
             InvalidArgumentError: if minibatches do not share a rollout evenly.
         """
-        total = settings.steps * problem.worlds
+        total = settings.steps * problem.num_envs
         if total % settings.minibatches or total == settings.minibatches:
             valid = f"a part of {total}, the env steps of a rollout, and fewer"
             raise InvalidArgumentError("minibatches", settings.minibatches, valid)
@@ -143,7 +143,7 @@ class PPO:
         weights = [*self.policies.parameters(), *self.values.parameters()]
         self._adam = StoppingAdam(weights, settings.rate, settings.largest_gradient)
         self._steps = Replay(
-            settings.steps, problem.seeds, problem.worlds, problem.observation, problem.action,
+            settings.steps, problem.seeds, problem.num_envs, problem.observation, problem.action,
             discount=settings.discount, device=problem.device,
         )  # fmt: skip
         lead = len(problem.seeds), total

@@ -42,7 +42,7 @@ class TDMPC2:
         self,
         settings: TDMPC2Settings,
         seeds: Sequence[int],
-        worlds: int,
+        num_envs: int,
         observation: int,
         action: int,
         *,
@@ -54,20 +54,20 @@ class TDMPC2:
         Args:
             settings: how it learns.
             seeds: of the random numbers, each of a training of its own.
-            worlds: of each seed.
+            num_envs: of each seed.
             observation, action: sizes.
             discount: of rewards, in each env step.
             device: where.
         """
-        check_count("replay", settings.replay, settings.horizon * worlds)
-        self.settings, self._seeds, self._worlds = settings, seeds, worlds
+        check_count("replay", settings.replay, settings.horizon * num_envs)
+        self.settings, self._seeds, self._num_envs = settings, seeds, num_envs
         self._action, self._discount = action, discount
         # Of updates, of exploration, of evaluations.
         self._sources, self._noise, self._trials = (generators(seeds, device) for _ in range(3))
         self.model = WorldModel(settings, self._sources, observation, action)
         self.scale = torch.ones(len(seeds), device=device)
         self.replay = Replay(
-            settings.replay // worlds, seeds, worlds, (observation,), action, discount=discount,
+            settings.replay // num_envs, seeds, num_envs, (observation,), action, discount=discount,
             device=device,
         )  # fmt: skip
         model = self.model
@@ -131,7 +131,7 @@ class TDMPC2:
         settings = self.settings
         self.replay.add(step)
         learns = self._seen >= settings.random_steps and self.replay.size >= settings.horizon
-        self._seen += self._worlds
+        self._seen += self._num_envs
         found: dict[str, Tensor] = {}
         if learns:
             number = settings.updates + (0 if self.updates else settings.pretraining)
@@ -234,6 +234,6 @@ def make(settings: TDMPC2Settings, problem: Problem) -> TDMPC2:
     if len(problem.observation) != 1:
         raise InvalidArgumentError("observation", problem.observation, "numbers (n,), not images")
     return TDMPC2(
-        settings, problem.seeds, problem.worlds, *problem.observation, problem.action,
+        settings, problem.seeds, problem.num_envs, *problem.observation, problem.action,
         discount=discount_of(problem.example().horizon), device=problem.device,
     )  # fmt: skip

@@ -12,8 +12,8 @@ from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.fluid import Liquid, Resolution, Water
+from softgym_mj.fluid.batch_solver import FluidBatchSolver, describe
 from softgym_mj.fluid.water import TIMESTEP
-from softgym_mj.fluid.worlds import WaterWorlds, describe
 from softgym_mj.tasks.shared.starts.cup_variations import (
     LARGEST_COUNT,
     CupVariation,
@@ -96,30 +96,30 @@ class SettledWater:
         """
         scenes = [self._scene(index) for index in indices]
         most = max(water.num_points for _, _, water in scenes)
-        worlds = WaterWorlds(len(indices), most, 1, place)
+        solver = FluidBatchSolver(len(indices), most, 1, place)
         poses = np.zeros((len(indices), 1, 7))
         for i, (physics, cup, water) in enumerate(scenes):
             model = physics.model.ptr
-            worlds.start(i, describe(model, [model.body(cup.body.full_identifier).id]))
-            worlds.set_state(i, {"positions": place.put(water.points())})
+            solver.start(i, describe(model, [model.body(cup.body.full_identifier).id]))
+            solver.set_state(i, {"positions": place.put(water.points())})
             poses[i, 0] = *cup.position, *cup.quaternion
         told = place.put(poses)
         found: dict[int, np.ndarray] = {}
         left = {i: _Rest(f"variation {index} of {self.name}") for i, index in enumerate(indices)}
         while left:
-            speeds, flags = place.get(worlds.velocities), place.get(worlds.flags)
+            speeds, flags = place.get(solver.velocities), place.get(solver.flags)
             for i in list(left):
                 _, cup, water = scenes[i]
                 if flags[i]:
                     found[i] = self.generate(indices[i])
                 elif left[i].has_come(speeds[i, : water.num_points]):
-                    points = place.get(worlds.positions[i, : water.num_points])
+                    points = place.get(solver.positions[i, : water.num_points])
                     found[i] = self._checked(indices[i], cup, points)
                 else:
                     continue
                 del left[i]
-                worlds.models[i] = 0
-            worlds.step(told)
+                solver.models[i] = 0
+            solver.step(told)
         return [found[i] for i in range(len(indices))]
 
     def _scene(self, index: int) -> tuple[Any, Cup, Water]:

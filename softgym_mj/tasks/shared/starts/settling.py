@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.batch.places import Place
-from softgym_mj.cloth.worlds import NOT_FINITE, ClothWorlds, describe
+from softgym_mj.cloth.batch_solver import NOT_FINITE, ClothBatchSolver, describe
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
 from softgym_mj.exceptions import SimulationError
@@ -127,26 +127,26 @@ class SettledFlex(abc.ABC):
         """
         flexes = [self.flex(index) for index in indices]
         most = max(flex.num_points for flex in flexes)
-        worlds = ClothWorlds(len(indices), most, _MOST_HELD, place)
+        solver = ClothBatchSolver(len(indices), most, _MOST_HELD, place)
         procedures: dict[int, Procedure] = {}
         held: dict[int, Held] = {}
         found: dict[int, np.ndarray] = {}
         for i, (index, flex) in enumerate(zip(indices, flexes, strict=True)):
-            worlds.start(i, _described(flex))
+            solver.start(i, _described(flex))
             flex.set_points(self.begin(index, flex))
-            worlds.set_state(i, {"qpos": place.put(flex.slides)})
+            solver.set_state(i, {"qpos": place.put(flex.slides)})
             procedures[i] = self.procedure(index, flex, Settling(flex.points()))
             held[i] = next(procedures[i])
         away = np.tile(_AWAY, (len(indices), _MOST_HELD, 1))
-        worlds.gripper_qpos[...] = place.put(away)
+        solver.gripper_qpos[...] = place.put(away)
         while held:
             which = np.full((len(indices), _MOST_HELD), -1, np.int32)
             goals = np.zeros((len(indices), _MOST_HELD, 3))
             for i, own in held.items():
                 for k, (vertex, goal) in enumerate(own.items()):
                     which[i, k], goals[i, k] = vertex, goal
-            worlds.step(*map(place.put, (away, which, goals)))
-            moved, flags = place.get(worlds.qpos), place.get(worlds.flags)
+            solver.step(*map(place.put, (away, which, goals)))
+            moved, flags = place.get(solver.qpos), place.get(solver.flags)
             for i in list(held):
                 if flags[i] & NOT_FINITE:
                     raise SimulationError(f"variation {indices[i]} of {self.name} has diverged")
@@ -157,7 +157,7 @@ class SettledFlex(abc.ABC):
                 else:
                     found[i] = answer
                     del held[i]
-                    worlds.models[i] = 0
+                    solver.models[i] = 0
         return [found[i] for i in range(len(indices))]
 
 
@@ -170,7 +170,7 @@ def _answer(procedure: Procedure, points: np.ndarray) -> Held | np.ndarray:
 
 
 def _described(flex: Flex) -> np.ndarray:
-    """What `ClothWorlds` have to know of a flex on the floor: bytes (size,)."""
+    """What `ClothBatchSolver` have to know of a flex on the floor: bytes (size,)."""
     arena = Arena()
     arena.attach(flex)
     for k in range(_MOST_HELD):

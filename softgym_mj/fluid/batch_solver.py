@@ -1,8 +1,8 @@
-"""`WaterWorlds`: the water of many worlds, stepped together without MuJoCo.
+"""`FluidBatchSolver`: the water of many environments, stepped together without MuJoCo.
 
-A world makes the same steps as the plugin in a model with one fluid and walls that stand still or
-go where they are told: the same bits. The program is written for one thread or for a block of a
-GPU.
+An environment makes the same steps as the plugin in a model with one fluid and walls that stand
+still or go where they are told: the same bits. The program is written for one thread or for a block
+of a GPU.
 """
 
 from collections.abc import Sequence
@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.batch import worlds
+from softgym_mj.batch import solver
 from softgym_mj.batch.places import Place
-from softgym_mj.batch.worlds import Array
+from softgym_mj.batch.solver import Array
 
 MOST_WALLS = 32  # As in batch/model.h.
 # What may go wrong in a step, as bits: numbers that are not finite; more neighbours of a particle
@@ -21,7 +21,7 @@ NOT_FINITE, TOO_MANY_NEIGHBORS, TOO_MANY_CELLS, SCATTERED = (1 << i for i in ran
 
 
 def describe(model: mujoco.MjModel, bodies: Sequence[int]) -> np.ndarray:
-    """What `WaterWorlds` have to know of a model, as bytes (size,) uint8.
+    """What `FluidBatchSolver` have to know of a model, as bytes (size,) uint8.
 
     Args:
         model: with water that nothing feels.
@@ -30,16 +30,16 @@ def describe(model: mujoco.MjModel, bodies: Sequence[int]) -> np.ndarray:
     Raises:
         InvalidArgumentError: if there is anything else in it that the water touches.
     """
-    return worlds.describe("fluid", model, mujoco.MjData(model), np.array(bodies))
+    return solver.describe("fluid", model, mujoco.MjData(model), np.array(bodies))
 
 
-class WaterWorlds(worlds.Worlds):
+class FluidBatchSolver(solver.BatchSolver):
     """See the module docstring.
 
     Attributes:
-        positions, velocities: of particles (num_worlds, particles, 3) [m], [m/s].
-        walls: positions [m] and quaternions of walls at the end of the last step (num_worlds,
-            `MOST_WALLS`, 7), which are meant if `known` (num_worlds, 1) is not 0.
+        positions, velocities: of particles (num_envs, particles, 3) [m], [m/s].
+        walls: positions [m] and quaternions of walls at the end of the last step (num_envs,
+            `MOST_WALLS`, 7), which are meant if `known` (num_envs, 1) is not 0.
     """
 
     kind = "fluid"
@@ -55,22 +55,22 @@ class WaterWorlds(worlds.Worlds):
     velocities: Array
     walls: Array
 
-    def __init__(self, num_worlds: int, particles: int, bodies: int, place: Place | None = None):
-        """Worlds of zeros without models.
+    def __init__(self, num_envs: int, particles: int, bodies: int, place: Place | None = None):
+        """Environments of zeros without models.
 
         Args:
-            num_worlds: how many.
+            num_envs: how many.
             particles: of the largest model.
             bodies: of each model, that are told where to go.
-            place: of `batch.worlds.Worlds`.
+            place: of `batch.solver.BatchSolver`.
         """
         sizes = {"particles": particles, "walls": MOST_WALLS, "bodies": bodies}
-        super().__init__(num_worlds, sizes, place)
+        super().__init__(num_envs, sizes, place)
 
     def step(self, poses: Array) -> None:
-        """Makes a step of all worlds that have a model.
+        """Makes a step of all environments that have a model.
 
         Args:
-            poses: positions [m] and quaternions of bodies at its end (num_worlds, bodies, 7).
+            poses: positions [m] and quaternions of bodies at its end (num_envs, bodies, 7).
         """
         self._step(poses=poses)

@@ -1,7 +1,7 @@
-// One world of a batch: its state, what it is told in a step, and the memory that a step needs.
+// One environment of a batch: its state, what it is told in a step, and the memory that a step needs.
 
-#ifndef SOFTGYM_MJ_CLOTH_BATCH_WORLD_H_
-#define SOFTGYM_MJ_CLOTH_BATCH_WORLD_H_
+#ifndef SOFTGYM_MJ_CLOTH_BATCH_ENVIRONMENT_H_
+#define SOFTGYM_MJ_CLOTH_BATCH_ENVIRONMENT_H_
 
 #include "batch/group.h"
 #include "batch/memory.h"
@@ -51,7 +51,7 @@ struct Step {
   Rows layers;
 };
 
-struct World {
+struct Environment {
   const Model* model;
   // What it is told: where grippers go (grippers, 3) [m], the vertex that each holds, or less than 0, and where these
   // go (grippers, 3) [m].
@@ -106,7 +106,7 @@ inline void TakeRows(Memory* memory, int most, int corners, int levels, Rows* ro
 }
 
 // What is kept from a step to the next.
-inline void TakeKept(const Model& model, Memory* memory, World* w) {
+inline void TakeKept(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->step, 1);
   memory->Take(&w->low, 4 * model.padded);
   memory->Take(&w->high, 4 * model.padded);
@@ -115,7 +115,7 @@ inline void TakeKept(const Model& model, Memory* memory, World* w) {
 }
 
 // The rest. Rows lie in the memory themselves, if there is any.
-inline void TakeMemory(const Model& model, Memory* memory, World* w) {
+inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   const int n = model.vertices, p = 4 * model.padded, e = model.chain_edges;
   memory->Take(&w->touch, model.grippers);
   float* air = nullptr;
@@ -190,4 +190,4 @@ inline void TakeMemory(const Model& model, Memory* memory, World* w) {
 
 }  // namespace softgym_mj::cloth
 
-#endif  // SOFTGYM_MJ_CLOTH_BATCH_WORLD_H_
+#endif  // SOFTGYM_MJ_CLOTH_BATCH_ENVIRONMENT_H_

@@ -1,4 +1,4 @@
-"""`WaterWorlds`, whose oracle is the plugin: the same bits."""
+"""`FluidBatchSolver`, whose oracle is the plugin: the same bits."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,11 @@ import pytest
 import softgym_mj
 from softgym_mj.batch.places import Processor
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
-from softgym_mj.fluid.worlds import NOT_FINITE, TOO_MANY_NEIGHBORS, WaterWorlds, describe
+from softgym_mj.fluid.batch_solver import NOT_FINITE, TOO_MANY_NEIGHBORS, FluidBatchSolver, describe
 
 
 class _Followed:
-    """An environment with cups, and what worlds are told to do the same."""
+    """An environment with cups, and what environments are told to do the same."""
 
     def __init__(self, task, variation, **settings):
         self.env = softgym_mj.load(task, split="all", fidelity="fast", **settings)
@@ -38,10 +38,10 @@ class _Followed:
             "walls": walls.reshape(-1, 7),
         }
 
-    def place(self, worlds, i):
-        """Puts world `i` where the environment is."""
-        worlds.start(i, self.model)
-        worlds.set_state(i, self.state)
+    def place(self, solver, i):
+        """Puts row `i` of the batch where the environment is."""
+        solver.start(i, self.model)
+        solver.set_state(i, self.state)
 
     def steps(self, number, seed=0):
         """Plays random env steps; at the end of each physics step, yields where the cups are."""
@@ -56,14 +56,14 @@ class _Followed:
                 yield poses
             task.after_step(physics, None)
 
-    def check(self, worlds, i):
-        """That world `i` is where the environment is, bit by bit."""
-        state = worlds.get_state(i)
+    def check(self, solver, i):
+        """That row `i` of the batch is where the environment is, bit by bit."""
+        state = solver.get_state(i)
         for name, array in self.state.items():
             np.testing.assert_array_equal(state[name], array, err_msg=name)
 
 
-class _Spoilt(WaterWorlds):
+class _Spoilt(FluidBatchSolver):
     """Finds anything in its memory."""
 
     def _step(self, **told):
@@ -71,58 +71,58 @@ class _Spoilt(WaterWorlds):
         super()._step(**told)
 
 
-def _worlds(followed, place=None):
+def _solver(followed, place=None):
     count = max(each.water.num_points for each in followed)
-    worlds = _Spoilt(len(followed), count, len(followed[0].cups), place)
+    solver = _Spoilt(len(followed), count, len(followed[0].cups), place)
     for i, each in enumerate(followed):
-        each.place(worlds, i)
-    return worlds
+        each.place(solver, i)
+    return solver
 
 
 @pytest.mark.parametrize("turns", [0, 1, 4])
 @pytest.mark.parametrize("task", ["transport_water", "pour_water", "pour_water_amount"])
-def test_a_world_makes_the_steps_of_the_plugin(task, turns):
+def test_an_environment_makes_the_steps_of_the_plugin(task, turns):
     followed = _Followed(task, 806)
-    worlds = _worlds([followed], Processor(turns=turns))
+    solver = _solver([followed], Processor(turns=turns))
     for poses in followed.steps(4):
-        worlds.step(poses[None])
-        followed.check(worlds, 0)
-    assert worlds.flags[0] == 0
+        solver.step(poses[None])
+        followed.check(solver, 0)
+    assert solver.flags[0] == 0
 
 
 def test_particles_in_one_place_part_alike():
     followed = _Followed("transport_water", 806)
     followed.state["positions"][5] = followed.state["positions"][9]
     followed.state["velocities"][5] = followed.state["velocities"][9]
-    worlds = _worlds([followed], Processor(turns=2))
+    solver = _solver([followed], Processor(turns=2))
     for poses in followed.steps(1):
-        worlds.step(poses[None])
-        followed.check(worlds, 0)
-    apart = worlds.positions[0, 5] - worlds.positions[0, 9]
+        solver.step(poses[None])
+        followed.check(solver, 0)
+    apart = solver.positions[0, 5] - solver.positions[0, 9]
     assert 1e-5 < np.linalg.norm(apart) < 0.1
 
 
-def test_worlds_of_different_sizes_side_by_side():
+def test_environments_of_different_sizes_side_by_side():
     followed = [_Followed("pour_water", i) for i in (801, 803, 810)]
     assert len({each.water.num_points for each in followed}) == 3
-    worlds = _worlds(followed, Processor(num_threads=2))
+    solver = _solver(followed, Processor(num_threads=2))
     for poses in zip(*(each.steps(2) for each in followed), strict=True):
-        worlds.step(np.stack(poses))
+        solver.step(np.stack(poses))
     for i, each in enumerate(followed):
-        each.check(worlds, i)
+        each.check(solver, i)
 
 
-def test_what_goes_wrong_in_a_world_changes_no_other():
+def test_what_goes_wrong_in_an_environment_changes_no_other():
     followed = _Followed("transport_water", 806)
-    worlds = _worlds([followed] * 3)
-    worlds.velocities[0, 3] = np.nan
-    worlds.positions[2, :300] = worlds.positions[2, 0]
+    solver = _solver([followed] * 3)
+    solver.velocities[0, 3] = np.nan
+    solver.positions[2, :300] = solver.positions[2, 0]
     for poses in followed.steps(1):
-        worlds.step(np.stack([poses] * 3))
-    followed.check(worlds, 1)
-    assert worlds.flags[0] & NOT_FINITE
-    assert worlds.flags[1] == 0
-    assert worlds.flags[2] & TOO_MANY_NEIGHBORS
+        solver.step(np.stack([poses] * 3))
+    followed.check(solver, 1)
+    assert solver.flags[0] & NOT_FINITE
+    assert solver.flags[1] == 0
+    assert solver.flags[2] & TOO_MANY_NEIGHBORS
 
 
 def test_what_does_not_fit_is_refused():
@@ -137,6 +137,6 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(InvalidArgumentError, match="move as they are told"):
         describe(model, [])
     with pytest.raises(InvalidArgumentError, match="'particles': 10"):
-        WaterWorlds(1, 10, 1).start(0, followed.model)
+        FluidBatchSolver(1, 10, 1).start(0, followed.model)
     with pytest.raises(LifecycleError, match="no model"):
-        WaterWorlds(1, 10, 1).get_state(0)
+        FluidBatchSolver(1, 10, 1).get_state(0)

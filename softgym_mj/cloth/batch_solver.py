@@ -1,7 +1,8 @@
-"""`ClothWorlds`: many flexes with grippers over a floor, stepped together without MuJoCo.
+"""`ClothBatchSolver`: many flexes with grippers over a floor, stepped together without MuJoCo.
 
-A world makes the same steps as the plugin in a model with one flex, spheres that are told where to
-go, and a plane: the same bits. The program is written for one thread or for a block of a GPU.
+An environment makes the same steps as the plugin in a model with one flex, spheres that are told
+where to go, and a plane: the same bits. The program is written for one thread or for a block of a
+GPU.
 """
 
 import ctypes
@@ -10,11 +11,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.batch import worlds
+from softgym_mj.batch import solver
 from softgym_mj.batch.places import Place
-from softgym_mj.batch.worlds import Array
+from softgym_mj.batch.solver import Array
 
-KEPT_PAIRS = 2  # As in batch/world.h.
+KEPT_PAIRS = 2  # As in batch/environment.h.
 EDGES_OF_VERTEX = 3  # At most, of surfaces.
 # What may go wrong in a step, as bits: numbers that are not finite; and no room for all candidates,
 # pairs, rows or levels, so that some contacts were left out.
@@ -22,7 +23,7 @@ NOT_FINITE, CANDIDATES_FULL, PAIRS_FULL, ROWS_FULL, LEVELS_FULL = (1 << i for i 
 
 
 def describe(model: mujoco.MjModel, grippers: Sequence[int], room: float = 1.0) -> np.ndarray:
-    """What `ClothWorlds` have to know of a model, as bytes (size,) uint8.
+    """What `ClothBatchSolver` have to know of a model, as bytes (size,) uint8.
 
     Args:
         model: with one flex that the plugin moves, over a plane.
@@ -34,19 +35,19 @@ def describe(model: mujoco.MjModel, grippers: Sequence[int], room: float = 1.0) 
     """
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)  # From then on the plugin knows it.
-    return worlds.describe("cloth", model, data, np.array(grippers), ctypes.c_double(room))
+    return solver.describe("cloth", model, data, np.array(grippers), ctypes.c_double(room))
 
 
-class ClothWorlds(worlds.Worlds):
+class ClothBatchSolver(solver.BatchSolver):
     """See the module docstring.
 
     Attributes:
-        qpos, qvel: of slides of vertices (num_worlds, vertices, 3) [m], [m/s].
-        gripper_qpos, gripper_qvel: of grippers (num_worlds, grippers, 3) [m], [m/s].
+        qpos, qvel: of slides of vertices (num_envs, vertices, 3) [m], [m/s].
+        gripper_qpos, gripper_qvel: of grippers (num_envs, grippers, 3) [m], [m/s].
         holding_force: with which its edges pulled a vertex that was held, mean of the last step
-            (num_worlds, vertices) [N].
-        valid: 1 of worlds that have made a step from where they are (num_worlds, 1); to be set to 0
-            after vertices have been placed.
+            (num_envs, vertices) [N].
+        valid: 1 of environments that have made a step from where they are (num_envs, 1); to be set
+            to 0 after vertices have been placed.
         reference, after_edge, after_layers: by which a step depends on those before it, as the
             state of the plugin.
     """
@@ -78,20 +79,20 @@ class ClothWorlds(worlds.Worlds):
     gripper_qpos: Array
     gripper_qvel: Array
 
-    def __init__(self, num_worlds: int, vertices: int, grippers: int, place: Place | None = None):
-        """Worlds of zeros without models.
+    def __init__(self, num_envs: int, vertices: int, grippers: int, place: Place | None = None):
+        """Environments of zeros without models.
 
         Args:
-            num_worlds: how many.
+            num_envs: how many.
             vertices: of the largest model.
             grippers: of each model.
-            place: of `batch.worlds.Worlds`.
+            place: of `batch.solver.BatchSolver`.
         """
         sizes = {"vertices": vertices, "edges": EDGES_OF_VERTEX * vertices, "grippers": grippers}
-        super().__init__(num_worlds, sizes, place)
+        super().__init__(num_envs, sizes, place)
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:
-        """As of `Worlds`; what layers are kept comes in one order, whoever was first."""
+        """As of `BatchSolver`; what layers are kept comes in one order, whoever was first."""
         state = super().get_state(i)
         kept = state["after_layers"].reshape((-1, 4))
         order = np.lexsort([kept[:, 0], kept[:, 0] == 0.0])
@@ -99,11 +100,11 @@ class ClothWorlds(worlds.Worlds):
         return state
 
     def step(self, targets: Array, held: Array, goals: Array) -> None:
-        """Makes a step of all worlds that have a model.
+        """Makes a step of all environments that have a model.
 
         Args:
-            targets: where grippers go (num_worlds, grippers, 3) [m].
-            held: the vertex that each holds, or less than 0 (num_worlds, grippers).
-            goals: where these go (num_worlds, grippers, 3) [m].
+            targets: where grippers go (num_envs, grippers, 3) [m].
+            held: the vertex that each holds, or less than 0 (num_envs, grippers).
+            goals: where these go (num_envs, grippers, 3) [m].
         """
         self._step(targets=targets, goals=goals, held=held)

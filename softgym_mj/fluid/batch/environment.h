@@ -1,7 +1,7 @@
-// Water of one world of a batch: its state, what it is told in a step, and the memory that a step needs.
+// Water of one environment of a batch: its state, what it is told in a step, and the memory that a step needs.
 
-#ifndef SOFTGYM_MJ_FLUID_BATCH_WORLD_H_
-#define SOFTGYM_MJ_FLUID_BATCH_WORLD_H_
+#ifndef SOFTGYM_MJ_FLUID_BATCH_ENVIRONMENT_H_
+#define SOFTGYM_MJ_FLUID_BATCH_ENVIRONMENT_H_
 
 #include "batch/group.h"
 #include "batch/memory.h"
@@ -28,7 +28,7 @@ struct Step {
   double from[7 * kMostWalls], to[7 * kMostWalls];  // Poses at the start and the end of the step.
 };
 
-struct World {
+struct Environment {
   const Model* model;
   const double* poses;  // (bodies, 7) Where bodies are at the end of the step [m], quaternions.
   // Its state: whether `walls` (walls, 7), poses at the end of the last step, are known; (count, 3) [m], [m/s].
@@ -44,7 +44,7 @@ struct World {
   int *begin, *end;
 };
 
-inline void TakeMemory(const Model& model, Memory* memory, World* w) {
+inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   const int n = model.count + kLanes;
   Particles* p = &w->particles;
   memory->Take(&w->step, 1);
@@ -75,4 +75,4 @@ inline void TakeMemory(const Model& model, Memory* memory, World* w) {
 
 }  // namespace softgym_mj::fluid
 
-#endif  // SOFTGYM_MJ_FLUID_BATCH_WORLD_H_
+#endif  // SOFTGYM_MJ_FLUID_BATCH_ENVIRONMENT_H_

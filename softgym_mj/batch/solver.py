@@ -1,4 +1,4 @@
-"""`Worlds`: many worlds that a program of the library steps together, without MuJoCo."""
+"""`BatchSolver`: many environments that a program of the library steps together, without MuJoCo."""
 
 import ctypes
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ def _pointer(array: np.ndarray) -> ctypes.c_void_p:
 def describe(
     kind: str, model: mujoco.MjModel, data: mujoco.MjData, ids: np.ndarray, *settings: Any
 ) -> np.ndarray:
-    """What worlds of a kind have to know of a model, as bytes (size,) uint8.
+    """What environments of a kind have to know of a model, as bytes (size,) uint8.
 
     Args:
         kind: "cloth" or "fluid".
@@ -53,20 +53,20 @@ def describe(
     return out
 
 
-class Worlds:
-    """The state of worlds, arrays with a row for each, and their steps.
+class BatchSolver:
+    """The state of environments, arrays with a row for each, and their steps.
 
-    Worlds differ in size: rows have room for the largest model. A subclass names the state.
+    Environments differ in size: rows have room for the largest model. A subclass names the state.
 
     Attributes:
         kind: of the library's functions.
-        fields: shapes of the arrays of the state by name, (num_worlds, size, ...), each an
+        fields: shapes of the arrays of the state by name, (num_envs, size, ...), each an
             attribute of its name: the first size is a name or a number.
-        told: those of what worlds are told in a step, likewise.
+        told: those of what environments are told in a step, likewise.
         place: where the arrays are.
-        models: (num_worlds,) int64 what worlds play, from `load`; those of 0 stand still.
+        models: (num_envs,) int64 what environments play, from `load`; those of 0 stand still.
         queue: in which order they are begun on a GPU.
-        flags: what went wrong so far, as bits (num_worlds,) int32.
+        flags: what went wrong so far, as bits (num_envs,) int32.
         grown: how many times the memory of steps has been replaced by a larger one.
     """
 
@@ -74,31 +74,29 @@ class Worlds:
     fields: Mapping[str, tuple[str | int, *tuple[int, ...]]]
     told: Mapping[str, Shape]
 
-    def __init__(self, num_worlds: int, sizes: Mapping[str, int], place: Place | None = None):
-        """Worlds of zeros without models.
+    def __init__(self, num_envs: int, sizes: Mapping[str, int], place: Place | None = None):
+        """Environments of zeros without models.
 
         Args:
-            num_worlds: how many.
+            num_envs: how many.
             sizes: of the largest model by name; all have as many of the last ones, which are told
                 where to go.
             place: where they are; None for this processor.
         """
         self.place = place = place or Processor()
-        self._number, self._sizes = num_worlds, dict(sizes)
+        self._number, self._sizes = num_envs, dict(sizes)
         for name, (size, *more) in self.fields.items():
-            setattr(
-                self, name, place.zeros((num_worlds, self._size(size, sizes), *more), "float64")
-            )
+            setattr(self, name, place.zeros((num_envs, self._size(size, sizes), *more), "float64"))
         self._told = {
-            name: place.zeros((num_worlds, self._size(size, sizes), *more), dtype)
+            name: place.zeros((num_envs, self._size(size, sizes), *more), dtype)
             for name, (size, more, dtype) in self.told.items()
         }
-        self.models = place.zeros((num_worlds,), "int64")
-        self.queue = Queue(num_worlds, place)
-        self.flags = place.zeros((num_worlds,), "int32")
+        self.models = place.zeros((num_envs,), "int64")
+        self.queue = Queue(num_envs, place)
+        self.flags = place.zeros((num_envs,), "int32")
         self.grown = 0
-        self._slots = min(num_worlds, place.at_once(self.kind, self._most))
-        self._kept: Array = place.zeros((num_worlds, 0), "uint8")
+        self._slots = min(num_envs, place.at_once(self.kind, self._most))
+        self._kept: Array = place.zeros((num_envs, 0), "uint8")
         self._memory: Array = place.zeros((self._slots, 0), "uint8")
         self._loaded: dict[bytes, tuple[int, Array]] = {}
         self._counts: dict[int, dict[str, int]] = {}  # Sizes of models.
@@ -115,7 +113,7 @@ class Worlds:
     # ------------------------------------------------------------------ models
 
     def load(self, model: np.ndarray) -> int:
-        """Gets a model from `describe` ready for worlds; returns what `models` says of these.
+        """Gets a model from `describe` ready for environments; returns what `models` says of these.
 
         Raises:
             InvalidArgumentError: for one that is larger than the rows.
@@ -143,20 +141,22 @@ class Worlds:
         self._loaded[key], self._counts[address] = (address, there), counts
         return address
 
-    # ------------------------------------------------------------------ one world
+    # ------------------------------------------------------------------ one environment
 
     def start(self, i: int, model: np.ndarray) -> None:
-        """Gives world `i` a model, from `describe`, and empties its rows; errors as of `load`."""
+        """Gives environment `i` a model, from `describe`, and empties its rows."""
         self.models[i] = self.load(model)
         for name in self.fields:
             getattr(self, name)[i] = 0.0
         self.flags[i] = 0
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:
-        """The state of world `i` (n, ...) by name, for `set_state` of a world of the same model."""
+        """The state of environment `i` (n, ...) by name, for `set_state`."""
         address = int(self.models[i])
         if not address:
-            raise LifecycleError(f"world {i} has no model yet: call start() before get_state()")
+            raise LifecycleError(
+                f"environment {i} has no model yet: call start() before get_state()"
+            )
         counts = self._counts[address]
         return {
             name: self.place.get(getattr(self, name)[i, : self._size(kind, counts)])
@@ -172,7 +172,7 @@ class Worlds:
     # ------------------------------------------------------------------ all
 
     def _step(self, **told: Array) -> None:
-        """Makes a step of all worlds that are told this, by name."""
+        """Makes a step of all environments that are told this, by name."""
         for name, array in told.items():
             self._told[name][...] = array
         if self._batch is None:
