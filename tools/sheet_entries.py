@@ -58,7 +58,9 @@ def full_entries(env: Environment) -> dict[str, int]:
     """What the full state lists."""
     task, number = env.task, env.observation_spec()["full_mask"].shape[0]
     points = {f"{number} points (x, y, z each), zeros from the last that exists [m]": 3 * number}
-    return points | sizes(labels(task.beside(task.state(), task.episode))) | ending_entries(task)
+    return (
+        points | sizes(labels(task.extra_state(task.state(), task.episode))) | ending_entries(task)
+    )
 
 
 def sizes(arrays: dict[str, np.ndarray]) -> dict[str, int]:

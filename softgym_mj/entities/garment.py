@@ -8,7 +8,7 @@ import numpy as np
 
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.flex import Color
-from softgym_mj.entities.mesh_files import read_mesh, remarks
+from softgym_mj.entities.mesh_files import mesh_warnings, read_mesh
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Sheet
 from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
@@ -63,9 +63,9 @@ class Garment(Sheet):
         """
         points, triangles = read_mesh(file, scale)
         self._start_sheet(name, fabric, colors)
-        found = remarks(points, triangles, self._values["thickness"])
-        if found:
-            warnings.warn(f"{pathlib.Path(file).name}: {'; '.join(found)}", stacklevel=2)
+        defects = mesh_warnings(points, triangles, self._values["thickness"])
+        if defects:
+            warnings.warn(f"{pathlib.Path(file).name}: {'; '.join(defects)}", stacklevel=2)
         memory = _LEAST_MEMORY + _MEMORY_OF_PAIR * len(points) ** 2
         self._mjcf_root.size.memory = str(memory)
         corners = points[triangles]

@@ -119,7 +119,7 @@ def _joined(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.n
     return points[used], np.searchsorted(used, whole), len(triangles) - len(whole)
 
 
-def remarks(points: np.ndarray, triangles: np.ndarray, thickness: float) -> list[str]:
+def mesh_warnings(points: np.ndarray, triangles: np.ndarray, thickness: float) -> list[str]:
     """Returns what a user should know of a mesh as a sheet so thick [m], each a sentence."""
     pairs = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=-1).reshape(-1, 2))
     edges, counts = np.unique(pairs, axis=0, return_counts=True)

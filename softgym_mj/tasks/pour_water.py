@@ -70,5 +70,5 @@ class PourWater(Task):
     def reduced(self, state: State, episode: Episode) -> Entries:
         return pouring.reduced(state, episode)
 
-    def beside(self, state: State, episode: Episode) -> Entries:
+    def extra_state(self, state: State, episode: Episode) -> Entries:
         return entries.cups(state, episode)

@@ -141,7 +141,7 @@ class PourWaterAmount(Task):
         level = target.wall / 2 + share * depth * floors
         return {"share": np.array(share), "level": np.array(level)}
 
-    def show(self, goal: dict[str, np.ndarray]) -> None:
+    def draw_goal(self, goal: dict[str, np.ndarray]) -> None:
         near = self.target.pose[0] - self.target.size.length / 2
         self._mark.draw(near, float(goal["level"]), self.target.size.width)
 
@@ -158,7 +158,7 @@ class PourWaterAmount(Task):
     def reduced(self, state: State, episode: Episode) -> Entries:
         return {**pouring.reduced(state, episode), **_goal_entries(episode)}
 
-    def beside(self, state: State, episode: Episode) -> Entries:
+    def extra_state(self, state: State, episode: Episode) -> Entries:
         return {**entries.cups(state, episode), **_goal_entries(episode)}
 
 

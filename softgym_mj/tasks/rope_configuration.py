@@ -123,7 +123,7 @@ class RopeConfiguration(Task):
         places = letter(goal_name(variation), self.rope.num_points)
         return {"rope": np.column_stack([places, np.full(len(places), self.rope.radius)])}
 
-    def show(self, goal: dict[str, np.ndarray]) -> None:
+    def draw_goal(self, goal: dict[str, np.ndarray]) -> None:
         self._goal_rgb = None
         self._line.draw(goal["rope"][:, :2])
 
@@ -181,6 +181,6 @@ class RopeConfiguration(Task):
             f"{len(keys)} key points of the goal": points(goal, "goal"),
         }
 
-    def beside(self, state: State, episode: Episode) -> Entries:
+    def extra_state(self, state: State, episode: Episode) -> Entries:
         goal = episode.goal["rope"]
         return {f"{goal.shape[-2]} vertices of the goal": points(goal, "goal")}

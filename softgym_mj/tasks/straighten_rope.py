@@ -78,6 +78,6 @@ class StraightenRope(Task):
         found = metrics.chosen(state.points["rope"], keys)
         return {f"{len(keys)} key points": points(found, "object")}
 
-    def remarks(self, episode: Episode) -> dict[str, Array]:
+    def episode_info(self, episode: Episode) -> dict[str, Array]:
         initial = metrics.normalize(episode.initial_performance, *self.bounds(episode))
         return {"initial_normalized_performance": initial}

@@ -78,7 +78,7 @@ class TransportWater(Task):
         super().__init__([self.water], start, tool=tool, marks=[self._outline], **settings)
         self.water.confine(self.cup.body)
 
-    def show(self, goal: dict[str, np.ndarray]) -> None:
+    def draw_goal(self, goal: dict[str, np.ndarray]) -> None:
         self._outline.draw(self.cup.foot + [GOAL, 0.0])
 
     def measure(self, state: State, episode: Episode) -> Measures:
@@ -100,5 +100,5 @@ class TransportWater(Task):
             "fraction in the cup, fraction outside": numbers(metrics.columns(within, 1.0 - within)),
         }
 
-    def beside(self, state: State, episode: Episode) -> Entries:
+    def extra_state(self, state: State, episode: Episode) -> Entries:
         return entries.cups(state, episode)

@@ -77,7 +77,10 @@ BAD_METHODS = [
     ({"bounds": lambda *_: (0.0, 0.0)}, r"bounds\(\)=\(0.0, 0.0\).*lower < upper"),
     ({"bounds": lambda *_: 1.0}, r"bounds\(\)=1.0"),
     ({"reduced": lambda *_: {"a": np.zeros(2)}}, r"reduced\(\)\['a'\].*an entry: `numbers`"),
-    ({"beside": lambda *_: {"a": np.zeros(2)}}, r"beside\(\)\['a'\].*an entry: `numbers`"),
+    (
+        {"extra_state": lambda *_: {"a": np.zeros(2)}},
+        r"extra_state\(\)\['a'\].*an entry: `numbers`",
+    ),
     (
         {"reduced": lambda *_: {"a": numbers(np.array([np.nan]))}},
         r"reduced\(\)\['a'\].*finite numbers",

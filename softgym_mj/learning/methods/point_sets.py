@@ -65,7 +65,7 @@ def layout(env: Environment) -> Layout:
     """
     task = env.task
     sets, end = [(0, task.max_points)], 3 * task.max_points
-    for entry in task.beside(task.scene.state(), task.episode).values():
+    for entry in task.extra_state(task.scene.state(), task.episode).values():
         size = np.size(entry.values)
         if entry.kind == "points":
             sets.append((end, size // 3))

@@ -182,18 +182,18 @@ class Task(Definition):
         checks.check_points(points, self.scene.arena)
         self.actor.begin(self.tool_start(points), self.flexes.points())
         self._episode = self._new_episode(points)
-        self.show(self._episode.goal)
+        self.draw_goal(self._episode.goal)
         self.scene.note_strain(starts=True)
         self._measures = self._measured()
         initial = self._measures.performance
         self._episode = dataclasses.replace(self._episode, initial_performance=initial)
         checks.check_bounds(self.bounds(self._episode))
         if not self._named:
-            for method in ("reduced", "beside"):
+            for method in ("reduced", "extra_state"):
                 entries = getattr(self, method)(self.state(), self._episode)
                 checks.check_entries(method, entries)
-            remarks = self.remarks(self._episode)
-            further = self.last_quality, remarks, self.diagnostics(), self.actor.diagnostics()
+            started = self.episode_info(self._episode)
+            further = self.last_quality, started, self.diagnostics(), self.actor.diagnostics()
             checks.check_names((self._measures.info, *further))
             self._named = True
 

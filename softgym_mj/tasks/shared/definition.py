@@ -26,7 +26,7 @@ class Definition(composer.Task, abc.ABC):
 
     A subclass of `Task` says in its class data what kind of task it is, builds its objects in
     `__init__`, and defines `measure`; `arrange` too, unless it has a `Start`. `measure`, `bounds`,
-    `reduced` and `beside` are functions of arrays, of one simulation or of many.
+    `reduced` and `extra_state` are functions of arrays, of one simulation or of many.
 
     Attributes:
         summary: what is to be done.
@@ -104,7 +104,7 @@ class Definition(composer.Task, abc.ABC):
         """
         return {}
 
-    def show(self, goal: dict[str, np.ndarray]) -> None:
+    def draw_goal(self, goal: dict[str, np.ndarray]) -> None:
         """Draws the goal of an episode that starts."""
 
     @abc.abstractmethod
@@ -132,7 +132,7 @@ class Definition(composer.Task, abc.ABC):
             for name, points in state.points.items()
         }
 
-    def beside(self, state: State, episode: Episode) -> Entries:
+    def extra_state(self, state: State, episode: Episode) -> Entries:
         """What the full state lists between the points and what the actor senses, as `reduced`."""
         return {}
 
@@ -140,7 +140,7 @@ class Definition(composer.Task, abc.ABC):
         """Further scalars (...) for info and results, as other work has them; only read there."""
         return {}
 
-    def remarks(self, episode: Episode) -> dict[str, Array]:
+    def episode_info(self, episode: Episode) -> dict[str, Array]:
         """Further scalars (...) for info that say how an episode has started."""
         return {}
 
@@ -169,5 +169,5 @@ class Definition(composer.Task, abc.ABC):
             **{f"reward_{name}": value for name, value in measures.rewards.items()},
             **measures.info,
             **self.quality(state, episode, measures),
-            **self.remarks(episode),
+            **self.episode_info(episode),
         }

@@ -50,7 +50,7 @@ class LaidCloth(Task):
         particles = self.place(points["cloth"])
         return {"particles": particles, "outline": quality.outline(particles, self.folded)}
 
-    def show(self, goal: dict[str, np.ndarray]) -> None:
+    def draw_goal(self, goal: dict[str, np.ndarray]) -> None:
         self._outline.draw(goal["outline"][quality.AROUND, :2])
 
     def measure(self, state: State, episode: Episode) -> Measures:

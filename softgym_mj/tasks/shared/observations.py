@@ -37,13 +37,13 @@ class StateObservation(NamedTuple):
 
 
 def full(task: Any, state: State, episode: Episode) -> Array:
-    """All points (x, y, z each), zeros, `beside`, what the actor senses: (..., n)."""
+    """All points (x, y, z each), zeros, `extra_state`, what the actor senses: (..., n)."""
     lead = state.sensed.shape[:-1]
     points = _joined(state.points.values(), lead)
     missing = 3 * task.max_points - points.shape[-1]
     padding = namespace(points).zeros((*lead, missing), device=device(points))
-    beside = values("beside", task.beside(state, episode))
-    return _joined([points, padding, *beside, *_sensed(task, state)], lead)
+    extra = values("extra_state", task.extra_state(state, episode))
+    return _joined([points, padding, *extra, *_sensed(task, state)], lead)
 
 
 def full_mask(task: Any, state: State, episode: Episode) -> Array:
