@@ -72,7 +72,7 @@ def play_rows(
     for i in np.flatnonzero(numbers["diverged"]).tolist():
         raise SimulationError(f"variation {variations[i]} of {task} has diverged")
     example.dm_env.reset(variations[0])
-    quality = tuple(example.dm_env.task.last_quality)
+    secondary = tuple(example.dm_env.task.last_secondary_metrics)
     envs.close()
     names = ("normalized_performance", "performance", "success", "return")
     return [
@@ -80,7 +80,7 @@ def play_rows(
             "variation": variation,
             "seed": seed,
             **{name: numbers[name][i].item() for name in names},
-            "quality": {name: float(numbers[name][i]) for name in quality},
+            "secondary_metrics": {name: float(numbers[name][i]) for name in secondary},
         }
         for i, (variation, seed) in enumerate(calls)
     ]

@@ -16,7 +16,7 @@ from softgym_mj.envs.load import load
 from softgym_mj.evaluation.configuration import Configuration
 from softgym_mj.evaluation.folder import open_folder
 from softgym_mj.evaluation.rows import MOST, check_policy, play_rows
-from softgym_mj.evaluation.statistics import methods, quality, summary
+from softgym_mj.evaluation.statistics import methods, secondary_metrics, summary
 from softgym_mj.exceptions import check_name
 from softgym_mj.jobs.executors import Executor, SerialExecutor, Together
 from softgym_mj.jobs.files import write_json
@@ -78,7 +78,7 @@ def evaluate(
 
     Returns:
         The content of the result: configuration, machines on which it was evaluated, `summary`,
-        `quality` and `methods` of its `statistics`, episodes.
+        `secondary_metrics` and `methods` of its `statistics`, episodes.
 
     Raises:
         StoreError: if the folder belongs to another configuration or holds a damaged file.
@@ -115,7 +115,7 @@ def evaluate(
         **written,
         "machines": machines,
         "summary": summary(ordered),
-        "quality": quality(ordered),
+        "secondary_metrics": secondary_metrics(ordered),
         "methods": methods(ordered),
         "episodes": ordered,
     }
@@ -208,5 +208,5 @@ def _scores(env: Environment, variation: int, seed: int, total: float) -> dict:
         "performance": float(info["performance"]),
         "success": bool(info["success"]),
         "return": total,
-        "quality": env.task.last_quality,
+        "secondary_metrics": env.task.last_secondary_metrics,
     }

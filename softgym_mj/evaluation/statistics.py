@@ -47,11 +47,11 @@ def summary(episodes: Sequence[Mapping]) -> dict[str, float]:
     }
 
 
-def quality(episodes: Sequence[Mapping]) -> dict[str, float]:
-    """Means over all episodes of the tasks' measures of quality at the last step, by name."""
+def secondary_metrics(episodes: Sequence[Mapping]) -> dict[str, float]:
+    """Means over all episodes of the tasks' secondary metrics at the last step, by name."""
     return {
-        name: float(np.mean([episode["quality"][name] for episode in episodes]))
-        for name in episodes[0]["quality"]
+        name: float(np.mean([episode["secondary_metrics"][name] for episode in episodes]))
+        for name in episodes[0]["secondary_metrics"]
     }
 
 

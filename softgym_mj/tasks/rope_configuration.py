@@ -28,7 +28,7 @@ from softgym_mj.metrics import Array, Measures, namespace
 from softgym_mj.rendering.observables import CameraObservable
 from softgym_mj.rendering.offscreen import CameraView, refresh_poses
 from softgym_mj.robots.workspace import ToolStart, Workspace
-from softgym_mj.tasks.shared import quality
+from softgym_mj.tasks.shared import secondary_metrics
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import Entries, points
 from softgym_mj.tasks.shared.goals import Goals, as_points
@@ -170,8 +170,10 @@ class RopeConfiguration(Task):
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return episode.initial_performance, 0.0
 
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        return quality.point_error(state.points["rope"], episode.goal["rope"])
+    def secondary_metrics(
+        self, state: State, episode: Episode, measures: Measures
+    ) -> dict[str, Array]:
+        return secondary_metrics.point_error(state.points["rope"], episode.goal["rope"])
 
     def reduced(self, state: State, episode: Episode) -> Entries:
         keys = self.rope.key_points

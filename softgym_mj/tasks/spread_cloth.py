@@ -21,7 +21,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart, Workspace
-from softgym_mj.tasks.shared import entries, quality
+from softgym_mj.tasks.shared import entries, secondary_metrics
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import Entries
 from softgym_mj.tasks.shared.settings import ClothTaskSettings
@@ -63,8 +63,10 @@ class SpreadCloth(Task):
         size = episode.shapes["cloth"]["size"]
         return episode.initial_performance, size[..., 0] * size[..., 1]
 
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        return quality.flattening(measures.performance, *self.bounds(episode))
+    def secondary_metrics(
+        self, state: State, episode: Episode, measures: Measures
+    ) -> dict[str, Array]:
+        return secondary_metrics.flattening(measures.performance, *self.bounds(episode))
 
     def reduced(self, state: State, episode: Episode) -> Entries:
         return entries.corners(state, episode)

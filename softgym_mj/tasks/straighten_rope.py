@@ -21,7 +21,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.rope import LENGTH, Rope
 from softgym_mj.metrics import Array, Measures
 from softgym_mj.robots.workspace import ToolStart, Workspace
-from softgym_mj.tasks.shared import quality
+from softgym_mj.tasks.shared import secondary_metrics
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import Entries, points
 from softgym_mj.tasks.shared.settings import TaskSettings
@@ -69,9 +69,11 @@ class StraightenRope(Task):
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return -LENGTH, 0.0
 
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
+    def secondary_metrics(
+        self, state: State, episode: Episode, measures: Measures
+    ) -> dict[str, Array]:
         points = state.points["rope"]
-        return quality.point_error(points, quality.straight(points, LENGTH))
+        return secondary_metrics.point_error(points, secondary_metrics.straight(points, LENGTH))
 
     def reduced(self, state: State, episode: Episode) -> Entries:
         keys = self.rope.key_points

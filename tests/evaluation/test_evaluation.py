@@ -221,12 +221,15 @@ def test_episodes_side_by_side_are_those_of_one_after_the_other(tmp_path, policy
     configuration = dataclasses.replace(SIMPLE, policy=policy, seeds=seeds)
     found = [evaluate(configuration, tmp_path / name, device=name) for name in ("cpu", "host")]
     for ours, theirs in zip(*(result["episodes"] for result in found), strict=True):
-        assert ours.keys() == theirs.keys() and ours["quality"].keys() == theirs["quality"].keys()
+        assert (
+            ours.keys() == theirs.keys()
+            and ours["secondary_metrics"].keys() == theirs["secondary_metrics"].keys()
+        )
         for name in ("variation", "seed", "success"):
             assert ours[name] == theirs[name]
         for name in ("normalized_performance", "performance", "return"):
             assert theirs[name] == pytest.approx(ours[name], abs=1e-12)
-        assert theirs["quality"] == pytest.approx(ours["quality"], abs=1e-12)
+        assert theirs["secondary_metrics"] == pytest.approx(ours["secondary_metrics"], abs=1e-12)
     assert evaluate(configuration, tmp_path / "host", device="cpu") == found[1]  # It is all there.
 
 

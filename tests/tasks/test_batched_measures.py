@@ -69,7 +69,9 @@ def flattened(measured) -> dict[str, Any]:
 
 def measured(task, state: State, episode: Episode) -> dict[str, Any]:
     measures = task.measure(state, episode)
-    further = labels(task.reduced(state, episode)) | task.quality(state, episode, measures)
+    further = labels(task.reduced(state, episode)) | task.secondary_metrics(
+        state, episode, measures
+    )
     names = ("reduced", "markov", "proprioception")
     seen = {name: STATES[name].value(task, state, episode) for name in names}
     return flattened((measures, task.bounds(episode), further | seen))

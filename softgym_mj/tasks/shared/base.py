@@ -192,9 +192,9 @@ class Task(Definition):
             for method in ("reduced", "extra_state"):
                 entries = getattr(self, method)(self.state(), self._episode)
                 checks.check_entries(method, entries)
-            started = self.episode_info(self._episode)
-            further = self.last_quality, started, self.diagnostics(), self.actor.diagnostics()
-            checks.check_names((self._measures.info, *further))
+            own, started = self._measures.info, self.episode_info(self._episode)
+            others = self.last_secondary_metrics, self.diagnostics(), self.actor.diagnostics()
+            checks.check_names((own, started, *others))
             self._named = True
 
     def state(self) -> State:
@@ -260,9 +260,9 @@ class Task(Definition):
         return {name: np.asarray(value).flat[0] for name, value in found.items()}
 
     @property
-    def last_quality(self) -> dict[str, float]:
-        """What `quality` says of the state after the last env step or reset."""
-        found = self.quality(self.state(), self.episode, self.last_evaluation)
+    def last_secondary_metrics(self) -> dict[str, float]:
+        """What `secondary_metrics` says of the state after the last env step or reset."""
+        found = self.secondary_metrics(self.state(), self.episode, self.last_evaluation)
         return {name: float(value) for name, value in found.items()}
 
     # ------------------------------------------------------------------ snapshots

@@ -136,7 +136,9 @@ class Definition(composer.Task, abc.ABC):
         """What the full state lists between the points and what the actor senses, as `reduced`."""
         return {}
 
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
+    def secondary_metrics(
+        self, state: State, episode: Episode, measures: Measures
+    ) -> dict[str, Array]:
         """Further scalars (...) for info and results, as other work has them; only read there."""
         return {}
 
@@ -168,6 +170,6 @@ class Definition(composer.Task, abc.ABC):
             "is_success": success,  # Its name in Stable-Baselines3 and Gymnasium-Robotics.
             **{f"reward_{name}": value for name, value in measures.rewards.items()},
             **measures.info,
-            **self.quality(state, episode, measures),
+            **self.secondary_metrics(state, episode, measures),
             **self.episode_info(episode),
         }

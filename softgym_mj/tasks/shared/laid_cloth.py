@@ -9,7 +9,7 @@ from softgym_mj import metrics
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.entities.marks import OUTLINE_WIDTH, GoalLine
 from softgym_mj.metrics import Array, Measures
-from softgym_mj.tasks.shared import entries, quality
+from softgym_mj.tasks.shared import entries, secondary_metrics
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.tasks.shared.entries import Entries
 from softgym_mj.tasks.shared.state import Episode, State
@@ -48,10 +48,13 @@ class LaidCloth(Task):
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The particles of `place`, and the outline of what the cloth has to cover."""
         particles = self.place(points["cloth"])
-        return {"particles": particles, "outline": quality.outline(particles, self.folded)}
+        return {
+            "particles": particles,
+            "outline": secondary_metrics.outline(particles, self.folded),
+        }
 
     def draw_goal(self, goal: dict[str, np.ndarray]) -> None:
-        self._outline.draw(goal["outline"][quality.AROUND, :2])
+        self._outline.draw(goal["outline"][secondary_metrics.AROUND, :2])
 
     def measure(self, state: State, episode: Episode) -> Measures:
         shape, goal = episode.shapes["cloth"], episode.goal["particles"]
@@ -60,8 +63,10 @@ class LaidCloth(Task):
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
         return episode.initial_performance, 0.0
 
-    def quality(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        return quality.laying(state, episode, self.folded)
+    def secondary_metrics(
+        self, state: State, episode: Episode, measures: Measures
+    ) -> dict[str, Array]:
+        return secondary_metrics.laying(state, episode, self.folded)
 
     def reduced(self, state: State, episode: Episode) -> Entries:
         return entries.corners(state, episode)

@@ -1,4 +1,4 @@
-"""Measures of quality are what closed forms say."""
+"""Secondary metrics are what closed forms say."""
 
 import math
 
@@ -9,19 +9,19 @@ from scipy.spatial.transform import Rotation
 import softgym_mj
 from softgym_mj.entities.cloth import Cloth
 from softgym_mj.tasks import Episode, State
-from softgym_mj.tasks.shared import quality
+from softgym_mj.tasks.shared import secondary_metrics
 
 TURN = 0.4  # [rad] No edge is along an axis.
 
 
 def laid(points: np.ndarray, cloth: Cloth, folded: bool, away=(0.0, 0.0), turn=TURN) -> dict:
-    """The quality of a cloth whose place is at the origin."""
-    goal = quality.outline(cloth.particles(cloth.flat(angle=turn)), folded)
+    """Secondary metrics of a cloth whose place is at the origin."""
+    goal = secondary_metrics.outline(cloth.particles(cloth.flat(angle=turn)), folded)
     points = points + [*away, 0.0]
     none = np.zeros(0)
     state = State({"cloth": points}, {"cloth": np.ones(len(points), bool)}, {}, none, none)
     episode = Episode(0, {}, {"cloth": cloth.arrays}, {"outline": goal}, 0.0)
-    return {name: float(v) for name, v in quality.laying(state, episode, folded).items()}
+    return {name: float(v) for name, v in secondary_metrics.laying(state, episode, folded).items()}
 
 
 def folded(cloth: Cloth, thickness: float = 0.01) -> np.ndarray:
@@ -66,7 +66,7 @@ def test_a_wrinkle_is_as_high_as_its_highest_point():
 
 
 def test_flattening_is_a_share_of_the_area():
-    found = quality.flattening(np.array([0.2, 0.3, 0.5]), 0.2, 0.5)
+    found = secondary_metrics.flattening(np.array([0.2, 0.3, 0.5]), 0.2, 0.5)
     np.testing.assert_allclose(found["normalized_coverage"], [0.4, 0.6, 1.0])
     np.testing.assert_allclose(found["normalized_improvement"], [0.0, 1 / 3, 1.0])
 
@@ -74,8 +74,8 @@ def test_flattening_is_a_share_of_the_area():
 def test_a_rope_is_compared_from_either_end():
     goal = np.column_stack([np.linspace(0.0, 0.5, 41), np.zeros(41), np.zeros(41)])
     for points in (goal, goal[::-1]):
-        assert quality.point_error(points, goal)["mean_point_error"] == 0.0
-        moved = quality.point_error(points + [0.0, 0.03, 0.04], goal)
+        assert secondary_metrics.point_error(points, goal)["mean_point_error"] == 0.0
+        moved = secondary_metrics.point_error(points + [0.0, 0.03, 0.04], goal)
         assert moved["mean_point_error"] == pytest.approx(0.05)
 
 
@@ -83,14 +83,14 @@ def test_the_straight_rope_between_two_ends():
     """A half circle whose ends are 0.5 m apart: its points lie on the circle of that diameter."""
     angles = np.linspace(0.0, math.pi, 1001)
     arc = 0.25 * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(1001)])
-    line = quality.straight(arc, 0.5)
+    line = secondary_metrics.straight(arc, 0.5)
     np.testing.assert_allclose(
         line[[0, 500, -1]], [[0.25, 0, 0], [0, 0, 0], [-0.25, 0, 0]], atol=1e-9
     )
     # |arc - line|^2 / r^2 at the angle a and place 1 - 2 a / pi, integrated by hand in a.
     a = (np.arange(20000) + 0.5) / 20000 * math.pi
     expected = 0.25 * np.mean(np.hypot(np.cos(a) - 1 + 2 * a / math.pi, np.sin(a)))
-    found = quality.point_error(arc, line)["mean_point_error"]
+    found = secondary_metrics.point_error(arc, line)["mean_point_error"]
     assert found == pytest.approx(expected, rel=2e-3)
 
 
@@ -107,8 +107,8 @@ def test_info_has_it(task):
     env = softgym_mj.load(task, fidelity="fast", split="all")
     env.reset(800)
     env.step(np.zeros(8))
-    assert set(env.task.last_quality) == NAMES[task]
-    assert env.info().items() >= env.task.last_quality.items()
+    assert set(env.task.last_secondary_metrics) == NAMES[task]
+    assert env.info().items() >= env.task.last_secondary_metrics.items()
 
 
 def test_improvement_is_the_normalized_performance_of_spreading():
@@ -123,7 +123,7 @@ def test_improvement_is_the_normalized_performance_of_spreading():
 def test_a_heap_in_the_right_place_is_told_from_a_fold():
     """The score of `drop_fold_cloth` counts distances alone: a heap gets .7 (docs/tasks)."""
     cloth = Cloth(dims=(81, 61))
-    goal = quality.outline(cloth.particles(cloth.flat()), True)
+    goal = secondary_metrics.outline(cloth.particles(cloth.flat()), True)
     middle = goal[:, :2].mean(axis=0)
     heap = cloth.flat()
     heap[:, :2] = middle + 0.3 * (heap[:, :2] - heap[:, :2].mean(axis=0))
