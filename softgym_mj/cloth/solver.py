@@ -22,12 +22,12 @@ _INSTANCE = "cloth"  # Name of an instance in the model of its flex.
 
 @dataclasses.dataclass(frozen=True)
 class Material:
-    """What a flex is made of; of a cord, forces and moments are not per metre of width.
+    """What a flex is made of; of a rope, forces and moments are not per metre of width.
 
     Attributes:
-        stretch: force per width and strain [N/m]; of a cord [N].
+        stretch: force per width and strain [N/m]; of a rope [N].
         shear: stiffness of a mesh's diagonals as a share of that of its other edges.
-        bend: moment per width and curvature [N m]; of a cord [N m^2].
+        bend: moment per width and curvature [N m]; of a rope [N m^2].
         bend_weft: if above 0, a sheet is a plate, with `bend` along its rest shape's X, this across
             it and `bend_bias` between them, or if that is 0 the mean of both [N m].
         stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].

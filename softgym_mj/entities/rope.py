@@ -1,4 +1,4 @@
-"""`Rope`: a cord of 0.5 m as a one-dimensional MuJoCo flex."""
+"""`Rope`: a cotton rope, 0.5 m long, as a one-dimensional MuJoCo flex."""
 
 import math
 
@@ -9,8 +9,8 @@ from softgym_mj.entities.room import add_material
 from softgym_mj.exceptions import check_name
 from softgym_mj.kinds import typed
 from softgym_mj.native.meshes import ROPE, tube, tube_faces
-from softgym_mj.rendering.look import CORD, FAST, Look
-from softgym_mj.rendering.patterns import CORDS
+from softgym_mj.rendering.look import FAST, ROPE_SURFACE, Look
+from softgym_mj.rendering.patterns import ROPES
 from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES, still
 from softgym_mj.rendering.surfaces import ROPE_SKIN, rope_shape
 from softgym_mj.rendering.textures import strands
@@ -23,8 +23,8 @@ LENGTH = 0.5
 FIDELITIES = {"fast": 31, "default": 41, "accurate": 61}
 NUM_KEY_POINTS = 10
 RADIUS = 0.00625  # [m] SoftGym's drawn radius; here it is the contact radius too.
-MASS = 0.05  # [kg], 0.1 kg/m: a cotton cord of this diameter.
-# [N m^2] Of a soft cotton cord. With ten times more a third of the twisted initial states spring
+MASS = 0.05  # [kg], 0.1 kg/m: a cotton rope of this diameter.
+# [N m^2] Of a soft cotton rope. With ten times more a third of the twisted initial states spring
 # back to nearly straight.
 BEND_STIFFNESS = 1.2e-5
 STRETCH_STIFFNESS = 800.0  # [N] It stretches by 0.06 % under its own weight.
@@ -41,7 +41,7 @@ PARAMETERS = (
     scaled("friction", "", FRICTION, 1.2, 1.6, "on the floor and on itself"),
     shifted("hue", "deg", 20.0, 90.0, "by which colours are turned", "visual"),
     Parameter("brightness", "", 1.0, (0.75, 1.25), (0.5, 1.45), "factor to colours", "visual"),
-    chosen("pattern", CORDS, 2, "of the strands"),
+    chosen("pattern", ROPES, 2, "of the strands"),
 )
 
 
@@ -83,7 +83,7 @@ class Rope(Flex):
         flexcomp.contact.condim = 3
         flexcomp.group = SHOWN_FLEXES
         self._mjcf_root.asset.add("texture", name="strands", type="2d")
-        add_material(self._mjcf_root, "cord", CORD, texture="strands")
+        add_material(self._mjcf_root, "rope", ROPE_SURFACE, texture="strands")
         self._set_skin()
         self.key_points = np.round(np.linspace(0, count - 1, NUM_KEY_POINTS)).astype(int)
         self._set_parameters()
@@ -105,7 +105,7 @@ class Rope(Flex):
         texcoords[:, 0] -= texcoords[:, 1] * ROPE.twist * LENGTH / (2.0 * math.pi)
         self._mjcf_root.deformable.skin.clear()
         self._mjcf_root.deformable.add(
-            "skin", name=ROPE_SKIN, material="cord", group=DRAWN_SKINS,
+            "skin", name=ROPE_SKIN, material="rope", group=DRAWN_SKINS,
             file=still(vertices, texcoords, faces),
         )  # fmt: skip
 
@@ -116,9 +116,9 @@ class Rope(Flex):
         flexcomp.contact.friction = [values["friction"]]
         color = tinted(self._color, values["hue"], brightness=values["brightness"])
         flexcomp.rgba = color
-        index, seed = choice(values["pattern"], len(CORDS))
+        index, seed = choice(values["pattern"], len(ROPES))
         self._mjcf_root.find("texture", "strands").file = strands(
-            self._look, color[:3], ROPE.lobes, CORDS[index], seed
+            self._look, color[:3], ROPE.lobes, ROPES[index], seed
         )
         self._set_material(
             stretch=values["stretch_stiffness"],

@@ -102,7 +102,7 @@ class Water(composer.Entity, Parametric):
             liquid: its properties.
             resolution: number of particles.
             two_way: whether bodies with joints feel the water.
-            flexes: whether cloth and cords of the scene hold it back; they do not feel it.
+            flexes: whether cloth and ropes of the scene hold it back; they do not feel it.
             name: model name.
         """
         load_plugin()

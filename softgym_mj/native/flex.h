@@ -10,7 +10,7 @@
 
 namespace softgym_mj {
 
-// A triangle of a cloth or a segment of a cord.
+// A triangle of a cloth or a segment of a rope.
 struct FlexElement {
   int vertex[3];  // In the order of mjModel; a segment has its second one twice.
   bool surface;   // A triangle.
@@ -18,7 +18,7 @@ struct FlexElement {
 };
 
 // All elements of the model's flexes. Returns "" or a sentence that names a flex which is neither a
-// cord nor a cloth.
+// rope nor a cloth.
 std::string CollectFlexes(const mjModel* m, std::vector<FlexElement>* elements);
 
 // Whether three slides, along axes at right angles, move a body.

@@ -3,7 +3,7 @@
 import numpy as np
 
 FABRICS = ("plain", "stripes", "checks", "dots", "diamonds")
-CORDS = ("plain", "tracer", "bands")
+ROPES = ("plain", "tracer", "bands")
 FEWEST, MOST = 4, 10  # Repeats along a side.
 # A second tone is so much of the first, or goes so far towards white: with more, the two sides of a
 # cloth are hard to tell apart.
@@ -20,10 +20,10 @@ def pattern(name: str, seed: int, rows: np.ndarray, columns: np.ndarray) -> np.n
     """Share (h, w) of the second tone.
 
     Args:
-        name: one of `FABRICS` or `CORDS`.
+        name: one of `FABRICS` or `ROPES`.
         seed: of numbers and widths.
         rows, columns: places (h,) and (w,), which go from 0 to 1 along the sides of the square;
-            of a cord, along and around it.
+            of a rope, along and around it.
     """
     random = np.random.Generator(np.random.PCG64(seed))
     number, share = random.integers(FEWEST, MOST + 1), random.uniform(0.25, 0.5)

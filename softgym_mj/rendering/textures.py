@@ -121,7 +121,7 @@ def strands(
         look: how fine it is.
         color: of the rope.
         lobes: number of strands.
-        pattern_name: one of `patterns.CORDS`.
+        pattern_name: one of `patterns.ROPES`.
         seed: of the pattern.
     """
     around = (np.arange(look.texture_size) + 0.5) / look.texture_size

@@ -1,4 +1,4 @@
-"""Sheets and cords that the plugin moves, in plain MuJoCo, for tests of it."""
+"""Sheets and ropes that the plugin moves, in plain MuJoCo, for tests of it."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -132,7 +132,7 @@ def rope(
     points: np.ndarray, density: float = 0.1, bend: float = 1.2e-5, radius: float = 0.00625,
     friction: float = 1.0, **material,
 ) -> Flex:  # fmt: skip
-    """A cord of `density` [kg/m] through points (n, 3) [m] that are its lengths apart at rest."""
+    """A rope of `density` [kg/m] through points (n, 3) [m] that are its lengths apart at rest."""
     size = len(points)
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
     made_of = {"stretch": 500, "stretch_damping": 5e-4, "bend": bend, "bend_damping": 2e-3,

@@ -12,7 +12,7 @@ LENGTH, SPACING, CORD_MASS = 0.4, 0.02, 0.02  # [m], [m], [kg]
 STRETCH = 500.0  # [N]
 HEIGHT = 0.8  # [m] Of the load's origin.
 FIRM = 'solref=".01 1" solimp=".99 .999 .001"'
-LAST = 20  # Vertex of a cord.
+LAST = 20  # Vertex of a rope.
 
 ENDS = {
     "connect": f'<connect body1="a_{LAST}" body2="load" anchor="0 0 0"/>',
@@ -36,7 +36,7 @@ def model_of(
 
 
 def flexcomp(count: str, height: float, pins: str = "", mass: float = CORD_MASS) -> str:
-    """A cord or a sheet that hangs from its first vertices, with its middle at `height` [m]."""
+    """A rope or a sheet that hangs from its first vertices, with its middle at `height` [m]."""
     pin = f'<pin id="{pins}"/>' if pins else ""
     return f"""<flexcomp name="a" type="grid" dim="{2 - count.endswith(" 1 1")}" count="{count}"
       spacing="{SPACING} {SPACING} {SPACING}" mass="{mass}" radius=".005" pos="0 0 {height}"
@@ -52,12 +52,12 @@ def load(
 
 
 def hanging(end: str, mass: float, top: str = "", **settings) -> mujoco.MjModel:
-    """A load at the end of a cord that hangs down to `HEIGHT`; `top` holds its first vertex."""
+    """A load at the end of a rope that hangs down to `HEIGHT`; `top` holds its first vertex."""
     pins = str(LAST) if end == "pin" else ""
     middle = LENGTH / 2 if pins else HEIGHT + LENGTH / 2
-    cord = flexcomp(f"{LAST + 1} 1 1", middle, pins)
+    rope = flexcomp(f"{LAST + 1} 1 1", middle, pins)
     gravity = settings.pop("gravity", GRAVITY)
-    body = load(cord, mass, **settings) if pins else load("", mass, **settings) + cord
+    body = load(rope, mass, **settings) if pins else load("", mass, **settings) + rope
     return model_of(body, ENDS[end] + top, gravity)
 
 
@@ -79,7 +79,7 @@ def test_a_load_hangs_where_its_cord_ends(end, mass):
         mujoco.mj_step(model, data)
         heights.append(data.qpos[2] if end == "pin" else data.body("load").xpos[2])
         pulls.append(solver.holding_force(model, data, LAST))
-    # The cord stretches under the load and half of its own weight.
+    # The rope stretches under the load and half of its own weight.
     longer = (mass + CORD_MASS / 2) * GRAVITY * LENGTH / STRETCH
     np.testing.assert_allclose(heights, HEIGHT - longer, atol=2e-4)
     # The vertex of an equality has a weight of its own, a pinned one has none.
@@ -100,13 +100,13 @@ def test_a_load_that_hangs_by_its_side_comes_to_rest_below(end):
 
 @pytest.mark.parametrize("end", ["connect", "pin"])
 def test_what_flies_free_keeps_its_momentum(end):
-    """A box that tumbles, and the cord that it drags along by its side."""
+    """A box that tumbles, and the rope that it drags along by its side."""
     model = hanging(
         end, 0.1, gravity=0.0, centre=".01 0 -.02", shape="type='box' size='.02 .015 .01'"
     )
     data = mujoco.MjData(model)
     data.joint(0).qvel[:] = [0.3, 0.5, -1.0, 2.0, 3.0, 1.0]
-    if end == "pin":  # The cord moves with the box, but for its turning.
+    if end == "pin":  # The rope moves with the box, but for its turning.
         data.joint(0).qvel[3:] = 0.0
         for vertex in range(0, LAST, 4):
             data.qvel[model.body(f"a_{vertex}").dofadr[0]] = 0.5
@@ -157,11 +157,11 @@ def test_a_sheet_carries_a_bar_by_many_vertices(pinned, mass):
 
 
 def test_a_cord_turns_a_wheel_that_is_hung_up_in_its_middle():
-    """Its centre of mass stays where it is: it turns until the cord hangs below."""
+    """Its centre of mass stays where it is: it turns until the rope hangs below."""
     wheel = """<body name="load" pos="0 0 1"><joint type="hinge" axis="0 1 0" damping="1e-3"/>
       <geom type="cylinder" size=".05 .01" euler="90 0 0" mass=".1"/></body>"""
-    cord = flexcomp("11 1 1", 0.9).replace('pos="0 ', 'pos=".05 ')
-    model = model_of(wheel + cord, '<connect body1="a_0" body2="load" anchor="0 0 0"/>')
+    rope = flexcomp("11 1 1", 0.9).replace('pos="0 ', 'pos=".05 ')
+    model = model_of(wheel + rope, '<connect body1="a_0" body2="load" anchor="0 0 0"/>')
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 2000)
     assert data.qpos[0] == pytest.approx(np.pi / 2, abs=0.05)

@@ -167,9 +167,9 @@ def test_a_restored_mjdata_knows_how_hard_held_vertices_are_pulled():
 
 
 def test_flexes_with_instances_of_their_own_touch_each_other():
-    """Sheet upon sheet, and a cord on both."""
-    cord = rope(straight(9, 0.02, (-0.08, 0.0, 0.1)), radius=0.004)
-    scene = FlexScene(sheet(7, 7), sheet(6, 6, centre=(0.0, 0.0, 0.05)), cord, hit_interval=5)
+    """Sheet upon sheet, and a rope on both."""
+    line = rope(straight(9, 0.02, (-0.08, 0.0, 0.1)), radius=0.004)
+    scene = FlexScene(sheet(7, 7), sheet(6, 6, centre=(0.0, 0.0, 0.05)), line, hit_interval=5)
     scene.step(150)
     assert scene.hits == 0
     lower, upper, above = np.split(scene.positions()[:, 2], [49, 49 + 36])

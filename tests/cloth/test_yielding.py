@@ -136,7 +136,7 @@ def test_a_strand_that_hits_another_hardly_stretches():
     env.reset()
     for action in WHIP:
         env.step(action)
-    # 0.4, for a step, if the last resort of layers stretches cords.
+    # 0.4, for a step, if the last resort of layers stretches ropes.
     assert env.info()["episode_max_edge_strain"] < 0.03
 
 

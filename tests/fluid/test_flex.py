@@ -1,4 +1,4 @@
-"""Cloth and cords hold water back: against the numpy twin, and physically."""
+"""Cloth and ropes hold water back: against the numpy twin, and physically."""
 
 import re
 
@@ -47,9 +47,9 @@ def cloth(
       <contact selfcollide="none" contype="0" {touches}/>{pin}{made_of}</flexcomp>"""
 
 
-def cord(count, spacing, pins=(), *, pos="0 0 0", radius=0.006, euler="0 0 0"):
+def rope(count, spacing, pins=(), *, pos="0 0 0", radius=0.006, euler="0 0 0"):
     pin = f'<pin id="{" ".join(map(str, pins))}"/>' if len(pins) else ""
-    return f"""<flexcomp name="cord" type="grid" dim="1" count="{count} 1 1" mass="0.02"
+    return f"""<flexcomp name="rope" type="grid" dim="1" count="{count} 1 1" mass="0.02"
       spacing="{spacing} 0.02 0.02" radius="{radius}" pos="{pos}" euler="{euler}">
       <contact selfcollide="none" contype="0" conaffinity="1" gap="0.003"/>{pin}
       <edge equality="true" solref="-24000 -200" solimp="0.99 0.999 0.001"/>
@@ -162,7 +162,7 @@ def test_lone_particles_are_stopped_where_they_touch(speed):
     """On their way to the nearest point of a tilted triangle or segment, from all around it."""
     for world, elements in (
         (cloth(2, 0.1, range(4), euler="20 30 40"), 2),
-        (cord(2, 0.1, range(2), euler="20 30 40"), 1),
+        (rope(2, 0.1, range(2), euler="20 30 40"), 1),
     ):
         still = 'gravity="0 0 0"'
         scene = FlexScene(world, (1, 1), 1, 0.2, option=still, viscosity=0, substeps=1, friction=0)
@@ -187,12 +187,12 @@ def test_lone_particles_are_stopped_where_they_touch(speed):
 
 
 def test_a_step_is_that_of_the_reference():
-    """A cloth and a cord that move, a plane; viscosity, cohesion and friction; a jet meets them."""
+    """A cloth and a rope that move, a plane; viscosity, cohesion and friction; a jet meets them."""
     settings = {"viscosity": 3e-4, "cohesion": 1.5, "friction": 0.2}
     world = (
         '<geom type="plane" size="1 1 1" contype="0" conaffinity="1"/>'
         + cloth(4, 0.05, corners(4)[:2], pos="0 0 0.08")
-        + cord(5, 0.03, pos="0 0.02 0.11")
+        + rope(5, 0.03, pos="0 0.02 0.11")
     )
     scene = FlexScene(world, (4, 4), 4, 0.13, substeps=3, **settings)
     liquid = fluid.Fluid(spacing=SPACING, substeps=3, **settings)
@@ -359,7 +359,7 @@ def test_a_cloth_that_hangs_by_its_corners_is_a_bag():
 
 
 def test_a_stream_parts_at_a_cord():
-    scene = FlexScene(cord(9, 0.03, [0, 8], pos="0 0 0.4"), (3, 3), 20, 0.43)
+    scene = FlexScene(rope(9, 0.03, [0, 8], pos="0 0 0.4"), (3, 3), 20, 0.43)
     scene.velocities[:, 2] = -3.0
     hold = scene.model.flex_radius[0] + CONTACT
     touching = 0

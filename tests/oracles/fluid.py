@@ -309,7 +309,7 @@ def step(
         walls: in the order of the geoms in the model; each moves from `start` to `end`.
         positions: (n, 3) [m].
         velocities: (n, 3) [m/s].
-        flexes: cloth and cords that hold particles back.
+        flexes: cloth and ropes that hold particles back.
 
     Returns:
         Positions, velocities and impulses on the walls (len(walls), 6): linear [N s], then their

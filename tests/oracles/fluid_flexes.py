@@ -1,4 +1,4 @@
-"""Cloth and cords as walls of the water in slow numpy: the oracle for `plugin/flex_boundary.cc`.
+"""Cloth and ropes as walls of the water in slow numpy: the oracle for `plugin/flex_boundary.cc`.
 
 One particle after the other looks at every element of every flex, in double precision. Points
 nearest to triangles are found by projection on the plane and on the sides, not as in the plugin.

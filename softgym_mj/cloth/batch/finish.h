@@ -80,11 +80,11 @@ inline int PreventImpacts(const Environment& w, bool stand) {
 inline int Prevent(const Environment& w) {
   const int n = w.model->vertices;
   int more = PreventImpacts(w, false), changed = more;
-  for (int turn = 0; more && turn < kCordTurns && w.model->chains > 0; ++turn) {
+  for (int turn = 0; more && turn < kRopeTurns && w.model->chains > 0; ++turn) {
     Each(n, [&](int v) {
       for (int k = 0; k < 3; ++k) w.points.now[4 * v + k] = static_cast<float>(w.motion[3 * v + k]);
     });
-    for (int solve = 0; solve < kCordSolves; ++solve) SolveChains(w, true);
+    for (int solve = 0; solve < kRopeSolves; ++solve) SolveChains(w, true);
     Each(n, [&](int v) {
       const bool moves = w.points.now[4 * v + 3] > 0;
       for (int k = 0; moves && k < 3; ++k) w.motion[3 * v + k] = w.points.now[4 * v + k];

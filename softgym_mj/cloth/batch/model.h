@@ -11,7 +11,7 @@ namespace softgym_mj::cloth {
 // Arrays lie behind this, each `*_at` bytes from its start, on 32 bytes.
 struct Model {
   int size;                                // Bytes in all.
-  int is_surface;                          // Or a cord.
+  int is_surface;                          // Or a rope.
   int vertices, padded, triangles, edges;  // `padded`: see Points.
   int edge_blocks, edge_levels, hinge_blocks, hinge_levels, chains, chain_edges;
   int bend_interval, substeps, takes_air;
@@ -38,7 +38,7 @@ struct Model {
   int triangles_of_at, triangle_of_at, lanes_of_at, lane_of_at;
   // (triangles, 3) corners, their areas [m^2], what they own; (edges, 2) ends and triangles. See Mesh.
   int triangle_vertex_at, triangle_area_at, triangle_owned_at, edge_vertex_at, edge_triangle_at;
-  // (edges,) the chain that each belongs to, or -1, and where in it; (vertices,) the edge of a cord that owns each.
+  // (edges,) the chain that each belongs to, or -1, and where in it; (vertices,) the edge of a rope that owns each.
   int chain_at, place_at, owner_at;
   int part_at;  // (vertices,) zeros: which flex they are of.
   // (chains + 1,) the first edge of each; (chain_edges + chains,) vertices and (chain_edges,) edges along them, and

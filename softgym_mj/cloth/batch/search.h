@@ -150,7 +150,7 @@ inline void FindPairs(const Environment& w) {
                        kInterest};
   const auto append = [&](const Pair& pair) {
     const bool counts = Counts(rules, pair, ThicknessOf(m, pair));
-    if (counts || !pair.edges || !AreCords(rules, pair)) {
+    if (counts || !pair.edges || !AreRopes(rules, pair)) {
       const int n = Add(&w.step->num_found, 1);
       if (n < m.found) w.found[n] = pair;
     }

@@ -1,4 +1,4 @@
-// Edges, hinges and cords of a step, as `EdgeRows`, `HingeRows` and `ChainRows` solve them.
+// Edges, hinges and ropes of a step, as `EdgeRows`, `HingeRows` and `ChainRows` solve them.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_SPRINGS_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_SPRINGS_H_

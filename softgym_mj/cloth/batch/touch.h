@@ -20,7 +20,7 @@ inline void FillBlocks(const Environment& w, const Rows& rows, bool elements, So
     const int lane = i % kBlock, row = rows.order[i], none = m.vertices;
     if (lane == 0) block.active = 1;
     block.side[lane] = -2;
-    block.cord[lane] = row >= 0 && rows.vertex[3 * row + 2] == none;
+    block.rope[lane] = row >= 0 && rows.vertex[3 * row + 2] == none;
     block.friction[lane] = row < 0 ? 0 : m.gripper_friction;
     block.radius[lane] = row < 0 ? -1e3f : static_cast<float>(m.radius);
     block.impulse[lane] = block.pressed[lane] = 0;

@@ -1,4 +1,4 @@
-// Cords: the edges of each are solved at once.
+// Ropes: the edges of each are solved at once.
 
 #ifndef SOFTGYM_MJ_CLOTH_CHAINS_H_
 #define SOFTGYM_MJ_CLOTH_CHAINS_H_
@@ -23,7 +23,7 @@ class ChainRows {
   void Reset(const Mesh& mesh, double h);
   // `after`: by how much each edge got longer after its last turn [m].
   void Start(const std::vector<double>& position, const double* after);
-  // Layers have the last word of a substep, and stretch what is caught between them; cords have that of a step: they
+  // Layers have the last word of a substep, and stretch what is caught between them; ropes have that of a step: they
   // get as long again as when a turn last ended (`settles`), which changes no velocities.
   void Solve(const Points& points, bool settles);
   // Ends a turn: notes lengths and impulses.

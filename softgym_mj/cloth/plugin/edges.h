@@ -1,4 +1,4 @@
-// Of one edge and of one cord: what every solver of them does.
+// Of one edge and of one rope: what every solver of them does.
 
 #ifndef SOFTGYM_MJ_CLOTH_EDGES_H_
 #define SOFTGYM_MJ_CLOTH_EDGES_H_
@@ -39,7 +39,7 @@ inline void AddForce(const float way[3], double force, double* sum) {
   for (int k = 0; k < 3; ++k) sum[k] += force * way[k] / length;
 }
 
-// Rows of a cord of `size` edges: a number or three of each, as in EdgeBlock; `vertex` has one more. Then memory for
+// Rows of a rope of `size` edges: a number or three of each, as in EdgeBlock; `vertex` has one more. Then memory for
 // the system that they form.
 struct ChainRow {
   int size;

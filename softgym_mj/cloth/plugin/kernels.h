@@ -98,11 +98,11 @@ struct Rigid {
   float centre[3];    // [m]
 };
 
-// Rows of a geom and points of triangles, of cords or of vertices.
+// Rows of a geom and points of triangles, of ropes or of vertices.
 struct alignas(32) SolidBlock {
   int vertex[3][kBlock];
   float weight[3][kBlock];
-  float cord[kBlock];  // 1 for a piece of a cord, whose third vertex stands for none.
+  float rope[kBlock];  // 1 for a piece of a rope, whose third vertex stands for none.
   float friction[kBlock];
   float radius[kBlock];     // Of the flex [m].
   float side[kBlock];       // Of a box: the face 2 axis + (0 low, 1 high) by which a point has come or would come in;
@@ -171,7 +171,7 @@ struct ClothKernels {
   void (*SweepPlane)(const Points&, const ContactRow&, const Plane&, Turn);
   void (*WarmPlane)(const Points&, const Plane&, float share);
   // Sets normals, gaps and masses for the start of the substep. With the number of substeps to the next search, instead
-  // of 0, it is one: with `nearest`, points of triangles and cords become those where they are nearest to the geom.
+  // of 0, it is one: with `nearest`, points of triangles and ropes become those where they are nearest to the geom.
   // `start`: four floats a vertex [m].
   void (*FindSolid)(const Points&, const float* start, const Geom&, const Rigid*, SolidBlock*, int count, bool nearest,
                     float substeps);

@@ -225,7 +225,7 @@ void Layers::Find(const Mesh& mesh, const AlignedFloats& position, const Aligned
   const auto left_out = [&](const Pair& pair) {
     const bool counts = Counts(rules, pair, Thickness(mesh, pair));
     if (counts) pairs.push_back(pair);
-    return !counts && pair.edges && AreCords(rules, pair);
+    return !counts && pair.edges && AreRopes(rules, pair);
   };
   found_.erase(std::remove_if(found_.begin(), found_.end(), left_out), found_.end());
 }

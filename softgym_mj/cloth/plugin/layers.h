@@ -53,10 +53,10 @@ class Layers {
   // Whether one of them, or a marked vertex, is at a vertex.
   bool IsNear(int vertex) const { return near_vertex_[vertex]; }
 
-  // Of each edge: the cord that it belongs to, and where; or -1.
+  // Of each edge: the rope that it belongs to, and where; or -1.
   const std::vector<int>& chain() const { return chain_; }
   const std::vector<int>& place() const { return place_; }
-  // Of each vertex: the edge of a cord that it is counted with.
+  // Of each vertex: the edge of a rope that it is counted with.
   const std::vector<int>& owner() const { return owner_; }
   // Vertices, triangles and edges, those near at rest near each other, and -1 for empty places.
   const std::vector<int>& vertex_order() const { return vertices_.id; }

@@ -101,7 +101,7 @@ void AddHinges(const Material& material, int first_edge, Mesh* mesh) {
   }
 }
 
-// Edges of a cord from each vertex that has not two of them to the next such one; then what is left, rings.
+// Edges of a rope from each vertex that has not two of them to the next such one; then what is left, rings.
 void AddChains(const Material& material, int first_edge, Mesh* mesh) {
   std::vector<std::vector<int>> at(mesh->part.size());
   for (size_t e = first_edge; e < mesh->edges.size(); ++e) {

@@ -1,4 +1,4 @@
-// The surfaces and cords of the flexes that the plugin moves, as one list of vertices, edges, triangles and hinges.
+// The surfaces and ropes of the flexes that the plugin moves, as one list of vertices, edges, triangles and hinges.
 
 #ifndef SOFTGYM_MJ_CLOTH_MESH_H_
 #define SOFTGYM_MJ_CLOTH_MESH_H_
@@ -11,11 +11,11 @@
 
 namespace softgym_mj::cloth {
 
-// What a flex is made of. Of a cord, forces are not per metre of width, and moments not either.
+// What a flex is made of. Of a rope, forces are not per metre of width, and moments not either.
 struct Material {
-  double stretch = 1000;  // [N/m] Force per width and strain; of a cord [N].
+  double stretch = 1000;  // [N/m] Force per width and strain; of a rope [N].
   double shear = 0.3;     // Stiffness of diagonals as a share of that of other edges.
-  double bend = 1e-5;     // [N m] Moment per width and curvature; of a cord [N m^2].
+  double bend = 1e-5;     // [N m] Moment per width and curvature; of a rope [N m^2].
   // [N m] If above 0, a sheet is a plate (see plates.h) that has `bend` along the rest shape's X, or the lines of its
   // grid that are nearest to that; this across them; and at 45 degrees bend_bias, or if that is 0 the mean of both.
   double bend_weft = 0, bend_bias = 0;
@@ -46,13 +46,13 @@ struct Mesh {
     std::uint8_t owned;
     double area;  // At rest [m^2].
   };
-  // Edges of a cord from end to end, or once around. vertex has one more entry than edge.
+  // Edges of a rope from end to end, or once around. vertex has one more entry than edge.
   struct Chain {
     std::vector<int> vertex, edge;
   };
   // Second differences K of positions that are 0 where nothing is bent.
   struct Hinge {
-    int vertex[4];     // The last one of a cord's stands for none.
+    int vertex[4];     // The last one of a rope's stands for none.
     double weight[4];  // K.
     double stiffness;  // [N/m] Of the vector sum of K times position.
     double damping;    // [s]
@@ -63,7 +63,7 @@ struct Mesh {
   std::vector<int> first;               // First vertex of each of them.
   std::vector<int> part;                // Which of them each vertex belongs to.
   std::vector<double> mass;             // Of each vertex [kg].
-  std::vector<double> radius, density;  // Of each flex [m], [kg/m^2] (of a cord [kg/m]).
+  std::vector<double> radius, density;  // Of each flex [m], [kg/m^2] (of a rope [kg/m]).
   std::vector<double> rest;             // Where the vertices are in the model (n, 3) [m].
   std::vector<Edge> edges;
   std::vector<Triangle> triangles;

@@ -14,7 +14,7 @@ namespace {
 // Edges in flat surfaces, whose normals are within 14 degrees of the pair's, count only if they overlap by more than
 // this share of the thickness: vertices and triangles do their work.
 constexpr float kFlat = 0.97f, kOverlap = 0.1f;
-// Pieces of a cord with at most one piece between them are as near as their thickness when it is straight: friction
+// Pieces of a rope with at most one piece between them are as near as their thickness when it is straight: friction
 // between them would lock its bending.
 constexpr int kNextPieces = 2;
 constexpr int kBetweenEnds = 15;  // Region of two edges whose nearest points are not at their ends.
@@ -23,9 +23,9 @@ struct PairRules {
   const int* owned;      // Of triangles: see Mesh.
   const int* sides;      // The two triangles of each edge, or -1.
   const float* normals;  // Of triangles.
-  const int* chain;      // Of each edge: the cord that it belongs to, or -1,
+  const int* chain;      // Of each edge: the rope that it belongs to, or -1,
   const int* place;      // and where.
-  const int* owner;      // Of each vertex: the edge of a cord that it is counted with.
+  const int* owner;      // Of each vertex: the edge of a rope that it is counted with.
 };
 
 // Fills the normal of a triangle, or zeros. `position`: four floats a vertex.
@@ -50,7 +50,7 @@ inline float Thickness(const float* of_vertex, const Pair& pair) {
   return side[0] > side[1] ? side[0] : side[1];
 }
 
-inline bool AreCords(const PairRules& rules, const Pair& pair) {
+inline bool AreRopes(const PairRules& rules, const Pair& pair) {
   return rules.chain[pair.first] >= 0 && rules.chain[pair.second] >= 0;
 }
 
@@ -67,7 +67,7 @@ inline bool IsFlat(const PairRules& rules, int edge, const float* normal) {
 
 inline bool Counts(const PairRules& rules, const Pair& pair, float thickness) {
   if (!pair.edges) return rules.owned[pair.second] >> pair.region & 1;
-  if (AreCords(rules, pair)) {
+  if (AreRopes(rules, pair)) {
     for (int k = 0; k < 4; ++k) {
       // At an end: of the edge that owns it.
       const int only = pair.region & 3 << (k & 2), edge = k < 2 ? pair.first : pair.second;

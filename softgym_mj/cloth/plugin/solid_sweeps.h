@@ -1,4 +1,4 @@
-// Rows of vertices, triangles and cords against rigid shapes. See native/simd.h for what this must not use.
+// Rows of vertices, triangles and ropes against rigid shapes. See native/simd.h for what this must not use.
 
 #ifndef SOFTGYM_MJ_CLOTH_SOLID_SWEEPS_H_
 #define SOFTGYM_MJ_CLOTH_SOLID_SWEEPS_H_
@@ -111,12 +111,12 @@ inline void FindSolid(const Points& points, const float* start, const Geom& geom
   Lanes away(0.0f);
   if (search) {
     const Lanes zero(0.0f);
-    const Mask cord = Less(zero, Lanes::Load(block->cord));
-    corner[2] = {Select(cord, corner[1].x, corner[2].x), Select(cord, corner[1].y, corner[2].y),
-                 Select(cord, corner[1].z, corner[2].z)};
+    const Mask rope = Less(zero, Lanes::Load(block->rope));
+    corner[2] = {Select(rope, corner[1].x, corner[2].x), Select(rope, corner[1].y, corner[2].y),
+                 Select(rope, corner[1].z, corner[2].z)};
     Approach(geom, corner, weight);
-    weight[1] = weight[1] + Select(cord, weight[2], zero);
-    weight[2] = Select(cord, zero, weight[2]);
+    weight[1] = weight[1] + Select(rope, weight[2], zero);
+    weight[2] = Select(rope, zero, weight[2]);
     for (int k = 0; k < 3; ++k) {
       weight[k].Store(block->weight[k]);
       away = Select(Less(Lanes(kCorner), weight[k]), Lanes(kNowhere), away);

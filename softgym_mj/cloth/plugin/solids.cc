@@ -252,7 +252,7 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
     const int lane = i % kBlock, row = (*order)[i];
     block.active = 1;
     block.side[lane] = -2;
-    block.cord[lane] = row >= 0 && rows[row].vertex[2] == dummy;
+    block.rope[lane] = row >= 0 && rows[row].vertex[2] == dummy;
     block.friction[lane] = block.impulse[lane] = block.pressed[lane] = 0;
     block.radius[lane] = row < 0 ? -1e3f : 0;  // Empty lanes touch nothing.
     for (int k = 0; k < 3; ++k) {

@@ -180,9 +180,9 @@ void Solver::Follow(const Motion& motion) {
 int Solver::Prevent(Motion* motion) {
   const auto prevent = [&] { return impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion); };
   int more = prevent(), changed = more;
-  for (int turn = 0; more && turn < kCordTurns && !chains_.rows().empty(); ++turn) {
+  for (int turn = 0; more && turn < kRopeTurns && !chains_.rows().empty(); ++turn) {
     Follow(*motion);
-    for (int solve = 0; solve < kCordSolves; ++solve) chains_.Solve(points_, true);
+    for (int solve = 0; solve < kRopeSolves; ++solve) chains_.Solve(points_, true);
     for (size_t v = 0; v < motion->mass.size(); ++v) {
       const bool moves = now_[4 * v + 3] > 0;
       for (int k = 0; moves && k < 3; ++k) motion->move[3 * v + k] = now_[4 * v + k];

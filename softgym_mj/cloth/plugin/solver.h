@@ -53,7 +53,7 @@ class Solver {
   bool Repeats(const Solids& solids) const { return solids.TouchesBodies() && settings_.sweeps > 1; }
   void Substep(int substep, Solids* solids, Tied* tied);
   void Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion* motion);
-  // Nothing passes through anything, and cords that this pulls at get as long again. How many vertices are changed.
+  // Nothing passes through anything, and ropes that this pulls at get as long again. How many vertices are changed.
   int Prevent(Motion* motion);
   // Points go where a motion takes the vertices.
   void Follow(const Motion& motion);

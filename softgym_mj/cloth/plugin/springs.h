@@ -1,4 +1,4 @@
-// Springs of surfaces: rows of edges and of hinges, in blocks. And what edges of surfaces and of cords have in common.
+// Springs of surfaces: rows of edges and of hinges, in blocks. And what edges of surfaces and of ropes have in common.
 
 #ifndef SOFTGYM_MJ_CLOTH_SPRINGS_H_
 #define SOFTGYM_MJ_CLOTH_SPRINGS_H_
@@ -44,7 +44,7 @@ class EdgeRows {
   std::vector<int> held_;  // Lanes of edges with a vertex that is held.
 };
 
-// Bending of surfaces and of cords.
+// Bending of surfaces and of ropes.
 class HingeRows {
  public:
   // To be called when the mesh or the length of a substep [s] has changed.

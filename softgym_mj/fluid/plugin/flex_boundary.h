@@ -1,4 +1,4 @@
-// Cloth and cords as walls: particles stay on their side of every triangle and out of every cord.
+// Cloth and ropes as walls: particles stay on their side of every triangle and out of every rope.
 
 #ifndef SOFTGYM_MJ_FLUID_FLEX_BOUNDARY_H_
 #define SOFTGYM_MJ_FLUID_FLEX_BOUNDARY_H_

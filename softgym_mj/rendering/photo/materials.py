@@ -45,7 +45,7 @@ FINISHES: dict[str, Clear | Opaque] = {
     "glass": Clear(1.5, (0.985, 0.995, 0.99)),
     "water": Clear(1.33, (0.70, 0.90, 0.98)),
     "fabric": Opaque(0.9, 0.2, sheen=0.6),
-    "cord": Opaque(0.7, 0.3, sheen=0.3),
+    "rope": Opaque(0.7, 0.3, sheen=0.3),
     "ball": Opaque(0.55, 0.4),
     "shell": Opaque(0.35, 0.5, clearcoat=0.3),
     "collar": STEEL,
