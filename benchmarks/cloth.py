@@ -11,7 +11,7 @@ Times are milliseconds of the thread's CPU time inside `mj_step`, a sim step of 
 fold: a square cloth lies flat for a second and is folded by two pickers. Lift, carry and lower are
     the thirds of their way, release is the first 0.3 s after they open, rest the next 0.7 s, fold
     all of lower, release and rest.
-heap: a vertex is lifted by 0.6 m at 1 m/s, held for 1.5 s and let go of; the last 2 s of 6 s.
+pile: a vertex is lifted by 0.6 m at 1 m/s, held for 1.5 s and let go of; the last 2 s of 6 s.
 tasks: env steps in a second of CPU time, in episodes of the scripted expert and of pickers that
     move at random, as fast as they can, and keep closed.
 
@@ -41,7 +41,7 @@ SPEEDS = (0.6, 1.73)  # [m/s] Of pickers: the experts', and full speed along thr
 PICK = (0.2, 0.7)  # The vertex that is lifted, as shares of the rows and columns.
 LIFT, LIFT_SPEED, HOLD, DROP = 0.6, 1.0, 1.5, 6.0  # [m], [m/s], [s], [s]
 SIM_STEP = 0.01  # [s]
-FLAT_STEPS, RELEASE_STEPS, REST_STEPS, HEAP_STEPS = 100, 30, 70, 200
+FLAT_STEPS, RELEASE_STEPS, REST_STEPS, PILE_STEPS = 100, 30, 70, 200
 INTERVAL = 10  # Sim steps between two counts of intersections.
 CLOTH_TASKS = ("spread_cloth", "fold_cloth", "drop_cloth", "fold_crumpled_cloth", "drop_fold_cloth")
 ROPE_TASKS = ("straighten_rope", "rope_configuration")
@@ -99,7 +99,7 @@ def measure_fold(size: int, speed: float) -> Figures:
     }
 
 
-def measure_heap(size: int) -> Figures:
+def measure_pile(size: int) -> Figures:
     """A crumpled cloth that comes to rest."""
     import numpy as np
 
@@ -132,7 +132,7 @@ def measure_heap(size: int) -> Figures:
         "lift_ms": float(times[: ends[0]].mean()),
         "hang_ms": float(times[ends[0] : ends[1]].mean()),
         "fall_ms": float(times[ends[1] : ends[1] + 50].mean()),
-        "heap_ms": float(times[-HEAP_STEPS:].mean()),
+        "pile_ms": float(times[-PILE_STEPS:].mean()),
         "strain_99": strain,
         "lowest_mm": 1e3 * float(cloth.points()[:, 2].min()),
         "drift_mm/s": 1e3 * float(np.linalg.norm(cloth.points() - before, axis=1).mean()),
@@ -182,7 +182,7 @@ def measure_yardstick() -> Figures:
 
 
 MEASURES: dict[str, Callable[..., Figures]] = {
-    "fold": measure_fold, "heap": measure_heap, "task": measure_task,
+    "fold": measure_fold, "pile": measure_pile, "task": measure_task,
     "yardstick": measure_yardstick,
 }  # fmt: skip
 
@@ -296,13 +296,13 @@ def table(results: dict) -> str:
             pairs(found, "lowest_mm", ".1f"), pairs(found, "hits", ".0f"),
         ])  # fmt: skip
     blocks.append(rows)
-    rows = [["vertices", "lift, ms", "hang, ms", "fall, ms", "heap, ms", "times as fast",
+    rows = [["vertices", "lift, ms", "hang, ms", "fall, ms", "pile, ms", "times as fast",
              "drift, mm/s", "lowest, mm", "hits"]]  # fmt: skip
-    for found in results["heap"]:
-        times = ("lift_ms", "hang_ms", "fall_ms", "heap_ms")
+    for found in results["pile"]:
+        times = ("lift_ms", "hang_ms", "fall_ms", "pile_ms")
         rows.append([
             f"{found['size']} x {found['size']}", *(pairs(found, name, ".2f") for name in times),
-            f"{found['ratio']['heap_ms']:.1f}" if "ratio" in found else "",
+            f"{found['ratio']['pile_ms']:.1f}" if "ratio" in found else "",
             pairs(found, "drift_mm/s", ".3f"), pairs(found, "lowest_mm", ".1f"),
             pairs(found, "hits", ".0f"),
         ])  # fmt: skip
@@ -333,9 +333,9 @@ def main() -> None:
     )
     parser.add_argument("--reference", type=pathlib.Path, help="another checkout")
     parser.add_argument("--out", type=pathlib.Path)
-    parser.add_argument("--parts", nargs="+", choices=("fold", "heap", "task"))
+    parser.add_argument("--parts", nargs="+", choices=("fold", "pile", "task"))
     parser.add_argument("--sizes", type=int, nargs="+", choices=DIMS)
-    parser.add_argument("--repeats", type=int, default=3, help="of folds; heaps once")
+    parser.add_argument("--repeats", type=int, default=3, help="of folds; piles once")
     parser.add_argument("--variations", type=int, default=3, help="of each task")
     parser.add_argument("--quick", action="store_true", help="one size, one task of each kind")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
@@ -343,20 +343,20 @@ def main() -> None:
     if arguments.worker:
         work()
         return
-    parts = arguments.parts or ("fold", "heap", "task")
+    parts = arguments.parts or ("fold", "pile", "task")
     sizes = arguments.sizes or ((21,) if arguments.quick else tuple(DIMS))
     tasks = ("fold_cloth", "straighten_rope") if arguments.quick else CLOTH_TASKS + ROPE_TASKS
     repeats, variations = arguments.repeats, arguments.variations
     if arguments.quick:
         repeats = variations = 1
-    results: dict = {"machine": machine(), "fold": [], "heap": [], "task": []}
+    results: dict = {"machine": machine(), "fold": [], "pile": [], "task": []}
     jobs: list[tuple[dict, list[tuple]]] = []
     if "fold" in parts:
         for size, speed in itertools.product(sizes, SPEEDS):
             jobs.append(({"part": "fold", "size": size, "speed": speed},
                          [("fold", size, speed)] * repeats))  # fmt: skip
-    if "heap" in parts:
-        jobs += [({"part": "heap", "size": size}, [("heap", size)]) for size in sizes]
+    if "pile" in parts:
+        jobs += [({"part": "pile", "size": size}, [("pile", size)]) for size in sizes]
     if "task" in parts:
         for task, policy in itertools.product(tasks, ("expert", "random")):
             requests = [("task", task, policy, FIRST_VARIATION + i) for i in range(variations)]

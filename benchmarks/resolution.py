@@ -9,7 +9,7 @@ rope finds its vertex is a matter of chance, with that noise as well as with ano
 the expert itself plays the other episodes, too, closed loop.
 
 All start alike: other cloths and ropes as the default one, interpolated; other water rests in the
-same cup. The interpolated layers of a crumpled cloth are too close to each other and push the heap
+same cup. The interpolated layers of a crumpled cloth are too close to each other and push the pile
 apart by some centimetres, so that the same actions would miss it: there the script is played anew.
 
     python benchmarks/resolution.py --out benchmarks/resolution.json

@@ -56,7 +56,7 @@ inline Crossing Cross(const TriangleMesh& mesh, long long triangle, double botto
   return found;
 }
 
-constexpr int kMostPieces = 96;  // That do not overlap, of one line; heaps have a dozen.
+constexpr int kMostPieces = 96;  // That do not overlap, of one line; piles have a dozen.
 
 // How much of a line a mesh covers, of any number of pieces: each counts as far as none before it reaches.
 inline double CoveredOfMany(const TriangleMesh& mesh, double bottom, double pitch, long long line) {

@@ -28,7 +28,7 @@ def describe(model: mujoco.MjModel, grippers: Sequence[int], room: float = 1.0) 
     Args:
         model: with one flex that the plugin moves, over a plane.
         grippers: geoms that are told where to go, all alike: spheres.
-        room: for contacts, as a share of what suits heaps.
+        room: for contacts, as a share of what suits piles.
 
     Raises:
         InvalidArgumentError: if there is anything else in it that the flex touches.

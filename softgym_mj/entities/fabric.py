@@ -63,7 +63,7 @@ class Fabric:
     bend_damping: float = 0.05
     density: float = AREA_DENSITY
     thickness: float = THICKNESS
-    # SoftGym has 0.75 and freezes what is slower than 2 cm/s; with 0.75 alone some heaps spread by
+    # SoftGym has 0.75 and freezes what is slower than 2 cm/s; with 0.75 alone some piles spread by
     # a fifth in 8 s of doing nothing.
     friction: float = 1.0
     layer_friction: float = 0.75

@@ -12,7 +12,7 @@ from softgym_mj.recording.episodes import play
 from softgym_mj.recording.noise import disturbance
 from softgym_mj.registry import TaskRecord
 
-RESTING = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.
+RESTING = 0.01  # [m/s] SoftGym's threshold for ropes and piles at rest.
 
 
 def played(

@@ -6,7 +6,7 @@ get lower than 0.55 m, so that the cloth has to be swung; 100 env steps of 8 sim
 
 Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from its
 place) [m]; SoftGym takes the hanging cloth for its place, which the words of the paper contradict.
-Bounds: lower = at reset, upper = 0. Distances alone count: a heap in the right place scores 0.7,
+Bounds: lower = at reset, upper = 0. Distances alone count: a pile in the right place scores 0.7,
 which `outline_iou` and `wrinkle_height` in info tell from a fold.
 Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
 Start: the cloth hangs by the corners p1, p2 of column 0, which picker 0 and picker 1 hold from 5 cm
@@ -32,7 +32,7 @@ class DropFoldCloth(LaidCloth):
 
     summary = "Drop a hanging cloth so that it lies folded in half."
     difficulty, material = "hard", "cloth"
-    success = 0.85  # Ours: folded with some wrinkles; a heap in the right place scores 0.7.
+    success = 0.85  # Ours: folded with some wrinkles; a pile in the right place scores 0.7.
     actors, workspace = hanging.ACTORS, hanging.WORKSPACE
     arm_height, view = hanging.BASE_HEIGHT, "drop_fold_cloth"
     planning_horizon, example_variation, softgym_name = 30, 953, "ClothFoldDrop"

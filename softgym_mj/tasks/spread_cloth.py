@@ -9,7 +9,7 @@ has half a particle of border on every side, which its value leaves out of a clo
 the axes (facts 5, row 35).
 Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
 Start: sizes of 60..119 particles a side; lifted 0.5..1 m at a random vertex and dropped.
-Pickers start 0.2 m above the centre of the cloth's bounding box, higher where a heap is as high:
+Pickers start 0.2 m above the centre of the cloth's bounding box, higher where a pile is as high:
 ours are higher than SoftGym's. End: horizon only.
 """
 

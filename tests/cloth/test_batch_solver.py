@@ -149,8 +149,8 @@ def test_environments_of_different_sizes_side_by_side():
     followed[0].check(twin, 0)
 
 
-def _heaps(number, room=1.0):
-    """A `ClothBatchSolver` of one heap, and inputs that drop a picker's vertex on it."""
+def _piles(number, room=1.0):
+    """A `ClothBatchSolver` of one pile, and inputs that drop a picker's vertex on it."""
     followed = _Followed("spread_cloth", 803, fidelity="fast")
     solver = _solver([_model(followed.env, room)] * number)
     for i in range(number):
@@ -159,7 +159,7 @@ def _heaps(number, room=1.0):
 
 
 def test_an_environment_that_is_not_finite_changes_no_other():
-    followed, solver = _heaps(3)
+    followed, solver = _piles(3)
     solver.qvel[1, 7, 2] = np.nan
     for told in followed.steps(followed.actions(2, 0)):
         solver.step(*(np.stack([array] * 3) for array in told))
@@ -185,7 +185,7 @@ def test_an_environment_without_room_for_its_contacts_is_flagged(turns):
 
 
 def test_a_state_continues_in_any_environment():
-    followed, solver = _heaps(1)
+    followed, solver = _piles(1)
     other = _solver([_model(followed.env)] * 2)
     told = list(followed.steps(followed.actions(4, 0)))
     for each in told[:16]:
@@ -213,7 +213,7 @@ def test_what_does_not_fit_is_refused():
 
 
 def test_an_environment_without_a_model_stands_still():
-    followed, solver = _heaps(3)
+    followed, solver = _piles(3)
     solver.models[1] = 0
     before = solver.qpos[1].copy()
     for told in followed.steps(followed.actions(1, 0)):

@@ -252,7 +252,7 @@ def test_layers_that_touch_take_no_air_along():
 
 
 @functools.cache
-def heap(name: str, size: int, vertex: int) -> FlexScene:
+def pile(name: str, size: int, vertex: int) -> FlexScene:
     """A crumpled cloth."""
     scene = FlexScene(sheet(size, size, fabric=FABRICS[name]))
     crumple(scene, vertex)
@@ -277,8 +277,8 @@ def energy(scene: FlexScene, fabric: Fabric, shares: np.ndarray) -> float:
 
 @pytest.mark.parametrize("name", FABRICS)
 @pytest.mark.parametrize("motion", ["noise", "implosion", "spin"])
-def test_a_floating_heap_gains_no_energy_and_keeps_its_momentum(name, motion):
-    start = heap(name, SMALL, PICKED).positions()
+def test_a_floating_pile_gains_no_energy_and_keeps_its_momentum(name, motion):
+    start = pile(name, SMALL, PICKED).positions()
     fabric = dataclasses.replace(FABRICS[name], drag=0.0)
     centred = start - start.mean(axis=0)
     velocities = {
@@ -300,7 +300,7 @@ def test_a_floating_heap_gains_no_energy_and_keeps_its_momentum(name, motion):
     assert scene.hits == 0
 
 
-# ------------------------------------------------------------------ folds and heaps
+# ------------------------------------------------------------------ folds and piles
 
 
 def fold_case(size: int, speed: float, name: str) -> object:
@@ -344,7 +344,7 @@ VERTICES = [int(np.random.default_rng(seed).integers(USUAL**2)) for seed in rang
     [(SMALL, PICKED), *(pytest.param(USUAL, v, marks=pytest.mark.slow) for v in VERTICES)],
 )
 def test_a_crumpled_cloth_does_not_pass_through_itself(size, vertex, name):
-    scene = heap(name, size, vertex)
+    scene = pile(name, size, vertex)
     assert scene.hits == scene.count_hits() == 0
     assert scene.strain_99 <= LIMITS[1.73]
     assert scene.lowest > LEAST_HEIGHT
@@ -356,7 +356,7 @@ PICKS = [(0.5, 0.5), (0.2, 0.7), (0.0, 0.0), (0.3, 0.3), (1.0, 0.5), (0.8, 0.9)]
 @pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("pick", PICKS)
-def test_a_heap_comes_to_rest(pick, fabric):
+def test_a_pile_comes_to_rest(pick, fabric):
     scene = FlexScene(sheet(USUAL, USUAL, fabric=fabric), hit_interval=10**9)
     crumple(scene, round(pick[0] * 20) * USUAL + round(pick[1] * 20))
     scene.step(1000)

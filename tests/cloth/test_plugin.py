@@ -17,7 +17,7 @@ from tests.cloth.flex_scene import (
     sheet,
     straight,
 )
-from tests.native.test_state import BOXES, FULL, disturbed, drive, heap, state_of
+from tests.native.test_state import BOXES, FULL, disturbed, drive, pile, state_of
 
 FLAT = sheet(8, 8)
 
@@ -30,7 +30,7 @@ FLAT = sheet(8, 8)
     [("QPOS", np.nan), ("QPOS", np.inf), ("QVEL", np.nan), ("QVEL", np.inf), ("QVEL", 1e300)],
 )
 def test_a_bad_position_or_velocity_is_left_to_mujoco(what, value):
-    model = heap()
+    model = pile()
     data = disturbed(model, 10)
     getattr(data, what.lower())[10] = value
     drive(model, data, 3)
@@ -40,7 +40,7 @@ def test_a_bad_position_or_velocity_is_left_to_mujoco(what, value):
 
 @pytest.mark.parametrize("speed", [1e3, 1e5, 1e8])
 def test_absurd_speeds_end_in_numbers_or_warnings(speed):
-    model = heap()
+    model = pile()
     data = disturbed(model, 10)
     data.qvel[:] = np.random.default_rng(0).normal(0, speed, model.nv)
     drive(model, data, 20)

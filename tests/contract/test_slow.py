@@ -113,5 +113,5 @@ def test_doing_nothing_scores_zero_on_a_cloth():
             timestep = env.step(np.zeros(8))
         scores.append(env.info()["normalized_performance"])
     assert abs(np.mean(scores)) < 0.02
-    # Single heaps go on slumping.
+    # Single piles go on slumping.
     np.testing.assert_allclose(scores, 0.0, atol=0.06)

@@ -6,7 +6,7 @@ from tests.native.portability import KERNELS, cases, digests
 
 FEW = [
     ("straighten_rope", "picker", "scripted"),
-    ("drop_cloth", "picker", "scripted"),  # Heaps take long: `test_state` has one.
+    ("drop_cloth", "picker", "scripted"),  # Piles take long: `test_state` has one.
     ("fold_cloth", "franka", "scripted"),
     ("straighten_rope", "sawyer", "scripted"),
     ("pour_water", "cup", "scripted"),

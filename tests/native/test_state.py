@@ -42,7 +42,7 @@ CLOTH = """
 # ------------------------------------------------------------------ scenes
 
 
-def heap(boxes: bool = True) -> mujoco.MjModel:
+def pile(boxes: bool = True) -> mujoco.MjModel:
     """Two sheets that fall onto the floor and each other."""
     upper = sheet(8, 8, centre=(0.02, 0.01, 0.12))
     lower = sheet(9, 9, centre=(0.0, 0.0, 0.03))
@@ -75,9 +75,9 @@ def splash() -> mujoco.MjModel:
 
 # And after how many steps they are looked at: sheets fall, then lie still.
 SCENES = {
-    "falling": (heap, 20),
-    "lying": (heap, 250),
-    "lying alone": (functools.partial(heap, boxes=False), 250),
+    "falling": (pile, 20),
+    "lying": (pile, 250),
+    "lying alone": (functools.partial(pile, boxes=False), 250),
     "coil": (coil, 20),
     "cup": (cup, 20),
     "splash": (splash, 10),
@@ -289,7 +289,7 @@ def test_models_take_turns_in_one_process():
 
 
 @pytest.mark.parametrize(
-    ("build", "steps"), [(heap, 80), (coil, 300), (splash, 40)], ids=["heap", "coil", "splash"]
+    ("build", "steps"), [(pile, 80), (coil, 300), (splash, 40)], ids=["pile", "coil", "splash"]
 )
 def test_instruction_sets_agree_to_the_bit(build, steps, monkeypatch):
     model, ends = build(), []

@@ -57,7 +57,7 @@ def test_spread_cloth_is_spread():
 
 
 @pytest.mark.long
-def test_a_heap_is_folded():
+def test_a_pile_is_folded():
     # Both ends of the middle column are hidden at first, so that it takes two rounds.
     info = play("fold_crumpled_cloth", 907)
     assert info["normalized_performance"] > 0.9 and info["finished"]
@@ -77,7 +77,7 @@ def test_a_rope_is_laid_in_the_shape_of_a_letter():
     ],
 )
 def test_a_dropped_cloth_lies_folded(variation):
-    # Let down in a heap on the right spot, it scores as much, but covers half of its place.
+    # Let down in a pile on the right spot, it scores as much, but covers half of its place.
     info = play("drop_fold_cloth", variation)
     assert info["outline_iou"] >= 0.8
     assert info["mean_corner_distance"] <= 0.03

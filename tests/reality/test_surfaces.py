@@ -112,7 +112,7 @@ def test_of_two_sheets_the_upper_one_hides_its_shadow():
     assert visible[441:].all()
 
 
-def test_what_is_seen_of_a_heap_is_what_rays_reach():
+def test_what_is_seen_of_a_pile_is_what_rays_reach():
     rng = np.random.default_rng(5)
     vertices, triangles = grid(9, 9, 0.05)
     vertices[:, :2] -= 0.2

@@ -106,7 +106,7 @@ def test_two_pickers_at_reset(facts):
     scene = make_scene(facts)
     x, y = box_centre(scene.target.points())
     half = facts.spread / 2
-    top = scene.target.points()[:, 2].max()  # Of this heap 0.18 m.
+    top = scene.target.points()[:, 2].max()  # Of this pile 0.18 m.
     height = top + 0.06 if facts is CLOTH else facts.reset_height
     expected = [[x, y - half, height], [x, y + half, height]]
     np.testing.assert_allclose(scene.actor.positions(), expected, atol=1e-12)

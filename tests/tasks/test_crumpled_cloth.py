@@ -48,7 +48,7 @@ def test_shipped_states_are_free_of_intersections(indices):
 
 @pytest.mark.slow
 def test_shipped_states_are_what_the_generator_makes():
-    """Up to how processors round, after which heaps fall otherwise: alike, not the same."""
+    """Up to how processors round, after which piles fall otherwise: alike, not the same."""
     store = softgym_mj.TASKS["spread_cloth"].build().store
     for index in (0, 807):
         triangles = mesh(CrumpledCloth().dims(index))[0].triangles
@@ -57,7 +57,7 @@ def test_shipped_states_are_what_the_generator_makes():
 
 
 @pytest.mark.parametrize("index", [249, 564])  # Single vertices tremble, for ever.
-def test_a_coarse_heap_that_trembles_stays_where_it_is(index):
+def test_a_coarse_pile_that_trembles_stays_where_it_is(index):
     env = softgym_mj.load("spread_cloth", fidelity="fast", split=[index])
     env.reset()
     before = env.task.cloth.points()
@@ -85,7 +85,7 @@ def test_crumpled_sizes_are_seeded_and_in_range():
     ],
 )
 def test_crumpled_cloth_is_crumpled_and_at_rest(actor, variations):
-    """Even where heaps are higher than grippers usually start: these are up to 24 cm high."""
+    """Even where piles are higher than grippers usually start: these are up to 24 cm high."""
     env = softgym_mj.load("spread_cloth", split="evaluate", actor=actor)
     for variation in variations:
         env.reset(variation)

@@ -120,14 +120,14 @@ def test_improvement_is_the_normalized_performance_of_spreading():
     assert info["normalized_improvement"] == pytest.approx(info["normalized_performance"])
 
 
-def test_a_heap_in_the_right_place_is_told_from_a_fold():
-    """The score of `drop_fold_cloth` counts distances alone: a heap gets .7 (docs/tasks)."""
+def test_a_pile_in_the_right_place_is_told_from_a_fold():
+    """The score of `drop_fold_cloth` counts distances alone: a pile gets .7 (docs/tasks)."""
     cloth = Cloth(dims=(81, 61))
     goal = secondary_metrics.outline(cloth.particles(cloth.flat()), True)
     middle = goal[:, :2].mean(axis=0)
-    heap = cloth.flat()
-    heap[:, :2] = middle + 0.3 * (heap[:, :2] - heap[:, :2].mean(axis=0))
-    heap[:, 2] += np.random.default_rng(0).uniform(0.0, 0.06, len(heap))
-    found = laid(heap, cloth, True, turn=0.0)
+    pile = cloth.flat()
+    pile[:, :2] = middle + 0.3 * (pile[:, :2] - pile[:, :2].mean(axis=0))
+    pile[:, 2] += np.random.default_rng(0).uniform(0.0, 0.06, len(pile))
+    found = laid(pile, cloth, True, turn=0.0)
     assert found["outline_iou"] < 0.3
     assert found["wrinkle_height"] > 0.04

@@ -17,7 +17,7 @@ namespace softgym_mj::cloth {
 namespace {
 
 constexpr int kAlign = 32;
-// Places for pairs and rows: those of a heap of 20 x 20 vertices are 7 and 3 a vertex.
+// Places for pairs and rows: those of a pile of 20 x 20 vertices are 7 and 3 a vertex.
 constexpr int kCandidatesOfVertex = 64, kFoundOfVertex = 48, kRowsOfVertex = 12;
 constexpr int kMostVertices = 1 << 13;  // Keys of pairs have 15 and 16 bits for what they are of.
 

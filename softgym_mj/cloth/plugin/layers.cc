@@ -15,7 +15,7 @@ namespace {
 constexpr float kNotYet = 0.01f;
 // Vertices that lie in one place, or fly apart at any speed, make pairs of all with all: of 64 x 64 vertices a hundred
 // million. Boxes that overlap are looked at up to this number, 8 bytes each. Pairs that may touch are kept up to
-// kMostPairs or, of larger cloth, to kMostOfVertex for each vertex on average, several times as many as in a heap: each
+// kMostPairs or, of larger cloth, to kMostOfVertex for each vertex on average, several times as many as in a pile: each
 // takes some 200 bytes, and up to eight times that if a vertex has more than 256 of them, as rows that share it fill a
 // block each.
 constexpr size_t kMostOverlaps = 1 << 24;

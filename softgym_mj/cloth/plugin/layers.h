@@ -31,7 +31,7 @@ class Layers {
   // Sets the gaps for vertices at `position` (n, 3), and forgets all impulses. `after`: what `Keep` has kept.
   void Start(const Mesh& mesh, const double* position, const double* after, int size);
   // By how much others have moved the two sides of a pair after its last turn, which friction has to undo: without it
-  // heaps creep. (size, 4): which pair, or 0, and how far [m]. `with_layers`: `now` after the layers' last turn. Only
+  // piles creep. (size, 4): which pair, or 0, and how far [m]. `with_layers`: `now` after the layers' last turn. Only
   // pairs that push are kept, the last of them if there are more. Of those that are `repeated` it is not known what
   // their like have done.
   void Keep(const Mesh& mesh, const Points& points, const float* with_layers, bool repeated, double* after, int size);

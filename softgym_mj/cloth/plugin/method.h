@@ -8,7 +8,7 @@
 namespace softgym_mj::cloth {
 
 // A vertex' reference position follows when it is further away than this [m]; slower ones count as standing still.
-// Without it the normals of a heap jitter, and it never comes to rest.
+// Without it the normals of a pile jitter, and it never comes to rest.
 constexpr double kHysteresis = 5e-4;
 constexpr float kInterest = 1.3f;  // Pairs further apart than this many thicknesses are left out.
 // Boxes get this share of the reach more, so that candidates can be kept for some steps of slow motion.

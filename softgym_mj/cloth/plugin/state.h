@@ -11,7 +11,7 @@
 namespace softgym_mj::cloth {
 
 // What a step leaves for the next one, in the state. Rows begin where they have ended: else springs would let go at the
-// start of each step, and heaps would creep.
+// start of each step, and piles would creep.
 struct Kept {
   static constexpr int kPairs = 2;  // That are kept of a vertex, on average: a fold has one that pushes.
 

@@ -10,10 +10,10 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.picker_expert import ARRIVED, OPEN, PASSED, SLOW, PickerExpert
 
-ARM_REACH = 0.018  # [m] From which hands take a vertex: further off, others of a heap are nearer.
+ARM_REACH = 0.018  # [m] From which hands take a vertex: further off, others of a pile are nearer.
 LAYER = 0.01  # [m] By which an upper layer lies higher.
 STANDOFF = 0.06  # [m] Further distance at which an approach starts.
-TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every heap.
+TRAVEL_HEIGHT = 0.25  # [m] Height of the picker centres between places, above every pile.
 NEAR_GOAL = 2  # Grid steps from a vertex within which a hold counts as one of it.
 OVERSHOOT = 0.02  # [m] By which a vertex is pulled beyond its place; cloth springs back.
 MISPLACED = 0.04  # [m] Distance from its place from which a vertex is worth a move.

@@ -145,7 +145,7 @@ class DropFoldCloth(RegraspingExpert, RehearsingExpert):
             yield self._rest(OPEN)
 
     def _value(self) -> float:
-        # A heap in the right place is no fold.
+        # A pile in the right place is no fold.
         info = self._env.task.info()
         lies = IOU_PRICE * info["outline_iou"] - CORNER_PRICE * info["mean_corner_distance"]
         return info["normalized_performance"] + lies

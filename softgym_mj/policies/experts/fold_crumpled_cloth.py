@@ -9,7 +9,7 @@ import numpy as np
 
 from softgym_mj.native.arithmetic import length
 from softgym_mj.policies.experts.cloth_expert import LAYER, LIFT, TRAVEL_HEIGHT
-from softgym_mj.policies.experts.heap_expert import HeapExpert
+from softgym_mj.policies.experts.crumpled_cloth_expert import CrumpledClothExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
 PACE = 0.05  # [m] Way of the pickers in an env step while the cloth is laid down.
@@ -18,7 +18,7 @@ ASTRAY = 2  # Columns from there where arms may take it.
 HANGING = 4  # Env steps for the cloth to come to rest before it is laid down.
 
 
-class FoldCrumpledCloth(HeapExpert):
+class FoldCrumpledCloth(CrumpledClothExpert):
     """Takes both ends of the middle column, hangs the cloth up and lays it down towards +X."""
 
     redo, holds = 0.93, 8

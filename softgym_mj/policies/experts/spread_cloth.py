@@ -7,14 +7,14 @@ import numpy as np
 
 from softgym_mj.native.arithmetic import length, product
 from softgym_mj.policies.experts.cloth_expert import LIFT, TRAVEL_HEIGHT
-from softgym_mj.policies.experts.heap_expert import HeapExpert
+from softgym_mj.policies.experts.crumpled_cloth_expert import CrumpledClothExpert
 from softgym_mj.policies.experts.picker_expert import OPEN, PASSED, SLOW
 
 PACE = 0.06  # [m] Way of the pickers in an env step while the cloth is dragged.
 TAUT = 0.97  # Fraction of the natural length from which the cloth counts as pulled out.
 
 
-class SpreadCloth(HeapExpert):
+class SpreadCloth(CrumpledClothExpert):
     """Takes the ends of a side, drags the cloth out, then moves what lies wrong to its place."""
 
     redo, holds = 0.8, 4

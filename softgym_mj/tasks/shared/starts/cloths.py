@@ -25,7 +25,7 @@ SIZE_RANGE = (60, 120)
 _LIFT_HEIGHT = (0.5, 1.0)
 _LIFT_SPEED = 1.0  # [m/s]. SoftGym teleports the vertex; 1 m/s is the fastest picker.
 _HOLD_STEPS, _FALL_STEPS = 300, 300
-_SLUMP_STEPS = 200  # A heap goes on slumping for a second or two where FleX freezes it.
+_SLUMP_STEPS = 200  # A pile goes on slumping for a second or two where FleX freezes it.
 # It counts as settled when its root mean square speed is below this [m/s]: single vertices may
 # tremble for long. Of a coarse cloth so few are not much less than all: where that goes on, it
 # counts as settled when it stays where it is, its vertices within so much [m] in so many sim steps.

@@ -18,7 +18,7 @@ from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
 from softgym_mj.exceptions import SimulationError
 from softgym_mj.robots.base import SIM_STEP
 
-SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for ropes and heaps at rest.
+SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for ropes and piles at rest.
 MIN_SETTLE_STEPS = 10  # Sim steps: at release the speed passes through zero without being at rest.
 _MOST_HELD = 2  # Vertices at a time.
 _AWAY = (0.0, 0.0, 100.0)  # [m] Where what holds vertices touches nothing.
@@ -64,7 +64,7 @@ class Settling:
     def speeds(self) -> np.ndarray:
         """Mean speed of every vertex (n,) [m/s] in the last sim step.
 
-        The velocity at its end is that of the last substep, which in a heap at rest is some mm/s.
+        The velocity at its end is that of the last substep, which in a pile at rest is some mm/s.
         """
         return np.linalg.norm(self.points - self._before, axis=1) / SIM_STEP
 

@@ -1,4 +1,4 @@
-"""How arms lay out heaps: by what both hands can take at once, and how hands come to rest."""
+"""How arms lay out piles: by what both hands can take at once, and how hands come to rest."""
 
 import math
 
@@ -11,7 +11,7 @@ from tests.policies.test_scripted import play
 
 
 def expert(task):
-    """The expert with two Frankas at a heap."""
+    """The expert with two Frankas at a pile."""
     env = softgym_mj.load(task, split="evaluate", actor="franka", fidelity="fast")
     env.reset(800)
     return env, make_policy(env)
@@ -81,6 +81,6 @@ def test_hands_that_brake_do_not_go_too_far(brakes, low, high):
         pytest.param("fold_crumpled_cloth", 800, "franka", 0.7, marks=pytest.mark.slow),
     ],
 )
-def test_arms_lay_out_heaps(task, variation, actor, least):
+def test_arms_lay_out_piles(task, variation, actor, least):
     # By moving single vertices they score 0.20 and 0.02.
     assert play(task, variation, actor=actor)["normalized_performance"] > least

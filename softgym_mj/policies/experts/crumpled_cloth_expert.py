@@ -1,4 +1,4 @@
-"""`HeapExpert`: lays out a heap of cloth, then mends what lies wrong.
+"""`CrumpledClothExpert`: lays out a pile of cloth, then mends what lies wrong.
 
 Pickers take two vertices of their choice, one after the other where the second one only shows when
 the cloth is lifted. Hands of arms keep to their sides: they take what shows on these, both at once,
@@ -25,8 +25,8 @@ ALIKE = 3  # Grid steps up to which two holds are of a kind.
 POOR = 0.4  # Normalised performance up to which it is moved in any case.
 
 
-class HeapExpert(ClothExpert, RehearsingExpert):
-    """Lays out a heap, then does it again or moves what lies wrong, as long as that is worth it.
+class CrumpledClothExpert(ClothExpert, RehearsingExpert):
+    """Lays out a pile, then does it again or moves what lies wrong, as long as that is worth it.
 
     Attributes:
         redo: normalised performance up to which it may be laid out again.
