@@ -2,7 +2,7 @@
 
 Each draw is a rag of secret parameters, simulated at twice the resolution and half the step, seen
 by one camera with 5 mm of noise, 30 frames a second, 33 ms late: written in the layout of the real
-data set and read from there. A sequence that is held out has a clock that is late by a secret slip.
+data set and read from there. A sequence that is held out has a clock that is off by a secret error.
 The first draws are done a second time without noise, from the same mesh and step.
 
     python benchmarks/identification.py --jobs 32 --out identification   # All draws; or some:
@@ -30,7 +30,7 @@ from softgym_mj.jobs.executors import Executor, make_executor
 from softgym_mj.jobs.files import read_json, write_json
 from softgym_mj.reality.identification import identify, synthetic, unknowns
 from softgym_mj.reality.identification.rag_data import CAMERA, SPACING, read_task
-from softgym_mj.reality.identification.search import EVALUATIONS, together
+from softgym_mj.reality.identification.search import EVALUATIONS, run_searches
 from softgym_mj.reality.identification.tasks import Task, evaluate, motions
 
 DRAWS = tuple(range(10))
@@ -52,19 +52,19 @@ STRETCH = (250.0, 700.0)  # [N/m] What substeps can follow.
 SLIP = (0.08, 0.4)  # [s]
 GRAVITY = 9.81  # [m/s^2]
 
-# How near is near enough: of the value, of latency and slip in [s].
+# How near is near enough: of the value, of latency and clock error in [s].
 BOUNDS = {"bending": 0.15, "drag": 0.15, "friction": 0.10, "latency": 0.005}
 EXACT_BOUND = 0.03
-SLIP_BOUND = 0.01  # [s]
+CLOCK_BOUND = 0.01  # [s]
 LOSS_BOUND = 1.10  # Of the held-out loss to that at the truth.
 
 
 @dataclasses.dataclass(frozen=True)
 class Secret:
-    """What a draw is made of; the slip [s] is that of a repeat of "dynamic"."""
+    """What a draw is made of; the clock error [s] is that of a repeat of "dynamic"."""
 
     fabric: Fabric
-    slip: float
+    clock_error: float
     repeat: int
 
 
@@ -94,9 +94,19 @@ def recipe(folder: pathlib.Path, draw: int, exact: bool) -> tuple:
     drawn = secret(draw)
     share = 1.0 if exact else 0.5
     sensor = synthetic.Sensor(LATENCY, 0.0 if exact else NOISE)
-    slips = {(drawn.repeat, "dynamic"): drawn.slip}
+    clock_errors = {(drawn.repeat, "dynamic"): drawn.clock_error}
     repeats = (0, 1, 2)
-    return folder, CLOTH, drawn.fabric, sensor, share * SPACING, share * STEP, repeats, slips, draw
+    return (
+        folder,
+        CLOTH,
+        drawn.fabric,
+        sensor,
+        share * SPACING,
+        share * STEP,
+        repeats,
+        clock_errors,
+        draw,
+    )
 
 
 def read(folder: pathlib.Path) -> Task:
@@ -113,15 +123,21 @@ def result(draw: int, exact: bool, report: dict, task: Task) -> dict:
         recording.name: float(recording.distances(moved[recording.scene], LATENCY).mean())
         for recording in task.recordings
     }
-    slipped = f"{CLOTH}_{drawn.repeat}/dynamic"
-    held_out = {n: row for n, row in report["held_out"]["recordings"].items() if n != slipped}
+    off = f"{CLOTH}_{drawn.repeat}/dynamic"
+    held_out = {n: row for n, row in report["held_out"]["recordings"].items() if n != off}
     least = np.mean([at_truth[name] for name in held_out])
     return {
         "draw": draw,
         "exact": exact,
         "truth": unknowns.values_of(drawn.fabric, LATENCY),
-        "slip": {"name": slipped, "truth": drawn.slip, "found": report["clocks"][slipped]["slip"]},
-        "slips_found": [name for name, clock in report["clocks"].items() if clock["has_slipped"]],
+        "clock_error": {
+            "name": off,
+            "truth": drawn.clock_error,
+            "found": report["clocks"][off]["clock_error"],
+        },
+        "clock_errors_found": [
+            name for name, clock in report["clocks"].items() if clock["is_clock_off"]
+        ],
         "loss_at_truth": at_truth,
         "held_out_ratio": float(np.mean([row["found"] for row in held_out.values()]) / least),
         **report,
@@ -146,8 +162,8 @@ def run(
         print(f"{names[written[index]]}: recordings", flush=True)
     tasks = {key: read(data[key]) for key in missing}
     fitted = {key: task.only_fitted() for key, task in tasks.items()}
-    looks = executor.all(identify.first_look, [(fitted[key],) for key in missing])
-    starts = dict(zip(missing, looks, strict=True))
+    starts_found = executor.all(identify.make_start, [(fitted[key],) for key in missing])
+    starts = dict(zip(missing, starts_found, strict=True))
     print("first looks", flush=True)
     searches, journals = {}, {}
     for key in missing:
@@ -162,9 +178,11 @@ def run(
         said = ", ".join(f"{names[k]}/{seed} {1e3 * v[1]:.2f}" for (k, seed), v in best.items())
         print(f"{time.time() - begin:.0f} s [mm]: {said}", flush=True)
 
-    together(searches, lambda k, *at: (fitted[k[0]], *at), evaluate, executor, journals, progress)
+    run_searches(
+        searches, lambda k, *at: (fitted[k[0]], *at), evaluate, executor, journals, progress
+    )
     calls = [
-        (tasks[key], starts[key], [searches[key, seed].found() for seed in range(seeds)])
+        (tasks[key], starts[key], [searches[key, seed].result() for seed in range(seeds)])
         for key in missing
     ]
     for index, found in executor.results(identify.report, calls):
@@ -202,13 +220,13 @@ def summary(results: list[dict]) -> dict:
         "all_within": sum(all(near(f, n, b) for n, b in BOUNDS.items()) for f in noisy),
         "bounds": BOUNDS,
         "exact_bounds": exact_bounds,
-        "slip_bound": SLIP_BOUND,
+        "clock_error_bound": CLOCK_BOUND,
         "loss_bound": LOSS_BOUND,
         "in_interval": {n: sum(covered(f, n) for f in noisy) for n in names},
         "not_identified": {n: sum(n in f["not_identified"] for f in noisy) for n in names},
-        "slips_found": sum(
-            f["slips_found"] == [f["slip"]["name"]]
-            and abs(f["slip"]["found"] - f["slip"]["truth"]) <= SLIP_BOUND
+        "clock_errors_found": sum(
+            f["clock_errors_found"] == [f["clock_error"]["name"]]
+            and abs(f["clock_error"]["found"] - f["clock_error"]["truth"]) <= CLOCK_BOUND
             for f in noisy
         ),
         "held_out": sum(f["held_out_ratio"] <= LOSS_BOUND for f in noisy),

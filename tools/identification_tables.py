@@ -22,12 +22,12 @@ def draws() -> str:
         cells = [f"{result['draw']}, {'without noise' if result['exact'] else 'noisy'}"]
         cells += [_off(errors[name], parameters[name]) for name in SHOWN]
         cells.append(f"{1e3 * errors['latency']:+.1f}")
-        slip = result["slip"]
-        cells.append(f"{1e3 * slip['found']:.0f} of {1e3 * slip['truth']:.0f}")
+        clock_error = result["clock_error"]
+        cells.append(f"{1e3 * clock_error['found']:.0f} of {1e3 * clock_error['truth']:.0f}")
         cells.append(f"{result['held_out_ratio']:.3f}")
         rows.append(f"| {' | '.join(cells)} |")
     names = " | ".join(f"{name.replace('_', ' ')} [%]" for name in SHOWN)
-    return table(f"| draw | {names} | latency [ms] | slip [ms] | held-out loss |", rows)
+    return table(f"| draw | {names} | latency [ms] | clock error [ms] | held-out loss |", rows)
 
 
 def counts() -> str:
@@ -47,8 +47,8 @@ def counts() -> str:
     more = {
         "all of these": summary["all_within"],
         "stretch said not to be identified": summary["not_identified"].get("stretch", 0),
-        f"the slip found within {1e3 * summary['slip_bound']:.0f} ms, no other": (
-            summary["slips_found"]
+        f"the clock error found within {1e3 * summary['clock_error_bound']:.0f} ms, no other": (
+            summary["clock_errors_found"]
         ),
         f"held-out loss at most {bound} times that at the truth": summary["held_out"],
     }

@@ -166,8 +166,8 @@ def _show(found: dict[str, Any]) -> None:
             here, start = (_MM * found[name][key] for key in ("found", "start"))
             console.print(f"{title}: {here:.2f} mm, before {start:.2f} mm")
     for name, clock in found["clocks"].items():
-        if clock["has_slipped"]:
-            console.print(f"{name}: its clock is off by {_MM * clock['slip']:+.0f} ms")
+        if clock["is_clock_off"]:
+            console.print(f"{name}: its clock is off by {_MM * clock['clock_error']:+.0f} ms")
 
 
 def _remark(entry: Mapping[str, Any]) -> str:

@@ -1,28 +1,28 @@
-"""How far points are from a surface of triangles, not from its vertices."""
+"""Distances of points from a triangle mesh: from its surface, not its vertices."""
 
 import functools
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-_TINY = 1e-30  # [m^2] Against divisions by zero of triangles without an area.
+_TINY = 1e-30  # [m^2] Avoids division by zero for degenerate triangles.
 
 
 class SurfaceDistance:
     """Distances of points from a mesh that moves.
 
-    Of a point the triangles at its nearest vertex are tried: that is exact where the nearest point
-    of the surface lies in one of these, as on grids and wherever triangles are not much longer than
-    wide; elsewhere it is a little too far.
+    For each point, the triangles at its nearest vertex are tested. This is exact if the nearest
+    surface point lies in one of them, as on grids and wherever triangles are not much longer than
+    wide; otherwise the distance is slightly too large.
     """
 
     def __init__(self, triangles: np.ndarray):
-        """Notes which triangles (m, 3) each vertex has; every vertex has to have one."""
+        """Stores the triangles (m, 3); every vertex must belong to one."""
         self._triangles = np.asarray(triangles)
 
     @functools.cached_property
     def _fans(self) -> np.ndarray:
-        """Triangles at each vertex (n, most): where there are fewer, the first one again."""
+        """Triangles at each vertex (n, most); shorter lists repeat their first one."""
         corners = self._triangles.ravel()
         order = np.argsort(corners, kind="stable")
         counts = np.bincount(corners)
@@ -31,20 +31,20 @@ class SurfaceDistance:
         return order[first[:, None] + number] // 3
 
     def __call__(self, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        """Distance (k,) [m] of each of points (k, 3) from the mesh with vertices (n, 3) [m]."""
-        return np.linalg.norm(self.offsets(points, vertices), axis=1)
+        """Returns the distance (k,) [m] of points (k, 3) from the mesh with vertices (n, 3) [m]."""
+        return np.linalg.norm(self.displacements(points, vertices), axis=1)
 
-    def offsets(self, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        """The ways (k, 3) [m] from the nearest points of the mesh to points (k, 3)."""
+    def displacements(self, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        """Returns displacements (k, 3) [m] of points (k, 3) from the mesh with vertices (n, 3)."""
         nearest = cKDTree(vertices).query(points)[1]
         corners = vertices[self._triangles[self._fans[nearest]]]
-        offsets = _offsets(points[:, None], corners)
-        least = _dot(offsets, offsets).argmin(axis=1)
-        return offsets[np.arange(len(points)), least]
+        displacements = _displacements(points[:, None], corners)
+        least = _dot(displacements, displacements).argmin(axis=1)
+        return displacements[np.arange(len(points)), least]
 
 
-def _offsets(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Ways (..., 3) [m] to points (..., 3) from the nearest ones of triangles (..., 3, 3)."""
+def _displacements(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Returns displacements (..., 3) [m] of points (..., 3) from triangles (..., 3, 3)."""
     a, b, c = np.moveaxis(corners, -2, 0)
     ab, ac, ap = b - a, c - a, points - a
     normal = np.cross(ab, ac)
@@ -61,10 +61,15 @@ def _offsets(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.where(inside[..., None], above, best)
 
 
-def _from_edge(offset: np.ndarray, edge: np.ndarray) -> np.ndarray:
-    """Ways (..., 3) to points, (..., 3) from an edge's start, from the nearest of that edge."""
-    along = np.clip(_dot(offset, edge) / np.maximum(_dot(edge, edge), _TINY), 0.0, 1.0)
-    return offset - along[..., None] * edge
+def _from_edge(displacement: np.ndarray, edge: np.ndarray) -> np.ndarray:
+    """Returns displacements (..., 3) from the nearest point of an edge.
+
+    Args:
+        displacement: (..., 3) from the start of the edge.
+        edge: (..., 3).
+    """
+    along = np.clip(_dot(displacement, edge) / np.maximum(_dot(edge, edge), _TINY), 0.0, 1.0)
+    return displacement - along[..., None] * edge
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:

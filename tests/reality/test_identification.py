@@ -1,4 +1,4 @@
-"""Identification: searches with known minima, clocks with known slips, sheets of known fabrics."""
+"""Identification: searches with known minima, clocks with known errors, sheets of known fabrics."""
 
 import dataclasses
 import functools
@@ -28,12 +28,12 @@ from softgym_mj.reality.identification.recordings import (
     Motion,
     Observation,
     Recording,
-    looking,
+    camera_toward,
     spread,
 )
-from softgym_mj.reality.identification.search import Search, together
+from softgym_mj.reality.identification.search import Search, run_searches
 from softgym_mj.reality.identification.surface import Surface
-from softgym_mj.reality.identification.tasks import slip
+from softgym_mj.reality.identification.tasks import best_latency
 from softgym_mj.reality.meshes import rectangle
 from softgym_mj.reality.primitives import gripper_positions
 from softgym_mj.reality.replay import Hold, replay
@@ -43,12 +43,12 @@ FABRIC = Fabric(density=0.2, drag=1.0, added_mass=0.1)
 BOUNDS = np.array([[-3.0, 3.0]] * 3)
 LEAST = np.array([0.5, -0.4, 1.0])
 NOISE = 1e-3  # [m]
-# Of a fake: how offsets of 40 frames, of two points each, go with coordinates; the last not at all.
+# Of a fake: how residuals of 40 frames, depend on coordinates; the last has no effect.
 SLOPES = np.random.default_rng(5).normal(size=(40, 6, 3)) * [0.01, 0.005, 0.0]
 
 
 def fake(coordinates, noise=0):
-    """Offsets [m] that bend, and are noise where they are least."""
+    """Residuals [m] that bend, and are noise where they are least."""
     away = np.asarray(coordinates) - LEAST
     random = np.random.default_rng(noise)
     return (SLOPES @ (away + 0.1 * away**2) + NOISE * random.normal(size=(40, 6))).tolist()
@@ -60,8 +60,8 @@ def searched(folder=None, seeds=(0, 1), function=fake):
     if folder is not None:
         store = identify.open_store(folder, {"what": "a test"})
         journals = {seed: store.journal(seed) for seed in seeds}
-    together(searches, lambda seed, x, is_finer: (x,), function, SerialExecutor(), journals)
-    return [search.found() for search in searches.values()]
+    run_searches(searches, lambda seed, x, is_finer: (x,), function, SerialExecutor(), journals)
+    return [search.result() for search in searches.values()]
 
 
 def exact(coordinates):
@@ -87,8 +87,8 @@ def test_without_noise_a_search_finds_the_truth_and_ends_early():
 def test_a_search_ends_at_the_edge_beyond_which_the_least_is():
     narrow = np.array([[-3.0, 0.2], [-3.0, 3.0], [-3.0, 3.0]])
     search = Search(np.zeros(3), narrow, 0)
-    together({0: search}, lambda seed, x, is_finer: (x,), fake, SerialExecutor())
-    assert search.found().estimate[0] == pytest.approx(0.2, abs=1e-2)
+    run_searches({0: search}, lambda seed, x, is_finer: (x,), fake, SerialExecutor())
+    assert search.result().estimate[0] == pytest.approx(0.2, abs=1e-2)
     with pytest.raises(InvalidArgumentError, match="evaluations"):
         Search(np.zeros(3), BOUNDS, 0, 150)
 
@@ -105,43 +105,44 @@ def test_in_the_end_a_finer_mesh_says_where_offsets_are_least():
 
     least = least_squares(lambda x: np.ravel(fake([*x, 0.0])), [0.0, 0.0]).x
     errors = []
-    for looks in range(3):
-        search = Search(np.zeros(3), BOUNDS, 0, looks=looks)
-        together({0: search}, lambda seed, *at: at, meshes, SerialExecutor())
-        errors.append(np.abs(search.found().estimate[:2] - least).max())
-        assert sum(asked) == looks and not any(asked[: len(asked) - looks])
+    for refinements in range(3):
+        search = Search(np.zeros(3), BOUNDS, 0, refinements=refinements)
+        run_searches({0: search}, lambda seed, *at: at, meshes, SerialExecutor())
+        errors.append(np.abs(search.result().estimate[:2] - least).max())
+        assert sum(asked) == refinements and not any(asked[: len(asked) - refinements])
         asked.clear()
     assert errors[0] > 0.25 and errors[1] < 0.1 and errors[2] < 0.02
 
 
 def test_no_finer_mesh_is_asked_for_where_offsets_are_met():
-    search = Search(np.zeros(3), BOUNDS, 0, looks=2)
+    search = Search(np.zeros(3), BOUNDS, 0, refinements=2)
 
     def met(coordinates, is_finer):
         assert not is_finer
         return exact(coordinates)
 
-    together({0: search}, lambda seed, *at: at, met, SerialExecutor())
-    np.testing.assert_allclose(search.found().estimate[:2], LEAST[:2], atol=2e-3)
+    run_searches({0: search}, lambda seed, *at: at, met, SerialExecutor())
+    np.testing.assert_allclose(search.result().estimate[:2], LEAST[:2], atol=2e-3)
 
 
 def test_a_surface_is_least_where_offsets_are_but_for_those_that_jump():
     random = np.random.default_rng(3)
     points = LEAST + 0.3 * random.standard_normal((72, 3))
-    offsets = np.array([np.ravel(exact(point)) for point in points])
+    residuals = np.array([np.ravel(exact(point)) for point in points])
     frames = np.repeat(np.arange(40), 6)
-    smooth = Surface(points, offsets, frames)
-    np.testing.assert_allclose(smooth.least(BOUNDS)[:2], LEAST[:2], atol=1e-6)
+    smooth = Surface(points, residuals, frames)
+    np.testing.assert_allclose(smooth.minimum(BOUNDS)[:2], LEAST[:2], atol=1e-6)
     beside = LEAST + [0.1, -0.2, 0.0]
-    np.testing.assert_allclose(smooth.offsets(beside), np.ravel(exact(beside)) / NOISE, atol=1e-6)
-    numeric = (smooth.offsets(beside + [1e-6, 0, 0]) - smooth.offsets(beside - [1e-6, 0, 0])) / 2e-6
-    np.testing.assert_allclose(smooth.slopes(beside)[:, 0], numeric, atol=1e-4)
+    np.testing.assert_allclose(smooth.residuals(beside), np.ravel(exact(beside)) / NOISE, atol=1e-6)
+    above, below = (smooth.residuals(beside + [h, 0, 0]) for h in (1e-6, -1e-6))
+    numeric = (above - below) / 2e-6
+    np.testing.assert_allclose(smooth.jacobian(beside)[:, 0], numeric, atol=1e-4)
     # Of the last ten frames, 2 cm of their own: a hundredth of the weight of others.
-    offsets[:, frames >= 30] += 0.02 * random.standard_normal((72, 60))
-    rough = Surface(points, offsets, frames)
-    np.testing.assert_allclose(rough.least(BOUNDS)[:2], LEAST[:2], atol=0.02)
-    alike = Surface(points, offsets, np.zeros(len(frames), int))
-    error, other = (np.abs(each.least(BOUNDS)[:2] - LEAST[:2]).max() for each in (rough, alike))
+    residuals[:, frames >= 30] += 0.02 * random.standard_normal((72, 60))
+    rough = Surface(points, residuals, frames)
+    np.testing.assert_allclose(rough.minimum(BOUNDS)[:2], LEAST[:2], atol=0.02)
+    alike = Surface(points, residuals, np.zeros(len(frames), int))
+    error, other = (np.abs(each.minimum(BOUNDS)[:2] - LEAST[:2]).max() for each in (rough, alike))
     assert other > 3 * error
 
 
@@ -207,7 +208,7 @@ def test_a_search_goes_on_from_its_journal_with_the_same_bits(tmp_path):
     parts = searched(tmp_path / "parts", function=counted)
     for first, second in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(first.estimate, second.estimate)
-        np.testing.assert_array_equal(first.slopes, second.slopes)
+        np.testing.assert_array_equal(first.jacobian, second.jacobian)
     # Of both searches the first 12, and twice three slopes and a step were there.
     assert len(calls) == sum(each.evaluations for each in whole) - 40
     with pytest.raises(StoreError, match="what"):
@@ -269,7 +270,7 @@ class Vertices(Observation):
     def distances(self, positions, chosen=slice(None)):
         return np.linalg.norm(self.places[chosen] - positions, axis=2).mean(axis=1)
 
-    def offsets(self, positions):
+    def residuals(self, positions):
         return self.places - positions
 
 
@@ -296,7 +297,7 @@ def test_a_clock_that_is_off_is_found(late):
     if late < 0.0:  # Its frames are early.
         shown = case.places(case.recording.times - late)
         case.recording = dataclasses.replace(case.recording, observation=Vertices(shown))
-    assert slip([case.recording], [case.motion]) == pytest.approx(late, abs=1.5e-3)
+    assert best_latency([case.recording], [case.motion]) == pytest.approx(late, abs=1.5e-3)
     least = case.recording.distances(case.motion, late)[12:-12].max()
     assert least < 1e-3
 
@@ -306,7 +307,7 @@ def test_distances_from_clouds_are_of_what_a_camera_sees():
     lower, upper = mesh.points + [0.0, 0.0, 0.1], mesh.points + [0.0, 0.0, 0.3]
     random = np.random.default_rng(1)
     cloud = random.uniform([-0.2, -0.2, 0.3], [0.2, 0.2, 0.3], (3000, 3))
-    above = looking((0.0, 0.0, 2.0), [cloud])
+    above = camera_toward((0.0, 0.0, 2.0), [cloud])
     near = Clouds([cloud], mesh, above).distances(upper[None])[0]
     assert near < 0.5 * 0.007  # Half the way from a vertex to the nearest of so many points.
     assert Clouds([cloud], mesh, None).distances(upper[None])[0] < 1e-6
@@ -329,23 +330,23 @@ def test_offsets_from_clouds_are_of_patches_and_cancel_noise():
     cloud = random.uniform([-0.19, -0.19, 0.0], [0.19, 0.19, 0.0], (400, 3))
     moved = mesh.points + [0.0, 0.0, 0.01]
     seen = Clouds([cloud, cloud + 0.005 * random.normal(size=cloud.shape)], mesh, None)
-    exact, noisy = seen.offsets(np.stack([moved, moved]))
+    exact, noisy = seen.residuals(np.stack([moved, moved]))
     np.testing.assert_allclose(exact, np.tile([0.0, 0.0, -0.01], (16, 1)), atol=1e-7)
     # Of 25 points each; rims add ways within the plane.
     assert np.abs(noisy[:, 2] + 0.01).max() < 4 * 0.005 / 5
     assert np.std(noisy[:, 2]) == pytest.approx(0.005 / 5, rel=0.5)
     empty = Clouds([np.zeros((0, 3))], mesh, None)
-    assert not empty.offsets(moved[None]).any()
+    assert not empty.residuals(moved[None]).any()
 
 
 def test_offsets_of_what_went_wrong_are_large():
     case = Swinging(0.0)
     broken = case.motion.positions.copy()
     broken[100:] = np.nan
-    offsets = case.recording.offsets(Motion(case.motion.times, broken), 0.0)
+    residuals = case.recording.residuals(Motion(case.motion.times, broken), 0.0)
     late = case.recording.times >= 1.0
-    assert np.all(offsets[late] == MISSED)
-    assert np.abs(offsets[case.recording.times < 0.99]).max() < 1e-4
+    assert np.all(residuals[late] == MISSED)
+    assert np.abs(residuals[case.recording.times < 0.99]).max() < 1e-4
 
 
 def test_synthetic_rags_are_read_as_they_were_written(tmp_path, monkeypatch):
@@ -394,7 +395,7 @@ def test_drag_is_recovered_by_the_command(tmp_path, monkeypatch):
     assert "friction" in found["not_identified"]  # Nothing touches the table.
     assert list(found["held_out"]["recordings"]) == ["linen_1/dynamic"]
     assert found["held_out"]["found"] < 0.5 * found["held_out"]["start"]
-    assert not any(clock["has_slipped"] for clock in found["clocks"].values())
+    assert not any(clock["is_clock_off"] for clock in found["clocks"].values())
     assert json.loads((out / "fabric.json").read_text())["drag"] == pytest.approx(
         drag["value"] * secret.density
     )

@@ -34,9 +34,9 @@ def test_of_one_triangle_it_is_the_least_over_its_points():
         corners, point = random.normal(size=(3, 3)), random.normal(size=3)
         found = distance(point[None], corners)[0]
         assert found == pytest.approx(reference(point, corners), abs=1e-6)
-        offset = distance.offsets(point[None], corners)[0]
-        assert np.linalg.norm(offset) == pytest.approx(found, abs=1e-12)
-        assert reference(point - offset, corners) == pytest.approx(0.0, abs=1e-6)
+        displacement = distance.displacements(point[None], corners)[0]
+        assert np.linalg.norm(displacement) == pytest.approx(found, abs=1e-12)
+        assert reference(point - displacement, corners) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_over_a_grid_it_is_the_height_and_beside_it_that_from_the_edge():

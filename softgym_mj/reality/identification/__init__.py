@@ -1,1 +1,1 @@
-"""Which parameters of the solver move a sheet as a recorded one moved, and how sure that is."""
+"""System identification: solver parameters that reproduce recorded motions, with intervals."""

@@ -1,35 +1,35 @@
-"""Intervals of what searches found: from how frames differ and from how searches do.
+"""Confidence intervals of identified parameters, from the spread of frames and of searches.
 
-Where a search ended, offsets are taken as linear. The least squares of these are found again and
-again for other frames (blocks of neighbours, drawn with replacement): what they vary by is what
-noise, and errors of the model that are not the same in all frames, leave open. What no frame shows
-is drawn from all that was searched; so is what seems to show only by the roughness of evaluations,
-through which slopes were laid. To it comes the variance between searches. An error of the
-model that all frames have in common is not in it.
+Residuals are linearized at the end of a search. Their least-squares problem is solved again and
+again for other frames (blocks of neighbors, drawn with replacement): the variance of the solutions
+is what noise, and model errors that differ between frames, leave open. Directions that no frame
+determines are drawn from the whole range of the search, as are those that only the roughness of
+evaluations seems to determine. The variance between searches is added. A model error that all
+frames share is not included.
 """
 
 import numpy as np
 import scipy.linalg
 
-from softgym_mj.reality.identification.search import Found
+from softgym_mj.reality.identification.search import SearchResult
 
-BLOCK = 5  # Neighbouring frames that count as one: their errors are alike.
+BLOCK = 5  # Neighboring frames that count as one: their errors are correlated.
 _REPEATS = 400
-# How much of products of slopes is taken to be by chance, to what is by chance on average.
+# Factor on the part of J^T J that is expected by chance.
 _CHANCE = 2.0
 _TWO_SIDED = 1.96  # Standard deviations of 95 % of a normal distribution.
 
 
 def intervals(
-    searches: list[Found], estimate: np.ndarray, bounds: np.ndarray, frames: list[int]
+    searches: list[SearchResult], estimate: np.ndarray, bounds: np.ndarray, frames: list[int]
 ) -> np.ndarray:
-    """95 % intervals (unknowns, 2) of coordinates, within bounds.
+    """Returns 95 % intervals (unknowns, 2) of coordinates, within bounds.
 
     Args:
-        searches: where they have come to, at least one.
+        searches: results, at least one.
         estimate: (unknowns,) coordinates.
         bounds: (unknowns, 2).
-        frames: how many each recording has.
+        frames: number of frames of each recording.
     """
     best = min(searches, key=lambda found: found.loss)
     variance = _steps(best, bounds, frames).var(axis=0)
@@ -40,21 +40,21 @@ def intervals(
     return np.clip(wide, bounds[:, :1], bounds[:, 1:])
 
 
-def _steps(found: Found, bounds: np.ndarray, frames: list[int]) -> np.ndarray:
-    """Ways (repeats, unknowns) to the least squares of frames that are drawn."""
+def _steps(found: SearchResult, bounds: np.ndarray, frames: list[int]) -> np.ndarray:
+    """Returns steps (repeats, unknowns) to the least-squares solutions of resampled frames."""
     recordings = [np.arange(number) // BLOCK for number in frames]
     sizes = [int(blocks[-1]) + 1 for blocks in recordings]
     firsts = np.cumsum([0, *sizes[:-1]])
     blocks = np.concatenate([b + first for b, first in zip(recordings, firsts, strict=True)])
     of_rows = blocks[found.frames]
     rows = [np.flatnonzero(of_rows == block) for block in range(sum(sizes))]
-    slopes = _real(found.slopes, found.spurious)
-    squares = np.array([slopes[some].T @ slopes[some] for some in rows])
-    falls = np.array([slopes[some].T @ found.offsets[some] for some in rows])
-    # Before anything was seen each number was anywhere within its bounds: one more offset, of the
-    # scale of a block's, that its distance from a place there changes.
+    jacobian = _real(found.jacobian, found.spurious)
+    squares = np.array([jacobian[some].T @ jacobian[some] for some in rows])
+    falls = np.array([jacobian[some].T @ found.residuals[some] for some in rows])
+    # Prior: each coordinate lies anywhere within its bounds. It enters as one more residual, of the
+    # scale of a block's, proportional to the distance from a random point there.
     wide = np.diff(bounds)[:, 0]
-    known = np.sum(found.offsets**2) / len(rows) / wide**2
+    known = np.sum(found.residuals**2) / len(rows) / wide**2
     random = np.random.default_rng(0)
     steps = []
     for _ in range(_REPEATS):
@@ -67,10 +67,10 @@ def _steps(found: Found, bounds: np.ndarray, frames: list[int]) -> np.ndarray:
     return np.array(steps)
 
 
-def _real(slopes: np.ndarray, spurious: np.ndarray) -> np.ndarray:
-    """Slopes (n, unknowns) less what is in their products by chance (unknowns, unknowns)."""
-    products = slopes.T @ slopes
+def _real(jacobian: np.ndarray, spurious: np.ndarray) -> np.ndarray:
+    """Returns a Jacobian (n, unknowns) reduced by what J^T J has by chance (unknowns, unknowns)."""
+    products = jacobian.T @ jacobian
     tiny = 1e-12 * np.trace(products) * np.eye(len(products))
     shares, axes = scipy.linalg.eigh(spurious, products + tiny)
     left = np.sqrt(np.clip(1.0 - _CHANCE * shares, 0.0, 1.0))
-    return slopes @ (axes * left) @ np.linalg.inv(axes)
+    return jacobian @ (axes * left) @ np.linalg.inv(axes)

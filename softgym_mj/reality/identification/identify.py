@@ -1,4 +1,4 @@
-"""Identification: from recordings to parameters with intervals, and what held-out ones say."""
+"""Identification: from recordings to parameters with intervals, checked on held-out recordings."""
 
 import dataclasses
 import pathlib
@@ -12,8 +12,14 @@ from softgym_mj.jobs.executors import Executor
 from softgym_mj.jobs.store import JSON, Store
 from softgym_mj.reality.identification.confidence import intervals
 from softgym_mj.reality.identification.recordings import HELD_OUT
-from softgym_mj.reality.identification.search import EVALUATIONS, Found, Progress, Search, together
-from softgym_mj.reality.identification.tasks import Task, evaluate, motions, slip
+from softgym_mj.reality.identification.search import (
+    EVALUATIONS,
+    Progress,
+    Search,
+    SearchResult,
+    run_searches,
+)
+from softgym_mj.reality.identification.tasks import Task, best_latency, evaluate, motions
 from softgym_mj.reality.identification.unknowns import (
     LATENCY,
     UNKNOWNS,
@@ -25,18 +31,19 @@ from softgym_mj.reality.identification.unknowns import (
 )
 
 SEEDS = 3
-LOOKS = 2  # At finer meshes: the second one where the first has led to.
-FACTOR = 2.0  # Upper over lower end of an interval, above which a number is not identified.
-WIDEST = 0.033  # [s] The same of latency: a frame.
-REACH = 0.1  # [s] Of latency around where a first look finds it.
-SLIPPED = 0.015  # [s] From the common latency, above which a recording's clock is off,
-_NOTICED = 0.95  # if its loss is at most this share of that at the common one.
-_AS_GOOD = 1.05  # Searches whose loss is at most so many times the least are averaged.
+REFINEMENTS = 2  # Evaluations on the finer mesh: the second one checks the result of the first.
+FACTOR = 2.0  # Ratio of the ends of an interval above which a parameter is not identified.
+WIDEST = 0.033  # [s] The same limit for latency: one frame.
+REACH = 0.1  # [s] Range of latency around its first estimate.
+# [s] Difference from the common latency above which a recording's clock is off,
+CLOCK_TOLERANCE = 0.015
+_NOTICED = 0.95  # provided that its loss is at most this share of that at the common latency.
+_AS_GOOD = 1.05  # Searches with a loss of at most this many times the least are averaged.
 
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """Where searches of a task start.
+    """Start of a task's searches.
 
     Attributes:
         coordinates: (unknowns,).
@@ -47,18 +54,18 @@ class Start:
     bounds: np.ndarray
 
 
-def first_look(task: Task) -> Start:
-    """Starts at the task's own fabric, and at the latency at which what is fitted fits it best."""
+def make_start(task: Task) -> Start:
+    """Returns a start at the task's base fabric and the latency that fits its recordings best."""
     moved = motions(task.only_fitted(), task.base)
-    latency = slip(task.fitted, [moved[recording.scene] for recording in task.fitted])
+    latency = best_latency(task.fitted, [moved[recording.scene] for recording in task.fitted])
     start = coordinates_of(values_of(task.base, latency))
     return Start(start, bounds(latency, REACH))
 
 
 def make_search(task: Task, start: Start, seed: int, evaluations: int = EVALUATIONS) -> Search:
-    """A search of a task, which looks at finer meshes in the end if there are any."""
-    looks = LOOKS if task.finer else 0
-    return Search(start.coordinates, start.bounds, seed, evaluations, looks)
+    """Returns a search of a task; it ends with evaluations on finer meshes if the task has any."""
+    refinements = REFINEMENTS if task.finer else 0
+    return Search(start.coordinates, start.bounds, seed, evaluations, refinements)
 
 
 def identify(
@@ -69,41 +76,41 @@ def identify(
     store: Store | None = None,
     progress: Progress = lambda made: None,
 ) -> dict[str, Any]:
-    """Looks for the parameters with which a task's recordings are met best.
+    """Searches for the parameters that fit a task's recordings best.
 
     Args:
-        task: recordings, and a fabric to start from.
-        executor: that makes evaluations.
-        seeds: of the searches, one each.
-        evaluations: of a search.
-        store: for journals of the searches, so that they go on where they were stopped.
-        progress: as of `together`.
+        task: recordings and a fabric to start from.
+        executor: makes the evaluations.
+        seeds: one for each search.
+        evaluations: largest number of evaluations of a search.
+        store: keeps journals of the searches, so that an interrupted search continues.
+        progress: called after every generation, as in `run_searches`.
 
     Returns:
-        As of `report`.
+        The dict that `report` describes.
 
     Raises:
         InvalidArgumentError: for no seeds, or too few evaluations.
-        StoreError: for journals of other work.
+        StoreError: for journals of other settings.
     """
     check_count("seeds", len(seeds), 1)
-    start, fitted = first_look(task), task.only_fitted()
+    start, fitted = make_start(task), task.only_fitted()
     searches = {seed: make_search(task, start, seed, evaluations) for seed in seeds}
     journals = {} if store is None else {seed: store.journal(seed) for seed in seeds}
-    together(searches, lambda seed, *at: (fitted, *at), evaluate, executor, journals, progress)
-    return report(task, start, [search.found() for search in searches.values()])
+    run_searches(searches, lambda seed, *at: (fitted, *at), evaluate, executor, journals, progress)
+    return report(task, start, [search.result() for search in searches.values()])
 
 
-def report(task: Task, start: Start, searches: Sequence[Found]) -> dict[str, Any]:
-    """What searches of a task say.
+def report(task: Task, start: Start, searches: Sequence[SearchResult]) -> dict[str, Any]:
+    """Summarizes the searches of a task.
 
     Returns:
         "parameters": by name "value", "low" and "high" (95 %), "start", "unit", "is_identified"
-            and, for numbers that recordings only bound, "at_least" or "at_most"; "fit", "held_out":
-            distances [m] "found", "start" (the fabric to start from, at its first latency) and by
-            recording; "clocks": by recording the latency [s] at which it fits best, its distance
-            there, and whether that is `SLIPPED` from the common one and noticed; "searches": the
-            least loss [m] and the values of each.
+        and, for parameters that recordings only bound, "at_least" or "at_most". "fit", "held_out":
+        distances [m] "found", "start" (the base fabric at its first latency) and by recording.
+        "clocks": by recording the latency [s] that fits it best, its distance there, and whether
+        that is more than `CLOCK_TOLERANCE` from the common one and lowers the loss. "searches": the
+        least loss [m] and the values of each.
     """
     least = min(found.loss for found in searches)
     good = [found.estimate for found in searches if found.loss <= _AS_GOOD * least]
@@ -137,7 +144,7 @@ def _is_identified(unknown, coordinates: np.ndarray) -> bool:
 
 
 def _parameters(estimate, ranges, first: Mapping[str, float], limits) -> dict[str, Any]:
-    """As of `report`."""
+    """Returns the entry "parameters" of `report`."""
     found: dict[str, Any] = {}
     for unknown, x, row, edge in zip(UNKNOWNS, estimate, ranges, limits, strict=True):
         low, high = (unknown.value(float(end)) for end in row)
@@ -155,7 +162,7 @@ def _parameters(estimate, ranges, first: Mapping[str, float], limits) -> dict[st
 
 
 def _losses(task: Task, moved, latency: float, before, first: float) -> dict[str, Any]:
-    """Distances [m] of what is fitted and of what is held out."""
+    """Returns distances [m] of fitted and of held-out recordings."""
     found: dict[str, Any] = {}
     for name, role in (("fit", "fit"), ("held_out", HELD_OUT)):
         rows = {
@@ -175,26 +182,26 @@ def _losses(task: Task, moved, latency: float, before, first: float) -> dict[str
 
 
 def _clocks(task: Task, moved, latency: float) -> dict[str, Any]:
-    """As of `report`: a clock is off if it is by enough, and losses notice."""
+    """Returns the entry "clocks" of `report`."""
     found = {}
     for recording in task.recordings:
         motion = moved[recording.scene]
-        best = slip([recording], [motion])
+        best = best_latency([recording], [motion])
         there, here = (float(recording.distances(motion, t).mean()) for t in (best, latency))
         found[recording.name] = {
             "latency": best,
-            "slip": best - latency,
+            "clock_error": best - latency,
             "loss": there,
-            "has_slipped": abs(best - latency) > SLIPPED and there < _NOTICED * here,
+            "is_clock_off": abs(best - latency) > CLOCK_TOLERANCE and there < _NOTICED * here,
         }
     return found
 
 
 def open_store(folder: pathlib.Path, settings: Mapping[str, Any]) -> Store:
-    """A store of journals in a folder, for work of these settings alone.
+    """Opens a store of journals in a folder, for one combination of settings.
 
     Raises:
-        StoreError: if the folder is of other settings.
+        StoreError: if the folder has other settings.
     """
     store = Store(folder, settings, JSON)
     if others := store.differences():

@@ -20,7 +20,7 @@ from softgym_mj.reality.identification.recordings import (
     Motion,
     Recording,
     Scene,
-    looking,
+    camera_toward,
     spread,
 )
 from softgym_mj.reality.identification.tasks import Task
@@ -31,7 +31,7 @@ from softgym_mj.reality.replay import Hold, replay
 GAP = primitives.GRIPPER_X[1] - primitives.GRIPPER_X[0]  # [m]
 SIZE = (GAP, 0.63)  # [m] Between the grippers, and down.
 SPACING = 0.0263  # [m] 19 x 25 vertices.
-FINER = 2.5  # By which a search's spacing and step are divided for its last looks.
+FINER = 2.5  # By which a search's spacing and step are divided for its last refinements.
 # Not part of the data: where the benchmark's own script puts a virtual one.
 CAMERA = (-0.05, 1.774, 0.808)  # [m]
 # [s] Until which frames are looked at. Later a flung rag tells more of the mesh than of the fabric:
@@ -88,7 +88,7 @@ class RagScene(Scene):
 
 
 def read_task(folder: pathlib.Path, cloth: str, base: Fabric, **settings) -> Task:
-    """What a search has to meet, with a finer mesh for its last looks.
+    """What a search has to meet, with a finer mesh for its last refinements.
 
     Args:
         folder, cloth: as of `read_rags`.
@@ -142,7 +142,7 @@ def read_rags(
             points = [clouds[i].points for i in chosen]
             end = (frames - 1) / rags.FRAME_RATE + _AFTER
             scene = scenes.setdefault(primitive, RagScene(primitive, end, size, spacing, table))
-            seen_from = None if camera is None else looking(camera, points)
+            seen_from = None if camera is None else camera_toward(camera, points)
             found.append(
                 Recording(
                     f"{cloth}_{repeat}/{primitive}",

@@ -1,4 +1,4 @@
-"""Recordings as searches see them: what moves, which frames of it were seen, how far one is off."""
+"""Recordings for searches: the scene that is simulated, observed frames, and their residuals."""
 
 import abc
 import copy
@@ -14,20 +14,21 @@ from softgym_mj.reality.surfaces import seen
 from softgym_mj.rendering.calibration import Calibration
 
 FIT, HELD_OUT = "fit", "held out"
-MOST_FRAMES = 80  # Of a recording that are looked at, spread over it: neighbours tell the same.
-_POINTS = 400  # Of a cloud whose distance from the surface is taken: as many say no more.
-# Of a cloud, halved and halved again: the mean way of a patch's points from the surface has little
-# of their noise, and all that a parameter does to it.
+# Frames of a recording that are used, evenly spread: neighboring frames add little.
+MOST_FRAMES = 80
+_POINTS = 400  # Points of a cloud whose distances are taken: more would not change the mean.
+# A cloud is halved this often. The mean displacement of a patch's points from the surface averages
+# out their noise and keeps the effect of parameters.
 _HALVINGS = 4
-_MOST_POINTS = 4000  # Of a cloud among which vertices look for the nearest.
-MISSED = 1.0  # [m] Distance of what is no number: a simulation that failed.
-# Of the image in which a camera that only has a place sees: 100 degrees across.
+_MOST_POINTS = 4000  # Points of a cloud that are searched for the nearest to a vertex.
+MISSED = 1.0  # [m] Distance that stands for a failed simulation.
+# Size and focal length [pixels] for a camera of which only the position is known: 100 degrees wide.
 _IMAGE, _FOCAL = (1000, 1000), 420.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Motion:
-    """What a sheet did.
+    """Motion of a sheet.
 
     Attributes:
         times: (s,) [s], evenly spaced.
@@ -38,7 +39,7 @@ class Motion:
     positions: np.ndarray
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """Vertices (f, n, 3) [m] at times (f,) [s]; beyond the first and last, as then."""
+        """Returns vertices (f, n, 3) [m] at times (f,) [s], clamped to the first and last."""
         step = self.times[1] - self.times[0]
         places = np.clip((times - self.times[0]) / step, 0.0, len(self.times) - 1)
         first = np.minimum(places.astype(int), len(self.times) - 2)
@@ -47,36 +48,36 @@ class Motion:
 
 
 class Scene(abc.ABC):
-    """What is simulated for one or several recordings of the same motion.
+    """Scene that is simulated for one or several recordings of the same motion.
 
     Attributes:
-        mesh: of the sheet.
+        mesh: mesh of the sheet.
     """
 
     mesh: Mesh
 
     @abc.abstractmethod
     def motion(self, fabric: Fabric) -> Motion:
-        """What a sheet of a fabric does in it."""
+        """Returns the motion of a sheet of a fabric."""
 
 
 class Observation(abc.ABC):
-    """What was seen in some frames."""
+    """Observation of a sheet in some frames."""
 
     @abc.abstractmethod
     def distances(self, positions: np.ndarray, chosen: slice = slice(None)) -> np.ndarray:
-        """How far vertices (f, n, 3) [m] are from what was seen in each frame: (f,) [m].
+        """Returns the distances (f,) [m] of vertices (f, n, 3) [m] from what was observed.
 
         Args:
-            positions: of the mesh.
-            chosen: which of the frames these are.
+            positions: vertices of the mesh.
+            chosen: frames to which they belong.
         """
 
     @abc.abstractmethod
-    def offsets(self, positions: np.ndarray) -> np.ndarray:
-        """Ways to what was seen from where vertices (f, n, 3) [m] say that it is: (f, k, 3) [m].
+    def residuals(self, positions: np.ndarray) -> np.ndarray:
+        """Returns displacements (f, k, 3) [m] of what was observed from vertices (f, n, 3) [m].
 
-        Unlike distances they go through zero where they are met, and hardly bend on the way.
+        Unlike distances they pass through zero at a fit and are nearly linear in parameters.
         """
 
 
@@ -85,11 +86,11 @@ class Recording:
     """One recording.
 
     Attributes:
-        name: of its own.
+        name: unique name.
         role: "fit" or "held out".
-        scene: name of what is simulated.
-        times: (f,) of its frames [s], by its own clock; 0 when the scene's motion starts.
-        observation: of these frames.
+        scene: name of the simulated scene.
+        times: (f,) of its frames [s], by its own clock; 0 at the start of the scene's motion.
+        observation: what was observed in these frames.
     """
 
     name: str
@@ -99,36 +100,36 @@ class Recording:
     observation: Observation
 
     def distances(self, motion: Motion, latency: float, chosen: slice = slice(None)) -> np.ndarray:
-        """How far a motion is off in each frame (f,) [m] if frames show what was `latency` ago."""
+        """Returns distances (f,) [m] of a motion in each frame, for frames late by `latency`."""
         positions, finite = _finite(motion.at(self.times[chosen] - latency))
         found = self.observation.distances(positions, chosen)
         return np.where(finite, np.minimum(found, MISSED), MISSED)
 
-    def offsets(self, motion: Motion, latency: float) -> np.ndarray:
-        """Offsets (f, k, 3) [m] of a motion, as of `Observation`, if frames are so late [s]."""
+    def residuals(self, motion: Motion, latency: float) -> np.ndarray:
+        """Returns residuals (f, k, 3) [m] of a motion, for frames late by `latency` [s]."""
         positions, finite = _finite(motion.at(self.times - latency))
-        found = np.clip(self.observation.offsets(positions), -MISSED, MISSED)
+        found = np.clip(self.observation.residuals(positions), -MISSED, MISSED)
         return np.where(finite[:, None, None], found, MISSED)
 
 
 def _finite(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (f, n, 3), none where a frame has a number that is not finite; which have none."""
+    """Returns vertices (f, n, 3), zeros in frames that are not finite, and a mask (f,)."""
     finite = np.isfinite(positions).all(axis=(1, 2))
     return np.where(finite[:, None, None], positions, 0.0), finite
 
 
 class Clouds(Observation):
-    """Point clouds of what a camera saw.
+    """Point clouds from a camera.
 
-    The distance is the mean of two mean ones: of real points from the simulated surface, and of
-    vertices that the camera would see from the nearest real point. Without a camera only the first
-    is taken: the second counts what no camera saw. Offsets are of real points from the surface,
-    their means over patches of neighbours.
+    The distance is the mean of two means: distances of real points from the simulated surface, and
+    distances of vertices visible to the camera from the nearest real point. Without a camera only
+    the first is used, as the second would count what no camera saw. Residuals are displacements of
+    real points from the surface, averaged over patches of neighbors.
     """
 
     def __init__(self, clouds: list[np.ndarray], mesh: Mesh, camera: Calibration | None):
-        """Keeps clouds (k, 3) [m] of frames of a mesh, in the frame of the simulation."""
-        random = np.random.default_rng(0)  # Which points: the same for every evaluation.
+        """Stores clouds (k, 3) [m] of frames of a mesh, in the frame of the simulation."""
+        random = np.random.default_rng(0)  # The same points are drawn for every evaluation.
         self._clouds = []
         for cloud in clouds:
             some = min(len(cloud), _MOST_POINTS)
@@ -137,19 +138,19 @@ class Clouds(Observation):
         self._mesh, self._camera = mesh, camera
 
     def of(self, mesh: Mesh) -> "Clouds":
-        """The same clouds, of frames of another mesh."""
+        """Returns the same clouds for another mesh."""
         other = copy.copy(self)
         other._mesh = mesh
         return other
 
-    def offsets(self, positions):
+    def residuals(self, positions):
         surface = SurfaceDistance(self._mesh.triangles)
         found = np.zeros((len(positions), 2**_HALVINGS, 3))
         frames = zip(positions, self._clouds, self._patches, strict=True)
         for means, (vertices, cloud, patches) in zip(found, frames, strict=True):
-            ways = surface.offsets(cloud[:_POINTS].astype(float), vertices)
+            displacements = surface.displacements(cloud[:_POINTS].astype(float), vertices)
             for patch, chosen in enumerate(patches):
-                means[patch] = ways[chosen].mean(axis=0) if len(chosen) else 0.0
+                means[patch] = displacements[chosen].mean(axis=0) if len(chosen) else 0.0
         return found
 
     def distances(self, positions, chosen=slice(None)):
@@ -172,7 +173,7 @@ class Clouds(Observation):
 
 
 def _patches(cloud: np.ndarray) -> list[np.ndarray]:
-    """Which of points (k, 3) are in each patch: halves of halves, across where they are longest."""
+    """Returns the indices of points (k, 3) in each patch; longest extents are halved in turn."""
     patches = [np.arange(len(cloud))]
     for _ in range(_HALVINGS):
         halves = []
@@ -185,13 +186,13 @@ def _patches(cloud: np.ndarray) -> list[np.ndarray]:
     return patches
 
 
-def looking(place: tuple[float, float, float], clouds: list[np.ndarray]) -> Calibration:
-    """A camera at a place [m] that looks at what it saw: clouds (k, 3) [m]; its image is wide."""
+def camera_toward(place: tuple[float, float, float], clouds: list[np.ndarray]) -> Calibration:
+    """Returns a camera at a position [m] that looks at clouds (k, 3) [m] with a wide view."""
     middle = np.mean([cloud.mean(axis=0) for cloud in clouds], axis=0)
     forward = middle - np.asarray(place, float)
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 0.0, 1.0])
-    if np.linalg.norm(right) < 1e-6:  # It looks straight down or up.
+    if np.linalg.norm(right) < 1e-6:  # It refinements straight down or up.
         right = np.array([1.0, 0.0, 0.0])
     right /= np.linalg.norm(right)
     extrinsics = np.eye(4)
@@ -203,5 +204,5 @@ def looking(place: tuple[float, float, float], clouds: list[np.ndarray]) -> Cali
 
 
 def spread(frames: int, most: int = MOST_FRAMES) -> np.ndarray:
-    """Which of a number of frames to look at: (at most `most`,), first and last included."""
+    """Returns the indices (at most `most`,) of evenly spread frames, including first and last."""
     return np.unique(np.round(np.linspace(0, frames - 1, min(frames, most))).astype(int))

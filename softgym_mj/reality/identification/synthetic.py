@@ -1,6 +1,6 @@
-"""Recordings of rags that were simulated, in the layout of real ones: their parameters are known.
+"""Simulated recordings of rags in the format of real ones, with known parameters.
 
-Points are spread over the side that a camera sees, with noise; frames show what was a latency ago.
+Points are spread over the side that the camera sees, with noise and a latency.
 """
 
 import dataclasses
@@ -19,24 +19,24 @@ from softgym_mj.reality.identification.rag_data import (
     SPACING,
     RagScene,
 )
-from softgym_mj.reality.identification.recordings import Motion, looking
+from softgym_mj.reality.identification.recordings import Motion, camera_toward
 from softgym_mj.reality.surfaces import sample_surface, seen
 
-_SAMPLES = 0.006  # [m] Between which points are drawn.
-_POINTS = 1500  # Of a cloud: one in 2 cm^2 of a rag.
+_SAMPLES = 0.006  # [m] Spacing of the surface samples from which points are drawn.
+_POINTS = 1500  # Points of a cloud: one in 2 cm^2 of a rag.
 _GRAY = 128
 _IMAGE = (1000, 1000)
 
 
 @dataclasses.dataclass(frozen=True)
 class Sensor:
-    """What sees, and how well.
+    """Camera that observes the rag.
 
     Attributes:
-        latency: [s] of frames.
+        latency: delay of frames [s].
         noise: standard deviation along each axis [m].
-        place: of the camera [m].
-        is_one_sided: whether only what the camera sees is in a cloud.
+        place: position of the camera [m].
+        is_one_sided: whether clouds contain only points visible to the camera.
     """
 
     latency: float = 0.033
@@ -53,20 +53,20 @@ def write_rags(
     spacing: float = SPACING / 2.0,
     step: float = solver.TIMESTEP / 2.0,
     repeats: tuple[int, ...] = rags.REPEATS,
-    slips: Mapping[tuple[int, str], float] | None = None,
+    clock_errors: Mapping[tuple[int, str], float] | None = None,
     seed: int = 0,
 ) -> None:
-    """Writes both primitives of a simulated rag as `rags.read_sequence` reads them.
+    """Writes both primitives of a simulated rag in the format that `rags.read_sequence` reads.
 
     Args:
-        folder: to write into.
-        cloth: of `rags.CLOTHS`, whose name it is to have.
-        fabric: what it is made of.
-        sensor: what sees it; None for the default.
+        folder: output folder.
+        cloth: name from `rags.CLOTHS` under which it is written.
+        fabric: fabric of the rag.
+        sensor: camera; None for the default.
         spacing, step: of the simulation [m], [s]; the defaults are half of those of a search.
-        repeats: that there are to be; the motion is the same, noise is not.
-        slips: by which time stamps are late [s] beyond the latency, by repeat and primitive.
-        seed: of noise.
+        repeats: indices of the repeats; the motion is the same, noise differs.
+        clock_errors: delay of time stamps [s] in addition to the latency, by repeat and primitive.
+        seed: seed of the noise.
     """
     sensor = Sensor() if sensor is None else sensor
     for primitive, frames in rags.FRAMES.items():
@@ -74,7 +74,7 @@ def write_rags(
         scene = RagScene(primitive, end, SIZE, spacing, step=step)
         motion = scene.motion(fabric)
         for repeat in repeats:
-            late = sensor.latency + (slips or {}).get((repeat, primitive), 0.0)
+            late = sensor.latency + (clock_errors or {}).get((repeat, primitive), 0.0)
             random = np.random.default_rng([seed, repeat, list(rags.FRAMES).index(primitive)])
             times = np.arange(frames) / rags.FRAME_RATE - late
             clouds = _clouds(scene, motion, times, sensor, random)
@@ -88,16 +88,16 @@ def _clouds(
     sensor: Sensor,
     random: np.random.Generator,
 ) -> list[Cloud]:
-    """What is seen at times (f,) [s] of a motion."""
+    """Returns the clouds observed at times (f,) [s] of a motion."""
     mesh = scene.mesh
     samples = sample_surface(mesh.points, mesh.triangles, _SAMPLES)
     clouds = []
     for vertices in motion.at(times):
-        # A few points among all: whether these are seen is asked of them alone.
+        # Visibility is tested for a random subset only.
         points = samples.points(vertices)
         points = points[random.permutation(len(points))[: 2 * _POINTS]]
         if sensor.is_one_sided:
-            camera = looking(sensor.place, [vertices])
+            camera = camera_toward(sensor.place, [vertices])
             points = points[seen(points, vertices, mesh.triangles, camera, _IMAGE)]
         points = points[:_POINTS]
         points = points + sensor.noise * random.standard_normal(points.shape)

@@ -1,4 +1,4 @@
-"""A task of identification, and how far off parameters are: what searches call, in any process."""
+"""Identification tasks and their residuals; searches call these functions in any process."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -9,21 +9,22 @@ from softgym_mj.entities.fabric import Fabric
 from softgym_mj.reality.identification.recordings import FIT, Motion, Recording, Scene
 from softgym_mj.reality.identification.unknowns import LATENCY, fabric_of, values_at
 
-# Where a clock may be off: a data set has a delay of 0.474 s beside one of 0.047 s.
-_SLIPS = np.arange(-0.6, 0.6001, 0.02)  # [s]
-_FEW = 12  # Frames of a recording for a coarse look at all of these.
-_FINER = (0.01, 0.005, 0.0025, 0.00125, 0.000625)  # [s]
+# [s] Latencies that are tried: one data set has a delay of 0.474 s in one sequence and 0.047 s in
+# another.
+_LATENCIES = np.arange(-0.6, 0.6001, 0.02)
+_FEW = 12  # Frames of a recording for the coarse scan of these.
+_FINER = (0.01, 0.005, 0.0025, 0.00125, 0.000625)  # [s] Steps of the refinement.
 
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """Recordings of a fabric.
+    """Recordings of a fabric to identify.
 
     Attributes:
-        scenes: what is simulated, by name.
-        recordings: of these; at least one is to fit.
-        base: a fabric with the density, and all that is not looked for.
-        finer: the same with finer meshes, for a last look; None if there is none.
+        scenes: simulated scenes by name.
+        recordings: recordings of these scenes; at least one is to fit.
+        base: fabric that gives the density and everything that is not searched for.
+        finer: the same task with finer meshes, for the last evaluations; None if there is none.
     """
 
     scenes: Mapping[str, Scene]
@@ -33,11 +34,11 @@ class Task:
 
     @property
     def fitted(self) -> tuple[Recording, ...]:
-        """The recordings that are fitted."""
+        """Recordings that are fitted."""
         return tuple(r for r in self.recordings if r.role == FIT)
 
     def only_fitted(self) -> "Task":
-        """The task without what is held out."""
+        """Returns the task without held-out recordings."""
         used = {recording.scene for recording in self.fitted}
         scenes = {name: scene for name, scene in self.scenes.items() if name in used}
         finer = self.finer and self.finer.only_fitted()
@@ -45,16 +46,21 @@ class Task:
 
 
 def motions(task: Task, fabric: Fabric) -> dict[str, Motion]:
-    """What a fabric does in each scene."""
+    """Returns the motion of a fabric in each scene."""
     return {name: scene.motion(fabric) for name, scene in task.scenes.items()}
 
 
 def evaluate(
     task: Task, coordinates: tuple[float, ...], is_finer: bool = False
 ) -> list[list[float]]:
-    """Offsets [m] of each frame of all recordings, in their order, at coordinates of all unknowns.
+    """Returns the residuals [m] of each frame of all recordings at coordinates of all unknowns.
 
-    Of the task, or of the finer one. To a tenth of a micrometre: journals keep them.
+    They are rounded to 0.1 micrometers, as journals store them.
+
+    Args:
+        task: recordings.
+        coordinates: (unknowns,).
+        is_finer: whether `task.finer` is evaluated instead.
     """
     if is_finer:
         assert task.finer is not None
@@ -64,12 +70,12 @@ def evaluate(
     return [
         frame.ravel().round(7).tolist()
         for recording in task.recordings
-        for frame in recording.offsets(moved[recording.scene], values[LATENCY])
+        for frame in recording.residuals(moved[recording.scene], values[LATENCY])
     ]
 
 
-def slip(recordings: Sequence[Recording], motions: Sequence[Motion]) -> float:
-    """The latency [s] at which recordings fit their motions best, within 0.6 s of none."""
+def best_latency(recordings: Sequence[Recording], motions: Sequence[Motion]) -> float:
+    """Returns the latency [s], within 0.6 s of none, at which recordings fit their motions best."""
 
     def far(latency: float, few: int | None = None) -> float:
         return sum(
@@ -77,12 +83,12 @@ def slip(recordings: Sequence[Recording], motions: Sequence[Motion]) -> float:
             for r, motion in zip(recordings, motions, strict=True)
         )
 
-    best = float(min(_SLIPS, key=lambda latency: far(latency, _FEW)))
+    best = float(min(_LATENCIES, key=lambda latency: far(latency, _FEW)))
     for step in _FINER:
         best = min((best - step, best, best + step), key=far)
     return best
 
 
 def _every(recording: Recording, few: int | None) -> slice:
-    """Some frames of a recording, spread over it, or all."""
+    """Returns evenly spread frames of a recording, or all."""
     return slice(None, None, 1 if few is None else max(len(recording.times) // few, 1))
