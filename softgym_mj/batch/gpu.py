@@ -1,4 +1,4 @@
-"""`Gpu`: a CUDA device for batches of environments; its programs are compiled at their first use.
+"""`CudaDevice`: a CUDA device for batches; its kernels are compiled at their first use.
 
 The programs are those of the library; a block of threads steps an environment. NVIDIA's compiler
 comes as a package (cuda-core); its output is kept in the cache folder.
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.batch.places import Copy, Place
+from softgym_mj.batch.device import Copy, Device
 from softgym_mj.exceptions import UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import cache_folder
 
@@ -171,7 +171,7 @@ class _Copying(Copy):
         return self._to.numpy()
 
 
-class Gpu(Place):
+class CudaDevice(Device):
     """A CUDA device; steps are made in the order of PyTorch's current stream."""
 
     def __init__(self, index: int = 0):
@@ -192,20 +192,20 @@ class Gpu(Place):
             ) from error
         if not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
-        self._torch, self.xp, self.device = torch, xp, torch.device("cuda", index)
+        self._torch, self.xp, self.xp_device = torch, xp, torch.device("cuda", index)
         self._graphs: dict[str, tuple[Any, Any, Any]] = {}  # Keys, graphs, what they give.
 
-    def at_once(self, kind: str, size: int) -> int:
-        properties = self._torch.cuda.get_device_properties(self.device)
+    def max_slots(self, kind: str, size: int) -> int:
+        properties = self._torch.cuda.get_device_properties(self.xp_device)
         threads, blocks = BLOCKS[kind]
         return properties.multi_processor_count * (blocks * threads // _threads(kind, size))
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
-        return self._torch.zeros(shape, dtype=getattr(self._torch, dtype), device=self.device)
+        return self._torch.zeros(shape, dtype=getattr(self._torch, dtype), device=self.xp_device)
 
     def put(self, array: np.ndarray) -> Any:
         here = self._torch.from_numpy(np.ascontiguousarray(array))
-        return here.pin_memory().to(self.device, non_blocking=True)
+        return here.pin_memory().to(self.xp_device, non_blocking=True)
 
     def get(self, array: Any) -> np.ndarray:
         return array.cpu().numpy().copy()
@@ -221,10 +221,10 @@ class Gpu(Place):
         quick = QUICK[kind] * (size + _WARP)
         quick = quick if quick <= MOST_QUICK else 0
         address = batch.data_ptr()
-        launch(kind, "Step", self.device, num_slots, threads, address, quick, quick=quick)
+        launch(kind, "Step", self.xp_device, num_slots, threads, address, quick, quick=quick)
 
     def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
-        """See `Place`: as one of CUDA's graphs, from the second call on."""
+        """See `Device`: as one of CUDA's graphs, from the second call on."""
         torch = self._torch
         known, graph, found = self._graphs.get(name, (None, None, None))
         if name not in self._graphs or known != key:  # All that is made once is made now.

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 
 
 class Queue:
@@ -16,16 +16,16 @@ class Queue:
             [cycles].
     """
 
-    def __init__(self, num_envs: int, place: Place):
-        """Environments as they are counted, in a place."""
-        self._place = place
-        order = place.put(np.arange(num_envs, dtype=np.int32))
-        zeros = place.zeros((1,), "int32"), place.zeros((num_envs,), "int64")
+    def __init__(self, num_envs: int, device: Device):
+        """Orders environments by their index at first."""
+        self._device = device
+        order = device.put(np.arange(num_envs, dtype=np.int32))
+        zeros = device.zeros((1,), "int32"), device.zeros((num_envs,), "int64")
         self.arrays: tuple[Any, Any, Any] = (zeros[0], order, zeros[1])
 
     def plan(self) -> None:
         """Orders them by what they took."""
-        xp, (_, order, cost) = self._place.xp, self.arrays
+        xp, (_, order, cost) = self._device.xp, self.arrays
         order[...] = xp.astype(xp.argsort(-cost), order.dtype)
 
     def begin(self) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from softgym_mj.batch.places import ALIGNMENT, Place, Processor, function
+from softgym_mj.batch.device import ALIGNMENT, CpuDevice, Device, function
 from softgym_mj.batch.queue import Queue
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 
@@ -38,9 +38,9 @@ def describe(
     Raises:
         InvalidArgumentError: if there is anything in it that cannot be stepped.
     """
-    write, place = function(kind, "model"), Processor()
+    write, device = function(kind, "model"), CpuDevice()
     ids, error = np.ascontiguousarray(ids, np.int32), np.zeros(_REASON, np.uint8)
-    out = place.zeros((0,), "uint8")
+    out = device.zeros((0,), "uint8")
     for _ in range(2):  # Its size, then its content.
         size = write(
             ctypes.c_void_p(model._address), ctypes.c_void_p(data._address), _pointer(ids),
@@ -49,7 +49,7 @@ def describe(
         if not size:
             reason = error.tobytes().split(b"\0")[0].decode()
             raise InvalidArgumentError(f"model cannot be stepped in a batch: {reason}")
-        out = out if len(out) == size else place.zeros((size,), "uint8")
+        out = out if len(out) == size else device.zeros((size,), "uint8")
     return out
 
 
@@ -63,7 +63,7 @@ class BatchSolver:
         fields: shapes of the arrays of the state by name, (num_envs, size, ...), each an
             attribute of its name: the first size is a name or a number.
         told: those of what environments are told in a step, likewise.
-        place: where the arrays are.
+        device: where the arrays are.
         models: (num_envs,) int64 what environments play, from `load`; those of 0 stand still.
         queue: in which order they are begun on a GPU.
         flags: what went wrong so far, as bits (num_envs,) int32.
@@ -74,30 +74,30 @@ class BatchSolver:
     fields: Mapping[str, tuple[str | int, *tuple[int, ...]]]
     told: Mapping[str, Shape]
 
-    def __init__(self, num_envs: int, sizes: Mapping[str, int], place: Place | None = None):
+    def __init__(self, num_envs: int, sizes: Mapping[str, int], device: Device | None = None):
         """Environments of zeros without models.
 
         Args:
             num_envs: how many.
             sizes: of the largest model by name; all have as many of the last ones, which are told
                 where to go.
-            place: where they are; None for this processor.
+            device: where they are; None for this processor.
         """
-        self.place = place = place or Processor()
+        self.device = device = device or CpuDevice()
         self._number, self._sizes = num_envs, dict(sizes)
         for name, (size, *more) in self.fields.items():
-            setattr(self, name, place.zeros((num_envs, self._size(size, sizes), *more), "float64"))
+            setattr(self, name, device.zeros((num_envs, self._size(size, sizes), *more), "float64"))
         self._told = {
-            name: place.zeros((num_envs, self._size(size, sizes), *more), dtype)
+            name: device.zeros((num_envs, self._size(size, sizes), *more), dtype)
             for name, (size, more, dtype) in self.told.items()
         }
-        self.models = place.zeros((num_envs,), "int64")
-        self.queue = Queue(num_envs, place)
-        self.flags = place.zeros((num_envs,), "int32")
+        self.models = device.zeros((num_envs,), "int64")
+        self.queue = Queue(num_envs, device)
+        self.flags = device.zeros((num_envs,), "int32")
         self.grown = 0
-        self._slots = min(num_envs, place.at_once(self.kind, self._most))
-        self._kept: Array = place.zeros((num_envs, 0), "uint8")
-        self._memory: Array = place.zeros((self._slots, 0), "uint8")
+        self._slots = min(num_envs, device.max_slots(self.kind, self._most))
+        self._kept: Array = device.zeros((num_envs, 0), "uint8")
+        self._memory: Array = device.zeros((self._slots, 0), "uint8")
         self._loaded: dict[bytes, tuple[int, Array]] = {}
         self._counts: dict[int, dict[str, int]] = {}  # Sizes of models.
         self._batch: Array = None  # `Batch` of the kind's batch/host.h, as bytes.
@@ -134,10 +134,10 @@ class BatchSolver:
             kept, memory = max(kept, self._kept.shape[1]), max(memory, self._memory.shape[1])
             self._kept = self._memory = self._batch = None  # What they held can be found again.
             self.grown += 1
-            self._kept = self.place.zeros((self._number, kept), "uint8")
-            self._memory = self.place.zeros((self._slots, memory), "uint8")
-        there = self.place.put(model)
-        address = self.place.address(there)
+            self._kept = self.device.zeros((self._number, kept), "uint8")
+            self._memory = self.device.zeros((self._slots, memory), "uint8")
+        there = self.device.put(model)
+        address = self.device.address(there)
         self._loaded[key], self._counts[address] = (address, there), counts
         return address
 
@@ -159,7 +159,7 @@ class BatchSolver:
             )
         counts = self._counts[address]
         return {
-            name: self.place.get(getattr(self, name)[i, : self._size(kind, counts)])
+            name: self.device.get(getattr(self, name)[i, : self._size(kind, counts)])
             for name, (kind, *_) in self.fields.items()
         }
 
@@ -178,7 +178,7 @@ class BatchSolver:
         if self._batch is None:
             self._batch = self._written()
         self.queue.begin()
-        self.place.step(self.kind, self._batch, self._slots, self._most)
+        self.device.step(self.kind, self._batch, self._slots, self._most)
 
     @property
     def _most(self) -> int:
@@ -196,5 +196,5 @@ class BatchSolver:
             *(getattr(self, name) for name in self.fields),
         ]
         arrays += [*self._told.values(), *self.queue.arrays, self.flags]
-        pointers = [self.place.address(array) for array in arrays]
-        return self.place.put(np.concatenate([sizes, np.array(pointers, np.int64)]))
+        pointers = [self.device.address(array) for array in arrays]
+        return self.device.put(np.concatenate([sizes, np.array(pointers, np.int64)]))

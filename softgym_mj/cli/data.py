@@ -25,7 +25,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_name
 from softgym_mj.jobs.executors import make_executor
 from softgym_mj.registry import TASKS, find
 from softgym_mj.variations.indices import NUM_VARIATIONS
-from softgym_mj.vector.make import DEVICES, make_place
+from softgym_mj.vector.make import DEVICES, make_device
 
 ALL = "all"  # Instead of a task: each of the package.
 
@@ -46,7 +46,7 @@ def generate(
 ) -> None:
     """Generates settled initial states into the cache; may be killed and run again."""
     check_name("device", device, DEVICES)
-    place = None if device == "cpu" else make_place(device, num)
+    batch_device = None if device == "cpu" else make_device(device, num)
     record = find(task)
     settings = {"fidelity": fidelity} if "fidelity" in record.arguments else {}
     store = record.build(**settings).store
@@ -58,7 +58,7 @@ def generate(
     with make_executor(jobs, ray) as executor, progress_bar() as progress:
         bar = progress.add_task(f"{record.name} variations", total=num)
         made = store.generate_missing(
-            range(start, start + num), executor, lambda index: progress.advance(bar), place
+            range(start, start + num), executor, lambda index: progress.advance(bar), batch_device
         )
     console.print(f"{made} generated, {num - made} were there, in {store.folder}")
     if pack is not None:

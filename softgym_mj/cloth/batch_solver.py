@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.batch import solver
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.batch.solver import Array
 
 KEPT_PAIRS = 2  # As in batch/environment.h.
@@ -79,17 +79,17 @@ class ClothBatchSolver(solver.BatchSolver):
     gripper_qpos: Array
     gripper_qvel: Array
 
-    def __init__(self, num_envs: int, vertices: int, grippers: int, place: Place | None = None):
+    def __init__(self, num_envs: int, vertices: int, grippers: int, device: Device | None = None):
         """Environments of zeros without models.
 
         Args:
             num_envs: how many.
             vertices: of the largest model.
             grippers: of each model.
-            place: of `batch.solver.BatchSolver`.
+            device: of `batch.solver.BatchSolver`.
         """
         sizes = {"vertices": vertices, "edges": EDGES_OF_VERTEX * vertices, "grippers": grippers}
-        super().__init__(num_envs, sizes, place)
+        super().__init__(num_envs, sizes, device)
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:
         """As of `BatchSolver`; what layers are kept comes in one order, whoever was first."""

@@ -16,7 +16,7 @@ from softgym_mj.policies.saved import SUFFIX
 from softgym_mj.registry import find
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
-from softgym_mj.vector.make import make_place
+from softgym_mj.vector.make import make_device
 from softgym_mj.vector.playing import play_each, to_host
 
 MOST = 1056  # Episodes at once: more cost memory, and what is done is kept less often.
@@ -50,7 +50,7 @@ def play_rows(
     """
     arguments: dict[str, Any] = {"observation": "reduced", **settings}
     example = SoftGymEnv(find(task), split="all", **arguments)
-    backend = BatchBackend(example, len(calls), make_place(device, len(calls)))
+    backend = BatchBackend(example, len(calls), make_device(device, len(calls)))
     envs = VectorEnv(backend, range(1), AutoresetMode.DISABLED)
     actor = example.dm_env.task.actor
     policies = []

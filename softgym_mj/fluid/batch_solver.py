@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from softgym_mj.batch import solver
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.batch.solver import Array
 
 MOST_WALLS = 32  # As in batch/model.h.
@@ -55,17 +55,17 @@ class FluidBatchSolver(solver.BatchSolver):
     velocities: Array
     walls: Array
 
-    def __init__(self, num_envs: int, particles: int, bodies: int, place: Place | None = None):
+    def __init__(self, num_envs: int, particles: int, bodies: int, device: Device | None = None):
         """Environments of zeros without models.
 
         Args:
             num_envs: how many.
             particles: of the largest model.
             bodies: of each model, that are told where to go.
-            place: of `batch.solver.BatchSolver`.
+            device: of `batch.solver.BatchSolver`.
         """
         sizes = {"particles": particles, "walls": MOST_WALLS, "bodies": bodies}
-        super().__init__(num_envs, sizes, place)
+        super().__init__(num_envs, sizes, device)
 
     def step(self, poses: Array) -> None:
         """Makes a step of all environments that have a model.

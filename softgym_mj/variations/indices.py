@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 
 NUM_VARIATIONS = 1000
@@ -47,7 +47,7 @@ class Start(Protocol):
         """Settled vertex positions (n, 3) [m] of a variation; a pure function of `index`."""
         ...
 
-    def generate_all(self, indices: Sequence[int], place: Place) -> list[np.ndarray]:
+    def generate_all(self, indices: Sequence[int], device: Device) -> list[np.ndarray]:
         """What `generate` makes of each (n, 3) [m], all together on a device."""
         ...
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.exceptions import StoreError
 from softgym_mj.jobs.executors import Executor, Together
 from softgym_mj.jobs.store import ARRAYS, Key, Store
@@ -32,8 +32,8 @@ _NOTICE = (
 _MOST = 250  # That are generated together.
 
 
-def _together(start: Start, place: Place, calls: Sequence[tuple[int]]) -> list[np.ndarray]:
-    return start.generate_all([index for (index,) in calls], place)
+def _together(start: Start, device: Device, calls: Sequence[tuple[int]]) -> list[np.ndarray]:
+    return start.generate_all([index for (index,) in calls], device)
 
 
 class VariationStore(Store):
@@ -88,7 +88,7 @@ class VariationStore(Store):
         indices: Iterable[int],
         executor: Executor | None = None,
         progress: Callable[[int], None] = lambda index: None,
-        place: Place | None = None,
+        device: Device | None = None,
     ) -> int:
         """Generates what is missing or corrupt; may be killed and run again.
 
@@ -97,14 +97,14 @@ class VariationStore(Store):
             executor: where they are generated, which the files do not depend on; None for this
                 process.
             progress: called with each index when its file is there.
-            place: where many are simulated together instead; the files are the same.
+            device: where many are simulated together instead; the files are the same.
 
         Returns:
             How many variations were generated.
         """
         function: Callable = self._start.generate
-        if place is not None:
-            function, executor = functools.partial(_together, self._start, place), Together(_MOST)
+        if device is not None:
+            function, executor = functools.partial(_together, self._start, device), Together(_MOST)
         return self.run(
             [check_variation(index) for index in indices],
             function,

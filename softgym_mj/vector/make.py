@@ -10,7 +10,7 @@ from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.registry import TaskRecord, find
 
 if TYPE_CHECKING:
-    from softgym_mj.batch.places import Place
+    from softgym_mj.batch.device import Device
     from softgym_mj.vector.backend import Backend
     from softgym_mj.vector.base import VectorEnv
 
@@ -73,26 +73,26 @@ def make_vec(
 
     if context is not None:
         raise InvalidArgumentError("context", context, "None: there are no processes")
-    place = make_place(device, check_count("num_envs", num_envs, 1), num_workers)
-    backend = BatchBackend(make(), num_envs, place, make)
+    batch_device = make_device(device, check_count("num_envs", num_envs, 1), num_workers)
+    backend = BatchBackend(make(), num_envs, batch_device, make)
     return VectorEnv(backend, variations, AutoresetMode(autoreset_mode))
 
 
-def make_place(device: str, num_envs: int, num_workers: int | None = None) -> "Place":
-    """Where the rows of a batch are.
+def make_device(device: str, num_envs: int, num_workers: int | None = None) -> "Device":
+    """Returns the device that stores and steps a batch.
 
     Args:
         device: "host" or "cuda".
         num_envs, num_workers: of `make_vec`.
     """
     if device == "cuda":
-        from softgym_mj.batch.gpu import Gpu
+        from softgym_mj.batch.gpu import CudaDevice
 
         if num_workers is not None:
             raise InvalidArgumentError("num_workers", num_workers, "None: there are none")
-        return Gpu()
-    from softgym_mj.batch.places import Processor
+        return CudaDevice()
+    from softgym_mj.batch.device import CpuDevice
     from softgym_mj.vector.processes import num_cores
 
     threads = min(num_envs, num_cores()) if num_workers is None else num_workers
-    return Processor(check_count("num_workers", threads, 1, num_envs))
+    return CpuDevice(check_count("num_workers", threads, 1, num_envs))

@@ -40,6 +40,6 @@ def test_what_there_is_no_gpu_for():
     assert isinstance(failed.exception, InvalidArgumentError | UnavailableError)
     if not torch.cuda.is_available():
         with pytest.raises(UnavailableError, match="no CUDA device"):
-            gpu.Gpu()
+            gpu.CudaDevice()
         failed = CliRunner().invoke(commands.app, ["compile"])
         assert isinstance(failed.exception, UnavailableError)

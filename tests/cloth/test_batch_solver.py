@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.batch.places import Processor
+from softgym_mj.batch.device import CpuDevice
 from softgym_mj.cloth.batch_solver import CANDIDATES_FULL, NOT_FINITE, ClothBatchSolver, describe
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 
@@ -28,10 +28,10 @@ class _Spoilt(ClothBatchSolver):
         super()._step(**told)
 
 
-def _solver(models, place=None):
+def _solver(models, device=None):
     """ClothBatchSolver of these models."""
     most = 600  # Vertices of the largest one.
-    solver = _Spoilt(len(models), most, 2, place)
+    solver = _Spoilt(len(models), most, 2, device)
     for i, model in enumerate(models):
         solver.start(i, model)
     return solver
@@ -124,7 +124,7 @@ def test_an_environment_makes_the_steps_of_the_plugin(task, variation, number):
 @pytest.mark.parametrize("task", ["rope_configuration", "fold_crumpled_cloth", "drop_cloth"])
 def test_no_bit_depends_on_the_order_of_what_is_done_at_once(task, turns):
     followed = _Followed(task, 806, fidelity="fast")
-    solver = _solver([_model(followed.env)], Processor(turns=turns))
+    solver = _solver([_model(followed.env)], CpuDevice(turns=turns))
     followed.place(solver, 0)
     _play_and_check([followed], solver, 6)
 
@@ -135,7 +135,7 @@ def test_environments_of_different_sizes_side_by_side():
     ]
     models = [_model(each.env) for each in followed]
     assert len({len(model) for model in models}) == 3
-    solver = _solver([*models, models[0]], Processor(num_threads=2))
+    solver = _solver([*models, models[0]], CpuDevice(num_threads=2))
     for i, each in enumerate([*followed, followed[0]]):
         each.place(solver, i)
     twin = _solver([models[0]])
@@ -172,7 +172,7 @@ def test_an_environment_that_is_not_finite_changes_no_other():
 def test_an_environment_without_room_for_its_contacts_is_flagged(turns):
     followed = _Followed("spread_cloth", 803, fidelity="fast")
     models = [_model(followed.env), _model(followed.env, 0.01)]
-    solver = _solver(models, Processor(turns=turns))
+    solver = _solver(models, CpuDevice(turns=turns))
     for i in range(2):
         followed.place(solver, i)
     for told in followed.steps(followed.actions(2, 0)):
@@ -226,7 +226,7 @@ def test_states_do_not_depend_on_the_order_of_what_is_done_at_once():
     states = []
     for turns in (0, 3):
         followed = _Followed("spread_cloth", 803, fidelity="fast")
-        solver = _solver([_model(followed.env)], Processor(turns=turns))
+        solver = _solver([_model(followed.env)], CpuDevice(turns=turns))
         followed.place(solver, 0)
         for told in followed.steps(followed.actions(2, 0)):
             solver.step(*(array[None] for array in told))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from softgym_mj.batch.places import Processor
+from softgym_mj.batch.device import CpuDevice
 from softgym_mj.cloth.batch_solver import ClothBatchSolver, describe
 from tests.cloth.flex_scene import TIMESTEP, WOVEN, Flex, FlexScene, sheet
 
@@ -126,7 +126,7 @@ def test_layers_rest_a_thickness_apart_at_a_sliver():
 def test_environments_of_slivers_have_the_bits_of_the_plugin(turns):
     scene = standing(irregular(0))
     count = len(scene.positions())
-    solver = ClothBatchSolver(1, count, 0, Processor(turns=turns))
+    solver = ClothBatchSolver(1, count, 0, CpuDevice(turns=turns))
     solver.start(0, describe(scene.model, [], room=4.0))
     solver.qpos[0] = scene.data.qpos.reshape(-1, 3)
     nothing = np.zeros((1, 0, 3))

@@ -15,7 +15,7 @@ from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
-from tests.native.torch_processor import TorchProcessor
+from tests.native.torch_device import TorchDevice
 
 TASK, SETTINGS = "straighten_rope", {"fidelity": "fast", "split": [3]}
 WIDE = np.array([1.5, -7.0, 0.3, 2.0, -1.0, 0.0, 1.0, -1.001])
@@ -30,7 +30,7 @@ def vector(device, **settings):
 
 def tensors(**settings):
     """Rows in tensors, as on a GPU."""
-    backend = BatchBackend(SoftGymEnv(TASK, **SETTINGS, **settings), 2, TorchProcessor())
+    backend = BatchBackend(SoftGymEnv(TASK, **SETTINGS, **settings), 2, TorchDevice())
     envs = VectorEnv(backend, SETTINGS["split"], AutoresetMode.NEXT_STEP)
     envs.reset(seed=0)
     return envs

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.batch.places import Processor
+from softgym_mj.batch.device import CpuDevice
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.fluid.batch_solver import NOT_FINITE, TOO_MANY_NEIGHBORS, FluidBatchSolver, describe
 
@@ -71,9 +71,9 @@ class _Spoilt(FluidBatchSolver):
         super()._step(**told)
 
 
-def _solver(followed, place=None):
+def _solver(followed, device=None):
     count = max(each.water.num_points for each in followed)
-    solver = _Spoilt(len(followed), count, len(followed[0].cups), place)
+    solver = _Spoilt(len(followed), count, len(followed[0].cups), device)
     for i, each in enumerate(followed):
         each.place(solver, i)
     return solver
@@ -83,7 +83,7 @@ def _solver(followed, place=None):
 @pytest.mark.parametrize("task", ["transport_water", "pour_water", "pour_water_amount"])
 def test_an_environment_makes_the_steps_of_the_plugin(task, turns):
     followed = _Followed(task, 806)
-    solver = _solver([followed], Processor(turns=turns))
+    solver = _solver([followed], CpuDevice(turns=turns))
     for poses in followed.steps(4):
         solver.step(poses[None])
         followed.check(solver, 0)
@@ -94,7 +94,7 @@ def test_particles_in_one_place_part_alike():
     followed = _Followed("transport_water", 806)
     followed.state["positions"][5] = followed.state["positions"][9]
     followed.state["velocities"][5] = followed.state["velocities"][9]
-    solver = _solver([followed], Processor(turns=2))
+    solver = _solver([followed], CpuDevice(turns=2))
     for poses in followed.steps(1):
         solver.step(poses[None])
         followed.check(solver, 0)
@@ -105,7 +105,7 @@ def test_particles_in_one_place_part_alike():
 def test_environments_of_different_sizes_side_by_side():
     followed = [_Followed("pour_water", i) for i in (801, 803, 810)]
     assert len({each.water.num_points for each in followed}) == 3
-    solver = _solver(followed, Processor(num_threads=2))
+    solver = _solver(followed, CpuDevice(num_threads=2))
     for poses in zip(*(each.steps(2) for each in followed), strict=True):
         solver.step(np.stack(poses))
     for i, each in enumerate(followed):

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 import softgym_mj
-from softgym_mj.batch.places import Processor
+from softgym_mj.batch.device import CpuDevice
 from softgym_mj.rendering.batch import Pictures, describe
 from tests.cloth import test_batch_solver as cloth
 from tests.fluid import test_batch_solver as water
@@ -19,7 +19,7 @@ THREADS = 16  # Of a block: two groups of eight lanes.
 SIDES = 16, 12  # Of a picture [pixels].
 
 
-class _Emulated(Processor):
+class _Emulated(CpuDevice):
     """Steps by the functions of a library, of the names of those of the package's."""
 
     def __init__(self, file):
@@ -33,14 +33,14 @@ class _Emulated(Processor):
 
 def step_and_check(file, task, variation, steps):
     """Makes some sim steps from a variation's start; each ends like the plugin's."""
-    place = _Emulated(file)
+    device = _Emulated(file)
     if "water" in task:
         followed = water._Followed(task, variation)
-        solver = water._solver([followed], place)
+        solver = water._solver([followed], device)
         told = ((poses,) for poses in followed.steps(1))
     else:
         followed = cloth._Followed(task, variation, fidelity="fast")
-        solver = cloth._solver([cloth._model(followed.env)], place)
+        solver = cloth._solver([cloth._model(followed.env)], device)
         followed.place(solver, 0)
         told = followed.steps(followed.actions(1, 0))
     for arrays in itertools.islice(told, steps):
@@ -56,8 +56,8 @@ def draw_and_check(file, task, variation):
     points = next(iter(env.task.scene.points().values()))[None]
     described = describe(env.physics.model.ptr, ["task"], {}, env.task.scene.segmentation_models)
     found = []
-    for place in (Processor(), _Emulated(file)):
-        pictures = Pictures(1, points.shape[1], 0, 1, SIDES, place)
+    for device in (CpuDevice(), _Emulated(file)):
+        pictures = Pictures(1, points.shape[1], 0, 1, SIDES, device)
         told = np.array([pictures.load(described)]), points, np.zeros((1, 0, 7))
         found.append([pictures.colors(*told), *pictures.surfaces(*told)])
     for one, other in zip(*found, strict=True):

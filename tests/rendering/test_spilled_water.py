@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.batch.places import Processor
+from softgym_mj.batch.device import CpuDevice
 from softgym_mj.rendering.batch import Pictures, describe
 from softgym_mj.rendering.observables import LABELS, LabelledView
 
@@ -45,8 +45,8 @@ def _drawn_by_opengl(env, points):
 
 
 def _drawn_in_a_batch(env, points):
-    place = Processor()
-    pictures = Pictures(1, len(points), 0, 1, SIZE, place)
+    device = CpuDevice()
+    pictures = Pictures(1, len(points), 0, 1, SIZE, device)
     scene = describe(env.physics.model.ptr, ["task"], {}, env.task.scene.segmentation_models)
     labels, _ = pictures.surfaces(
         np.array([pictures.load(scene)]), points[None].copy(), np.zeros((1, 0, 7))

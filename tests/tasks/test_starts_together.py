@@ -5,12 +5,12 @@ import pytest
 from typer.testing import CliRunner
 
 import softgym_mj.tasks.shared.starts.settling
-from softgym_mj.batch.places import Processor
+from softgym_mj.batch.device import CpuDevice
 from softgym_mj.cli import commands
 from softgym_mj.registry import find
 from softgym_mj.tasks.shared.starts.cloths import CrumpledCloth, FlatCloth, HangingCloth
 from softgym_mj.tasks.shared.starts.twisted_rope import TwistedRope
-from tests.native.torch_processor import TorchProcessor
+from tests.native.torch_device import TorchDevice
 
 INDICES = [803, 7]
 
@@ -20,19 +20,19 @@ def _water():
 
 
 @pytest.mark.parametrize(
-    ("start", "place"),
+    ("start", "device"),
     [
-        (TwistedRope(fidelity="fast"), TorchProcessor()),
-        (FlatCloth(fidelity="fast"), Processor(2, 3)),
-        (HangingCloth(fidelity="fast"), Processor(1, 3)),
-        (CrumpledCloth(fidelity="fast"), Processor(1, 1)),
-        ("water", TorchProcessor()),
+        (TwistedRope(fidelity="fast"), TorchDevice()),
+        (FlatCloth(fidelity="fast"), CpuDevice(2, 3)),
+        (HangingCloth(fidelity="fast"), CpuDevice(1, 3)),
+        (CrumpledCloth(fidelity="fast"), CpuDevice(1, 1)),
+        ("water", TorchDevice()),
     ],
     ids=["rope", "flat", "hanging", "crumpled", "water"],
 )
-def test_together_as_alone(start, place):
+def test_together_as_alone(start, device):
     start = _water() if start == "water" else start
-    together = start.generate_all(INDICES, place)
+    together = start.generate_all(INDICES, device)
     for index, found in zip(INDICES, together, strict=True):
         np.testing.assert_array_equal(found, start.generate(index))
 
@@ -46,7 +46,7 @@ def test_what_there_is_no_room_for_is_settled_alone(monkeypatch):
         "describe",
         lambda model, grippers: describe(model, grippers, 0.02),
     )
-    (together,) = start.generate_all([7], Processor())
+    (together,) = start.generate_all([7], CpuDevice())
     np.testing.assert_array_equal(together, alone)
 
 

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 import softgym_mj
 import softgym_mj.tasks.straighten_rope
 import softgym_mj.vector.batch.starts
-from softgym_mj.batch.places import Processor
+from softgym_mj.batch.device import CpuDevice
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
 from softgym_mj.metrics import constant
@@ -24,7 +24,7 @@ from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
 from softgym_mj.vector.batch.rows import Rows, leaves
 from tests.kinds import by_kind
-from tests.native.torch_processor import TorchProcessor
+from tests.native.torch_device import TorchDevice
 from tests.vector.same import same
 
 STATES = ["full", "full_mask", "held", "markov", "proprioception", "reduced"]
@@ -285,13 +285,13 @@ def test_pickers_have_action_spaces_of_their_own(register):
 
 
 def test_rows_grow_with_what_is_put_into_them():
-    rows = Rows(1, Processor())
+    rows = Rows(1, CpuDevice())
     rows.put(0, {"a": np.ones((2, 1)), "b": {"c": 5}})
     rows.put(2, {"a": np.full((1, 3), 2.0), "b": {"c": 7}})
     assert rows.whole["b"]["c"].tolist() == [5, 0, 7, 0]
     found = [[[1, 0, 0], [1, 0, 0]], np.zeros((2, 3)), [[2, 2, 2], [0, 0, 0]]]
     np.testing.assert_array_equal(rows.whole["a"][:3], found)
-    others = Rows(2, Processor())
+    others = Rows(2, CpuDevice())
     others.fit(rows)
     others.take(np.array([True, False]), rows, np.array([2, 0]))
     assert others.whole["b"]["c"].tolist() == [7, 0]
@@ -304,8 +304,8 @@ def test_threads_and_turns_change_no_bit():
     settings = {"observation": STATES, "fidelity": "fast", "split": "all"}
     outcomes = []
     for threads, turns in ((1, 0), (2, 4)):
-        place = Processor(threads, turns)
-        backend = BatchBackend(SoftGymEnv("spread_cloth", **settings), 3, place)
+        device = CpuDevice(threads, turns)
+        backend = BatchBackend(SoftGymEnv("spread_cloth", **settings), 3, device)
         envs = VectorEnv(backend, VARIATIONS, AutoresetMode.NEXT_STEP)
         envs.reset(seed=0, options={"variation": VARIATIONS})
         for each in np.random.default_rng(1).uniform(-1.0, 1.0, (3, *envs.action_space.shape)):
@@ -327,11 +327,11 @@ def _twins(task, number=3, mode="NextStep", **settings):
     """The same environments in NumPy's arrays and in PyTorch's tensors."""
     return [
         VectorEnv(
-            BatchBackend(SoftGymEnv(task, **_settings(task, settings)), number, place),
+            BatchBackend(SoftGymEnv(task, **_settings(task, settings)), number, device),
             VARIATIONS,
             AutoresetMode(mode),
         )
-        for place in (Processor(), TorchProcessor())
+        for device in (CpuDevice(), TorchDevice())
     ]
 
 

@@ -8,14 +8,14 @@ import pytest
 import torch
 
 import softgym_mj
-from softgym_mj.batch.places import Processor, function
+from softgym_mj.batch.device import CpuDevice, function
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.rendering.batch import Pictures, describe, layout
 from softgym_mj.rendering.observables import LABELS
 from softgym_mj.vector.batch.cameras import IMAGES
 from tests.kinds import by_kind
-from tests.native.torch_processor import TorchProcessor
+from tests.native.torch_device import TorchDevice
 
 OBJECT = LABELS.index("object")
 SIZE = (72, 64)
@@ -93,19 +93,19 @@ MODEL = """
 """
 
 
-def _ball(place, number=1, size=(65, 65)):
+def _ball(device, number=1, size=(65, 65)):
     """Pictures of environments with a ball on a table, and where it is drawn in them."""
     model = mujoco.MjModel.from_xml_string(MODEL)
     body = model.body("ball").id
-    pictures = Pictures(number, 1, 1, 1, size, place)
+    pictures = Pictures(number, 1, 1, 1, size, device)
     scene = pictures.load(describe(model, ["above"], {body: 0}, {"actor": ()}))
-    scenes = place.put(np.full(number, scene))
-    return pictures, scenes, place.put(np.zeros((number, 1, 3)))
+    scenes = device.put(np.full(number, scene))
+    return pictures, scenes, device.put(np.zeros((number, 1, 3)))
 
 
 def test_distances_and_colours_of_a_ball_on_a_table():
-    place = Processor()
-    pictures, scenes, points = _ball(place)
+    device = CpuDevice()
+    pictures, scenes, points = _ball(device)
     poses = np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]])
     _, distances = pictures.surfaces(scenes, points, poses)
     found = distances[0, 0]
@@ -126,10 +126,10 @@ def test_distances_and_colours_of_a_ball_on_a_table():
 def test_no_bit_depends_on_where_and_in_which_order_things_are_done():
     poses = np.array([[[0.1 * i, 0.05, 0.3, 1.0, 0.0, 0.0, 0.0]] for i in range(3)])
     expected = None
-    for place in (Processor(), Processor(2, 1), Processor(1, 5), TorchProcessor()):
-        pictures, scenes, points = _ball(place, 3)
-        told = scenes, points, place.put(poses)
-        found = [place.get(array) for array in (pictures.colors(*told), *pictures.surfaces(*told))]
+    for device in (CpuDevice(), CpuDevice(2, 1), CpuDevice(1, 5), TorchDevice()):
+        pictures, scenes, points = _ball(device, 3)
+        told = scenes, points, device.put(poses)
+        found = [device.get(array) for array in (pictures.colors(*told), *pictures.surfaces(*told))]
         expected = expected or found
         for a, b in zip(expected, found, strict=True):
             np.testing.assert_array_equal(a, b)
@@ -143,8 +143,8 @@ def test_turns_change_no_bit_of_what_deforms(task):
     points = next(iter(scene.points().values()))[None]
     described = describe(model, ["task"], {}, scene.segmentation_models)
     found = []
-    for place in (Processor(), Processor(1, 1), Processor(1, 3)):
-        pictures = Pictures(1, points.shape[1], 0, 1, (48, 48), place)
+    for device in (CpuDevice(), CpuDevice(1, 1), CpuDevice(1, 3)):
+        pictures = Pictures(1, points.shape[1], 0, 1, (48, 48), device)
         told = np.array([pictures.load(described)]), points, np.zeros((1, 0, 7))
         found.append([pictures.colors(*told), *pictures.surfaces(*told)])
     assert (found[0][1] == OBJECT).any()
@@ -164,7 +164,7 @@ def test_structs_are_those_of_the_program():
 
 
 def test_an_environment_without_a_scene_is_not_drawn():
-    pictures, scenes, points = _ball(Processor(), 2)
+    pictures, scenes, points = _ball(CpuDevice(), 2)
     scenes[0] = 0
     poses = np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]] * 2)
     colors = pictures.colors(scenes, points, poses)
@@ -185,9 +185,9 @@ def test_what_cannot_be_drawn_is_refused_by_name():
 
 
 def test_images_are_tensors_where_states_are():
-    place = TorchProcessor()
-    pictures, scenes, points = _ball(place, 2)
-    poses = place.put(np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]] * 2))
+    device = TorchDevice()
+    pictures, scenes, points = _ball(device, 2)
+    poses = device.put(np.array([[[0.0, 0.0, 0.25, 1.0, 0.0, 0.0, 0.0]]] * 2))
     colors = pictures.colors(scenes, points, poses)
     assert isinstance(colors, torch.Tensor) and colors.dtype == torch.uint8
     later = pictures.colors(scenes, points, poses + 0.1)

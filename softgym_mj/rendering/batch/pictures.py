@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.batch.places import ALIGNMENT, Place, function
+from softgym_mj.batch.device import ALIGNMENT, Device, function
 from softgym_mj.batch.queue import Queue
 from softgym_mj.rendering.batch.scenes import Described, textures_of
 
@@ -32,7 +32,7 @@ class Pictures:
         num_movers: int,
         num_cameras: int,
         size: tuple[int, int],
-        place: Place,
+        device: Device,
     ):
         """Pictures of nothing.
 
@@ -41,20 +41,20 @@ class Pictures:
             most_points: of what deforms in the largest scene.
             num_movers, num_cameras: of each scene.
             size: (height, width) [pixels].
-            place: where they are drawn.
+            device: where they are drawn.
         """
-        self._place, self._size, self._number = place, size, num_envs
-        self._slots = min(num_envs, place.at_once(KIND, _BUSY))
+        self._device, self._size, self._number = device, size, num_envs
+        self._slots = min(num_envs, device.max_slots(KIND, _BUSY))
         self._shape = (num_envs, num_cameras, *size)
-        self._scenes = place.zeros((num_envs,), "int64")
-        self._points = place.zeros((num_envs, most_points, 3), "float64")
-        self._poses = place.zeros((num_envs, num_movers, 7), "float64")
-        self._queue = Queue(num_envs, place)
-        self._colors = place.zeros((*self._shape, 3), "uint8")
-        self._distances = place.zeros(self._shape, "float32")
-        self._labels = place.zeros(self._shape, "uint8")
+        self._scenes = device.zeros((num_envs,), "int64")
+        self._points = device.zeros((num_envs, most_points, 3), "float64")
+        self._poses = device.zeros((num_envs, num_movers, 7), "float64")
+        self._queue = Queue(num_envs, device)
+        self._colors = device.zeros((*self._shape, 3), "uint8")
+        self._distances = device.zeros(self._shape, "float32")
+        self._labels = device.zeros(self._shape, "uint8")
         self._known: dict[bytes, tuple[int, Array]] = {}
-        self._memory: Array = place.zeros((self._slots, 0), "uint8")
+        self._memory: Array = device.zeros((self._slots, 0), "uint8")
         self._batches: dict[int, Array] = {}
         self.grown = 0
 
@@ -71,7 +71,7 @@ class Pictures:
         if needed > self._memory.shape[1]:
             self._memory = None
             self.grown += 1
-            self._memory = self._place.zeros((self._slots, needed), "uint8")
+            self._memory = self._device.zeros((self._slots, needed), "uint8")
             self._batches.clear()
         return address
 
@@ -79,8 +79,8 @@ class Pictures:
         """The address of a copy of bytes, one of all that are the same."""
         key = hashlib.sha256(array.tobytes()).digest()
         if key not in self._known:
-            there = self._place.put(array)
-            self._known[key] = self._place.address(there), there
+            there = self._device.put(array)
+            self._known[key] = self._device.address(there), there
         return self._known[key][0]
 
     def colors(self, scenes: Array, points: Array, poses: Array) -> Array:
@@ -92,7 +92,7 @@ class Pictures:
             poses: of movers (num_envs, movers, 7), positions [m] and quaternions.
         """
         self._draw(_COLORS, SAMPLES, scenes, points, poses)
-        return self._place.xp.asarray(self._colors, copy=True)
+        return self._device.xp.asarray(self._colors, copy=True)
 
     def surfaces(self, scenes: Array, points: Array, poses: Array) -> tuple[Array, Array]:
         """Labels and distances of what the middles of pixels show; arguments as of `colors`.
@@ -102,7 +102,7 @@ class Pictures:
             glass, and how far away it is along the view (...) float32 [m], of glass first.
         """
         self._draw(_SURFACES, 1, scenes, points, poses)
-        xp = self._place.xp
+        xp = self._device.xp
         return xp.asarray(self._labels, copy=True), xp.asarray(self._distances, copy=True)
 
     def _draw(self, what: int, samples: int, scenes: Array, points: Array, poses: Array) -> None:
@@ -114,7 +114,7 @@ class Pictures:
         self._queue.begin()
         if what not in self._batches:
             self._batches[what] = self._written(what, samples)
-        self._place.step(KIND, self._batches[what], self._slots, _BUSY)
+        self._device.step(KIND, self._batches[what], self._slots, _BUSY)
 
     def _written(self, what: int, samples: int) -> Array:
         """`Batch` of scene.h, as bytes."""
@@ -126,5 +126,5 @@ class Pictures:
             self._scenes, self._memory, self._points, self._poses,
             *self._queue.arrays, self._colors, self._distances, self._labels,
         )  # fmt: skip
-        pointers = [self._place.address(array) for array in arrays]
-        return self._place.put(np.array([*sizes, *pointers], np.int64))
+        pointers = [self._device.address(array) for array in arrays]
+        return self._device.put(np.array([*sizes, *pointers], np.int64))

@@ -9,7 +9,7 @@ import numpy as np
 from array_api_compat import is_torch_array
 from gymnasium.vector import AutoresetMode
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.batch.solver import NOT_FINITE
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
@@ -51,7 +51,7 @@ class BatchBackend(Backend):
         self,
         example: SoftGymEnv,
         num_envs: int,
-        place: Place,
+        device: Device,
         make: Callable[[], SoftGymEnv] | None = None,
     ):
         """Takes over an environment, which says how episodes start.
@@ -59,7 +59,7 @@ class BatchBackend(Backend):
         Args:
             example: that environment.
             num_envs: number of environments.
-            place: where they are.
+            device: where they are.
             make: makes such an environment in other processes, too.
 
         Raises:
@@ -67,15 +67,15 @@ class BatchBackend(Backend):
         """
         if example.render_mode is not None:
             raise InvalidArgumentError("render_mode", example.render_mode, "None, on this device")
-        self._example, self._place, self._xp = example, place, place.xp
+        self._example, self._device, self._xp = example, device, device.xp
         self._task, self.horizon = example.dm_env.task, example.horizon
         self._names = _observations(example)
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         kind = Flexes if self._task.flexes.flexes else Waters
-        self._side: Side = kind(example.dm_env, num_envs, place)
-        self._cameras = Cameras(example.dm_env, self._names, num_envs, self._side, place)
-        self._starts = Starts(example.dm_env, self._side, self._cameras, place, make)
-        self._rows = Rows(num_envs, place)
+        self._side: Side = kind(example.dm_env, num_envs, device)
+        self._cameras = Cameras(example.dm_env, self._names, num_envs, self._side, device)
+        self._starts = Starts(example.dm_env, self._side, self._cameras, device, make)
+        self._rows = Rows(num_envs, device)
         self._rows.whole["side"] = self._side.now
         self.observation_space = example.observation_space
         self.action_space = example.action_space
@@ -85,12 +85,12 @@ class BatchBackend(Backend):
         # starts by themselves, warnings so far, and whether the episode has ended or diverged.
         numbers, truths = ("row", "next", "count", "used", "warnings"), ("ended", "diverged")
         self._at = {
-            **{name: place.zeros((num_envs,), "int64") for name in numbers},
-            **{name: place.zeros((num_envs,), "bool") for name in truths},
+            **{name: device.zeros((num_envs,), "int64") for name in numbers},
+            **{name: device.zeros((num_envs,), "bool") for name in truths},
         }
         self._rows.whole["at"] = self._at
-        self._actions = place.zeros((num_envs, *(self.action_space.shape or ())), "float64")
-        self._everyone = place.put(np.ones(num_envs, bool))
+        self._actions = device.zeros((num_envs, *(self.action_space.shape or ())), "float64")
+        self._everyone = device.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
         self._offers = Offers(num_envs)
         self._origins: dict[int, tuple[Snapshot, tuple[int, int, int]]] = {}  # Of `replay`.
@@ -135,7 +135,7 @@ class BatchBackend(Backend):
         if counts is not None:
             count[[*counts]] = [*counts.values()]
         self._started |= which
-        put, xp = self._place.put, self._xp
+        put, xp = self._device.put, self._xp
         mask, at, of, count = put(which), put(at), put(of), put(count)
         self._rows.fit(self._starts.rows)
         with self._rows.kept():
@@ -179,7 +179,7 @@ class BatchBackend(Backend):
         """
         if not is_torch_array(actions):
             checked = checked_actions(actions, self.num_envs, self.action_space, self.clipped)
-            return self._place.put(checked.astype(float))
+            return self._device.put(checked.astype(float))
         shape = self.num_envs, *(self.action_space.shape or ())
         like = self._actions
         if type(like) is not type(actions) or actions.device != like.device:
@@ -192,7 +192,7 @@ class BatchBackend(Backend):
             )
         actions = actions.detach().double()
         if self.clipped is None:
-            checked_actions(self._place.get(actions), self.num_envs, self.action_space)
+            checked_actions(self._device.get(actions), self.num_envs, self.action_space)
         return self._xp.clip(actions, -1.0, 1.0)
 
     def replay(self, trials: Sequence[tuple[Snapshot, np.ndarray]]) -> np.ndarray:
@@ -209,13 +209,13 @@ class BatchBackend(Backend):
         rows, first, left = np.repeat(origins, counts, axis=0).T
         self._start(dict(enumerate(rows.tolist())), dict(enumerate(first.tolist())))
         actions = np.concatenate([sequences for _, sequences in trials])
-        xp, left = self._xp, self._place.put(left)
-        returns = self._place.zeros((self.num_envs,), "float64")
+        xp, left = self._xp, self._device.put(left)
+        returns = self._device.zeros((self.num_envs,), "float64")
         for k in range(min(actions.shape[1], max(origin[2] for origin in origins))):
-            _, rewards, diverged, _, _ = self.advance(self._place.put(actions[:, k]), None)
+            _, rewards, diverged, _, _ = self.advance(self._device.put(actions[:, k]), None)
             total = xp.where(diverged, -math.inf, returns + rewards)
             returns = xp.where(k < left, total, returns)
-        return self._place.get(returns)
+        return self._device.get(returns)
 
     def _origin(self, i: int, snapshot: Snapshot) -> tuple[int, int, int]:
         """Rows of `Starts` of snapshot `i` and of its variation, and the env steps left from it.
@@ -235,7 +235,7 @@ class BatchBackend(Backend):
         if not self._started.all():
             raise LifecycleError("no episode has started: call reset() first")
         if mode == AutoresetMode.DISABLED:
-            check_running(self._place.get(self._at["ended"]))
+            check_running(self._device.get(self._at["ended"]))
         elif mode in _FOLLOWED:
             self._offer()
         self._actions[...] = actions
@@ -244,7 +244,7 @@ class BatchBackend(Backend):
         key = mode, *grown, self._side.changed, self._cameras.changed
         found = self._advanced(mode, key)
         if mode in _FOLLOWED:
-            self._offers.follow(self._place.copy(self._at["used"]))
+            self._offers.follow(self._device.copy(self._at["used"]))
         return found
 
     def _advanced(self, mode: AutoresetMode | None, key: Hashable) -> Any:
@@ -253,7 +253,7 @@ class BatchBackend(Backend):
         Actions that take as long as they need differ from step to step in their sim steps, which
         the device repeats one by one.
         """
-        repeat, steps = self._place.repeat, self._task.action_repeat
+        repeat, steps = self._device.repeat, self._task.action_repeat
         if self._task.actor.sim_steps is None:
             parts = self._command, *[self._sim_step] * steps
             return repeat(key, lambda: self._kept(*parts, lambda: self._outcome(mode)))
@@ -327,11 +327,11 @@ class BatchBackend(Backend):
         self._starts.prepare(changed.values())
         which, rows = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, int)
         which[[*changed]], rows[[*changed]] = True, [*map(self._starts.row, changed.values())]
-        mask, rows = self._place.put(which), self._place.put(rows)
+        mask, rows = self._device.put(which), self._device.put(rows)
         self._at["next"][...] = self._xp.where(mask, rows, self._at["next"])
 
     def settle(self) -> None:
-        self._offers.settle(self._place.get(self._at["used"]), self.draws)
+        self._offers.settle(self._device.get(self._at["used"]), self.draws)
 
     # ------------------------------------------------------------------ what is seen
 
@@ -364,7 +364,7 @@ class BatchBackend(Backend):
             "physics_warnings": self._at["warnings"],
             "diverged": self._at["diverged"],
         }
-        mask = self._place.put(mask) if isinstance(mask, np.ndarray) else mask
+        mask = self._device.put(mask) if isinstance(mask, np.ndarray) else mask
         named: dict[str, Any] = {}
         for name, values in found.items():
             named[name] = xp.where(mask, values, xp.zeros_like(values))
@@ -381,7 +381,7 @@ class BatchBackend(Backend):
 
     def get_state(self) -> list[Snapshot]:
         names = ("variation", "strain", "count", "ended")
-        each = zip(*(self._place.get(array).tolist() for array in self._read()), strict=True)
+        each = zip(*(self._device.get(array).tolist() for array in self._read()), strict=True)
         return [
             self._starts.snapshot(*self._side.get_state(i), **dict(zip(names, values, strict=True)))
             for i, values in enumerate(each)
@@ -404,7 +404,7 @@ class BatchBackend(Backend):
             return (self.horizon,) * self.num_envs
         if name == "shorten":
             steps = np.array([int(share * self.horizon) for (share,), _ in arguments])
-            self._at["count"] += self._place.put(steps)
+            self._at["count"] += self._device.put(steps)
             return (None,) * self.num_envs
         raise InvalidArgumentError("name", name, "'horizon' or 'shorten', on this device")
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array
@@ -41,7 +41,7 @@ class Cameras:
     """
 
     def __init__(
-        self, env: Environment, names: Sequence[str], num_envs: int, side: Side, place: Place
+        self, env: Environment, names: Sequence[str], num_envs: int, side: Side, device: Device
     ):
         """Notes what is to be drawn.
 
@@ -50,14 +50,14 @@ class Cameras:
             names: of observations, of which images are drawn.
             num_envs: number of environments.
             side: what moves in them.
-            place: where they are.
+            device: where they are.
 
         Raises:
             InvalidArgumentError: for what cannot be drawn so.
         """
         self._images = {name: IMAGES[name] for name in names if name in IMAGES}
         self.observed = tuple(self._images)
-        self._xp, task = place.xp, env.task
+        self._xp, task = device.xp, env.task
         wanted = {camera for image in self._images.values() for camera in image.cameras}
         self.names = tuple(camera for camera in ("task", *EXTERNAL) if camera in wanted)
         if not self._images:
@@ -69,7 +69,7 @@ class Cameras:
         name, image = next(iter(self._images.items()))
         shape = env.observation_spec()[name].shape[image.is_stack :]
         self._pictures = Pictures(
-            num_envs, task.max_points, len(side.movers()), len(self.names), shape[:2], place
+            num_envs, task.max_points, len(side.movers()), len(self.names), shape[:2], device
         )
 
     @property

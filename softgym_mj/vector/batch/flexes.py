@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.cloth.batch_solver import KEPT_PAIRS, ClothBatchSolver, describe
 from softgym_mj.entities.flex import edge_strains, highest_speed, pulls_out
 from softgym_mj.envs.environment import Environment
@@ -31,12 +31,12 @@ def _is_known(actor: type) -> bool:
 class Flexes(Side):
     """See the module docstring."""
 
-    def __init__(self, env: Environment, num_envs: int, place: Place):
+    def __init__(self, env: Environment, num_envs: int, device: Device):
         """Makes environments for an environment's task.
 
         Args:
             env: says how episodes start.
-            num_envs, place: of `ClothBatchSolver`.
+            num_envs, device: of `ClothBatchSolver`.
 
         Raises:
             InvalidArgumentError: unless there is one flex and the actor is a picker.
@@ -50,18 +50,18 @@ class Flexes(Side):
             raise InvalidArgumentError("objects", [*task.scene.materials], valid)
         self._env, self._flex, self._actor = env, flexes[0], task.actor
         self._name = next(iter(task.scene.materials))
-        self._place, self._xp, actor = place, place.xp, task.actor
-        self._solver = ClothBatchSolver(num_envs, task.max_points, actor.num_grippers, place)
+        self._device, self._xp, actor = device, device.xp, task.actor
+        self._solver = ClothBatchSolver(num_envs, task.max_points, actor.num_grippers, device)
         self.flags, self.now = self._solver.flags, self._solver.rows()
         own = actor.radius, actor.pick_distance
         self._pickers = (
-            Routes(self.now, place, num_envs, *own)
+            Routes(self.now, device, num_envs, *own)
             if isinstance(actor, PixelPickAndPlace)
-            else Pickers(self.now, place.xp, actor.num_grippers, *own, actor.commands)
+            else Pickers(self.now, device.xp, actor.num_grippers, *own, actor.commands)
         )
         # Of meshes that have been seen, all that `Ways.all` says, where it begins for each, and
         # where what is free begins.
-        self._ways = place.zeros((1,), "float64")
+        self._ways = device.zeros((1,), "float64")
         self._ways_at: dict[bytes, int] = {}
         self._ways_end = 0
 
@@ -112,10 +112,10 @@ class Flexes(Side):
     def _append(self, ways: np.ndarray) -> None:
         first, last = self._ways_end, self._ways_end + len(ways)
         if last > len(self._ways):
-            larger = self._place.zeros((max(last, 2 * len(self._ways)),), "float64")
+            larger = self._device.zeros((max(last, 2 * len(self._ways)),), "float64")
             larger[:first] = self._ways[:first]
             self._ways = larger
-        self._ways[first:last] = self._place.put(ways)
+        self._ways[first:last] = self._device.put(ways)
         self._ways_end = last
 
     def arrays(self) -> Arrays:
@@ -213,7 +213,7 @@ class Flexes(Side):
     def strains(self) -> Array:
         xp, now = self._xp, self.now
         ends, points = now["ends"], self.points(now["origin"].shape[1])
-        exists = xp.arange(ends.shape[1], device=self._place.device) < now["num_edges"][:, None]
+        exists = xp.arange(ends.shape[1], device=self._device.xp_device) < now["num_edges"][:, None]
         strains = edge_strains(points, ends, xp.where(exists, now["lengths"], 1.0))
         return xp.max(xp.where(exists, strains, -math.inf), axis=1)
 
@@ -234,5 +234,5 @@ class Flexes(Side):
         return self._xp.astype(self.now["held"] >= 0, self._xp.uint8)
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
-        actor = {name: self._place.get(self.now[name][i]) for name in self._actor.get_state()}
+        actor = {name: self._device.get(self.now[name][i]) for name in self._actor.get_state()}
         return self._solver.get_state(i), actor

@@ -4,7 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from softgym_mj.batch.places import Copy
+from softgym_mj.batch.device import Copy
 from softgym_mj.vector.draws import Draws
 
 _MOST_BEHIND = 8  # Env steps that a device may be behind this process.

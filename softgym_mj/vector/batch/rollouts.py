@@ -12,7 +12,7 @@ from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.registry import TaskRecord
 from softgym_mj.vector.batch.backend import BatchBackend
-from softgym_mj.vector.make import make_place
+from softgym_mj.vector.make import make_device
 
 
 class DeviceRollouts:
@@ -58,7 +58,7 @@ class DeviceRollouts:
 
     def _backend(self, number: int) -> BatchBackend:
         """So many environments, with room for all variations."""
-        backend = BatchBackend(self._make(), number, make_place(self._device, number))
+        backend = BatchBackend(self._make(), number, make_device(self._device, number))
         several = itertools.cycle(self._variations)
         for _ in range(0, len(self._variations), number):
             backend.reset(dict(zip(range(number), several, strict=False)))

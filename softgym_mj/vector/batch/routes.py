@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.metrics import Array, constant
 from softgym_mj.robots.grip import GripCommand
 from softgym_mj.robots.pick_and_place import CLOSED, routes, shown_points
@@ -21,27 +21,27 @@ class Routes(Pickers):
     """
 
     def __init__(
-        self, now: dict[str, Any], place: Place, num_envs: int, radius: float, reach: float
+        self, now: dict[str, Any], device: Device, num_envs: int, radius: float, reach: float
     ):
         """Makes room for routes.
 
         Args:
             now, radius, reach: of `Pickers`; "view" are cameras for `shown_points`.
-            place: where the arrays are.
+            device: where the arrays are.
             num_envs: how many.
         """
-        super().__init__(now, place.xp, 1, radius, reach)
-        self._place = place
+        super().__init__(now, device.xp, 1, radius, reach)
+        self._device = device
         parts = len(CLOSED)
-        self._steps = place.zeros((num_envs, parts, 1, 3), "float64")  # In each sim step [m].
-        self._ends = place.zeros((num_envs, parts), "float64")  # Sim steps from the start.
-        self._done = place.zeros((num_envs,), "float64")  # Sim steps.
-        self.moving = place.zeros((num_envs,), "bool")
+        self._steps = device.zeros((num_envs, parts, 1, 3), "float64")  # In each sim step [m].
+        self._ends = device.zeros((num_envs, parts), "float64")  # Sim steps from the start.
+        self._done = device.zeros((num_envs,), "float64")  # Sim steps.
+        self.moving = device.zeros((num_envs,), "bool")
 
     @property
     def longest(self) -> int:
         """Sim steps that the longest route takes; asks the device."""
-        return int(self._place.get(self._ends).max())
+        return int(self._device.get(self._ends).max())
 
     def command(self, actions: Array) -> None:
         """Starts an env step with actions (num_envs, 5)."""

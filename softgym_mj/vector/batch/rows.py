@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.metrics import Array
 
 
@@ -20,14 +20,14 @@ class Rows:
         grown: how many times an array has been replaced by a larger one.
     """
 
-    def __init__(self, number: int, place: Place):
+    def __init__(self, number: int, device: Device):
         """Empty rows.
 
         Args:
             number: of rows, at first.
-            place: where they are.
+            device: where they are.
         """
-        self._number, self._place = number, place
+        self._number, self._device = number, device
         self.whole: dict[str, Any] = {}
         self.grown = 0
 
@@ -46,7 +46,7 @@ class Rows:
             whole[name] = self._grown(whole.get(name), array.shape, array.dtype.name)
             whole[name][i] = 0
             part = tuple(slice(size) for size in array.shape)
-            whole[name][i, ...][part] = self._place.put(array)
+            whole[name][i, ...][part] = self._device.put(array)
 
     def _grown(self, whole: Array | None, shape: tuple[int, ...], dtype: str) -> Array:
         """An array with a row of at least a shape for each, and what was in it."""
@@ -55,7 +55,7 @@ class Rows:
         if whole is not None and tuple(whole.shape) == shape:
             return whole
         self.grown += 1
-        larger = self._place.zeros(shape, dtype)
+        larger = self._device.zeros(shape, dtype)
         if whole is not None:
             larger[tuple(slice(size) for size in whole.shape)] = whole
         return larger
@@ -102,7 +102,7 @@ class Rows:
                 continue
             chosen = which.reshape((-1, *[1] * (other.ndim - 1)))
             part = whole[name][(slice(None), *(slice(size) for size in other.shape[1:]))]
-            part[...] = self._place.xp.where(chosen, other[rows], part)
+            part[...] = self._device.xp.where(chosen, other[rows], part)
 
 
 def leaves(whole: dict[str, Any]) -> list[tuple[dict[str, Any], str, Array]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import cloudpickle
 
-from softgym_mj.batch.places import Place, Processor
+from softgym_mj.batch.device import CpuDevice, Device
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
@@ -31,7 +31,7 @@ SOON = 4  # Episodes of each environment in which most variations come up.
 
 
 def read(env: Environment, side: Side, cameras: Cameras) -> dict[str, Any]:
-    """Where an environment is: what `Starts.rows` are made of, without arrays of a place."""
+    """Where an environment is: what `Starts.rows` are made of, without arrays of a device."""
     task = env.task
     return {
         "side": side.read(),
@@ -64,9 +64,9 @@ def _opened(pickled: bytes) -> tuple[Environment, Side, Cameras]:
     make, kind, names = pickle.loads(pickled)
     with blank_images():
         env = make().dm_env
-    place = Processor()
-    side = kind(env, 1, place)
-    return env, side, Cameras(env, names, 1, side, place)
+    device = CpuDevice()
+    side = kind(env, 1, device)
+    return env, side, Cameras(env, names, 1, side, device)
 
 
 class Starts:
@@ -83,7 +83,7 @@ class Starts:
         env: Environment,
         side: Side,
         cameras: Cameras,
-        place: Place,
+        device: Device,
         make: Callable[[], SoftGymEnv] | None = None,
     ):
         """Checks that a batch can play the task.
@@ -92,7 +92,7 @@ class Starts:
             env: plays it.
             side: reads what is there,
             cameras: and what they see.
-            place: where the rows are.
+            device: where the rows are.
             make: makes such an environment in other processes, if that can be done.
 
         Raises:
@@ -105,7 +105,7 @@ class Starts:
         if env.task.counts_intersections:
             raise InvalidArgumentError("count_intersections", True, "False, on this device")
         self._env, self._side, self._cameras, self._make = env, side, cameras, make
-        self.rows = Rows(1, place)
+        self.rows = Rows(1, device)
         self._known: dict[Any, int] = {}
 
     def prepare(self, variations: Iterable[int]) -> None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
@@ -21,12 +21,12 @@ POSITION_AND_QUATERNION = slice(7)  # Of a whole pose.
 class Waters(Side):
     """See the module docstring. The cup that moves does what `CupMover` does."""
 
-    def __init__(self, env: Environment, num_envs: int, place: Place):
+    def __init__(self, env: Environment, num_envs: int, device: Device):
         """Makes environments for an environment's task.
 
         Args:
             env: says how episodes start.
-            num_envs, place: of `FluidBatchSolver`.
+            num_envs, device: of `FluidBatchSolver`.
 
         Raises:
             InvalidArgumentError: unless a cup that is told where to go is the actor.
@@ -42,8 +42,8 @@ class Waters(Side):
             task.scene.materials[self._name], task.actor, task.scene.cups,
         )  # fmt: skip
         self._names = [cup.mjcf_model.model for cup in self._cups]
-        self._place, self._xp, self._number = place, place.xp, num_envs
-        self._solver = FluidBatchSolver(num_envs, task.max_points, len(self._cups), place)
+        self._device, self._xp, self._number = device, device.xp, num_envs
+        self._solver = FluidBatchSolver(num_envs, task.max_points, len(self._cups), device)
         self.flags, self.now = self._solver.flags, self._solver.rows()
         self._step: Array = None
 
@@ -132,21 +132,21 @@ class Waters(Side):
 
     def strains(self) -> Array:
         """See `Side`: zeros (num_envs,), there is no edge."""
-        return self._place.zeros((self._number,), "float64")
+        return self._device.zeros((self._number,), "float64")
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
         return {"rejected_moves": self.now["rejected"]}
 
     def holds(self) -> Array:
         """See `Side`: (num_envs, 0), there are no grippers."""
-        return self._place.zeros((self._number, 0), "uint8")
+        return self._device.zeros((self._number, 0), "uint8")
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         state = dict(self._solver.get_state(i))
-        poses = self._place.get(self.now["poses"][i])
+        poses = self._device.get(self.now["poses"][i])
         for pose, name in zip(poses, self._names, strict=True):
             state[f"{name} position"], state[f"{name} quaternion"] = pose[:3], pose[3:7]
-        return state, {name: self._place.get(self.now[name][i]) for name in ("way", "rejected")}
+        return state, {name: self._device.get(self.now[name][i]) for name in ("way", "rejected")}
 
 
 def _planar(poses: Array) -> Array:

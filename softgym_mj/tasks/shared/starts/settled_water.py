@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.cup import Cup, CupSize
 from softgym_mj.exceptions import SimulationError
@@ -38,8 +38,8 @@ def lattice(size: CupSize, resolution: Resolution, random: np.random.Generator) 
     pitch = np.array([size.length / columns, size.width / rows, 0.0])
     pitch[2] = LOOSENESS * resolution.spacing**3 / (pitch[0] * pitch[1])
     site = np.arange(count)
-    layer, place = np.divmod(site, columns * rows)
-    sites = np.column_stack([place % columns, place // columns, layer])
+    layer, cell = np.divmod(site, columns * rows)
+    sites = np.column_stack([cell % columns, cell // columns, layer])
     noise = random.uniform(-NOISE, NOISE, (count, 3)) * resolution.spacing
     corner = [-size.length / 2, -size.width / 2, size.wall / 2]
     return corner + pitch * (sites + 0.5) + noise
@@ -89,31 +89,31 @@ class SettledWater:
             mujoco.mj_step(physics.model.ptr, physics.data.ptr)
         return self._checked(index, cup, water.points())
 
-    def generate_all(self, indices: Sequence[int], place: Place) -> list[np.ndarray]:
+    def generate_all(self, indices: Sequence[int], device: Device) -> list[np.ndarray]:
         """What `generate` makes of each (n, 3) [m], all together on a device.
 
         The same bits, as the simulation has them; what it has no room for is made alone.
         """
         scenes = [self._scene(index) for index in indices]
         most = max(water.num_points for _, _, water in scenes)
-        solver = FluidBatchSolver(len(indices), most, 1, place)
+        solver = FluidBatchSolver(len(indices), most, 1, device)
         poses = np.zeros((len(indices), 1, 7))
         for i, (physics, cup, water) in enumerate(scenes):
             model = physics.model.ptr
             solver.start(i, describe(model, [model.body(cup.body.full_identifier).id]))
-            solver.set_state(i, {"positions": place.put(water.points())})
+            solver.set_state(i, {"positions": device.put(water.points())})
             poses[i, 0] = *cup.position, *cup.quaternion
-        told = place.put(poses)
+        told = device.put(poses)
         found: dict[int, np.ndarray] = {}
         left = {i: _Rest(f"variation {index} of {self.name}") for i, index in enumerate(indices)}
         while left:
-            speeds, flags = place.get(solver.velocities), place.get(solver.flags)
+            speeds, flags = device.get(solver.velocities), device.get(solver.flags)
             for i in list(left):
                 _, cup, water = scenes[i]
                 if flags[i]:
                     found[i] = self.generate(indices[i])
                 elif left[i].has_come(speeds[i, : water.num_points]):
-                    points = place.get(solver.positions[i, : water.num_points])
+                    points = device.get(solver.positions[i, : water.num_points])
                     found[i] = self._checked(indices[i], cup, points)
                 else:
                     continue

@@ -11,7 +11,7 @@ from collections.abc import Generator, Mapping, Sequence
 import mujoco
 import numpy as np
 
-from softgym_mj.batch.places import Place
+from softgym_mj.batch.device import Device
 from softgym_mj.cloth.batch_solver import NOT_FINITE, ClothBatchSolver, describe
 from softgym_mj.entities.arena import Arena
 from softgym_mj.entities.flex import GRIPPER_CONTACT, Flex
@@ -117,7 +117,7 @@ class SettledFlex(abc.ABC):
             answer = _answer(procedure, flex.points())
         return answer
 
-    def generate_all(self, indices: Sequence[int], place: Place) -> list[np.ndarray]:
+    def generate_all(self, indices: Sequence[int], device: Device) -> list[np.ndarray]:
         """What `generate` makes of each (n, 3) [m], all together on a device.
 
         The same bits, as the simulation has them; what it has no room for is made alone.
@@ -127,26 +127,26 @@ class SettledFlex(abc.ABC):
         """
         flexes = [self.flex(index) for index in indices]
         most = max(flex.num_points for flex in flexes)
-        solver = ClothBatchSolver(len(indices), most, _MOST_HELD, place)
+        solver = ClothBatchSolver(len(indices), most, _MOST_HELD, device)
         procedures: dict[int, Procedure] = {}
         held: dict[int, Held] = {}
         found: dict[int, np.ndarray] = {}
         for i, (index, flex) in enumerate(zip(indices, flexes, strict=True)):
             solver.start(i, _described(flex))
             flex.set_points(self.begin(index, flex))
-            solver.set_state(i, {"qpos": place.put(flex.slides)})
+            solver.set_state(i, {"qpos": device.put(flex.slides)})
             procedures[i] = self.procedure(index, flex, Settling(flex.points()))
             held[i] = next(procedures[i])
         away = np.tile(_AWAY, (len(indices), _MOST_HELD, 1))
-        solver.gripper_qpos[...] = place.put(away)
+        solver.gripper_qpos[...] = device.put(away)
         while held:
             which = np.full((len(indices), _MOST_HELD), -1, np.int32)
             goals = np.zeros((len(indices), _MOST_HELD, 3))
             for i, own in held.items():
                 for k, (vertex, goal) in enumerate(own.items()):
                     which[i, k], goals[i, k] = vertex, goal
-            solver.step(*map(place.put, (away, which, goals)))
-            moved, flags = place.get(solver.qpos), place.get(solver.flags)
+            solver.step(*map(device.put, (away, which, goals)))
+            moved, flags = device.get(solver.qpos), device.get(solver.flags)
             for i in list(held):
                 if flags[i] & NOT_FINITE:
                     raise SimulationError(f"variation {indices[i]} of {self.name} has diverged")

@@ -1,4 +1,4 @@
-"""`Place`: where the arrays of environments are, and what makes their steps: this processor."""
+"""`Device`: where the arrays of environments are, and what makes their steps: this processor."""
 
 import ctypes
 from collections.abc import Callable, Hashable
@@ -24,18 +24,18 @@ class Copy(Protocol):
         """The array (...), once it has come."""
 
 
-class Place(Protocol):
+class Device(Protocol):
     """Arrays of NumPy or PyTorch, and programs that step environments of a kind which lie in them.
 
     Attributes:
         xp: the arrays' namespace.
-        device: as its functions take it.
+        xp_device: `device` argument of its functions; None for NumPy.
     """
 
     xp: Any
-    device: Any
+    xp_device: Any
 
-    def at_once(self, kind: str, size: int) -> int:
+    def max_slots(self, kind: str, size: int) -> int:
         """How many environments of a kind it works on at a time, at most; `size` as of `step`."""
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
@@ -84,11 +84,11 @@ class _Copied(Copy):
         return self._array
 
 
-class Processor(Place):
+class CpuDevice(Device):
     """This processor."""
 
     xp: Any = np
-    device: Any = None
+    xp_device: Any = None
 
     def __init__(self, num_threads: int = 1, turns: int = 0):
         """Notes how environments are stepped.
@@ -99,7 +99,7 @@ class Processor(Place):
         """
         self._threads, self._turns = num_threads, turns
 
-    def at_once(self, kind: str, size: int) -> int:
+    def max_slots(self, kind: str, size: int) -> int:
         return self._threads
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> np.ndarray:

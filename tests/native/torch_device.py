@@ -1,17 +1,17 @@
-"""`TorchProcessor`: what a GPU does with PyTorch's tensors, on the processor."""
+"""`TorchDevice`: what a GPU does with PyTorch's tensors, on the processor."""
 
 import numpy as np
 import torch
 from array_api_compat import torch as xp
 
-from softgym_mj.batch.places import Processor
+from softgym_mj.batch.device import CpuDevice
 
 
-class TorchProcessor(Processor):
-    """Like `batch.gpu.Gpu`, with the programs of the processor."""
+class TorchDevice(CpuDevice):
+    """Like `batch.gpu.CudaDevice`, with the programs of the processor."""
 
     xp = xp
-    device = torch.device("cpu")
+    xp_device = torch.device("cpu")
 
     def zeros(self, shape, dtype):
         return torch.from_numpy(super().zeros(shape, dtype))
