@@ -17,7 +17,7 @@ from softgym_mj.exceptions import (
     check_count,
     check_name,
 )
-from softgym_mj.kinds import check_kind
+from softgym_mj.validation import check_type
 
 if TYPE_CHECKING:
     from softgym_mj.tasks import Task
@@ -118,7 +118,7 @@ class TaskRecord:
                     f"{self.name} got an unexpected keyword argument {name!r}; "
                     f"valid choices: {choices}."
                 )
-            check_kind(name, value, own[name])
+            check_type(name, value, own[name])
 
     def build(self, **task_kwargs) -> "Task":
         """Builds the task; errors as of `check_arguments`: nothing else comes in from outside."""

@@ -5,7 +5,7 @@ import pathlib
 # Each folder or root module imports only from floors below its own.
 FLOORS = [
     {"assets", "exceptions"},
-    {"native", "kinds", "jobs"},
+    {"native", "validation", "jobs"},
     {"batch"},
     {"metrics", "rendering", "variations", "cloth"},
     {"fluid", "entities"},

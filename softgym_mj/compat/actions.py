@@ -8,8 +8,8 @@ import gymnasium
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.kinds import as_array
 from softgym_mj.robots.workspace import Workspace
+from softgym_mj.validation import as_array
 
 
 def to_flex(vectors: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from softgym_mj.exceptions import InvalidArgumentError, check_number
-from softgym_mj.kinds import typed
+from softgym_mj.validation import typed
 
 
 @typed

@@ -9,7 +9,7 @@ from softgym_mj.compat.actions import checked
 from softgym_mj.compat.environment import OldEnv
 from softgym_mj.compat.names import check_settings
 from softgym_mj.envs.clipping import Clipping
-from softgym_mj.kinds import typed
+from softgym_mj.validation import typed
 
 FIXED = {  # Keyword arguments that have one value here.
     "normalize_obs": False, "normalize_reward": False, "obs_alpha": 0.001, "reward_alpha": 0.001,

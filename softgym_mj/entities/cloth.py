@@ -6,9 +6,9 @@ from softgym_mj import metrics
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.sheet import Sheet
 from softgym_mj.exceptions import InvalidArgumentError, check_name
-from softgym_mj.kinds import typed
 from softgym_mj.rendering.skins import spline
 from softgym_mj.rendering.textures import PAD, STRIP
+from softgym_mj.validation import typed
 
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
 PARTICLE_SPACING = 0.00625

@@ -13,9 +13,9 @@ from softgym_mj.entities.cup_poses import whole_pose
 from softgym_mj.entities.cup_size import CupSize, cup_mesh
 from softgym_mj.entities.entity import UNSEEN_GEOMS, Entity
 from softgym_mj.entities.room import add_material
-from softgym_mj.kinds import typed
 from softgym_mj.rendering.look import GLASS, GRAPHITE
 from softgym_mj.rendering.offscreen import GLASS_GROUP
+from softgym_mj.validation import typed
 
 _WALLS = ("floor", "left", "right", "back", "front")
 # [m] Where a handle is held: along Y from the cup's frame and above it. All cups are narrower. An

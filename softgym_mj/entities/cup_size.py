@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.kinds import typed
+from softgym_mj.validation import typed
 
 # Radii as parts of a wall's thickness: of rims and feet, and of the upright edges inside.
 ROUNDING, INNER_ROUNDING = 0.45, 0.6

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 from softgym_mj.cloth import fabrics
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.kinds import typed
 from softgym_mj.rendering.patterns import FABRICS
+from softgym_mj.validation import typed
 from softgym_mj.variations.randomization import Parameter, chosen, scaled, shifted
 
 # [m] Resting height in SoftGym is 5 mm; two layers then rest 10 mm apart (FleX: 11.25 mm).

@@ -10,9 +10,9 @@ from softgym_mj.entities.fabric import Fabric
 from softgym_mj.entities.flex import Color
 from softgym_mj.entities.mesh_files import mesh_warnings, read_mesh
 from softgym_mj.entities.sheet import BACK_COLOR, FRONT_COLOR, Sheet
-from softgym_mj.kinds import typed
 from softgym_mj.native.arithmetic import product
 from softgym_mj.rendering.skins import refined
+from softgym_mj.validation import typed
 
 HEMMED = 0.05  # Part of the weave's picture at its sides that has a hem: it is cut off.
 

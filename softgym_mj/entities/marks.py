@@ -13,7 +13,7 @@ from dm_control import mjcf
 
 from softgym_mj.entities.entity import Entity
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.kinds import typed
+from softgym_mj.validation import typed
 
 LINE_COLOR = (0.1, 0.7, 0.3, 0.8)  # Green: cloths, ropes and water have other colours.
 LINE_WIDTH, LINE_HEIGHT = 0.006, 0.002  # [m] Of a line on the floor; half of its height shows.

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse, spatial
 
 from softgym_mj.exceptions import InvalidArgumentError, check_number
-from softgym_mj.kinds import typed
+from softgym_mj.validation import typed
 
 SUFFIXES = (".obj", ".off", ".ply", ".stl")
 # [m] Vertices that are nearer are joined: cloth passes through triangles that are lower.

@@ -7,13 +7,13 @@ import numpy as np
 from softgym_mj.entities.flex import Color, Flex
 from softgym_mj.entities.room import add_material
 from softgym_mj.exceptions import check_name
-from softgym_mj.kinds import typed
 from softgym_mj.native.meshes import ROPE, tube, tube_faces
 from softgym_mj.rendering.look import FAST, ROPE_SURFACE, Look
 from softgym_mj.rendering.patterns import ROPES
 from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES, still
 from softgym_mj.rendering.surfaces import ROPE_SKIN, rope_shape
 from softgym_mj.rendering.textures import strands
+from softgym_mj.validation import typed
 from softgym_mj.variations.randomization import Parameter, choice, chosen, scaled, shifted, tinted
 
 # [m] Natural length. SoftGym calls this straight; its own relaxed rope is 7.5 % longer.

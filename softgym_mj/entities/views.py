@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from softgym_mj.exceptions import InvalidArgumentError, check_number
-from softgym_mj.kinds import typed
+from softgym_mj.validation import typed
 
 FIELD_OF_VIEW = 45.0  # [deg] SoftGym's.
 # Of the external cameras [deg]: vertical, of the colours of a RealSense D435, to which its depth is

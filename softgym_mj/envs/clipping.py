@@ -6,8 +6,8 @@ import gymnasium
 import numpy as np
 from gymnasium import logger
 
-from softgym_mj.kinds import as_array
 from softgym_mj.robots.base import BOUND_TOLERANCE
+from softgym_mj.validation import as_array
 
 
 class Clipping:

@@ -8,9 +8,9 @@ from gymnasium.utils import RecordConstructorArgs
 
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.kinds import as_array
 from softgym_mj.tasks.shared.goals import depends_on_goal, goals
 from softgym_mj.tasks.shared.observations import STATES
+from softgym_mj.validation import as_array
 
 
 class GoalEnv(gymnasium.Wrapper, RecordConstructorArgs):

@@ -23,8 +23,8 @@ from softgym_mj.exceptions import (
     check_image_size,
     check_name,
 )
-from softgym_mj.kinds import check_kind
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, CameraView, camera_ids
+from softgym_mj.validation import check_type
 
 _OF_ENVIRONMENT = ("split", "horizon", "render_mode", "render_size", "camera", "clip_actions")
 # Attributes that a copy has besides the arguments and the state of the episode.
@@ -114,7 +114,7 @@ class SoftGymEnv(gymnasium.Env, EzPickle):
         )
         size = self.dm_env.task.actor.action_size
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
-        check_kind("clip_actions", clip_actions, bool)
+        check_type("clip_actions", clip_actions, bool)
         self.clip_actions = clip_actions
         self._clipped = Clipping(self.action_space)
 

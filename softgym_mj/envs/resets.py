@@ -7,7 +7,7 @@ import numpy as np
 
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError, check_name
-from softgym_mj.kinds import check_kind
+from softgym_mj.validation import check_type
 
 _SHOWN = 60  # Characters of a wrong state in a message.
 
@@ -48,7 +48,7 @@ def checked_state(state: Any) -> tuple[Snapshot, Mapping[str, Any]]:
     try:
         snapshot, generator = state
         np.random.PCG64().state = generator
-        check_kind("snapshot", snapshot, Snapshot)
+        check_type("snapshot", snapshot, Snapshot)
     except (LookupError, TypeError, ValueError, OverflowError) as error:
         reason = f"expected what `get_state` returned, not {brief(state)}"
         raise SnapshotError(reason) from error

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError
-from softgym_mj.kinds import check_kind
+from softgym_mj.validation import check_type
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,7 +37,7 @@ def check_origin(snapshot: Snapshot, task_name: str, key: Mapping[str, object]) 
     """Raises `SnapshotError` unless a snapshot is of this task with these settings."""
     try:
         for field in dataclasses.fields(Snapshot):
-            check_kind(field.name, getattr(snapshot, field.name), field.type)
+            check_type(field.name, getattr(snapshot, field.name), field.type)
     except InvalidArgumentError as error:
         raise SnapshotError(f"the snapshot is damaged: {error}") from error
     if snapshot.task_name != task_name:
@@ -67,8 +67,8 @@ def check_content(snapshot: Snapshot, physics_size: int, own: Mapping[str, Any])
     if snapshot.physics.shape != size or not np.isfinite(snapshot.physics).all():
         raise ValueError(f"physics is expected to be {size} finite numbers")
     for name in ("initial_performance", "most_strained"):
-        check_kind(name, state[name], float)
-    check_kind("actor", state["actor"], Mapping[str, np.ndarray])
+        check_type(name, state[name], float)
+    check_type("actor", state["actor"], Mapping[str, np.ndarray])
     found, expected = (
         {name: (a.shape, a.dtype.kind) for name, a in actor.items()}
         for actor in (state["actor"], own["actor"])

@@ -12,11 +12,11 @@ import numpy as np
 
 from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count
-from softgym_mj.kinds import typed
 from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE, depends_on_seed
 from softgym_mj.policies.planners import BUDGET, CEM, ITERATIONS, PLANNERS, make_planner
 from softgym_mj.policies.saved import SEED, is_saved, sha256
+from softgym_mj.validation import typed
 from softgym_mj.variations.indices import check_settings, check_variation, split_indices
 
 # Counts up when scores of the same episode would differ: results of two versions are not mixed.

@@ -7,11 +7,11 @@ import numpy as np
 from dm_control import composer, mjcf
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.native.library import FLUID, load_plugin
 from softgym_mj.rendering.look import FAST, WATER, Look
 from softgym_mj.rendering.skins import DRAWN_SKINS, loose_triangles
 from softgym_mj.rendering.surfaces import PARTICLES, WATER_INSTANCE, WATER_SKIN
+from softgym_mj.validation import typed
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, tinted
 

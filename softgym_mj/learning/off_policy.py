@@ -9,13 +9,13 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
-from softgym_mj.kinds import typed
 from softgym_mj.learning.forms import Averaged
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch, Replay
 from softgym_mj.learning.symmetries import symmetries
+from softgym_mj.validation import typed
 
 
 @typed

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
-from softgym_mj.kinds import typed
 from softgym_mj.policies.exported import has_images
 from softgym_mj.registry import find
+from softgym_mj.validation import typed
 from softgym_mj.variations.indices import SPLITS
 
 OBSERVATIONS = ("reduced", "markov", "full", "rgb")

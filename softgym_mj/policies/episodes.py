@@ -7,10 +7,10 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_count, check_name
-from softgym_mj.kinds import typed
 from softgym_mj.policies.factory import Policy, make_policy
 from softgym_mj.rendering.look import look_of
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, MOST_PASSES, CameraView, Video, camera_ids
+from softgym_mj.validation import typed
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,9 +11,9 @@ from dm_env import specs
 from softgym_mj.entities.entity import Entity
 from softgym_mj.entities.flex_group import FlexGroup
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.kinds import as_array
 from softgym_mj.rendering.observables import wrist_observables
 from softgym_mj.robots.workspace import ToolStart
+from softgym_mj.validation import as_array
 
 SIM_STEP = 0.01  # [s] SoftGym's sim step: actions are applied once in each.
 BOUND_TOLERANCE = 1e-6  # Actions this far outside [-1, 1] are float32 rounding, not mistakes.

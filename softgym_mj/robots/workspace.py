@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from softgym_mj.kinds import typed
+from softgym_mj.validation import typed
 
 
 @typed

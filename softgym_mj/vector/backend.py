@@ -11,8 +11,8 @@ from gymnasium.vector.utils import batch_space, iterate
 from softgym_mj.envs.clipping import Clipping
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
-from softgym_mj.kinds import as_array
 from softgym_mj.robots.base import BOUND_TOLERANCE
+from softgym_mj.validation import as_array
 from softgym_mj.vector.draws import Draws
 
 MOST_ENVIRONMENTS = 10_000  # In a process each takes 20 MiB and more.

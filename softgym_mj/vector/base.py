@@ -17,7 +17,7 @@ from softgym_mj.exceptions import (
     SnapshotError,
     check_count,
 )
-from softgym_mj.kinds import as_array, check_kind
+from softgym_mj.validation import as_array, check_type
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
 from softgym_mj.vector.draws import Draws
@@ -86,7 +86,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         options = checked_options(options)
         mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
         stagger = options.pop("stagger", False)
-        check_kind("stagger", stagger, bool | int)
+        check_type("stagger", stagger, bool | int)
         parts = self.num_envs if stagger is True else check_count("stagger", int(stagger), 0)
         check_known(seed, options)
         if "state" in options:

@@ -12,7 +12,6 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.pixels import LEAST, Convolutions, cropped
 from softgym_mj.learning.methods.sac import (
@@ -24,6 +23,7 @@ from softgym_mj.learning.methods.sac import (
 from softgym_mj.learning.networks import Actor, Critics, LayerNorm, Linear, Mean, Standard, drawn
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
+from softgym_mj.validation import typed
 
 Observation = Mapping[str, Tensor]
 

@@ -14,7 +14,6 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import MLP, Mean, Standard, generators
@@ -23,6 +22,7 @@ from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.symmetries import Symmetry, symmetries
 from softgym_mj.recording.noise import check_noise
+from softgym_mj.validation import typed
 
 # Least deviation by which observations are divided [m]: what hardly changes is not blown up.
 _LEAST_DEVIATION = 0.01

@@ -11,12 +11,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect_images
 from softgym_mj.learning.frames import Frames
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
 from softgym_mj.recording.noise import check_noise
+from softgym_mj.validation import typed
 
 _NOTHING = Step(*[torch.zeros(())] * 6)  # `Distill` learns from its frames.
 

@@ -16,13 +16,13 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.pixels import LEAST, PixelSAC, PixelSettings, cropped, picture_size
 from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.optimization import adam, follow, step
 from softgym_mj.learning.replay import Batch
+from softgym_mj.validation import typed
 
 
 @typed

@@ -9,12 +9,12 @@ import dataclasses
 from torch import Tensor
 
 from softgym_mj.exceptions import check_count
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.pixels import PixelSAC, PixelSettings, cropped, picture_size
 from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
+from softgym_mj.validation import typed
 
 _SHIFTS = 2  # Of an image and of the next one: K = M = 2 in the paper.
 

@@ -15,7 +15,6 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_name, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, StateSACSettings
 from softgym_mj.learning.networks import drawn
@@ -23,6 +22,7 @@ from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch, Replay
 from softgym_mj.tasks.shared import observations
 from softgym_mj.tasks.shared.goals import Goals, goals
+from softgym_mj.validation import typed
 
 STRATEGIES = ("future", "final")
 

@@ -14,10 +14,10 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, SACSettings
 from softgym_mj.learning.networks import Actor, LayerNorm, Linear, lines
+from softgym_mj.validation import typed
 
 _KERNEL, _STRIDES = 3, (2, 1, 1, 1)  # [S]
 LEAST = 15  # Pixels of which these leave one.

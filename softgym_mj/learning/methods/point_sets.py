@@ -16,13 +16,13 @@ from torch import Tensor, nn
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, SACSettings
 from softgym_mj.learning.networks import MLP, Actor, Critics
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.symmetries import Symmetry, symmetries
+from softgym_mj.validation import typed
 
 
 @typed

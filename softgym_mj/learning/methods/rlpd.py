@@ -13,7 +13,6 @@ import torch
 from torch import Tensor
 
 from softgym_mj.exceptions import check_count
-from softgym_mj.kinds import typed
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, StateSACSettings
@@ -21,6 +20,7 @@ from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch, Replay
 from softgym_mj.learning.symmetries import symmetries
+from softgym_mj.validation import typed
 
 
 @typed

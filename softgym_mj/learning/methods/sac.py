@@ -14,12 +14,12 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.networks import Actor, Critics, Mean, Standard, drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
 from softgym_mj.learning.optimization import adam, follow, step
 from softgym_mj.learning.replay import Batch
+from softgym_mj.validation import typed
 
 MOST_ENTROPY = math.log(2.0)  # [nats], of an entry that is uniform in -1..1.
 STANDARD_SAMPLE = 10_000  # Env steps whose means and deviations are taken.

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 
 from softgym_mj.exceptions import check_count, check_name, import_extra
-from softgym_mj.kinds import typed
 from softgym_mj.rendering.offscreen import LARGEST_IMAGE, Video, camera_ids, refresh
 from softgym_mj.rendering.photo.materials import pixels
 from softgym_mj.rendering.photo.scene import Scene
+from softgym_mj.validation import typed
 
 EXTRA = "photo"
 VARIANT = "scalar_rgb"  # The compiled ones want LLVM or a GPU.

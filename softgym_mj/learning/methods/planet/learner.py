@@ -16,13 +16,13 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet.latent import WorldModel, centred
 from softgym_mj.learning.networks import any_actions, drawn, generators
 from softgym_mj.learning.optimization import adam, cut
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
+from softgym_mj.validation import typed
 
 
 @typed

@@ -18,13 +18,13 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.ppo.rollout import Rollout, advantages
 from softgym_mj.learning.methods.ppo.stopping import StoppingAdam
 from softgym_mj.learning.networks import MLP, drawn, generators
 from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
+from softgym_mj.validation import typed
 
 _LAST_GAIN = 0.01 * math.sqrt(2.0)  # Of the mean's last layer: actions are small at first.
 _LOG_STD = -0.5  # At first.

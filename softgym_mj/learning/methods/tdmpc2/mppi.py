@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.networks import drawn
+from softgym_mj.validation import typed
 
 
 @typed

@@ -13,9 +13,9 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.methods.tdmpc2.two_hot import expected
 from softgym_mj.learning.networks import Actor, LayerNorm, Linear, drawn
+from softgym_mj.validation import typed
 
 _WEIGHT_STD = 0.02  # Of all weights at first (published code).
 

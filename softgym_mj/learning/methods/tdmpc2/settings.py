@@ -3,9 +3,9 @@
 import dataclasses
 
 from softgym_mj.exceptions import check_count, check_name, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.methods.tdmpc2.mppi import MPPISettings
 from softgym_mj.learning.methods.tdmpc2.networks import WorldModelSettings
+from softgym_mj.validation import typed
 
 PLANS = ("always", "evaluation", "never")
 

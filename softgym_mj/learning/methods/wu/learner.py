@@ -18,7 +18,6 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.kinds import typed
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.sac import SAC, SACSettings
 from softgym_mj.learning.methods.wu.cloth_pixels import cloth_pixels, pixel_centres
@@ -26,6 +25,7 @@ from softgym_mj.learning.methods.wu.networks import PICK, Judging, Looking, Plac
 from softgym_mj.learning.networks import Actor, drawn, generators
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
+from softgym_mj.validation import typed
 
 _PLACE = 3  # Numbers of a place.
 _LEAST = 8  # Pixels of an image.

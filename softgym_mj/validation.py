@@ -1,0 +1,115 @@
+"""Argument validation: `@typed` checks arguments against the annotations of a function or class.
+
+Functions behind a `@typed` one need not check types again.
+"""
+
+import collections.abc
+import contextlib
+import functools
+import inspect
+import math
+import re
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from softgym_mj.exceptions import InvalidArgumentError
+
+_Checked = TypeVar("_Checked", bound=Callable)
+_EMPTY = inspect.Parameter.empty
+_NUMBERS: dict[Any, Any] = {
+    bool: bool | np.bool_,
+    int: int | np.integer,
+    float: int | float | np.integer | np.floating,
+}
+_WORDS = {"bool": "True or False", "int": "a whole number", "float": "a finite number"}
+
+
+def typed(checked: _Checked) -> _Checked:
+    """Makes a function, or the constructor of a class, check the types of its arguments.
+
+    Arguments are checked against their annotations; annotations in quotes are ignored.
+
+    Raises:
+        InvalidArgumentError: by the function, for an argument of another type.
+    """
+    if isinstance(checked, type):
+        checked.__init__ = typed(checked.__init__)  # type: ignore[misc]
+        return checked
+    signature = inspect.signature(checked)
+    several = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+    annotations = {
+        name: Any if parameter.kind in several else parameter.annotation
+        for name, parameter in signature.parameters.items()
+    }
+
+    @functools.wraps(checked)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        given: dict[str, Any] = {}
+        with contextlib.suppress(TypeError):  # The call below raises Python's own error.
+            given = signature.bind(*args, **kwargs).arguments
+        for name, value in given.items():
+            check_type(name, value, annotations[name])
+        return checked(*args, **kwargs)
+
+    return typing.cast(_Checked, wrapper)
+
+
+def check_type(argument: str, value: object, annotation: Any) -> None:
+    """Raises `InvalidArgumentError` unless a value has the type of an annotation.
+
+    NumPy's numbers are numbers, NaN and infinity are not, and a list may stand for a tuple, which
+    JSON lacks.
+    """
+    if not _is_of(value, annotation):
+        name = annotation.__name__ if isinstance(annotation, type) else str(annotation)
+        words = _WORDS.get(name, re.sub(r"\b(\w+\.)+", "", name))
+        raise InvalidArgumentError(argument, value, words)
+
+
+def as_array(argument: str, value: object) -> np.ndarray:
+    """Converts a number, sequence, array or tensor to an array.
+
+    Raises:
+        InvalidArgumentError: if NumPy cannot convert it: ragged lists, tensors that need gradients
+            or have a data type or device that NumPy lacks.
+    """
+    try:
+        return np.asarray(value)
+    except Exception as error:  # The value's own class may raise any error.
+        reason = f"{type(value).__name__}: {error}"
+        raise InvalidArgumentError(f"{argument} is no array of real numbers: {reason}") from error
+
+
+def _is_of(value: Any, annotation: Any) -> bool:
+    """Whether a value has the type of an annotation."""
+    origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
+    if annotation in _NUMBERS:
+        is_number = isinstance(value, _NUMBERS[annotation])
+        is_bool = isinstance(value, _NUMBERS[bool])  # A bool is an int to Python.
+        return is_number and is_bool == (annotation is bool) and -math.inf < value < math.inf
+    if origin in (typing.Union, types.UnionType):
+        return any(_is_of(value, part) for part in parts)
+    if origin in (tuple, list, collections.abc.Sequence):
+        return _are_of(value, origin, parts)
+    if origin in (dict, collections.abc.Mapping):
+        is_mapping = isinstance(value, Mapping)
+        return is_mapping and all(
+            _is_of(k, parts[0]) and _is_of(v, parts[1]) for k, v in value.items()
+        )
+    is_type = isinstance(annotation, type) and annotation not in (_EMPTY, Any)
+    return not is_type or isinstance(value, annotation)
+
+
+def _are_of(values: Any, origin: Any, parts: tuple[Any, ...]) -> bool:
+    """Whether values are a sequence, or an array, of values of these types."""
+    if isinstance(values, np.ndarray):
+        values = values.tolist()
+    if not isinstance(values, Sequence) or isinstance(values, str | bytes):
+        return False
+    if origin is tuple and parts[-1] is not ...:
+        return len(values) == len(parts) and all(map(_is_of, values, parts))
+    return all(_is_of(value, parts[0]) for value in values)
