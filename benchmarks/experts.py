@@ -27,12 +27,12 @@ import mujoco
 import softgym_mj
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, check_name
-from softgym_mj.jobs.executors import make_executor
-from softgym_mj.jobs.files import read_json, write_json
-from softgym_mj.jobs.store import JSON, Store
+from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TASKS
 from softgym_mj.robots.arm.models import ARMS
+from softgym_mj.storage.files import read_json, write_json
+from softgym_mj.storage.store import JSON, Store
 
 ACTORS = ("default", *ARMS)  # Pickers or cups, arms.
 FIRST, LAST = 800, 999  # Evaluation variations.

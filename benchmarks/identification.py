@@ -26,12 +26,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # Before NumPy is loaded, here an
 import numpy as np
 
 from softgym_mj.entities.fabric import Fabric
-from softgym_mj.jobs.executors import Executor, make_executor
-from softgym_mj.jobs.files import read_json, write_json
+from softgym_mj.parallel.executors import Executor, make_executor
 from softgym_mj.reality.identification import identify, synthetic, unknowns
 from softgym_mj.reality.identification.rag_data import CAMERA, SPACING, read_task
 from softgym_mj.reality.identification.search import EVALUATIONS, run_searches
 from softgym_mj.reality.identification.tasks import Task, evaluate, motions
+from softgym_mj.storage.files import read_json, write_json
 
 DRAWS = tuple(range(10))
 EXACT = tuple(range(3))  # Draws that are also done without noise.

@@ -18,7 +18,7 @@ import time
 import numpy as np
 
 import softgym_mj
-from softgym_mj.jobs.executors import Executor, ProcessExecutor, SerialExecutor
+from softgym_mj.parallel.executors import Executor, ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import ExecutorRollouts
 
 SETTINGS = {"rope": {}, "cloth": {}, "water": {}}

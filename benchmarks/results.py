@@ -14,7 +14,7 @@ import shutil
 
 import softgym_mj
 from softgym_mj.evaluation import Configuration, Planning, evaluate
-from softgym_mj.jobs.executors import make_executor
+from softgym_mj.parallel.executors import make_executor
 
 RESULTS = pathlib.Path(__file__).parent.parent / "docs" / "results"
 

@@ -5,8 +5,8 @@ import pathlib
 # Each folder or root module imports only from floors below its own.
 FLOORS = [
     {"assets", "exceptions"},
-    {"native", "validation", "jobs"},
-    {"batch"},
+    {"native", "validation", "parallel"},
+    {"batch", "storage"},
     {"metrics", "rendering", "variations", "cloth"},
     {"fluid", "entities"},
     {"robots", "reality"},

@@ -28,8 +28,8 @@ from softgym_mj.entities.rope import Rope
 from softgym_mj.entities.sheet import Sheet
 from softgym_mj.envs.environment import Environment
 from softgym_mj.fluid import Water
-from softgym_mj.jobs.executors import make_executor
 from softgym_mj.native.meshes import tube, tube_faces
+from softgym_mj.parallel.executors import make_executor
 from softgym_mj.registry import TASKS
 from softgym_mj.rendering.offscreen import SHOWN_SITES, refresh_poses
 from softgym_mj.robots.arm.actor import ArmActor

@@ -18,7 +18,7 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj.envs.environment import Environment
-from softgym_mj.jobs.executors import make_executor
+from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.registry import TASKS
 from softgym_mj.rendering.observables import LABELS, LabelledView

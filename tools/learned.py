@@ -10,11 +10,11 @@ import numpy as np
 
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.plots import new_figure
-from softgym_mj.jobs.files import write_whole
 from softgym_mj.learning.results import Name, Reference, Row, read_references, read_rows
 from softgym_mj.learning.tables import table as numbers_of
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
+from softgym_mj.storage.files import write_whole
 from softgym_mj.variations.indices import SPLITS
 from tools.pages import table
 

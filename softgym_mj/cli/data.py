@@ -22,7 +22,7 @@ from softgym_mj.cli.console import (
     progress_bar,
 )
 from softgym_mj.exceptions import InvalidArgumentError, check_name
-from softgym_mj.jobs.executors import make_executor
+from softgym_mj.parallel.executors import make_executor
 from softgym_mj.registry import TASKS, find
 from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.vector.make import DEVICES, make_device

@@ -71,7 +71,7 @@ def evaluate(
 ) -> None:
     """Scores a policy as the paper does; may be killed and run again."""
     from softgym_mj import evaluation
-    from softgym_mj.jobs.executors import make_executor
+    from softgym_mj.parallel.executors import make_executor
 
     planning = evaluation.Planning(horizon, budget, iterations, replan_every)
     configuration = evaluation.Configuration(

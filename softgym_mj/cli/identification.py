@@ -14,7 +14,7 @@ import typer
 from softgym_mj.cli.console import Ray, console, progress_bar
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.jobs.files import make_folder, read_json, write_json
+from softgym_mj.storage.files import make_folder, read_json, write_json
 
 app = typer.Typer(help="Parameters of a fabric from recordings of it.", no_args_is_help=True)
 
@@ -114,7 +114,7 @@ def _identify(
     jobs: int, ray: str | None, out: pathlib.Path,
 ) -> None:  # fmt: skip
     """Searches, writes and shows what was found."""
-    from softgym_mj.jobs.executors import make_executor
+    from softgym_mj.parallel.executors import make_executor
     from softgym_mj.reality.identification.identify import identify, open_store
     from softgym_mj.reality.identification.unknowns import fabric_of
 

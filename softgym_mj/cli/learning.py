@@ -10,7 +10,7 @@ import typer
 
 from softgym_mj.cli.console import Ray, Trust, console
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import read_json
+from softgym_mj.storage.files import read_json
 
 app = typer.Typer(help="Learned results, trainings, what is still to be run.", no_args_is_help=True)
 Folders = Annotated[
@@ -131,8 +131,8 @@ def submit(
     run again.
     """
     from softgym_mj.cli.evaluation import progress_of
-    from softgym_mj.jobs.executors import make_executor
     from softgym_mj.learning import submission as submitted
+    from softgym_mj.parallel.executors import make_executor
 
     submission = submitted.read_submission(folder)
     with progress_of(submission.configuration) as progress, make_executor(jobs, ray) as executor:

@@ -25,12 +25,12 @@ from softgym_mj.cli.console import (
     progress_bar,
 )
 from softgym_mj.envs.environment import Environment
-from softgym_mj.jobs.files import make_folder, write_json
 from softgym_mj.policies.episodes import Episode, play
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import find
 from softgym_mj.rendering.look import PAPER
 from softgym_mj.rendering.offscreen import CameraView, write_picture
+from softgym_mj.storage.files import make_folder, write_json
 
 VIDEO_SIZE = 480  # Side of a video [pixels].
 

@@ -14,7 +14,7 @@ from softgym_mj.cli.console import (
     parsed_settings,
 )
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
-from softgym_mj.jobs.executors import make_executor
+from softgym_mj.parallel.executors import make_executor
 from softgym_mj.registry import find
 from softgym_mj.vector.make import DEVICES
 

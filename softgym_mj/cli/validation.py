@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from softgym_mj.cli.console import console
-from softgym_mj.jobs.files import make_folder
+from softgym_mj.storage.files import make_folder
 
 app = typer.Typer(help="Simulated cloth against theory.", no_args_is_help=True)
 

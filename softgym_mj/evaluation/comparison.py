@@ -12,7 +12,7 @@ from softgym_mj.evaluation.configuration import PROTOCOL
 from softgym_mj.evaluation.indices import as_text
 from softgym_mj.evaluation.statistics import quartiles_over, summary
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import read_json, write_whole
+from softgym_mj.storage.files import read_json, write_whole
 
 _NEEDED = ("protocol", "task", "policy", "variations", "seeds", "settings", "planning", "episodes")
 

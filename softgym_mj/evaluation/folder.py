@@ -6,8 +6,8 @@ from typing import Any
 
 from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import read_json, write_json
-from softgym_mj.jobs.store import JSON, Store
+from softgym_mj.storage.files import read_json, write_json
+from softgym_mj.storage.store import JSON, Store
 
 _GROWS = ("variations", "seeds", "policy_sha256")  # A seed may bring the file of a policy.
 

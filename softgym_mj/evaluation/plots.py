@@ -10,7 +10,7 @@ import numpy as np
 from softgym_mj.evaluation.comparison import labels
 from softgym_mj.evaluation.statistics import quartiles_over
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_name, import_extra
-from softgym_mj.jobs.files import write_whole
+from softgym_mj.storage.files import write_whole
 
 AXES = ("horizon", "budget", "replan_every")
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.

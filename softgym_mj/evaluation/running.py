@@ -18,9 +18,7 @@ from softgym_mj.evaluation.folder import open_folder
 from softgym_mj.evaluation.rows import MOST, check_policy, play_rows
 from softgym_mj.evaluation.statistics import methods, secondary_metrics, summary
 from softgym_mj.exceptions import check_name
-from softgym_mj.jobs.executors import Executor, SerialExecutor, Together
-from softgym_mj.jobs.files import write_json
-from softgym_mj.jobs.store import Store
+from softgym_mj.parallel.executors import Executor, SerialExecutor, Together
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import PLANNERS, Plan
@@ -32,6 +30,8 @@ from softgym_mj.policies.rollouts import (
     kept_environment,
     sent_to,
 )
+from softgym_mj.storage.files import write_json
+from softgym_mj.storage.store import Store
 from softgym_mj.vector.batch.rollouts import DeviceRollouts
 from softgym_mj.vector.make import DEVICES
 

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import (
+from softgym_mj.storage.files import (
     make_folder,
     naming,
     read_json,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from softgym_mj.jobs.files import write_whole
+from softgym_mj.storage.files import write_whole
 from softgym_mj.variations.indices import SPLITS
 
 COLUMNS = (

@@ -19,18 +19,18 @@ from torch import Tensor
 import softgym_mj
 from softgym_mj import registry
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
-from softgym_mj.jobs.executors import make_executor
-from softgym_mj.jobs.store import ARRAYS, Store
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.replay import Replay
 from softgym_mj.learning.symmetries import Symmetry
 from softgym_mj.native.caches import cache_folder
+from softgym_mj.parallel.executors import make_executor
 from softgym_mj.policies.experts import sources_sha256
 from softgym_mj.policies.rollouts import sent_to
 from softgym_mj.recording.episodes import LABELS
 from softgym_mj.recording.noise import check_noise
 from softgym_mj.recording.playing import played
 from softgym_mj.registry import TaskRecord
+from softgym_mj.storage.store import ARRAYS, Store
 from softgym_mj.variations.indices import SPLITS
 from softgym_mj.vector.processes import num_cores
 

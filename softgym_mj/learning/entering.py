@@ -13,10 +13,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.jobs.files import naming, read_json, read_whole
 from softgym_mj.learning.curves import CARD, EPISODES, FILE, named
 from softgym_mj.learning.registry import METHODS, find_preset
 from softgym_mj.learning.results import Row, read_folder
+from softgym_mj.storage.files import naming, read_json, read_whole
 from softgym_mj.variations.indices import SPLITS
 
 HELD_OUT = SPLITS["evaluate"]

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import make_folder, read_json, read_whole, write_json, write_whole
 from softgym_mj.learning.curves import CARD, EPISODES, FILE, POLICY
 from softgym_mj.learning.results import read_rows, write_rows
+from softgym_mj.storage.files import make_folder, read_json, read_whole, write_json, write_whole
 
 _SAME = "method", "preset", "training", "settings", "evaluations", "backend", "versions"
 

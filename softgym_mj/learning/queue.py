@@ -9,11 +9,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError, check_count, check_name
-from softgym_mj.jobs.files import naming, read_whole
 from softgym_mj.learning.registry import LABELLED, METHODS, find_preset
 from softgym_mj.learning.results import Row
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
+from softgym_mj.storage.files import naming, read_whole
 from softgym_mj.validation import typed
 from softgym_mj.variations.indices import SPLITS
 from softgym_mj.vector.make import DEVICES

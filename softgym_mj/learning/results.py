@@ -14,10 +14,10 @@ import numpy as np
 from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.configuration import Planning
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import naming, read_whole, write_whole
 from softgym_mj.learning.curves import COLUMNS, FILE
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
+from softgym_mj.storage.files import naming, read_whole, write_whole
 from softgym_mj.variations.indices import SPLITS
 
 _T = TypeVar("_T")

@@ -4,7 +4,6 @@ import pathlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from softgym_mj.jobs.executors import Executor
 from softgym_mj.learning import reports
 from softgym_mj.learning.checkpoints import alone
 from softgym_mj.learning.curves import write_curve
@@ -12,6 +11,7 @@ from softgym_mj.learning.joining import join
 from softgym_mj.learning.learner import Method
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.training import Training
+from softgym_mj.parallel.executors import Executor
 
 Row = dict[str, Any]  # Of a curve.
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from softgym_mj.evaluation import Configuration, Progress, evaluate
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.executors import Executor
-from softgym_mj.jobs.files import read_json
 from softgym_mj.learning.curves import CARD, FILE, POLICY, evaluated, named, write_episodes
 from softgym_mj.learning.results import Name, Row, read_rows, write_rows
+from softgym_mj.parallel.executors import Executor
 from softgym_mj.policies.exported import has_images
+from softgym_mj.storage.files import read_json
 from softgym_mj.variations.indices import SPLITS
 
 EVALUATION = "evaluation"  # In the folder: episodes as they come.

@@ -25,7 +25,6 @@ from softgym_mj.exceptions import (
     StoreError,
     UnavailableError,
 )
-from softgym_mj.jobs.files import write_json, write_whole
 from softgym_mj.learning.checkpoints import (
     alone,
     as_longer,
@@ -49,6 +48,7 @@ from softgym_mj.learning.learner import Learner, Method, Offline
 from softgym_mj.learning.players import Players
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.policies.exported import export_policy
+from softgym_mj.storage.files import write_json, write_whole
 
 # Between two checkpoints within a part; and as a multiple of the seconds that writing one takes, as
 # those of images have gigabytes.

@@ -18,8 +18,8 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, import_extra
-from softgym_mj.jobs.files import read_whole
 from softgym_mj.robots.gripper import HELD
+from softgym_mj.storage.files import read_whole
 from softgym_mj.tasks.shared.observations import STATES
 
 Policy = Callable[[dm_env.TimeStep], np.ndarray]

@@ -7,9 +7,9 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import check_count
-from softgym_mj.jobs.journal import Journal
 from softgym_mj.policies.planners import CEM, Plan
 from softgym_mj.policies.rollouts import Asking, Rollouts, answered
+from softgym_mj.storage.journal import Journal
 
 _SEED_KEY = 0x504C414E  # Keeps the planner's random numbers apart from those of variations.
 

@@ -16,7 +16,7 @@ from softgym_mj import registry
 from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.load import load
 from softgym_mj.envs.snapshots import Snapshot
-from softgym_mj.jobs.executors import Executor, SerialExecutor
+from softgym_mj.parallel.executors import Executor, SerialExecutor
 from softgym_mj.registry import TaskRecord
 
 # Calls for each worker at a time: enough to even out sequences that take longer than others.

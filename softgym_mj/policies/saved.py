@@ -17,8 +17,8 @@ import numpy as np
 
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError, SoftGymError
-from softgym_mj.jobs.files import read_whole
 from softgym_mj.policies.exported import SUFFIX, load_exported
+from softgym_mj.storage.files import read_whole
 
 Policy = Callable[[dm_env.TimeStep], np.ndarray]
 

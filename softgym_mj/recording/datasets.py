@@ -18,8 +18,8 @@ from typing import Any, ClassVar, NamedTuple
 import gymnasium
 
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.jobs.files import naming, read_json, write_json
 from softgym_mj.registry import TaskRecord
+from softgym_mj.storage.files import naming, read_json, write_json
 
 EPISODES = ".episodes"  # In the folder of a dataset that is not finished.
 MADE_OF = "recording.json"  # In the folder of a dataset.

@@ -11,8 +11,8 @@ import gymnasium
 import numpy as np
 
 from softgym_mj.exceptions import InvalidArgumentError, import_extra
-from softgym_mj.jobs.files import naming
 from softgym_mj.recording.datasets import About, Format
+from softgym_mj.storage.files import naming
 
 _OVERHEAD = 1 << 20  # More than HDF5 needs for an episode besides its numbers [bytes].
 # Of a frame in a chunk of the file [bytes]: a chunk has the same stripe of all frames, one behind

@@ -20,8 +20,8 @@ from softgym_mj.exceptions import (
     check_image_size,
     check_name,
 )
-from softgym_mj.jobs.files import whole, write_whole
 from softgym_mj.rendering.calibration import Calibration
+from softgym_mj.storage.files import whole, write_whole
 
 if TYPE_CHECKING:
     from softgym_mj.rendering.drawing import SceneCamera

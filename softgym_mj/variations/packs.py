@@ -12,7 +12,7 @@ import numpy as np
 
 from softgym_mj import assets
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import read_whole, write_whole
+from softgym_mj.storage.files import read_whole, write_whole
 
 # What numpy and zipfile raise on a file that is not a whole npz of ours.
 _UNREADABLE = (

@@ -13,9 +13,9 @@ import numpy as np
 
 from softgym_mj.batch.device import Device
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.executors import Executor, Together
-from softgym_mj.jobs.store import ARRAYS, Key, Store
 from softgym_mj.native.caches import CACHE_VARIABLE, cache_folder
+from softgym_mj.parallel.executors import Executor, Together
+from softgym_mj.storage.store import ARRAYS, Key, Store
 from softgym_mj.variations import packs
 from softgym_mj.variations.indices import NUM_VARIATIONS, Start, check_variation
 

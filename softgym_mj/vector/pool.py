@@ -14,7 +14,7 @@ from typing import Any
 import cloudpickle
 
 from softgym_mj.exceptions import LifecycleError, SimulationError
-from softgym_mj.jobs.scripts import unknown_main
+from softgym_mj.parallel.scripts import unknown_main
 from softgym_mj.vector.worker import END, serve
 
 # [s] That workers have to finish a call whose answer nobody waits for; one may be stuck.

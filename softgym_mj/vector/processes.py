@@ -15,7 +15,7 @@ from gymnasium.vector.utils import create_shared_memory, read_from_shared_memory
 
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
-from softgym_mj.jobs.executors import MOST_PROCESSES
+from softgym_mj.parallel.executors import MOST_PROCESSES
 from softgym_mj.vector.backend import MOST_ENVIRONMENTS, Backend, check_running, clipping
 from softgym_mj.vector.draws import Draws
 from softgym_mj.vector.pool import WorkerPool

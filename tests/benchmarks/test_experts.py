@@ -6,8 +6,8 @@ import pytest
 
 from benchmarks import experts
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.jobs.files import read_json
-from softgym_mj.jobs.store import JSON, Store
+from softgym_mj.storage.files import read_json
+from softgym_mj.storage.store import JSON, Store
 
 
 def set_of(code, stride, value=0.5):

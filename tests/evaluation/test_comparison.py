@@ -10,8 +10,8 @@ from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, comparison, evaluate, plots
 from softgym_mj.evaluation.indices import as_text, parsed
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.jobs.files import write_json
-from tests.jobs.test_files import ODD, odd
+from softgym_mj.storage.files import write_json
+from tests.storage.test_files import ODD, odd
 
 
 def written(folder, **changes):

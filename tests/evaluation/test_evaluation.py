@@ -17,7 +17,7 @@ from softgym_mj.cli import commands
 from softgym_mj.evaluation import Configuration, Planning, evaluate, running
 from softgym_mj.evaluation.machine import machine
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.jobs.executors import ProcessExecutor, RayExecutor
+from softgym_mj.parallel.executors import ProcessExecutor, RayExecutor
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.vector.batch.backend import BatchBackend
 

@@ -9,8 +9,8 @@ import pytest
 
 from softgym_mj.evaluation import Configuration, Planning, Progress, evaluate
 from softgym_mj.exceptions import StoreError, UnexpectedArgumentError
-from tests.jobs.test_files import odd
 from tests.policies.test_saved_policies import exported
+from tests.storage.test_files import odd
 
 SHORT = {"horizon": 6}
 SIMPLE = Configuration("straighten_rope", "random", (800, 801, 802), (0, 1), SHORT)

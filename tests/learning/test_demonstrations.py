@@ -9,11 +9,11 @@ import torch
 
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.jobs.executors import Executor
 from softgym_mj.learning import demonstrations
 from softgym_mj.learning.demonstrations import collect, collect_images, replay_of
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.symmetries import Symmetry
+from softgym_mj.parallel.executors import Executor
 from softgym_mj.policies.experts import make_policy
 from softgym_mj.recording import record
 

@@ -9,13 +9,13 @@ from typer.testing import CliRunner
 
 from softgym_mj.cli import commands
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.executors import SerialExecutor
 from softgym_mj.learning.joining import join
 from softgym_mj.learning.registry import find_method
 from softgym_mj.learning.results import read_rows
 from softgym_mj.learning.settings import TrainingSettings
 from softgym_mj.learning.spreading import train_each
 from softgym_mj.learning.training import Training
+from softgym_mj.parallel.executors import SerialExecutor
 
 METHOD = find_method("sac", hidden=(8, 8), random_steps=4, updates=2, batch=4, replay=16)
 SETTINGS = TrainingSettings(

@@ -22,7 +22,7 @@ import numpy as np
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.jobs.executors import SerialExecutor
+from softgym_mj.parallel.executors import SerialExecutor
 from softgym_mj.policies import planners
 from softgym_mj.policies.factory import make_policy
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy

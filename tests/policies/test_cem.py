@@ -5,12 +5,12 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.jobs.executors import SerialExecutor
-from softgym_mj.jobs.journal import Journal
+from softgym_mj.parallel.executors import SerialExecutor
 from softgym_mj.policies import planners
 from softgym_mj.policies.model_predictive import ModelPredictivePolicy
 from softgym_mj.policies.planners import CEM, ICEM, coloured_noise, make_planner
 from softgym_mj.policies.rollouts import ExecutorRollouts, Rollouts, answered
+from softgym_mj.storage.journal import Journal
 from softgym_mj.vector.batch.rollouts import DeviceRollouts
 from tests.contract.test_contract import actions
 

@@ -12,7 +12,7 @@ from softgym_mj.exceptions import InvalidArgumentError, StoreError
 from softgym_mj.policies.exported import NOTE, observes
 from softgym_mj.policies.factory import depends_on_seed, make_policy
 from softgym_mj.policies.saved import sha256
-from tests.jobs.test_files import ODD, odd
+from tests.storage.test_files import ODD, odd
 
 SHORT = {"horizon": 6}
 ROPE = 36  # Numbers of the rope's reduced state.

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from softgym_mj.cli import commands
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import InvalidArgumentError, StoreError
-from softgym_mj.jobs.executors import SerialExecutor
+from softgym_mj.parallel.executors import SerialExecutor
 from softgym_mj.reality import rag_scene, rags
 from softgym_mj.reality.identification import (
     confidence,

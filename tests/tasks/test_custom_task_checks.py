@@ -12,7 +12,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.evaluation import Configuration, Planning, evaluate
 from softgym_mj.exceptions import InvalidArgumentError, SnapshotError, SoftGymError
 from softgym_mj.fluid import Liquid, Resolution, Water
-from softgym_mj.jobs.executors import ProcessExecutor, SerialExecutor
+from softgym_mj.parallel.executors import ProcessExecutor, SerialExecutor
 from softgym_mj.policies.rollouts import ExecutorRollouts
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks import Measures, Task, TaskSettings, numbers, point, points

@@ -12,7 +12,7 @@ import pytest
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.jobs.scripts import unknown_main
+from softgym_mj.parallel.scripts import unknown_main
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.processes import ProcessBackend
 

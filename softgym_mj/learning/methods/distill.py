@@ -16,11 +16,11 @@ from torch import Tensor, nn
 from torch.export.passes import move_to_device_pass
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
-from softgym_mj.jobs.files import read_whole
 from softgym_mj.learning.frames import Frames, pictured, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import drawn, generators
 from softgym_mj.learning.repetition import Repeated
+from softgym_mj.storage.files import read_whole
 from softgym_mj.validation import typed
 
 _LAYERS = ((5, 2), (3, 2), (3, 2), (3, 1))  # Kernel and stride of each convolution.

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from softgym_mj.exceptions import StoreError, check_count
-from softgym_mj.jobs.executors import Executor
-from softgym_mj.jobs.store import JSON, Store
+from softgym_mj.parallel.executors import Executor
 from softgym_mj.reality.identification.confidence import intervals
 from softgym_mj.reality.identification.recordings import HELD_OUT
 from softgym_mj.reality.identification.search import (
@@ -29,6 +28,7 @@ from softgym_mj.reality.identification.unknowns import (
     values_at,
     values_of,
 )
+from softgym_mj.storage.store import JSON, Store
 
 SEEDS = 3
 REFINEMENTS = 2  # Evaluations on the finer mesh: the second one checks the result of the first.

@@ -20,9 +20,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from softgym_mj.exceptions import check_count
-from softgym_mj.jobs.executors import Executor
-from softgym_mj.jobs.journal import Journal
+from softgym_mj.parallel.executors import Executor
 from softgym_mj.reality.identification.surface import Surface
+from softgym_mj.storage.journal import Journal
 
 Progress = Callable[[dict[Any, tuple[int, float]]], None]
 Residuals = Sequence[Sequence[float]]  # [m] One sequence for each frame.

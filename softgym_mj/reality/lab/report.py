@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from softgym_mj.cloth.fabrics import FABRICS
 from softgym_mj.entities.fabric import Fabric
 from softgym_mj.exceptions import check_name
-from softgym_mj.jobs.files import whole, write_json
 from softgym_mj.reality.lab import experiments
 from softgym_mj.reality.lab.experiments import BOUNDS, Measurement
 from softgym_mj.reality.lab.meshes import MESHES
+from softgym_mj.storage.files import whole, write_json
 
 LOADS = (0.5, 5.0, 50.0)
 # How many cells long cantilevers are, all of them and with the spacing of sheets.

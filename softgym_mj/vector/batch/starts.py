@@ -13,7 +13,7 @@ from softgym_mj.envs.environment import Environment
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.jobs.executors import ProcessExecutor
+from softgym_mj.parallel.executors import ProcessExecutor
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.cameras import Cameras

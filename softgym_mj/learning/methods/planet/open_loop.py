@@ -13,11 +13,11 @@ from torch import Tensor
 import softgym_mj
 from softgym_mj.evaluation.plots import new_figure
 from softgym_mj.exceptions import InvalidArgumentError, check_count
-from softgym_mj.jobs.files import write_whole
 from softgym_mj.learning.learner import split_by_seed
 from softgym_mj.learning.methods.planet.latent import centred
 from softgym_mj.learning.methods.planet.learner import PlaNet
 from softgym_mj.learning.training import Training
+from softgym_mj.storage.files import write_whole
 
 CONTEXT, PREDICTED = 5, 30  # Frames (SoftGym, figure of predictions).
 # Largest minus smallest of a pixel's colours, of 255, from which it shows cloth, rope or water, or

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.executors import make_executor
-from softgym_mj.jobs.store import ARRAYS, JSON, Store
+from softgym_mj.parallel.executors import make_executor
+from softgym_mj.storage.store import ARRAYS, JSON, Store
 
 SPECIFICATION = {"task": "rope", "settings": {"size": (3, 4), "scale": 0.1}}
 ARRAY_VALUE = {
@@ -267,7 +267,7 @@ def test_a_failure_leaves_what_is_finished(store, log, jobs, tmp_path):
 # With a third argument it kills itself in the write of that many values.
 SCRIPT = """
 import os, pathlib, signal, sys
-from tests.jobs import test_store as module
+from tests.storage import test_store as module
 
 if len(sys.argv) > 3:
     replace, left = os.replace, [int(sys.argv[3])]

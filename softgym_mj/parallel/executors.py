@@ -18,7 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from softgym_mj.exceptions import SimulationError, check_count, import_extra
-from softgym_mj.jobs.scripts import unknown_main
+from softgym_mj.parallel.scripts import unknown_main
 
 MOST_PROCESSES = 512  # Each takes a tenth of a GiB.
 _HAS_MASKS = hasattr(signal, "pthread_sigmask")

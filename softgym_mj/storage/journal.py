@@ -7,7 +7,7 @@ import pathlib
 from typing import Any
 
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import naming, read_whole, write_whole
+from softgym_mj.storage.files import naming, read_whole, write_whole
 
 
 class Journal:

@@ -3,8 +3,8 @@
 import pytest
 
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.journal import Journal
-from softgym_mj.jobs.store import JSON, Store
+from softgym_mj.storage.journal import Journal
+from softgym_mj.storage.store import JSON, Store
 
 ENTRIES = [[0.1 + 0.2, -1e-300], [], {"a": None}]
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from softgym_mj.exceptions import StoreError
-from softgym_mj.jobs.files import PARTIAL, read_json, read_whole, whole, write_json, write_whole
 from softgym_mj.rendering.offscreen import Video, write_picture
+from softgym_mj.storage.files import PARTIAL, read_json, read_whole, whole, write_json, write_whole
 
 LARGE = np.random.default_rng(0).integers(0, 256, (4, 512, 512, 3), np.uint8)  # Of 3 MB.
 WRITERS = {
@@ -115,7 +115,7 @@ def test_an_interruption_leaves_the_old_file(tmp_path):
 def test_what_a_killed_writer_left_is_removed_by_the_next(tmp_path):
     script = """
 import os, pathlib, signal, sys
-from softgym_mj.jobs.files import whole
+from softgym_mj.storage.files import whole
 with whole(pathlib.Path("killed")) as partial:
     partial.write_bytes(b"half")
     os.kill(os.getpid(), signal.SIGKILL)

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from softgym_mj.exceptions import InvalidArgumentError, SimulationError
-from softgym_mj.jobs.executors import (
+from softgym_mj.parallel.executors import (
     Executor,
     ProcessExecutor,
     RayExecutor,
@@ -101,7 +101,7 @@ def test_numbers():
 
 def test_scripts_need_no_guard():
     script = (
-        "import math\nfrom softgym_mj.jobs.executors import ProcessExecutor\n"
+        "import math\nfrom softgym_mj.parallel.executors import ProcessExecutor\n"
         "print('script')\nwith ProcessExecutor(2) as executor:\n"
         "    print(executor.all(math.isqrt, [(9,), (16,)]))\n"
     )

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from softgym_mj.exceptions import SoftGymError, StoreError
-from softgym_mj.jobs.executors import Executor, SerialExecutor
-from softgym_mj.jobs.files import read_json, read_whole, write_json, write_whole
-from softgym_mj.jobs.journal import Journal
+from softgym_mj.parallel.executors import Executor, SerialExecutor
+from softgym_mj.storage.files import read_json, read_whole, write_json, write_whole
+from softgym_mj.storage.journal import Journal
 
 Key = int | str | tuple[int | str, ...]
 
