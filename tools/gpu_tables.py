@@ -32,8 +32,8 @@ def rates() -> str:
     machine = found["machine"]
     return (
         f"{table(f'| task | {head} | GB of {numbers[-1]:,} |', rows)}\n\n"
-        f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the programs took "
-        f"{compiled:.0f} s, once."
+        f"{machine['gpu']}, PyTorch {machine['torch']}; compiling the kernels took once "
+        f"{compiled:.0f} s."
     )
 
 
@@ -53,7 +53,7 @@ def images() -> str:
         else:
             cells += ["not yet"] * 2
         rows.append(f"| `{task}` | {' | '.join(cells)} |")
-    head = "| task | without | with rgb | share | overlap, mean (least) | difference in colour |"
+    head = "| task | without | with rgb | share | overlap, mean (least) | difference in color |"
     return table(head, rows)
 
 
@@ -66,8 +66,8 @@ def bits() -> str:
         words = ["yes" if own[name] else "no" for name in kept]
         apart = f"{own['of_processor_largest_difference']:.1g}"
         rows.append(f"| `{task}` | {' | '.join(words)} | {apart} |")
-    head = "| task | same bits in another run | in other batches | furthest from the processor's |"
-    return table(head, rows)
+    titles = "same bits in another run | among other environments | largest difference from the CPU"
+    return table(f"| task | {titles} |", rows)
 
 
 def planner() -> str:
@@ -92,7 +92,7 @@ def long() -> str:
         cells = f"{own['env_steps']:,}", *(f"{rate[i]:,.0f}" for i in (1, -1))
         rows.append(f"| `{task}` | {' | '.join(cells)} | {memory[0]:.2f} | {memory[-1]:.2f} |")
     total = sum(own["env_steps"] for own in found.values())
-    head = "| task | env steps | a second, second tenth | last tenth | GB, first | last |"
+    head = "| task | env steps | env steps/s, second tenth | last tenth | GB, first | last |"
     return f"{table(head, rows)}\n\n{total:,} env steps in all."
 
 

@@ -12,6 +12,7 @@ from softgym_mj.evaluation.comparison import read_results
 from softgym_mj.evaluation.plots import new_figure
 from softgym_mj.learning.results import Name, Reference, Row, read_references, read_rows
 from softgym_mj.learning.tables import table as numbers_of
+from softgym_mj.policies.exported import has_images
 from softgym_mj.policies.planners import PLANNERS
 from softgym_mj.registry import TASKS
 from softgym_mj.storage.files import write_whole
@@ -28,8 +29,9 @@ STALE = {
     *((task, "cem", "small", "simulator") for task in
       ("straighten_rope", "rope_configuration", "spread_cloth", "fold_crumpled_cloth")),
 }  # fmt: skip
-# Of methods, where they are no abbreviations.
-_TITLES = {"asymmetric": "Asymmetric SAC", "distill": "Distillation"}
+# Titles of methods whose names are no abbreviations.
+_TITLES = {"asymmetric": "asymmetric SAC", "distill": "distillation"}
+_KINDS = ("policy on states", "policy on images", "CEM")
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
 
 
@@ -81,43 +83,37 @@ def others() -> str:
         steps = _optional(r.env_steps, ",")
         cells = r.method, r.observation, value, steps, r.certainty, r.source
         lines.append(_row(f"`{r.task}`", *cells))
-    titles = "method | observation | normalised performance | env steps | certainty | source"
+    titles = "method | observation | normalized performance | env steps | certainty | source"
     return table(f"| task | {titles} |", lines)
 
 
 def overview() -> str:
-    """For the README, a table of tasks and methods, once a learner has final rows: else nothing.
+    """The README's table: the best published score of each task by kind of policy.
 
-    Of a method and a preset it has the best row of each task. Planners stand there with the paper's
-    budget only, learners with their presets.
+    It is empty until a learner has final rows. Planners are listed with the paper's budget only.
     """
     lines = [line for line in numbers_of(rows()) if line["preset"] not in ("small", "custom")]
     if all(line["method"] in PLANNERS for line in lines):
         return ""
     cells: dict[str, dict[str, str]] = {}
-    for line in sorted(lines, key=lambda line: line["median"]):  # The best one comes last.
-        title, shown = _cell(line)
-        cells.setdefault(title, {})[line["task"]] = shown
-    titles = sorted(cells, key=lambda title: (-len(cells[title]), title))
+    for line in sorted(lines, key=lambda line: line["median"]):  # The best one overwrites others.
+        cells.setdefault(line["task"], {})[_kind(line)] = _cell(line)
     nothing = idle()
     found = [
         _row(
             f"`{task}`",
             _optional(nothing.get(task), ".2f"),
-            *(cells[title].get(task, "") for title in titles),
+            *(cells[task].get(kind, "") for kind in _KINDS),
         )
         for task in TASKS
-        if any(task in own for own in cells.values())
+        if task in cells
     ]
-    return table(f"| task | does nothing | {' | '.join(titles)} |", found) + (
-        "\n\nNormalized performance on held-out variations by the last checkpoint: median "
-        "(quartiles) over five seeds, and the share of episodes that succeed, of the best "
-        "combination of observation and replay for each preset. Env steps are of each seed; "
-        "*1 seed* has no spread. *Does nothing* is the mean over the same 200 variations "
-        "without any action. CEM knows the dynamics, learns nothing and plays ten episodes. "
-        "\u2020 is of start states that have been replaced since. [All numbers, curves and "
-        "policies](docs/results.md#learned); `softgym-mj learning queue` lists what has not "
-        "been run."
+    return table(f"| task | no action | {' | '.join(_KINDS)} |", found) + (
+        "\n\nNormalized performance on held-out variations: last checkpoint, median (quartiles) "
+        "over five seeds. *No action*: mean over the same 200 variations. CEM plans with the true "
+        "dynamics and learns nothing (ten episodes). \u2020: start states have changed since. [All "
+        "methods, observations, budgets, curves and policies](docs/results.md); "
+        "`softgym-mj learning queue` lists open runs."
     )
 
 
@@ -131,17 +127,20 @@ def idle() -> dict[str, float]:
     }
 
 
-def _cell(line: Mapping[str, Any]) -> tuple[str, str]:
-    """Column and text of a result in the overview."""
-    shown = _ranged(line, "median", "percentile_25", "percentile_75")
-    shown += f"{_mark(line)}, success {line['success_rate']:.2f}"
+def _kind(line: Mapping[str, Any]) -> str:
+    """Column of a result in the overview."""
     if line["method"] in PLANNERS:
-        return f"{line['method'].upper()}, true dynamics", shown
-    how = [line["observation"], f"{line['env_steps']:,} env steps"]
-    how += ["symmetric"] if line["replay"] == "symmetric" else []
-    how += [f"{line['seeds']} seed"] if line["seeds"] == 1 else []
-    method = _TITLES.get(line["method"], line["method"].upper())
-    return f"{method}, preset {line['preset']}", f"{shown}; {', '.join(how)}"
+        return _KINDS[2]
+    return _KINDS[1 if has_images(line["observation"].split("+")) else 0]
+
+
+def _cell(line: Mapping[str, Any]) -> str:
+    """Text of a result in the overview."""
+    shown = _ranged(line, "median", "percentile_25", "percentile_75") + _mark(line)
+    if line["method"] in PLANNERS:
+        return shown
+    seeds = ", 1 seed" if line["seeds"] == 1 else ""
+    return f"{shown}, {_TITLES.get(line['method'], line['method'].upper())}{seeds}"
 
 
 def _mark(line: Mapping[str, Any]) -> str:
@@ -221,7 +220,7 @@ def _panel(
     axes.set_title(task, fontsize="small")
     axes.set_ylim(min(max(axes.get_ylim()[0], _LOWEST), 0.0), 1.05)
     axes.set_xlabel("env steps [1000]", fontsize="small")
-    axes.set_ylabel("normalised performance", fontsize="small")
+    axes.set_ylabel("normalized performance", fontsize="small")
     axes.tick_params(labelsize="x-small")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(fontsize="x-small", frameon=False)

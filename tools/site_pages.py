@@ -42,14 +42,12 @@ def notebook_page(file: pathlib.Path) -> tuple[str, dict[str, bytes]]:
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Adds the data sheets and the notebooks to the contents."""
+    """Adds the data sheets and the notebooks to the navigation."""
     sheets = [{path.stem: f"tasks/{path.name}"} for path in sorted((ROOT / "docs/tasks").iterdir())]
     notebooks = [PAGES[f"notebooks/{name}"] for name in NOTEBOOKS]
-    for entry in config.nav or []:
-        if "Tasks" in entry:
-            entry["Tasks"] = sheets
-        if "Notebooks" in entry:
-            entry["Notebooks"] = notebooks
+    start, tasks = config.nav[:2]
+    tasks["Tasks"] = sheets
+    next(entry for entry in start["Start"] if "Notebooks" in entry)["Notebooks"] = notebooks
     return config
 
 
@@ -70,9 +68,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Makes links to files of the repository lead to what they are in the site."""
+    """Resolves links to files of the repository; the edit link leads to the page's source."""
     here = page.file.src_uri
     source = _SOURCES.get(here, f"docs/{here}")
+    if config.repo_url:
+        page.edit_url = f"{config.repo_url.rstrip('/')}/edit/main/{source}"
 
     def adapted(link: re.Match) -> str:
         target = os.path.normpath(os.path.join(os.path.dirname(source), link[2]))

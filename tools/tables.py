@@ -136,7 +136,7 @@ def materials() -> str:
 
 
 def arm_speeds() -> str:
-    """The README's speeds with pickers or cups, and with arms by their shares of these."""
+    """Speeds with pickers or cups, and with arms by their shares of these."""
     found, rows = measured("throughput"), []
     for name in (task for task in TASKS if task in found["tasks"]):
         own = found["tasks"][name]
@@ -194,7 +194,7 @@ def overview(scores: experts.Scores) -> str:
         fast = f"{thousand['env_steps_per_s']:,.0f}" if thousand else "not yet measured"
         row = page, record.tags[0], record.summary, played, rate, fast
         rows.append(f"| {' | '.join(row)} |")
-    head = "| task | | goal | scripted expert | env steps/s, one core | on one H100 |"
+    head = "| task | level | goal | scripted expert | env steps/s, one core | one H100 |"
     return table(head, rows)
 
 
@@ -239,8 +239,8 @@ def pages() -> dict[pathlib.Path, str]:
     texts[ROBOTS] = between(texts[ROBOTS], "speed", arm_speeds())
     texts[README] = between(texts[README], "learned", learned.overview())
     texts[README] = between(texts[README], "tasks", overview(scores))
-    texts[README] = between(texts[README], "speed", materials())
-    texts[README] = between(texts[README], "processes", processes())
+    texts[GPU] = between(texts[GPU], "speed", materials())
+    texts[GPU] = between(texts[GPU], "processes", processes())
     texts[PICTURES] = between(texts[PICTURES], "gallery", stills())
     for name, of in gpu_tables.TABLES.items():
         texts[GPU] = between(texts[GPU], name, of())

@@ -1,4 +1,4 @@
-"""What the README shows is run: its Python, its commands; CI runs what it says."""
+"""Runs the Python and the commands that README and docs show."""
 
 import copy
 import dataclasses
@@ -22,8 +22,7 @@ from tools import architecture, tables
 
 ROOT = pathlib.Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
-
-
+QUICKSTART = (ROOT / "docs" / "quickstart.md").read_text()
 MIGRATION = (ROOT / "docs" / "migration.md").read_text()
 DOMAIN = (ROOT / "docs" / "domain.md").read_text()
 ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
@@ -40,7 +39,7 @@ def blocks(language, text=README):
     "code",
     [
         code
-        for page in (README, MIGRATION, DOMAIN, ARGUMENTS, ROBOTS, REALITY)
+        for page in (README, QUICKSTART, MIGRATION, DOMAIN, ARGUMENTS, ROBOTS, REALITY)
         for code in blocks("python", page)
     ],
     ids=lambda code: code.splitlines()[0],
@@ -93,7 +92,7 @@ def test_links_lead_to_files():
 
 
 def shown_commands():
-    lines = "".join(blocks("sh")).splitlines()
+    lines = "".join(blocks("sh", QUICKSTART)).splitlines()
     return [line.split("#")[0].strip() for line in lines if line.startswith("softgym-mj")]
 
 
@@ -103,7 +102,7 @@ def _folder(tmp_path_factory):
     return tmp_path_factory.mktemp("commands")
 
 
-LONG = ("softgym-mj photo", "softgym-mj expert")  # Pictures take seconds.
+LONG = ("softgym-mj photo", "softgym-mj expert")  # Rendering takes seconds.
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The documentation site builds without a warning and has every public module."""
 
 import base64
+import os
 import pathlib
 import re
 import subprocess
@@ -12,6 +13,7 @@ import pytest
 from tools import site_pages
 
 ROOT = pathlib.Path(__file__).parents[2]
+REPOSITORY = "https://github.com/owner/name"
 # Modules that are commands or their output, not an interface.
 COMMANDS = ("cli", "console", "gymnasium_registration")
 
@@ -19,7 +21,8 @@ COMMANDS = ("cli", "console", "gymnasium_registration")
 @pytest.mark.long
 def test_the_site_builds_without_warnings(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
-    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    env = {**os.environ, "REPO_URL": REPOSITORY}
+    built = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     home = (tmp_path / "index.html").read_text()
     for part in ('href="validation/"', 'href="fluid/"', 'src="videos/tasks.webp"'):
@@ -27,6 +30,7 @@ def test_the_site_builds_without_warnings(tmp_path):
     for source in (ROOT / "notebooks").glob("*.ipynb"):
         page = (tmp_path / "notebooks" / source.stem / "index.html").read_text()
         assert f'href="notebooks/{source.stem}/"' in home and "find_spec" in page
+        assert f'href="{REPOSITORY}/edit/main/notebooks/{source.name}"' in page
     arguments = 'href="../../arguments/"'  # It is ../docs/arguments.md in the notebook.
     assert arguments in (tmp_path / "notebooks" / "01_quickstart" / "index.html").read_text()
     robots = (tmp_path / "reference" / "robots" / "index.html").read_text()

@@ -162,14 +162,17 @@ def test_the_overview_is_there_once_something_was_learned(monkeypatch):
     ]
     monkeypatch.setattr(learned, "rows", lambda: [*planned, *worse, *_training()])
     head, _, *rows = learned.overview().splitlines()[:4]
-    assert head == "| task | does nothing | CEM, true dynamics | SAC, preset fast |"
-    best = "0.50 (0.40 to 0.90) \u2020, success 0.40; reduced, 300 env steps, symmetric"
+    assert head == "| task | no action | policy on states | policy on images | CEM |"
+    best = "0.50 (0.40 to 0.90) \u2020, SAC"
     assert rows == [
-        "| `fold_cloth` | 0.25 | 0.90, success 1.00 | |", f"| `straighten_rope` | | | {best} |",
+        "| `fold_cloth` | 0.25 | | | 0.90 |", f"| `straighten_rope` | | {best} | | |",
     ]  # fmt: skip
     alone = [row for row in _training() if not row.seed]
     monkeypatch.setattr(learned, "rows", lambda: alone)
-    assert "symmetric, 1 seed |" in learned.overview()
+    assert "SAC, 1 seed |" in learned.overview()
+    image = [dataclasses.replace(row, observation="rgb+held") for row in _training()]
+    monkeypatch.setattr(learned, "rows", lambda: image)
+    assert "| | 0.50 (0.40 to 0.90), SAC | |" in learned.overview()
 
 
 def test_what_doing_nothing_scores_is_of_all_held_out_variations():
