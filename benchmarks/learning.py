@@ -48,7 +48,7 @@ def updates_per_second(name: str, preset: str, task: str, seeds: int, device: st
 
     def step() -> None:
         if isinstance(learner, Offline):
-            learner.study()
+            learner.update_offline()
             return
         seen, following = (torch.randn(*lead, *observation, device=device) for _ in range(2))
         acted, _ = learner.act(seen, no, None, explore=True)

@@ -24,7 +24,7 @@ def signed_orders(
     return found[0], found[1], found[2], found[3]
 
 
-class Averaged(nn.Module):
+class SymmetrizedPolicy(nn.Module):
     """A policy's mean over the forms of what it sees, each action turned back.
 
     So it does the same in all of them, and errs less. Those that exchange pickers are left out:

@@ -122,7 +122,7 @@ class Offline(Protocol):
 
     demonstrated: int
 
-    def study(self) -> dict[str, Tensor]:
+    def update_offline(self) -> dict[str, Tensor]:
         """Learns once; returns losses and the like (seeds,) by name."""
 
 

@@ -114,7 +114,7 @@ class MLP(nn.Sequential):
         super().__init__(*layers)
 
 
-class Standard(nn.Module):
+class ObservationNormalizer(nn.Module):
     """Observations of each seed by their means and deviations; as they are until `fit`.
 
     Positions are tenths of a metre beside actions of up to 1, which first layers would see alone.
@@ -214,13 +214,13 @@ class Critics(nn.Module):
         return self.body(both)[..., 0].unflatten(0, (-1, self.number)).transpose(0, 1)
 
 
-class Mean(nn.Module):
+class DeterministicPolicy(nn.Module):
     """The best action of one seed, by the `mean` of a network, of observations (n, k)."""
 
     def __init__(self, actor: nn.Module, seed: int):
         super().__init__()
         self.actor = copy.deepcopy(actor).cpu()
-        seen = (one for one in self.actor.modules() if isinstance(one, Standard))
+        seen = (one for one in self.actor.modules() if isinstance(one, ObservationNormalizer))
         for array in (*self.actor.parameters(), *(b for one in seen for b in one.buffers())):
             array.data = array.data[seed : seed + 1].clone()  # Other buffers are of no seed.
         self.requires_grad_(False)

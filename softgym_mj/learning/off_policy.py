@@ -9,10 +9,10 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
-from softgym_mj.learning.forms import Averaged
+from softgym_mj.learning.cuda_graph import CudaGraph
+from softgym_mj.learning.forms import SymmetrizedPolicy
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import any_actions, drawn, generators
-from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch, Replay
 from softgym_mj.learning.symmetries import symmetries
 from softgym_mj.validation import typed
@@ -25,16 +25,16 @@ class OffPolicySettings:
 
     Attributes:
         random_steps: env steps of each seed that are random, before it learns.
-        lasting: env steps for which a random action goes on, on average.
+        action_hold: env steps for which a random action goes on, on average.
         updates: for each step of all environments.
         batch: env steps of an update, of each seed.
         replay: env steps of each seed that are kept.
-        added: env steps whose rewards are added up.
+        n_step: env steps whose rewards are added up.
         symmetric: whether replays show the symmetries of the task.
-        averaged: whether best actions are means over them.
+        symmetrize_policy: whether best actions are means over them.
         discount: of rewards, in each env step.
-        last_discount: what that rises to; None if it stays.
-        rising: env steps of each seed between which it does, so that its horizon,
+        final_discount: what that rises to; None if it stays.
+        discount_schedule: env steps of each seed between which it does, so that its horizon,
             1 / (1 - discount), grows by equal factors.
 
     Raises:
@@ -42,36 +42,38 @@ class OffPolicySettings:
     """
 
     random_steps: int = 1_000
-    lasting: int = 1
+    action_hold: int = 1
     updates: int = 64
     batch: int = 128
     replay: int = 100_000
-    added: int = 1
+    n_step: int = 1
     symmetric: bool = False
-    averaged: bool = False
+    symmetrize_policy: bool = False
     discount: float = 0.99
-    last_discount: float | None = None
-    rising: tuple[int, int] = (0, 1)
+    final_discount: float | None = None
+    discount_schedule: tuple[int, int] = (0, 1)
 
     def __post_init__(self):
-        for name in ("lasting", "updates", "batch", "replay", "added"):
+        for name in ("action_hold", "updates", "batch", "replay", "n_step"):
             check_count(name, getattr(self, name), 1)
         check_count("random_steps", self.random_steps, 0)
-        if self.last_discount is not None and not self.discount <= self.last_discount < 1.0:
+        if self.final_discount is not None and not self.discount <= self.final_discount < 1.0:
             valid = f"{self.discount} to below 1"
-            raise InvalidArgumentError("last_discount", self.last_discount, valid)
-        if not 0 <= self.rising[0] < self.rising[1]:
-            raise InvalidArgumentError("rising", self.rising, "from one number to a larger one")
-        if self.averaged and not self.symmetric:
-            raise InvalidArgumentError("averaged", True, "False, where symmetric is")
+            raise InvalidArgumentError("final_discount", self.final_discount, valid)
+        if not 0 <= self.discount_schedule[0] < self.discount_schedule[1]:
+            raise InvalidArgumentError(
+                "discount_schedule", self.discount_schedule, "from one number to a larger one"
+            )
+        if self.symmetrize_policy and not self.symmetric:
+            raise InvalidArgumentError("symmetrize_policy", True, "False, where symmetric is")
 
     def discount_at(self, env_steps: int) -> float:
         """The discount after so many env steps of each seed."""
-        if self.last_discount is None:
+        if self.final_discount is None:
             return self.discount
-        first, last = self.rising
+        first, last = self.discount_schedule
         share = min(max((env_steps - first) / (last - first), 0.0), 1.0)
-        return 1.0 - (1.0 - self.discount) ** (1.0 - share) * (1.0 - self.last_discount) ** share
+        return 1.0 - (1.0 - self.discount) ** (1.0 - share) * (1.0 - self.final_discount) ** share
 
 
 class Algorithm(Protocol):
@@ -132,22 +134,22 @@ class OffPolicy:
         self._settings, self._problem, self.algorithm = settings, problem, algorithm
         self._symmetries = symmetries(problem.example()) if settings.symmetric else ()
         self._best: Callable[[Tensor], Tensor] = functools.partial(algorithm.act, explore=False)
-        if settings.averaged:
+        if settings.symmetrize_policy:
             if problem.observed not in ("reduced", "markov"):
                 valid = "'reduced' or 'markov', to be averaged"
                 raise InvalidArgumentError("observation", problem.observed, valid)
-            self._best = Averaged(self._best, self._symmetries, problem.device)
+            self._best = SymmetrizedPolicy(self._best, self._symmetries, problem.device)
         self.replay = replay(
             settings.replay // problem.num_envs, problem.seeds, problem.num_envs,
             problem.shapes or problem.observation,
-            problem.action, discount=settings.discount, steps=settings.added,
+            problem.action, discount=settings.discount, steps=settings.n_step,
             symmetries=self._symmetries, device=problem.device,
         )  # fmt: skip
         self._noise = generators(problem.seeds, problem.device)
         if settings.updates % algorithm.period:
             valid = f"{algorithm.period} times a number: some updates differ from others"
             raise InvalidArgumentError("updates", settings.updates, valid)
-        self._few = Repeated(self._update, [*self.replay.sources, *algorithm.sources])
+        self._few = CudaGraph(self._update, [*self.replay.sources, *algorithm.sources])
         self._seen = 0  # Env steps of each seed.
 
     @property
@@ -168,7 +170,7 @@ class OffPolicy:
 
     def _random(self, first: Tensor, before: Tensor | None) -> Tensor:
         """Actions (seeds, n, action), some of which are those of the env step before."""
-        number, lasting = first.shape[1], self._settings.lasting
+        number, lasting = first.shape[1], self._settings.action_hold
         fresh = any_actions(self._noise, number, self._problem.action)
         if lasting == 1 or before is None:
             return fresh
@@ -181,10 +183,10 @@ class OffPolicy:
         learns = self._seen >= self._settings.random_steps
         self._seen += self._problem.num_envs
         found: dict[str, Tensor] = {}
-        if learns and self.replay.size >= self._settings.added:
+        if learns and self.replay.size >= self._settings.n_step:
             if not self.updates:
                 self.algorithm.begin(self.replay.sample)
-            if self._settings.last_discount is not None:
+            if self._settings.final_discount is not None:
                 self.replay.discount.fill_(self._settings.discount_at(self._seen))
             wanted = self.updates + self._settings.updates
             for _ in range(self._settings.updates // self.algorithm.period):
@@ -202,7 +204,11 @@ class OffPolicy:
     def policy(self, seed: int) -> nn.Module:
         """See `Learner`."""
         policy = self.algorithm.policy(seed)
-        return Averaged(policy, self._symmetries, "cpu") if self._settings.averaged else policy
+        return (
+            SymmetrizedPolicy(policy, self._symmetries, "cpu")
+            if self._settings.symmetrize_policy
+            else policy
+        )
 
     def get_state(self) -> dict[str, Any]:
         """See `Learner`."""

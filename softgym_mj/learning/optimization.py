@@ -35,13 +35,13 @@ def step(optimizer: torch.optim.Adam, losses: Tensor) -> None:
     optimizer.step()
 
 
-def follow(targets: nn.Module, own: nn.Module, share: float) -> None:
+def polyak_update(targets: nn.Module, own: nn.Module, share: float) -> None:
     """Moves each weight of targets by this share of the way to those that they follow."""
     with torch.no_grad():
         torch._foreach_lerp_([*targets.parameters()], [*own.parameters()], share)
 
 
-def cut(parameters: Sequence[Tensor], seeds: int, largest: float) -> None:
+def clip_grad_norm(parameters: Sequence[Tensor], seeds: int, largest: float) -> None:
     """Scales gradients of arrays (a number for each seed, ...) to a norm in each seed, at most."""
     gradients = [p.grad for p in parameters if p.grad is not None]
     squares = [gradient.reshape(seeds, -1).square().sum(-1) for gradient in gradients]

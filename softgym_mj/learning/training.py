@@ -199,7 +199,7 @@ class Training:
         self.phase = "learns"
         while self._step < steps:
             if isinstance(self.learner, Offline):  # As often as others step their environments.
-                news = self.learner.study()
+                news = self.learner.update_offline()
             else:
                 action, self._memory = self.learner.act(
                     observation, first, self._memory, explore=True

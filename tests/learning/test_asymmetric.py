@@ -58,7 +58,7 @@ def _batch(n=5):
 
 
 def test_losses_are_those_of_the_formulas():
-    settings = AsymmetricSettings(**SMALL, pessimism=1.0, alpha=0.2, target_entropy=-1.0)
+    settings = AsymmetricSettings(**SMALL, min_q_weight=1.0, alpha=0.2, target_entropy=-1.0)
     sac, batch = AsymmetricSAC(settings, [0], SHAPES, 1), _batch()
     noise = torch.randn(1, 5, 1)
     with torch.no_grad():

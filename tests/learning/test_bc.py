@@ -58,9 +58,9 @@ def test_what_never_changes_is_not_blown_up():
 
 def test_it_does_what_the_expert_does():
     bc = BC(BCSettings(hidden=(32, 32), rate=3e-3), [0, 1], _shown())
-    first = bc.study()["loss"]
+    first = bc.update_offline()["loss"]
     for _ in range(400):
-        last = bc.study()["loss"]
+        last = bc.update_offline()["loss"]
     assert (last < 0.05 * first).all() and bc.updates == 401 and bc.demonstrated == 120
     place = torch.rand(2, 50, 2, generator=torch.Generator().manual_seed(1)) * 2.0 - 1.0
     found, _ = bc.act(place, torch.ones(2, 50, dtype=torch.bool), None, explore=False)
@@ -75,7 +75,7 @@ def test_symmetries_teach_what_was_not_shown():
     for shapes in ((), (SAME, MIRROR)):
         bc = BC(BCSettings(hidden=(32, 32), rate=3e-3), [0], shown, shapes)
         for _ in range(300):
-            bc.study()
+            bc.update_offline()
         errors.append((bc.actor.mean(place) + 0.8).abs().mean().item())
     assert errors[0] > 1.0 and errors[1] < 0.3
 

@@ -40,7 +40,7 @@ def test_it_does_what_the_expert_does():
     assert isinstance(learner, Offline) and learner.demonstrated == 8 * 12
     before = _miss(learner)
     for _ in range(STUDIES):
-        learner.study()
+        learner.update_offline()
     assert learner.updates == 3 * STUDIES
     assert learner._rate.item() == pytest.approx(0.0, abs=1e-9)  # Of the last of all studies.
     assert before > 0.25 and _miss(learner) < 0.08
@@ -64,11 +64,11 @@ def test_frames_are_of_one_episode_and_labels_of_their_step():
 
 def test_a_state_has_no_images():
     first, second = _learner(), _learner()
-    first.study()
+    first.update_offline()
     state = copy.deepcopy(first.get_state())
     assert state["frames"].keys() == {"random"}
     second.set_state(state)
-    found = [learner.study()["loss"] for learner in (first, second)]
+    found = [learner.update_offline()["loss"] for learner in (first, second)]
     assert torch.equal(*found)
 
 

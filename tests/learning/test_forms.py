@@ -6,7 +6,7 @@ import torch
 
 import softgym_mj
 from softgym_mj.exceptions import InvalidArgumentError
-from softgym_mj.learning.forms import Averaged
+from softgym_mj.learning.forms import SymmetrizedPolicy
 from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.off_policy import OffPolicySettings
 from softgym_mj.learning.registry import find_method
@@ -27,7 +27,7 @@ def _policy(own):
 
 
 def _averaged(own, policy):
-    found = Averaged(policy, own, "cpu").double()
+    found = SymmetrizedPolicy(policy, own, "cpu").double()
     return lambda seen: found(torch.as_tensor(seen)).detach().numpy()
 
 
@@ -56,7 +56,7 @@ def test_it_does_the_same_in_each_form(own):
 
 def test_a_policy_that_is_kept_does_what_is_evaluated():
     settings = {"hidden": (16, 16), "random_steps": 0, "replay": 8, "symmetric": True}
-    method = find_method("sac", averaged=True, **settings)
+    method = find_method("sac", symmetrize_policy=True, **settings)
     problem = Problem("fold_cloth", {"fidelity": "fast"}, [4, 9], 2, (26,), 8, 1.0, "cpu", "markov")
     learner = method.make(method.settings, problem)
     seen = torch.randn(2, 3, 26)
@@ -70,9 +70,9 @@ def test_a_policy_that_is_kept_does_what_is_evaluated():
 
 
 def test_what_has_no_forms_is_not_averaged():
-    with pytest.raises(InvalidArgumentError, match="averaged"):
-        OffPolicySettings(averaged=True)
-    method = find_method("sac_hindsight", symmetric=True, averaged=True, hidden=(8,))
+    with pytest.raises(InvalidArgumentError, match="symmetrize_policy"):
+        OffPolicySettings(symmetrize_policy=True)
+    method = find_method("sac_hindsight", symmetric=True, symmetrize_policy=True, hidden=(8,))
     problem = Problem("rope_configuration", {}, [0], 2, (36,), 8, 1.0, "cpu", "full")
     with pytest.raises(InvalidArgumentError, match="observation"):
         method.make(method.settings, problem)

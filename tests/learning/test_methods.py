@@ -26,14 +26,14 @@ SHOWN = {"demonstrations": 2, "jobs": 1}
 CASES = {
     "sac": (
         ROPE,
-        {**OFF_POLICY, "added": 2, "symmetric": True, "standard": True},
+        {**OFF_POLICY, "n_step": 2, "symmetric": True, "normalize_observations": True},
     ),
     "sac_hindsight": (GOALS, {**OFF_POLICY, "symmetric": True}),
     "sac_points": (GOALS, {**OFF_POLICY, "points": (8, 8), "symmetric": True}),
     "rlpd": (
         dataclasses.replace(ROPE, part=12, evaluate_every=2),
-        {**OFF_POLICY, **SHOWN, "updates": 4, "actor_every": 2, "added": 2, "symmetric": True,
-         "critics": 3, "discount": 0.9, "last_discount": 0.99, "rising": (4, 20)},
+        {**OFF_POLICY, **SHOWN, "updates": 4, "actor_every": 2, "n_step": 2, "symmetric": True,
+         "critics": 3, "discount": 0.9, "final_discount": 0.99, "discount_schedule": (4, 20)},
     ),
     "bc": (ROPE, {**SHOWN, "hidden": (8,), "batch": 4}),
     # A part ends in the midst of a rollout.
@@ -190,7 +190,7 @@ def test_seeds_together_learn_what_each_learns_alone(train, whole, no_policies):
 BAD_SETTINGS = {
     "sac": [
         ("tau", 0.0), ("discount", 1.5), ("actor_every", 0), ("target_entropy", 0.7),
-        ("pessimism", 2),
+        ("min_q_weight", 2),
     ],
     "sac_hindsight": [("strategy", "past"), ("share", 1.5), ("tau", 0.0)],
     "sac_points": [("points", ()), ("points", (8, 0)), ("tau", 0.0)],
@@ -214,7 +214,7 @@ BAD_SETTINGS = {
         ("plans", "sometimes"), ("updates", 0), ("rho", 0.0), ("entropy", -1.0),
         ("largest_gradient", 0.0), ("critics", 1), ("horizon", 0),
     ],
-    "asymmetric": [("symmetric", True), ("averaged", True), ("square", 0), ("shift", -1)],
+    "asymmetric": [("symmetric", True), ("symmetrize_policy", True), ("square", 0), ("shift", -1)],
 }  # fmt: skip
 
 

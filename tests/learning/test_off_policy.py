@@ -8,7 +8,7 @@ from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.off_policy import OffPolicySettings
 from softgym_mj.learning.registry import find_method
 
-RISES = {"discount": 0.95, "last_discount": 0.9875, "rising": (100, 300)}
+RISES = {"discount": 0.95, "final_discount": 0.9875, "discount_schedule": (100, 300)}
 
 
 def test_the_horizon_grows_by_equal_factors():
@@ -19,7 +19,7 @@ def test_the_horizon_grows_by_equal_factors():
 
 
 def test_batches_are_of_the_discount_of_their_time():
-    settings = RISES | {"rising": (4, 8)}
+    settings = RISES | {"discount_schedule": (4, 8)}
     method = find_method("sac", hidden=(8,), random_steps=0, updates=2, replay=32, **settings)
     problem = Problem("straighten_rope", {}, [0], 2, (3,), 2, 1.0, "cpu")
     learner, no = method.make(method.settings, problem), torch.zeros(1, 2, dtype=torch.bool)
@@ -32,6 +32,10 @@ def test_batches_are_of_the_discount_of_their_time():
 
 
 def test_bad_settings_are_refused():
-    for name, value in (("last_discount", 0.9), ("last_discount", 1.0), ("rising", (3, 3))):
+    for name, value in (
+        ("final_discount", 0.9),
+        ("final_discount", 1.0),
+        ("discount_schedule", (3, 3)),
+    ):
         with pytest.raises(InvalidArgumentError, match=name):
             OffPolicySettings(**{"discount": 0.95, name: value})

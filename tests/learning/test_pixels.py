@@ -163,7 +163,7 @@ def test_only_critics_teach_the_convolutions():
 
 
 def test_rates_are_halved_and_stay_so():
-    rates = {"actor_rate": 0.1, "critic_rate": 0.2, "halved_every": 2}
+    rates = {"actor_rate": 0.1, "critic_rate": 0.2, "lr_halving_period": 2}
     first, second = _sac(**rates), _sac(**rates)
 
     def rate(sac):
@@ -200,8 +200,8 @@ def test_bad_settings_are_refused():
     for name, value in (("channels", 0), ("features", 0), ("symmetric", True), ("tanh", 1)):
         with pytest.raises(InvalidArgumentError, match=name):
             PixelSettings(**{name: value})
-    with pytest.raises(InvalidArgumentError, match="halved_every"):
-        PixelSettings(halved_every=-1)
+    with pytest.raises(InvalidArgumentError, match="lr_halving_period"):
+        PixelSettings(lr_halving_period=-1)
     problem = Problem("straighten_rope", {}, [0], 1, (17, 16, 3), 8, 1.0, "cpu")
     assert picture_size(problem) == (17, 16)
     for shape in ((14, 16, 3), (30,)):

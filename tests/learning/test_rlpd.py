@@ -171,8 +171,8 @@ def test_demonstrations_have_the_discount_of_what_was_done(tmp_path):
     )  # fmt: skip
     method = find_method(
         "rlpd", hidden=(8,), random_steps=4, updates=4, batch=4, replay=16, actor_every=2,
-        added=2, symmetric=True, demonstrations=2, jobs=1, critics=3, discount=0.9,
-        last_discount=0.99, rising=(4, 20),
+        n_step=2, symmetric=True, demonstrations=2, jobs=1, critics=3, discount=0.9,
+        final_discount=0.99, discount_schedule=(4, 20),
     )  # fmt: skip
     training = Training(settings, method, [4, 9], tmp_path, "host")
     training.run()

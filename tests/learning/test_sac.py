@@ -73,13 +73,13 @@ def _single(body, k):
     return nn.Sequential(*layers)
 
 
-@pytest.mark.parametrize(("entropy", "pessimism"), [(-1.0, 1.0), (0.25, 0.3)])
-def test_losses_are_those_of_the_paper(entropy, pessimism):  # Which has the first ones.
+@pytest.mark.parametrize(("entropy", "min_q_weight"), [(-1.0, 1.0), (0.25, 0.3)])
+def test_losses_are_those_of_the_paper(entropy, min_q_weight):  # Which has the first ones.
     seeds = [0, 1]
-    settings = dataclasses.replace(SMALL, target_entropy=entropy, pessimism=pessimism)
+    settings = dataclasses.replace(SMALL, target_entropy=entropy, min_q_weight=min_q_weight)
 
     def judged(values):
-        return (1.0 - pessimism) * sum(values) / 2.0 + pessimism * min(values)
+        return (1.0 - min_q_weight) * sum(values) / 2.0 + min_q_weight * min(values)
 
     sac = SAC(settings, seeds, OBSERVATION, ACTION)
     sac.update(_batch(seeds))  # So that targets are no copies.
@@ -129,7 +129,7 @@ def test_losses_that_are_compiled_teach_the_same():
 def test_standard_observations_are_those_by_mean_and_deviation():
     """Beside networks of the same weights, which are shown what was scaled by hand."""
     seeds = [0, 1]
-    settings = StateSACSettings(hidden=(16, 16), standard=True)
+    settings = StateSACSettings(hidden=(16, 16), normalize_observations=True)
     sac = SAC(settings, seeds, OBSERVATION, ACTION)
     plain = SAC(SACSettings(hidden=(16, 16)), seeds, OBSERVATION, ACTION)
     batch = _batch(seeds, number=50)
@@ -183,7 +183,7 @@ def test_it_learns_to_reach_a_point():
 def test_random_actions_last_as_long_as_they_are_told_to():
     lasting, num_envs, steps = 4, 50, 200
     settings = SACSettings(
-        hidden=(4,), random_steps=num_envs * steps, lasting=lasting, replay=num_envs * steps
+        hidden=(4,), random_steps=num_envs * steps, action_hold=lasting, replay=num_envs * steps
     )
     problem = Problem("straighten_rope", {}, (0, 1), num_envs, (OBSERVATION,), ACTION, 1.0, "cpu")
     learner = make(settings, problem)

@@ -29,7 +29,7 @@ from softgym_mj.learning.methods.tdmpc2.two_hot import (
     two_hot,
 )
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.optimization import cut
+from softgym_mj.learning.optimization import clip_grad_norm
 from softgym_mj.learning.registry import find_method, find_preset
 from softgym_mj.learning.settings import TrainingSettings
 
@@ -277,7 +277,7 @@ def test_gradients_are_cut_as_by_pytorch_in_each_seed():
             parameter.grad = array.grad[k * n : (k + 1) * n].clone()
         nn.utils.clip_grad_norm_(own, 3.0)
         alone.append(own)
-    cut(arrays, 2, 3.0)
+    clip_grad_norm(arrays, 2, 3.0)
     for i, n in enumerate((2, 1)):
         for k in range(2):
             torch.testing.assert_close(arrays[i].grad[k * n : (k + 1) * n], alone[k][i].grad)

@@ -26,8 +26,8 @@ from softgym_mj.policies.factory import make_policy
 
 SEEDS = [4, 9]
 METHOD = find_method(
-    "sac", hidden=(16, 16), random_steps=8, updates=2, batch=8, replay=24, added=2,
-    symmetric=True, averaged=True,
+    "sac", hidden=(16, 16), random_steps=8, updates=2, batch=8, replay=24, n_step=2,
+    symmetric=True, symmetrize_policy=True,
 )  # fmt: skip
 SETTINGS = TrainingSettings(
     "straighten_rope", env_steps=32, num_envs=2, part=8, evaluate_every=2, episodes=1,
@@ -231,7 +231,7 @@ def test_rates_of_the_paper(task, observation, rate, halved, alpha_rate):
     # The paper's table of rates, and the launch scripts where full states are not in it.
     settings = find_preset("sac", "paper", task, observation=observation)[1].settings
     assert (settings.actor_rate, settings.critic_rate) == (rate, rate)
-    assert (settings.halved_every, settings.alpha_rate) == (halved, alpha_rate)
+    assert (settings.lr_halving_period, settings.alpha_rate) == (halved, alpha_rate)
 
 
 def test_the_command(tmp_path, no_policies):
@@ -286,7 +286,7 @@ def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, no_policies, devi
     arguments = {"domain": {"friction": [1.31, 1.32]}, "action_repeat": 1, **own}
     small = {**vars(SETTINGS), **vars(METHOD.settings), "arguments": arguments, "env_steps": 8}
     if own:  # Arms have no symmetries.
-        small |= {"symmetric": False, "averaged": False, "final_episodes": 1}
+        small |= {"symmetric": False, "symmetrize_policy": False, "final_episodes": 1}
     settings, method = find_preset("sac", "fast", small.pop("task"), **small)
     training = Training(settings, method, [0], tmp_path, device)
     training.run()

@@ -20,7 +20,15 @@ from softgym_mj.learning.methods.sac import (
     STANDARD_SAMPLE,
     StateSACSettings,
 )
-from softgym_mj.learning.networks import Actor, Critics, LayerNorm, Linear, Mean, Standard, drawn
+from softgym_mj.learning.networks import (
+    Actor,
+    Critics,
+    DeterministicPolicy,
+    LayerNorm,
+    Linear,
+    ObservationNormalizer,
+    drawn,
+)
 from softgym_mj.learning.off_policy import OffPolicy
 from softgym_mj.learning.replay import Batch
 from softgym_mj.validation import typed
@@ -57,7 +65,7 @@ class AsymmetricSettings(StateSACSettings):
         for name in ("square", "channels", "features"):
             check_count(name, getattr(self, name), 1)
         check_count("shift", self.shift, 0)
-        for name in ("symmetric", "averaged"):
+        for name in ("symmetric", "symmetrize_policy"):
             if getattr(self, name):
                 raise InvalidArgumentError(name, True, "False: images are shown as they are")
 
@@ -68,7 +76,7 @@ class Encoder(nn.Module):
     Attributes:
         image: name of the image.
         others: names of the other observations.
-        standard: standardizes the other observations.
+        normalizer: standardizes the other observations.
         outputs: number of values of an encoding.
     """
 
@@ -104,7 +112,7 @@ class Encoder(nn.Module):
         linear = Linear(sources, self.convolutions.outputs, settings.features)
         self.head = nn.Sequential(linear, norm, nn.Tanh())
         size_of_others = sum(shapes[name][0] for name in self.others)
-        self.standard = Standard(len(sources), size_of_others, device)
+        self.normalizer = ObservationNormalizer(len(sources), size_of_others, device)
         self.outputs = settings.features + size_of_others
 
     def forward(self, observation: Observation) -> Tensor:
@@ -112,7 +120,7 @@ class Encoder(nn.Module):
         encoded = self.head(self.convolutions(squares(observation[self.image], self._square)))
         if not self.others:
             return encoded
-        return torch.cat([encoded, self.standard(self.beside(observation))], -1)
+        return torch.cat([encoded, self.normalizer(self.beside(observation))], -1)
 
     def beside(self, observation: Observation) -> Tensor:
         """Returns all other observations (seeds, n, k)."""
@@ -137,16 +145,16 @@ def squares(pictures: Tensor, side: int) -> Tensor:
 class State(nn.Module):
     """What critics see: one observation of several, standardized."""
 
-    def __init__(self, name: str, standard: Standard):
+    def __init__(self, name: str, normalizer: ObservationNormalizer):
         super().__init__()
-        self.name, self.standard = name, standard
+        self.name, self.normalizer = name, normalizer
 
     def forward(self, observation: Observation) -> Tensor:
         """Returns (seeds, n, k)."""
-        return self.standard(observation[self.name])
+        return self.normalizer(observation[self.name])
 
 
-class Best(Mean):
+class Best(DeterministicPolicy):
     """The best action (n, action) of one seed, of observations of a policy's file by name."""
 
     def __init__(self, actor: nn.Module, seed: int):
@@ -191,7 +199,9 @@ class AsymmetricSAC(SAC):
     def _networks(self, observation: int, action: int) -> tuple[Actor, nn.Module]:
         settings, sources = self.settings, self.sources
         encoder = Encoder(settings, sources, self._shapes)
-        state = State(settings.privileged, Standard(len(sources), observation, sources[0].device))
+        state = State(
+            settings.privileged, ObservationNormalizer(len(sources), observation, sources[0].device)
+        )
         actor = Actor(sources, encoder.outputs, action, settings.hidden, settings.log_std, encoder)
         critics = Critics(
             sources, observation, action, settings.hidden, norm=settings.norm,
@@ -203,9 +213,9 @@ class AsymmetricSAC(SAC):
         """Standardizes by means and deviations of the random env steps."""
         observation = sample(STANDARD_SAMPLE).observation
         for critics in (self.critics, self.targets):
-            critics.seen.standard.fit(observation[self.settings.privileged], LEAST_DEVIATION)
+            critics.seen.normalizer.fit(observation[self.settings.privileged], LEAST_DEVIATION)
         if self.actor.seen.others:
-            self.actor.seen.standard.fit(self.actor.seen.beside(observation), LEAST_DEVIATION)
+            self.actor.seen.normalizer.fit(self.actor.seen.beside(observation), LEAST_DEVIATION)
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Learns from a batch with images shifted; returns losses (seeds,) by name."""

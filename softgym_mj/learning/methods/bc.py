@@ -14,11 +14,11 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import check_count, check_number
+from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.demonstrations import check_demonstrations, collect, replay_of
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.networks import MLP, Mean, Standard, generators
+from softgym_mj.learning.networks import MLP, DeterministicPolicy, ObservationNormalizer, generators
 from softgym_mj.learning.optimization import adam, step
-from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Batch
 from softgym_mj.learning.symmetries import Symmetry, symmetries
 from softgym_mj.recording.noise import check_noise
@@ -82,7 +82,7 @@ class Clone(nn.Module):
             hidden: sizes of hidden layers.
         """
         super().__init__()
-        self.seen = Standard(len(sources), shown.shape[-1], shown.device)
+        self.seen = ObservationNormalizer(len(sources), shown.shape[-1], shown.device)
         self.seen.fit(shown.flatten(0, -2)[None], _LEAST_DEVIATION)
         self.body = MLP(sources, [shown.shape[-1], *hidden, action])
 
@@ -121,7 +121,7 @@ class BC:
         self.demonstrated, self.updates = shown.reward.numel(), 0
         self._replay = replay_of(shown, seeds, symmetries=shapes)
         self._adam = adam(self.actor.parameters(), settings.rate)
-        self._repeated = Repeated(self._update, self._replay.sources)
+        self._repeated = CudaGraph(self._update, self._replay.sources)
 
     def act(
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool
@@ -130,7 +130,7 @@ class BC:
         with torch.no_grad():
             return self.actor.mean(observation), None
 
-    def study(self) -> dict[str, Tensor]:
+    def update_offline(self) -> dict[str, Tensor]:
         """See `Offline`."""
         self.updates += 1
         return self._repeated()
@@ -146,7 +146,7 @@ class BC:
 
     def policy(self, seed: int) -> nn.Module:
         """See `Learner`."""
-        return Mean(self.actor, seed)
+        return DeterministicPolicy(self.actor, seed)
 
     def get_state(self) -> dict[str, Any]:
         """See `Learner`; demonstrations are in the cache."""

@@ -97,7 +97,7 @@ class BCImages(Distill):
             observation = {str(self._problem.observed): observation}
         return super().act(observation, first, memory, explore=explore)
 
-    def study(self) -> dict[str, Tensor]:
+    def update_offline(self) -> dict[str, Tensor]:
         """Updates the students; returns their last losses (seeds,)."""
         return self.learn(_NOTHING)
 

@@ -20,7 +20,7 @@ from softgym_mj.learning.learner import Problem
 from softgym_mj.learning.methods.pixels import LEAST, PixelSAC, PixelSettings, cropped, picture_size
 from softgym_mj.learning.networks import drawn
 from softgym_mj.learning.off_policy import OffPolicy
-from softgym_mj.learning.optimization import adam, follow, step
+from softgym_mj.learning.optimization import adam, polyak_update, step
 from softgym_mj.learning.replay import Batch
 from softgym_mj.validation import typed
 
@@ -114,8 +114,8 @@ class CURL(PixelSAC):
         return -shares.diagonal(dim1=-2, dim2=-1).mean(-1)
 
     def _follow(self) -> None:
-        follow(self.targets.critics, self.critics.critics, self.settings.tau)
-        follow(self.targets.encoder, self.critics.encoder, self.settings.encoder_tau)
+        polyak_update(self.targets.critics, self.critics.critics, self.settings.tau)
+        polyak_update(self.targets.encoder, self.critics.encoder, self.settings.encoder_tau)
 
     # ------------------------------------------------------------------ state
 

@@ -16,10 +16,10 @@ from torch import Tensor, nn
 from torch.export.passes import move_to_device_pass
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
+from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.frames import Frames, pictured, stacked
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.networks import drawn, generators
-from softgym_mj.learning.repetition import Repeated
 from softgym_mj.storage.files import read_whole
 from softgym_mj.validation import typed
 
@@ -190,7 +190,7 @@ class Distill:
             device=at,
         )  # fmt: skip
         self._noise = generators([seed + _NOISE_SEEDS for seed in problem.seeds], at)
-        self._again = Repeated(self._update, self.frames.sources)
+        self._again = CudaGraph(self._update, self.frames.sources)
 
     def act(
         self, observation: Observation, first: Tensor, memory: Any, *, explore: bool

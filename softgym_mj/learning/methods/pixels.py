@@ -148,7 +148,7 @@ class Convolutions(nn.Module):
         return x.permute(0, 2, 3, 1).flatten(1).float()
 
 
-class Stop(nn.Module):
+class StopGradient(nn.Module):
     """Lets no gradient through."""
 
     def forward(self, x: Tensor) -> Tensor:
@@ -203,7 +203,7 @@ class PixelSAC(SAC):
         kind = torch.bfloat16 if self.settings.bfloat16 else torch.float32
         convolutions = Convolutions(self.sources, self.settings.channels, self._size, kind)
         own, shared = (self._head(convolutions.outputs, observation) for _ in range(2))
-        actor.body = nn.Sequential(convolutions, Stop(), *own, *actor.body)
+        actor.body = nn.Sequential(convolutions, StopGradient(), *own, *actor.body)
         return actor, SeenCritics(nn.Sequential(convolutions, *shared), critics)
 
     def _head(self, inputs: int, features: int) -> list[nn.Module]:

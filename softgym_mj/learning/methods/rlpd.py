@@ -36,7 +36,7 @@ class RLPDSettings(StateSACSettings):
         critics: how many.
         least_of: of how many the least is a target.
         backup_entropy: whether targets have the entropy of next actions.
-        pessimism: of what the actor follows; targets have `least_of`.
+        min_q_weight: of what the actor follows; targets have `least_of`.
 
     Raises:
         InvalidArgumentError: for numbers out of range.
@@ -55,7 +55,7 @@ class RLPDSettings(StateSACSettings):
     alpha: float = 1.0
     alpha_beta: float = 0.9
     target_entropy: float = -0.5
-    pessimism: float = 0.0
+    min_q_weight: float = 0.0
     actor_every: int = 20
     target_every: int = 1
     demonstrations: int = 200
@@ -141,7 +141,7 @@ def make(settings: RLPDSettings, problem: Problem) -> OffPolicy:
     """The `Learner` of a problem, which waits for demonstrations that were not played yet."""
     shown = collect(problem, settings.demonstrations, settings.jobs)
     replay = replay_of(
-        shown, problem.seeds, discount=settings.discount, steps=settings.added,
+        shown, problem.seeds, discount=settings.discount, steps=settings.n_step,
         symmetries=symmetries(problem.example()) if settings.symmetric else (),
     )  # fmt: skip
     (size,) = problem.observation

@@ -15,9 +15,16 @@ from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
 from softgym_mj.learning.learner import Problem
-from softgym_mj.learning.networks import Actor, Critics, Mean, Standard, drawn, generators
+from softgym_mj.learning.networks import (
+    Actor,
+    Critics,
+    DeterministicPolicy,
+    ObservationNormalizer,
+    drawn,
+    generators,
+)
 from softgym_mj.learning.off_policy import OffPolicy, OffPolicySettings
-from softgym_mj.learning.optimization import adam, follow, step
+from softgym_mj.learning.optimization import adam, polyak_update, step
 from softgym_mj.learning.replay import Batch
 from softgym_mj.validation import typed
 
@@ -40,9 +47,9 @@ class SACSettings(OffPolicySettings):
         alpha: entropy weight at first.
         alpha_beta: Adam's first one, of the entropy weight.
         target_entropy: that the weight leads to, of each entry of an action [nats].
-        pessimism: 1 takes the least of what critics say, as the paper does; 0 their mean.
+        min_q_weight: 1 takes the least of what critics say, as the paper does; 0 their mean.
         actor_every, target_every: critic updates for each of the actor and of the targets.
-        halved_every: updates after which the rates of actor and critics are halved; 0: never.
+        lr_halving_period: updates after which the rates of actor and critics are halved; 0: never.
         log_std: least and largest of a deviation.
 
     Raises:
@@ -58,20 +65,20 @@ class SACSettings(OffPolicySettings):
     alpha: float = 0.1
     alpha_beta: float = 0.5
     target_entropy: float = -1.0
-    pessimism: float = 1.0
+    min_q_weight: float = 1.0
     actor_every: int = 2
     target_every: int = 2
-    halved_every: int = 0
+    lr_halving_period: int = 0
     log_std: tuple[float, float] = (-10.0, 2.0)
 
     def __post_init__(self):
         super().__post_init__()
         for name in ("discount", "tau", "alpha", "actor_rate", "critic_rate", "alpha_rate"):
             check_number(name, getattr(self, name), gt=0.0, le=1.0)
-        check_number("pessimism", self.pessimism, ge=0.0, le=1.0)
+        check_number("min_q_weight", self.min_q_weight, ge=0.0, le=1.0)
         for name in ("actor_every", "target_every"):
             check_count(name, getattr(self, name), 1)
-        check_count("halved_every", self.halved_every, 0)
+        check_count("lr_halving_period", self.lr_halving_period, 0)
         if not self.target_entropy < MOST_ENTROPY:
             valid = f"below {MOST_ENTROPY:.3f}, that of uniform actions"
             raise InvalidArgumentError("target_entropy", self.target_entropy, valid)
@@ -83,12 +90,13 @@ class StateSACSettings(SACSettings):
     """The same for states.
 
     Attributes:
-        standard: whether networks see observations by means and deviations of the random steps.
+        normalize_observations: Whether observations are normalized by their means and deviations in
+            the random steps.
         fused: whether, on a GPU, losses are compiled to kernels that read and write hidden layers
             less often (`torch.compile`, which takes about a minute at first).
     """
 
-    standard: bool = False
+    normalize_observations: bool = False
     fused: bool = False
 
 
@@ -123,7 +131,7 @@ class SAC:
         start = torch.full((len(seeds),), settings.alpha, device=device).log()
         self.log_alpha = start.requires_grad_(True)
         rates: tuple[float | Tensor, ...] = settings.actor_rate, settings.critic_rate
-        if settings.halved_every:  # On the device, where they change.
+        if settings.lr_halving_period:  # On the device, where they change.
             rates = tuple(torch.tensor(rate, device=device) for rate in rates)
         self._done = torch.zeros((), dtype=torch.int64, device=device)  # Updates, told there.
         self._actor_adam = adam(self.actor.parameters(), rates[0])
@@ -144,8 +152,8 @@ class SAC:
         """Actor and critics, drawn."""
         settings, sizes = self.settings, (observation, action, self.settings.hidden)
         seen: nn.Module = nn.Identity()
-        if getattr(settings, "standard", False):
-            seen = Standard(len(self.sources), observation, self.sources[0].device)
+        if getattr(settings, "normalize_observations", False):
+            seen = ObservationNormalizer(len(self.sources), observation, self.sources[0].device)
         return (
             Actor(self.sources, *sizes, settings.log_std, seen),
             Critics(
@@ -155,7 +163,7 @@ class SAC:
 
     def begin(self, sample: Callable[[int], Batch]) -> None:
         """See `Algorithm`."""
-        if getattr(self.settings, "standard", False):
+        if getattr(self.settings, "normalize_observations", False):
             observation = sample(STANDARD_SAMPLE).observation
             for network in (self.actor, self.targets):  # Critics see as the actor does.
                 network.seen.fit(observation, LEAST_DEVIATION)
@@ -179,7 +187,7 @@ class SAC:
 
     def _judged(self, values: Tensor) -> Tensor:
         """The value (seeds, n) by what critics say (critics, seeds, n)."""
-        return torch.lerp(values.mean(0), values.amin(0), self.settings.pessimism)
+        return torch.lerp(values.mean(0), values.amin(0), self.settings.min_q_weight)
 
     def wanted(self, batch: Batch, noise: Tensor) -> Tensor:
         """Returns (seeds, n) that critics are to find; arguments as of `critic_loss`."""
@@ -216,7 +224,7 @@ class SAC:
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """Learns from a batch; returns losses and entropy weights (seeds,) by name."""
         size = batch.action.shape[1:]
-        if self.settings.halved_every:
+        if self.settings.lr_halving_period:
             self._halve()
         loss = self._critic_loss(batch, self._noise(*size))
         step(self._critic_adam, loss)
@@ -236,18 +244,18 @@ class SAC:
 
     def _halve(self) -> None:
         """Sets the rates of this update."""
-        share = torch.exp2(-(self._done // self.settings.halved_every).float())
+        share = torch.exp2(-(self._done // self.settings.lr_halving_period).float())
         self._actor_adam.param_groups[0]["lr"].copy_(self.settings.actor_rate * share)
         self._critic_adam.param_groups[0]["lr"].copy_(self.settings.critic_rate * share)
         self._done += 1
 
     def _follow(self) -> None:
         """Targets go on towards the critics."""
-        follow(self.targets, self.critics, self.settings.tau)
+        polyak_update(self.targets, self.critics, self.settings.tau)
 
     def policy(self, seed: int) -> nn.Module:
         """See `Learner`."""
-        return Mean(self.actor, seed)
+        return DeterministicPolicy(self.actor, seed)
 
     # ------------------------------------------------------------------ state
 

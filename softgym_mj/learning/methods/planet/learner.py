@@ -16,11 +16,11 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
+from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.planet.latent import WorldModel, centred
 from softgym_mj.learning.networks import any_actions, drawn, generators
-from softgym_mj.learning.optimization import adam, cut
-from softgym_mj.learning.repetition import Repeated
+from softgym_mj.learning.optimization import adam, clip_grad_norm
 from softgym_mj.learning.replay import Replay
 from softgym_mj.validation import typed
 
@@ -197,7 +197,7 @@ class PlaNet:
             settings.replay // problem.num_envs, problem.seeds, problem.num_envs,
             problem.observation, problem.action, discount=1.0, device=problem.device,
         )  # fmt: skip
-        self._few = Repeated(self._update, [*self.replay.sources, *self._sources])
+        self._few = CudaGraph(self._update, [*self.replay.sources, *self._sources])
         self._seen = 0  # Env steps of each seed.
 
     # ------------------------------------------------------------------ acting
@@ -266,7 +266,7 @@ class PlaNet:
         found = losses(self.model, step, image, noise, own.free_nats)
         self._adam.zero_grad(set_to_none=True)
         torch.stack([*found.values()]).sum().backward()
-        cut([*self.model.parameters()], len(self._sources), own.gradient_norm)
+        clip_grad_norm([*self.model.parameters()], len(self._sources), own.gradient_norm)
         self._adam.step()
         return {name: loss.detach() for name, loss in found.items()}
 

@@ -18,11 +18,11 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_number
+from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.ppo.rollout import Rollout, advantages
 from softgym_mj.learning.methods.ppo.stopping import StoppingAdam
 from softgym_mj.learning.networks import MLP, drawn, generators
-from softgym_mj.learning.repetition import Repeated
 from softgym_mj.learning.replay import Replay
 from softgym_mj.validation import typed
 
@@ -154,7 +154,7 @@ class PPO:
             *(torch.zeros(*lead, n, device=problem.device) for n in (size, problem.action)),
             *(torch.zeros(lead, device=problem.device) for _ in range(3)),
         )
-        self._epoch = Repeated(self._learn_all, self._sources)
+        self._epoch = CudaGraph(self._learn_all, self._sources)
 
     def act(
         self, observation: Tensor, first: Tensor, memory: Any, *, explore: bool

@@ -12,14 +12,14 @@ import torch
 from torch import Tensor, nn
 
 from softgym_mj.exceptions import InvalidArgumentError, check_count
+from softgym_mj.learning.cuda_graph import CudaGraph
 from softgym_mj.learning.learner import Problem, Step
 from softgym_mj.learning.methods.tdmpc2 import losses
 from softgym_mj.learning.methods.tdmpc2.mppi import mppi
 from softgym_mj.learning.methods.tdmpc2.networks import Prior, WorldModel, imagined
 from softgym_mj.learning.methods.tdmpc2.settings import TDMPC2Settings
-from softgym_mj.learning.networks import Mean, any_actions, drawn, generators
-from softgym_mj.learning.optimization import adam, cut, follow
-from softgym_mj.learning.repetition import Repeated
+from softgym_mj.learning.networks import DeterministicPolicy, any_actions, drawn, generators
+from softgym_mj.learning.optimization import adam, clip_grad_norm, polyak_update
 from softgym_mj.learning.replay import Replay
 
 # Of the published discount: it grows with a fifth of an episode, within bounds.
@@ -75,7 +75,7 @@ class TDMPC2:
         self._encoder_adam = adam(model.encoder.parameters(), settings.encoder_rate)
         self._model_adam = adam(rest.parameters(), settings.rate)
         self._policy_adam = adam(model.actor.parameters(), settings.rate, eps=_POLICY_EPSILON)
-        self._again = Repeated(self._learn_once, [*self.replay.sources, *self._sources])
+        self._again = CudaGraph(self._learn_once, [*self.replay.sources, *self._sources])
         self.updates, self._seen = 0, 0  # The latter: env steps of each seed.
 
     # ------------------------------------------------------------------ acting
@@ -162,7 +162,7 @@ class TDMPC2:
         loss = -(losses.shares(counts, settings.rho) * worth).sum((1, 2))
         self._follow([self._policy_adam], loss)
         model.critics.requires_grad_(True)
-        follow(model.targets, model.critics, settings.tau)
+        polyak_update(model.targets, model.critics, settings.tau)
         told = {f"{name}_loss": value.detach() for name, value in found.items()}
         return {**told, "policy_loss": loss.detach(), "scale": self.scale.clone()}
 
@@ -178,7 +178,7 @@ class TDMPC2:
             optimizer.zero_grad(set_to_none=True)
         loss.sum().backward()
         weights = [w for each in optimizers for group in each.param_groups for w in group["params"]]
-        cut(weights, len(self._seeds), self.settings.largest_gradient)
+        clip_grad_norm(weights, len(self._seeds), self.settings.largest_gradient)
         for optimizer in optimizers:
             optimizer.step()
 
@@ -187,7 +187,7 @@ class TDMPC2:
         if self.settings.plans != "never":
             valid = "'never': a planner remembers its last plan, of which no file can be made"
             raise InvalidArgumentError("plans", self.settings.plans, valid)
-        return Mean(Prior(self.model), seed)
+        return DeterministicPolicy(Prior(self.model), seed)
 
     # ------------------------------------------------------------------ state
 

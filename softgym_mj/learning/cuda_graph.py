@@ -1,4 +1,4 @@
-"""`Repeated`: what is done again and again, as one of CUDA's graphs where there is a GPU.
+"""`CudaGraph`: what is done again and again, as one of CUDA's graphs where there is a GPU.
 
 Small networks wait for launches: a graph launches all of an update at once.
 """
@@ -11,7 +11,7 @@ from torch import Tensor
 _WARM_UP = 3  # Calls that make what is made once, such as the state of optimisers.
 
 
-class Repeated:
+class CudaGraph:
     """A function without arguments that changes arrays in place."""
 
     def __init__(
