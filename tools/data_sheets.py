@@ -1,6 +1,7 @@
-"""The data sheets in docs/tasks: what a task is, read from the task itself.
+"""The data sheets in docs/tasks, and what they have in common in docs/interface.md.
 
-`python -m tools.data_sheets` (`make sheets`) writes them, tests/docs/test_data_sheets.py compares.
+Both are read from the tasks: `python -m tools.data_sheets` (`make sheets`) writes them, and
+tests/docs/test_data_sheets.py compares.
 """
 
 import inspect
@@ -20,6 +21,7 @@ from softgym_mj.tasks import Task
 from softgym_mj.tasks.shared.observations import GOAL_RGB, OBSERVATIONS
 from softgym_mj.variations.indices import SPLITS
 from tools.sheet_entries import (
+    COMMON,
     INFO,
     ending_entries,
     full_entries,
@@ -27,14 +29,12 @@ from tools.sheet_entries import (
 )
 
 FOLDER = pathlib.Path(__file__).parent.parent / "docs" / "tasks"
+INTERFACE = FOLDER.parent / "interface.md"
 VARIATIONS = (800, 801)  # Two, so that what differs between variations can be told.
 
-WRIST_SUMMARY = (
-    f"with {' or '.join(f'`{name}`' for name in ARMS)}: uint8 images (arms, height, width, 3) from "
-    "the cameras on their hands"
-)
-HELD_SUMMARY = "1 for each gripper that holds something, else 0"
-GOAL_SUMMARY = "uint8 image (height, width, 3): `rgb` with the goal reached"
+WRIST_SUMMARY = "with arms: uint8 images (arms, height, width, 3) from the cameras on their hands"
+HELD_SUMMARY = "cloth, rope: 1 for each gripper that holds something, else 0"
+GOAL_SUMMARY = "`rope_configuration`: uint8 image (height, width, 3), `rgb` with the goal reached"
 _LABELS = ("Goal", "Reward", "Bounds", "Reduced state", "Full state", "Start", "End")
 
 
@@ -54,44 +54,31 @@ def actors_of(record: TaskRecord) -> dict[str, Task]:
     return {actor: record.build(actor=actor) for actor in record.resolve().actors}
 
 
-# ---------------------------------------------------------------------- actions
+# ---------------------------------------------------------------------- actions, observations
 
 
 def actions(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> Iterator[str]:
-    """The actors, then their actions; actors with the same entries share a table."""
+    """The actors of a task: sizes of actions, horizons."""
     yield table(
-        ("actor", "entries", "env steps", "sim steps in an env step"),
+        ("actor", "entries", "env steps", "sim steps per env step"),
         (
             (
                 f"`{name}`",
                 task.actor.action_size,
                 task.actor.horizon or record.horizon,
-                "as many as it takes" if task.actor.horizon else task.action_repeat,
+                "until the motion ends" if task.actor.horizon else task.action_repeat,
             )
             for name, task in tasks.items()
         ),
     )
+    yield "[Entries of the actions](../interface.md#actions).\n"
     if isinstance(env.task.actor, Gripper):
         low, high = env.task.actor.limits
         yield (
-            f"A gripper is a picker or the hand of an arm. The workspace of a picker's centre is "
-            f"{numbers(high[0] - low[0])} m long (X), {numbers(high[1] - low[1])} m wide (Y) and "
-            f"reaches from Z = {numbers(low[2])} to {numbers(high[2])} m. These are the actions of "
-            'arms with `action="position"`; with `"pose"` hands turn, too, with `"joints"` their '
-            "joints are told what to do ([entries](../robots.md#actions)).\n"
+            f"Workspace of a picker's center: {numbers(high[0] - low[0])} m along X, "
+            f"{numbers(high[1] - low[1])} m along Y, Z from {numbers(low[2])} to "
+            f"{numbers(high[2])} m.\n"
         )
-    groups: dict[tuple, list[str]] = {}
-    for name, task in tasks.items():
-        groups.setdefault(task.actor.actions.entries, []).append(f"`{name}`")
-    for entries, names in groups.items():
-        yield f"### {', '.join(names)}\n"
-        yield table(
-            ("entry", "what", "unit", "range", "scale"),
-            ((i, name, unit, "-1 to 1", scale) for i, (name, unit, scale) in enumerate(entries)),
-        )
-
-
-# ---------------------------------------------------------------------- observations
 
 
 def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
@@ -108,41 +95,88 @@ def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
 def observations(
     env: Environment, arms: Environment, tasks: Mapping[str, Task], remarks: Sequence[str]
 ) -> Iterator[str]:
-    """All observations, then the entries of the states; arms that sense the same share a table."""
+    """Shapes of all observations, then the entries of the states."""
     task, spec = env.task, env.observation_spec()
-    further = {HELD: HELD_SUMMARY, GOAL_RGB: GOAL_SUMMARY, WRIST_RGB: WRIST_SUMMARY}
-    summaries = {**OBSERVATIONS, **further}
     shown = {**spec, WRIST_RGB: arms.observation_spec()[WRIST_RGB]}
+    yield "[What each observation is](../interface.md#observations).\n"
     yield table(
-        ("observation", "shape", "dtype in dm_env", "in Gymnasium", "what"),
-        (
-            (f"`{name}`", s.shape, s.dtype, space_of(s).dtype, summaries[name])
-            for name, s in shown.items()
-        ),
+        ("observation", "shape", "dtype in dm_env", "in Gymnasium"),
+        ((f"`{name}`", s.shape, s.dtype, space_of(s).dtype) for name, s in shown.items()),
     )
     yield "### `reduced`\n"
     yield entry_table(reduced_entries(task))
     yield from remarks
-    yield "### `markov`\n"
-    yield "The entries of `reduced`, then:\n"
-    yield entry_table(task.actor.remembers, sum(reduced_entries(task).values()))
-    yield "With arms, after their `reduced`:\n"
-    yield entry_table(arms.task.actor.remembers, sum(reduced_entries(arms.task).values()))
     yield "### `full`\n"
     yield entry_table(full_entries(env))
-    yield "### `proprioception`\n"
-    yield entry_table(task.actor.senses)
+    yield "### `markov` and arms\n"
     number = sum(ending_entries(task).values())
     reduced, full = (spec[name].shape[0] - number for name in ("reduced", "full"))
-    groups: dict[tuple, list[str]] = {}
-    for name in ARMS:
-        groups.setdefault(tuple(tasks[name].actor.senses.items()), []).append(f"`{name}`")
-    for senses, names in groups.items():
-        yield (
-            f"With {' or '.join(names)}; from entry {reduced} of `reduced` and {full} of `full` "
-            "on, the same:\n"
-        )
-        yield entry_table(dict(senses))
+    yield (
+        f"`markov` is `reduced`, then from entry {spec['reduced'].shape[0]} on what the "
+        "[actor remembers](../interface.md#markov). With arms, the states end with their "
+        f"[`proprioception`](../interface.md#proprioception): from entry {reduced} of `reduced` "
+        f"and {full} of `full` on.\n"
+    )
+
+
+def interface() -> str:
+    """The page of what all tasks have in common: entries of actions, observations and info."""
+    groups: dict[str, dict[tuple, dict[str, set[str]]]] = {
+        "actions": {}, "proprioception": {}, "markov": {},
+    }  # fmt: skip
+    for name, record in TASKS.items():
+        kind = "water" if "water" in record.tags else "cloth, rope"
+        for actor, task in actors_of(record).items():
+            for part, entries in (
+                ("actions", task.actor.actions.entries),
+                ("proprioception", tuple(task.actor.senses.items())),
+                ("markov", tuple(task.actor.remembers.items())),
+            ):
+                own = groups[part].setdefault(entries, {})
+                own.setdefault(f"`{actor}`", set()).add(kind if part != "actions" else name)
+
+    def of(part: str) -> Iterator[str]:
+        for entries, actors in groups[part].items():
+            water = all("water" in name for names in actors.values() for name in names)
+            kind = "water" if water else "cloth, rope"
+            if part == "actions" and water:
+                kind = ", ".join(f"`{name}`" for name in sorted(set().union(*actors.values())))
+            yield f"{', '.join(actors)} ({kind}):\n"
+            if part == "actions":
+                rows = ((i, name, unit, scale) for i, (name, unit, scale) in enumerate(entries))
+                yield table(("entry", "what", "unit", "scale"), rows)
+            else:
+                yield entry_table(dict(entries))
+
+    summaries = {
+        **OBSERVATIONS,
+        HELD: HELD_SUMMARY,
+        GOAL_RGB: GOAL_SUMMARY,
+        WRIST_RGB: WRIST_SUMMARY,
+    }
+    common = [(f"`{key}`", where, INFO[key]) for where, keys in COMMON.items() for key in keys]
+    parts = [
+        "# Entries of actions, observations and info\n",
+        "The [data sheets](tasks/fold_cloth.md) list what differs between tasks.\n",
+        "## Actions\n",
+        "All entries range from -1 to 1. A gripper is a picker or the hand of an arm. Arms have "
+        'these actions with `action="position"`; `"pose"` and `"joints"` have '
+        "[others](robots.md#actions).\n",
+        *of("actions"),
+        "## Observations\n",
+        table(("observation", "what"), ((f"`{name}`", what) for name, what in summaries.items())),
+        "### `proprioception`\n",
+        *of("proprioception"),
+        "### `markov`\n",
+        "What the actor remembers, after the entries of `reduced`:\n",
+        *of("markov"),
+        "## info\n",
+        table(("key", "in", "what"), common),
+        "`cameras` (Gymnasium, with images) is the [calibration](arguments.md#cameras), `domain_*` "
+        "the value of each domain parameter that varies, `intersections` the number of "
+        "self-intersections (`count_intersections=True`), `reward_*` a term of the reward.\n",
+    ]
+    return "\n".join(parts)
 
 
 # ---------------------------------------------------------------------- the rest
@@ -186,51 +220,32 @@ def bounds(env: Environment) -> tuple[str, str]:
 
 
 def cameras(env: Environment, arms: Environment) -> str:
-    """The cameras of the compiled models."""
-    rows = []
-    for label, each in (("", env), (" (with arms)", arms)):
-        model = each.physics.model.ptr
-        for name in ("task", "overview", *EXTERNAL):
-            camera = model.camera(name)
-            place, turn = numbers(*camera.pos), numbers(*camera.quat)
-            rows.append((f"`{name}`{label}", place, turn, numbers(*camera.fovy)))
+    """The cameras of the compiled models; with arms where they differ."""
+    rows: list[tuple[str, ...]] = []
+    for name in ("task", "overview", *EXTERNAL):
+        seen = []
+        for label, each in (("", env), (" (with arms)", arms)):
+            camera = each.physics.model.ptr.camera(name)
+            seen.append((f"`{name}`{label}", numbers(*camera.pos), numbers(*camera.quat),
+                         numbers(*camera.fovy)))  # fmt: skip
+        rows += seen if seen[0][1:] != seen[1][1:] else seen[:1]
+    model = arms.physics.model.ptr
     for name in arms.task.actor.wrists:
         angle = numbers(*model.cam_fovy[[camera_ids(model)[name]]])
-        rows.append((f"`{name}` (with arms)", "on the hand of the arm", "moves with it", angle))
+        rows.append((f"`{name}`", "on the hand of the arm", "moves with it", angle))
     return table(
         ("camera", "position [m]", "quaternion (w, x, y, z)", "vertical field of view [deg]"), rows
     )
 
 
-def domain(task: Task) -> str:
-    """The domain parameters."""
-    rows = [
-        (
-            f"`{p.name}`", p.kind, p.unit, f"{p.nominal:.3g}",
-            *(f"{low:.3g} to {high:.3g}" for low, high in (p.usual, p.valid)), p.summary,
-        )
-        for p in task.domain.parameters
-    ]  # fmt: skip
-    return table(("parameter", "kind", "unit", "nominal", "usual", "valid", "what it is"), rows)
-
-
-def info(env: Environment, tasks: dict[str, Task], record: TaskRecord) -> str:
-    """The keys of info."""
-    rows = []
-    for key in env.info():
-        rows.append((f"`{key}`", "term of the reward" if key.startswith("reward_") else INFO[key]))
-    own: dict[str, list[str]] = {}  # What only some actors tell.
-    for name, task in tasks.items():
-        for key in task.actor.diagnostics():
-            if key not in env.info():
-                own.setdefault(key, []).append(f"`{name}`")
-    rows += [(f"`{key}`", f"with {', '.join(names)}: {INFO[key]}") for key, names in own.items()]
-    if "count_intersections" in record.arguments:
-        meaning = "with `count_intersections=True`: where the cloth passes through itself"
-        rows.append(("`intersections`", meaning))
-    rows.append(("`cameras`", "in Gymnasium, with images: [calibration](../arguments.md#cameras)"))
-    rows.append(("`domain_*`", "value of each domain parameter that varies"))
-    return table(("key", "what"), rows)
+def info(env: Environment, tasks: dict[str, Task]) -> str:
+    """The keys of info that the task adds to the common ones."""
+    common = {key for keys in COMMON.values() for key in keys}
+    keys = [key for key in env.info() if key not in common]
+    terms = [f"`{key}`" for key in keys if key.startswith("reward_")]
+    rows = [(f"`{key}`", INFO[key]) for key in keys if not key.startswith("reward_")]
+    listed = f"Terms of the reward: {', '.join(terms)}.\n\n" if terms else ""
+    return listed + table(("key", "what"), rows)
 
 
 def sheet(name: str) -> str:
@@ -254,11 +269,11 @@ def sheet(name: str) -> str:
             ("Gymnasium id", f"`{record.gymnasium_id}`"),
             ("kind", ", ".join(record.tags)),
             ("horizon", f"{record.horizon} env steps"),
-            ("action repeat", f"{task.action_repeat} sim steps of 0.01 s in an env step"),
+            ("action repeat", f"{task.action_repeat} sim steps of 0.01 s"),
             ("physics step", f"{env.physics.timestep():g} s"),
-            ("performance that counts as 0", lower),
-            ("performance that counts as 1", upper),
-            ("success from", f"{task.success:g} (normalised)"),
+            ("normalized performance 0 at", lower),
+            ("normalized performance 1 at", upper),
+            ("success from", f"{task.success:g} (normalized)"),
         ),
     )
     splits = ", ".join(f"`{key}` {part[0]} to {part[-1]}" for key, part in SPLITS.items())
@@ -276,12 +291,12 @@ def sheet(name: str) -> str:
         "## Variations\n",
         f"Indices of the splits: {splits}.\n",
         *text["Start"],
-        "## Domain parameters\n",
-        domain(task),
+        "[Domain parameters](../domain.md#parameters).\n",
         "## Cameras\n",
         cameras(env, arms),
         "## info\n",
-        info(env, tasks, record),
+        "Besides the [common keys](../interface.md#info):\n",
+        info(env, tasks),
     ]
     return "\n".join(parts)
 
@@ -291,6 +306,7 @@ def main() -> None:
     FOLDER.mkdir(exist_ok=True)
     for name in TASKS:
         (FOLDER / f"{name}.md").write_text(sheet(name))
+    INTERFACE.write_text(interface())
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Data sheets say what the tasks are: they equal what is generated, their entries add up."""
 
+import re
+
 import gymnasium
 import numpy as np
 import pytest
@@ -25,6 +27,24 @@ CASES = [
 def test_sheets_are_up_to_date(task):
     written = (data_sheets.FOLDER / f"{task}.md").read_text()
     assert written == data_sheets.sheet(task), "run `make sheets`"
+
+
+def test_the_page_of_common_entries_is_up_to_date():
+    assert data_sheets.INTERFACE.read_text() == data_sheets.interface(), "run `make sheets`"
+
+
+def test_keys_of_info_are_explained_once():
+    common = [key for keys in sheet_entries.COMMON.values() for key in keys]
+    page = data_sheets.INTERFACE.read_text()
+    assert all(page.count(f"| `{key}` |") == 1 for key in common)
+    for name in softgym_mj.TASKS:
+        sheet = (data_sheets.FOLDER / f"{name}.md").read_text()
+        (terms,) = re.findall("^Terms of the reward: (.*)$", sheet, re.MULTILINE) or [""]
+        env = softgym_mj.load(name)
+        env.reset(800)
+        for key in env.info():
+            row = f"| `{key}` |"
+            assert (row in sheet or f"`{key}`" in terms) != (row in page), key
 
 
 def test_there_is_a_sheet_for_every_task_and_no_other():
