@@ -18,8 +18,8 @@ from softgym_mj.batch.solver import Array
 KEPT_PAIRS = 2  # As in batch/environment.h.
 EDGES_OF_VERTEX = 3  # At most, of surfaces.
 # What may go wrong in a step, as bits: numbers that are not finite; and no room for all candidates,
-# pairs, rows or levels, so that some contacts were left out.
-NOT_FINITE, CANDIDATES_FULL, PAIRS_FULL, ROWS_FULL, LEVELS_FULL = (1 << i for i in range(5))
+# pairs, rows or colors, so that some contacts were left out.
+NOT_FINITE, CANDIDATES_FULL, PAIRS_FULL, ROWS_FULL, COLORS_FULL = (1 << i for i in range(5))
 
 
 def describe(model: mujoco.MjModel, grippers: Sequence[int], room: float = 1.0) -> np.ndarray:

@@ -11,21 +11,21 @@
 namespace softgym_mj::cloth {
 
 // Of rows without a common vertex: of all kinds, and of those of a mesh, where each has few neighbours.
-constexpr int kMostLevels = 384, kMeshLevels = 128;
+constexpr int kMostColors = 384, kMeshColors = 128;
 constexpr int kKeptPairs = 2;  // Of each vertex, see Kept.
 
 // What went wrong in a step, as bits. All but the first: some contacts were left out.
-enum Flag { kNotFinite = 1, kCandidatesFull = 2, kPairsFull = 4, kRowsFull = 8, kLevelsFull = 16 };
+enum Flag { kNotFinite = 1, kCandidatesFull = 2, kPairsFull = 4, kRowsFull = 8, kColorsFull = 16 };
 
-// Rows in levels.
+// Rows in colors.
 struct Rows {
-  int count, blocks, levels;  // `blocks`: of eight places.
-  int room;                   // For levels.
+  int count, blocks, colors;  // `blocks`: of eight places.
+  int room;                   // For colors.
   Key* key;                   // Of each row: its order. Never two alike.
   int* vertex;                // (count, corners)
-  int* level;                 // Of each row.
+  int* color;                 // Of each row.
   int* order;                 // The row of each place, or -1.
-  int begin[kMostLevels + 1], filled[kMostLevels];
+  int begin[kMostColors + 1], filled[kMostColors];
 };
 
 // Contact of one gripper.
@@ -89,20 +89,20 @@ struct Environment {
   Touch* touch;
 };
 
-inline int Blocks(int rows, int levels) { return (rows + kBlock - 1) / kBlock + levels; }
+inline int Blocks(int rows, int colors) { return (rows + kBlock - 1) / kBlock + colors; }
 
-// Memory for at most so many rows, in at most so many levels; `rows`: null if it is only counted. What is taken is
+// Memory for at most so many rows, in at most so many colors; `rows`: null if it is only counted. What is taken is
 // written by itself: NVRTC 13.0 loses what is written through a pointer to either of two places.
-inline void TakeRows(Memory* memory, int most, int corners, int levels, Rows* rows) {
+inline void TakeRows(Memory* memory, int most, int corners, int colors, Rows* rows) {
   Key* key;
-  int *vertex, *level, *order;
+  int *vertex, *color, *order;
   memory->Take(&key, most);
   memory->Take(&vertex, corners * most);
-  memory->Take(&level, most);
-  memory->Take(&order, kBlock * Blocks(most, levels));
+  memory->Take(&color, most);
+  memory->Take(&order, kBlock * Blocks(most, colors));
   if (!rows) return;
-  rows->room = levels;
-  rows->key = key, rows->vertex = vertex, rows->level = level, rows->order = order;
+  rows->room = colors;
+  rows->key = key, rows->vertex = vertex, rows->color = color, rows->order = order;
 }
 
 // What is kept from a step to the next.
@@ -172,18 +172,18 @@ inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->found, model.found);
   memory->Take(&w->near, model.found);
   memory->Take(&w->pairs, model.rows);
-  memory->Take(&w->layers, Blocks(model.rows, kMostLevels));
+  memory->Take(&w->layers, Blocks(model.rows, kMostColors));
   memory->Take(&w->best, model.padded);
-  memory->Take(&w->taken, kMostLevels / 64 * model.padded);
-  TakeRows(memory, model.rows, 4, kMostLevels, w->step ? &w->step->layers : nullptr);
+  memory->Take(&w->taken, kMostColors / 64 * model.padded);
+  TakeRows(memory, model.rows, 4, kMostColors, w->step ? &w->step->layers : nullptr);
   for (int g = 0; g < model.grippers; ++g) {
     Touch* touch = w->touch ? w->touch + g : nullptr;
     const int elements = model.is_surface ? model.triangles : model.edges;
-    TakeRows(memory, n, 3, kMeshLevels, touch ? &touch->points : nullptr);
-    TakeRows(memory, elements, 3, kMeshLevels, touch ? &touch->triangles : nullptr);
+    TakeRows(memory, n, 3, kMeshColors, touch ? &touch->points : nullptr);
+    TakeRows(memory, elements, 3, kMeshColors, touch ? &touch->triangles : nullptr);
     SolidBlock *point_blocks, *triangle_blocks;
-    memory->Take(&point_blocks, Blocks(n, kMeshLevels));
-    memory->Take(&triangle_blocks, Blocks(elements, kMeshLevels));
+    memory->Take(&point_blocks, Blocks(n, kMeshColors));
+    memory->Take(&triangle_blocks, Blocks(elements, kMeshColors));
     if (touch) touch->point_blocks = point_blocks, touch->triangle_blocks = triangle_blocks;
   }
 }

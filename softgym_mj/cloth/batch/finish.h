@@ -1,4 +1,4 @@
-// The end of a step: nothing passes through anything, as `Solver::Finish` and `Impacts` see to it.
+// The end of a step: nothing passes through anything, as `Solver::Finish` and `ImpactZones` see to it.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
@@ -18,7 +18,7 @@ inline int ZoneOf(const Environment& w, int v) {
   return v;
 }
 
-// See `Impacts::Prevent`; zones stand still if `stand`.
+// See `ImpactZones::Prevent`; zones stand still if `stand`.
 inline int PreventImpacts(const Environment& w, bool stand) {
   const Model& m = *w.model;
   Step* step = w.step;
@@ -80,7 +80,7 @@ inline int PreventImpacts(const Environment& w, bool stand) {
 inline int Prevent(const Environment& w) {
   const int n = w.model->vertices;
   int more = PreventImpacts(w, false), changed = more;
-  for (int turn = 0; more && turn < kRopeTurns && w.model->chains > 0; ++turn) {
+  for (int pass = 0; more && pass < kRopePasses && w.model->chains > 0; ++pass) {
     Each(n, [&](int v) {
       for (int k = 0; k < 3; ++k) w.points.now[4 * v + k] = static_cast<float>(w.motion[3 * v + k]);
     });
@@ -143,7 +143,7 @@ inline void FinishMotion(const Environment& w) {
   });
   int changed = Prevent(w);
   // Pairs that were not of interest may be by now.
-  const float most = kVouched * m.thickness;
+  const float most = kSearchMargin * m.thickness;
   for (int search = 0; search < kMaxSearches; ++search) {
     Each(3, [&](int k) {
       double mean = 0;

@@ -66,7 +66,7 @@ inline void MakeLayerRows(const Environment& w) {
                             static_cast<unsigned>(pair.second);
     rows->key[i] = RowKey(pair.vertex, 4, number);
   });
-  MakeLevels(w, 4, false, rows, [&](int v) { return w.yielding[v] > 0; });
+  ColorRows(w, 4, false, rows, [&](int v) { return w.yielding[v] > 0; });
   // What was kept, by the first of a pair.
   Each(m.vertices + m.edges, [&](int i) { w.head[i] = -1; });
   const int kept = kKeptPairs * m.vertices;
@@ -115,9 +115,9 @@ inline void KeepLayers(const Environment& w) {
   Each(4 * size, [&](int i) { w.after_layers[i] = 0; });
   Each(3 * m.vertices, [&](int i) { w.later[i] = 0; });
   Once([&] { w.step->num_kept = 0; });
-  for (int level = rows.levels; level-- > 0;) {
-    const int first = kBlock * rows.begin[level];
-    Each(kBlock * rows.begin[level + 1] - first, [&](int place) {
+  for (int color = rows.colors; color-- > 0;) {
+    const int first = kBlock * rows.begin[color];
+    Each(kBlock * rows.begin[color + 1] - first, [&](int place) {
       const LayerBlock& block = w.layers[(first + place) / kBlock];
       const int lane = place % kBlock;
       if (!(block.impulse[lane] > 0)) return;

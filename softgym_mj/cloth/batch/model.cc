@@ -36,11 +36,11 @@ class Writer {
   std::string* out_;
 };
 
-// Where levels begin: a block is of the next one if it has a vertex in common with those before in its own, but for
+// Where colors begin: a block is of the next one if it has a vertex in common with those before in its own, but for
 // `shared`, which fills empty lanes.
 template <class Block, int corners>
-std::vector<int> Levels(const Aligned<Block>& blocks, int vertices, int shared) {
-  std::vector<int> begins = {0}, level_of(vertices + 1, -1);
+std::vector<int> Coloring(const Aligned<Block>& blocks, int vertices, int shared) {
+  std::vector<int> begins = {0}, color_of(vertices + 1, -1);
   for (size_t b = 0; b < blocks.size(); ++b) {
     const auto each = [&](const auto& f) {
       for (int k = 0; k < corners; ++k) {
@@ -49,11 +49,11 @@ std::vector<int> Levels(const Aligned<Block>& blocks, int vertices, int shared) 
         }
       }
     };
-    const int level = static_cast<int>(begins.size());
+    const int color = static_cast<int>(begins.size());
     bool clash = false;
-    each([&](int v) { clash |= level_of[v] == level; });
+    each([&](int v) { clash |= color_of[v] == color; });
     if (clash) begins.push_back(static_cast<int>(b));
-    each([&](int v) { level_of[v] = static_cast<int>(begins.size()); });
+    each([&](int v) { color_of[v] = static_cast<int>(begins.size()); });
   }
   begins.push_back(static_cast<int>(blocks.size()));
   return begins;
@@ -133,19 +133,19 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
 
   const EdgeRows& edges = w.solver.edges();
   const HingeRows& hinges = w.solver.hinges();
-  const std::vector<int> edge_levels = Levels<EdgeBlock, 2>(edges.blocks(), count, count);
-  const std::vector<int> hinge_levels = Levels<HingeBlock, 4>(hinges.blocks(), count, count);
+  const std::vector<int> edge_colors = Coloring<EdgeBlock, 2>(edges.blocks(), count, count);
+  const std::vector<int> hinge_colors = Coloring<HingeBlock, 4>(hinges.blocks(), count, count);
   model.edge_blocks = static_cast<int>(edges.blocks().size());
-  model.edge_levels = model.edge_blocks ? static_cast<int>(edge_levels.size()) - 1 : 0;
+  model.edge_colors = model.edge_blocks ? static_cast<int>(edge_colors.size()) - 1 : 0;
   model.hinge_blocks = static_cast<int>(hinges.blocks().size());
-  model.hinge_levels = model.hinge_blocks ? static_cast<int>(hinge_levels.size()) - 1 : 0;
+  model.hinge_colors = model.hinge_blocks ? static_cast<int>(hinge_colors.size()) - 1 : 0;
   model.bend_interval = hinges.interval();
   model.edge_blocks_at = write(edges.blocks());
   model.edge_order_at = write(edges.order());
-  model.edge_levels_at = write(edge_levels);
+  model.edge_colors_at = write(edge_colors);
   model.hinge_blocks_at = write(hinges.blocks());
   model.hinge_order_at = write(hinges.order());
-  model.hinge_levels_at = write(hinge_levels);
+  model.hinge_colors_at = write(hinge_colors);
 
   std::vector<int> corners, ends, sides, owned, lanes(2 * edges.order().size(), -1), first, items;
   std::vector<double> area;

@@ -13,7 +13,7 @@ struct Model {
   int size;                                // Bytes in all.
   int is_surface;                          // Or a rope.
   int vertices, padded, triangles, edges;  // `padded`: see Points.
-  int edge_blocks, edge_levels, hinge_blocks, hinge_levels, chains, chain_edges;
+  int edge_blocks, edge_colors, hinge_blocks, hinge_colors, chains, chain_edges;
   int bend_interval, substeps, takes_air;
   int has_slim;  // See Mesh.
   int grippers;
@@ -30,9 +30,9 @@ struct Model {
   // (vertices, 3) [m] where slides are 0; (vertices,) 1 / their masses [1/kg], and their masses [kg].
   int origin_at, inverse_mass_at, mass_at;
   int vertex_thickness_at;  // (vertices,) See Mesh [m].
-  // Rows of edges and hinges as they are at rest, the edge of each lane or -1, and the first block of each level.
-  int edge_blocks_at, edge_order_at, edge_levels_at;
-  int hinge_blocks_at, hinge_order_at, hinge_levels_at;
+  // Rows of edges and hinges as they are at rest, the edge of each lane or -1, and the first block of each color.
+  int edge_blocks_at, edge_order_at, edge_colors_at;
+  int hinge_blocks_at, hinge_order_at, hinge_colors_at;
   // Of each vertex, the triangles it is a corner of, and the lanes of edges it is an end of, in order: where they
   // begin, and what they are.
   int triangles_of_at, triangle_of_at, lanes_of_at, lane_of_at;

@@ -65,7 +65,7 @@ inline void Bend(const Environment& w, int substep) {
   const float n = static_cast<float>(m.bend_interval);
   const int chunks = 4 * m.padded / kLanes;
   EachBlock(0, chunks, [&](int i) { Unbent(w.points, kLanes * i, n).Store(w.points.predicted + kLanes * i); });
-  EachBlockOf(m.At<int>(m.hinge_levels_at), m.hinge_levels, [&](int b) { SweepHinges(w.points, w.hinges + b); });
+  EachBlockOf(m.At<int>(m.hinge_colors_at), m.hinge_colors, [&](int b) { SweepHinges(w.points, w.hinges + b); });
   EachBlock(0, chunks, [&](int i) { SpreadBend(w.points, kLanes * i, n); });
 }
 
@@ -108,7 +108,7 @@ inline void EndChains(const Environment& w) {
 
 inline void SweepSprings(const Environment& w) {
   const Model& m = *w.model;
-  EachBlockOf(m.At<int>(m.edge_levels_at), m.edge_levels, [&](int b) { SweepEdges(w.points, w.edges + b); });
+  EachBlockOf(m.At<int>(m.edge_colors_at), m.edge_colors, [&](int b) { SweepEdges(w.points, w.edges + b); });
   SolveChains(w, false);
   EndChains(w);
 }

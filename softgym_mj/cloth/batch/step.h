@@ -166,7 +166,7 @@ inline void StartAirOf(const Environment& w) {
 
 // Calls `sweep` with what is held of a surface as if it were free, see `Driven`.
 template <class F>
-inline void Give(const Environment& w, F sweep) {
+inline void TwoWayPass(const Environment& w, F sweep) {
   Each(w.step->num_driven, [&](int i) {
     const int v = w.driven[i];
     w.points.now[4 * v + 3] = w.yielding[v];
@@ -193,12 +193,12 @@ inline void Substep(const Environment& w, int substep, int search_interval) {
   for (int g = 0; g < m.grippers; ++g) FindTouch(w, w.touch + g, substep % search_interval == 0 ? to_search : 0);
   SweepSprings(w);
   if (m.takes_air) EachBlock(0, blocks, [&](int b) { MoveAir(w.points, kBlock * b); });
-  Give(w, [&] {
-    EachLevel(w.step->layers, [&](int b) { SweepLayers(w.points, m.contact, w.layers + b, {true, true}); });
+  TwoWayPass(w, [&] {
+    EachColor(w.step->layers, [&](int b) { SweepLayers(w.points, m.contact, w.layers + b, {true, true}); });
   });
   if (substep + 1 == m.substeps) Each(4 * m.padded, [&](int i) { w.with_layers[i] = w.points.now[i]; });
   for (int g = 0; g < m.grippers; ++g) SweepTouch(w, w.touch + g);
-  Give(w, [&] {
+  TwoWayPass(w, [&] {
     const Plane plane = {{static_cast<float>(m.plane_normal[0]), static_cast<float>(m.plane_normal[1]),
                           static_cast<float>(m.plane_normal[2])},
                          w.plane_gap,

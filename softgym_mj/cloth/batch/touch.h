@@ -56,7 +56,7 @@ inline void StartTouch(const Environment& w, int gripper) {
     touch->points.count = touch->triangles.count = 0;
   });
   const double speed = std::sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + velocity[2] * velocity[2]);
-  const float margin = static_cast<float>(m.radius + kSolidMargin + dt * (speed + kBodyHaste));
+  const float margin = static_cast<float>(m.radius + kSolidMargin + dt * (speed + kVelocityMargin));
   const auto add = [&](Rows* rows, const int* vertex, int corners, int number) {
     if (!ComesNear(w.solid_position, vertex, corners, touch->geom, m.gripper_radius, margin)) return;
     const int n = Add(&rows->count, 1);
@@ -70,8 +70,8 @@ inline void StartTouch(const Environment& w, int gripper) {
     Each(m.edges, [&](int e) { add(&touch->triangles, m.At<int>(m.edge_vertex_at) + 2 * e, 2, e); });
   }
   const auto counts = [&](int v) { return v < m.vertices; };
-  MakeLevels(w, 3, true, &touch->points, counts);
-  MakeLevels(w, 3, true, &touch->triangles, counts);
+  ColorRows(w, 3, true, &touch->points, counts);
+  ColorRows(w, 3, true, &touch->triangles, counts);
   FillBlocks(w, touch->points, false, touch->point_blocks);
   FillBlocks(w, touch->triangles, true, touch->triangle_blocks);
 }
@@ -94,9 +94,9 @@ inline void FindTouch(const Environment& w, Touch* touch, int substeps) {
 
 inline void SweepTouch(const Environment& w, Touch* touch) {
   const ContactRow& row = w.model->gripper_row;
-  EachLevel(touch->points,
+  EachColor(touch->points,
             [&](int b) { SweepSolid(w.points, row, touch->point_blocks + b, &touch->rigid, {true, true}); });
-  EachLevel(touch->triangles,
+  EachColor(touch->triangles,
             [&](int b) { SweepSolid(w.points, row, touch->triangle_blocks + b, &touch->rigid, {true, true}); });
 }
 

@@ -21,12 +21,12 @@ class ChainRows {
 
   // To be called when the mesh or the length of a substep [s] has changed.
   void Reset(const Mesh& mesh, double h);
-  // `after`: by how much each edge got longer after its last turn [m].
+  // `after`: by how much each edge got longer after its last sweep [m].
   void Start(const std::vector<double>& position, const double* after);
   // Layers have the last word of a substep, and stretch what is caught between them; ropes have that of a step: they
-  // get as long again as when a turn last ended (`settles`), which changes no velocities.
+  // get as long again as when a sweep last ended (`settles`), which changes no velocities.
   void Solve(const Points& points, bool settles);
-  // Ends a turn: notes lengths and impulses.
+  // Ends a sweep: notes lengths and impulses.
   void End(const Points& points);
   // Adds with which force edges pull held vertices (n, 3) [N]: `share` times their last impulses.
   void AddHoldingForces(const Points& points, double share, std::vector<double>* forces) const;

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "cloth/plugin/impacts.h"
+#include "cloth/plugin/impact_zones.h"
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/mesh.h"
 #include "cloth/plugin/start.h"
@@ -18,7 +18,7 @@ class Driven {
   void Start(const cloth::Start& start);
   // Calls `sweep` with the vertices as if they were free. It moves them, but does not change their velocities.
   template <class F>
-  void Give(const Points& points, const F& sweep) {
+  void TwoWayPass(const Points& points, const F& sweep) {
     Release(points);
     sweep();
     Hold(points);

@@ -6,8 +6,8 @@
 // A row is a constraint with violation C [m] that is a spring k with a dashpot beta k, solved implicitly in a substep
 // of h seconds: with b = 1 / (1 + beta / h), its impulse J times h [kg m] obeys
 //   C(now) - (1 - b) C(before) + J b / (k h^2) = 0,
-// where `now` is when the row's turn comes, and `before` was the end of its last turn, a substep ago. One relaxation of
-// Gauss and Seidel a turn. (With C(before) at the start of the substep instead, which is what an implicit step means,
+// where `now` is at the row's sweep, and `before` was the end of its last sweep, a substep ago. One relaxation of
+// Gauss and Seidel a sweep. (With C(before) at the start of the substep instead, which is what an implicit step means,
 // forces are wrong where several rows push a vertex, as rows after this one have changed C(before) and not yet C(now);
 // and cloth stretches twice as far.)
 
@@ -40,7 +40,7 @@ struct alignas(32) EdgeBlock {
   float length[kBlock];    // At rest [m].
   float gamma[kBlock];     // b / (k h^2) [1/kg].
   float keep[kBlock];      // 1 - b.
-  float before[kBlock];    // Length at the end of the last turn [m].
+  float before[kBlock];    // Length at the end of the last sweep [m].
   float impulse[kBlock];   // [kg m]
 };
 
@@ -49,7 +49,7 @@ struct alignas(32) HingeBlock {
   float weight[4][kBlock];
   float start[3][kBlock];  // Their sum of weight times position at the start of the step [m].
   float gamma[kBlock], keep[kBlock];
-  float before[3][kBlock];  // The same sum at the end of the last turn [m].
+  float before[3][kBlock];  // The same sum at the end of the last sweep [m].
 };
 
 // Rows of pairs of layers, whose normals and weights stay for a step.
@@ -61,7 +61,7 @@ struct alignas(32) LayerBlock {
   float friction[kBlock];
   float mass[kBlock];       // Inverse mass: sum of weight^2 / mass [1/kg].
   float inverse[kBlock];    // 1 / (mass + gamma).
-  float before[3][kBlock];  // Sum of weight times displacement at the end of the last turn [m].
+  float before[3][kBlock];  // Sum of weight times displacement at the end of the last sweep [m].
   float impulse[kBlock];    // [kg m], and what friction holds:
   float held[3][kBlock];
 };
@@ -83,8 +83,8 @@ struct Plane {
   int num_blocks;
 };
 
-// Whether a turn is the first of its row in the substep and the last one.
-struct Turn {
+// Whether a sweep is the first or the last of its row in the substep.
+struct SweepPass {
   bool first, last;
 };
 
@@ -166,16 +166,16 @@ struct ClothKernels {
   void (*MoveAir)(const Points&);
   void (*Bend)(const Points&, HingeBlock*, int count, float substeps);
   void (*SweepEdges)(const Points&, EdgeBlock*, int count);
-  void (*SweepLayers)(const Points&, const ContactRow&, LayerBlock*, int count, Turn);
+  void (*SweepLayers)(const Points&, const ContactRow&, LayerBlock*, int count, SweepPass);
   void (*WarmLayers)(const Points&, LayerBlock*, int count, float share);
-  void (*SweepPlane)(const Points&, const ContactRow&, const Plane&, Turn);
+  void (*SweepPlane)(const Points&, const ContactRow&, const Plane&, SweepPass);
   void (*WarmPlane)(const Points&, const Plane&, float share);
   // Sets normals, gaps and masses for the start of the substep. With the number of substeps to the next search, instead
   // of 0, it is one: with `nearest`, points of triangles and ropes become those where they are nearest to the geom.
   // `start`: four floats a vertex [m].
   void (*FindSolid)(const Points&, const float* start, const Geom&, const Rigid*, SolidBlock*, int count, bool nearest,
                     float substeps);
-  void (*SweepSolid)(const Points&, const ContactRow&, SolidBlock*, int count, Rigid*, Turn);
+  void (*SweepSolid)(const Points&, const ContactRow&, SolidBlock*, int count, Rigid*, SweepPass);
   void (*WarmSolid)(const Points&, SolidBlock*, int count, Rigid*, float share);
   // Fills boxes of eight items: those of the corners' boxes (low and high, four floats a vertex each).
   void (*BoundItems)(const float* low, const float* high, const int* corners, Boxes* out);

@@ -67,7 +67,7 @@ void Layers::Keep(const Mesh& mesh, const Points& points, const float* with_laye
     for (int k = 0; k < 3; ++k) {
       change[k] = block.held[k][lane] + static_cast<double>(block.impulse[lane]) * block.normal[k][lane];
     }
-    const bool last = !repeated || static_cast<int>(i) >= num_near_ * kBlock;  // Its only turn in the substep.
+    const bool last = !repeated || static_cast<int>(i) >= num_near_ * kBlock;  // Its only sweep in the substep.
     for (int c = 0; c < 4; ++c) {
       const int v = block.vertex[c][lane];
       const double weight = block.weight[c][lane], mass = points.now[4 * v + 3];

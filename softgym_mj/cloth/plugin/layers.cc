@@ -271,7 +271,7 @@ void Layers::MakeRows(const Mesh& mesh, const AlignedFloats& position, const Ali
       row_vertices_.insert(row_vertices_.end(), pairs[i].vertex, pairs[i].vertex + 4);
     }
     if (g == 2) num_near_ = static_cast<int>(order_.size()) / kBlock;
-    levels_.Order(row_vertices_.data(), static_cast<int>(rows.size()), 4, movable_.data(), dummy + 1, &part);
+    coloring_.Order(row_vertices_.data(), static_cast<int>(rows.size()), 4, movable_.data(), dummy + 1, &part);
     for (int i : part) order_.push_back(i < 0 ? -1 : rows[i]);
   }
   blocks.resize(order_.size() / kBlock);

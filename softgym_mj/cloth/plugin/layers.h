@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "cloth/plugin/coloring.h"
 #include "cloth/plugin/kernels.h"
-#include "cloth/plugin/levels.h"
 #include "cloth/plugin/mesh.h"
 #include "cloth/plugin/pair_rules.h"
 #include "native/aligned.h"
@@ -30,8 +30,8 @@ class Layers {
                 const std::vector<float>& inverse_mass, const std::vector<bool>& near, float gamma);
   // Sets the gaps for vertices at `position` (n, 3), and forgets all impulses. `after`: what `Keep` has kept.
   void Start(const Mesh& mesh, const double* position, const double* after, int size);
-  // By how much others have moved the two sides of a pair after its last turn, which friction has to undo: without it
-  // piles creep. (size, 4): which pair, or 0, and how far [m]. `with_layers`: `now` after the layers' last turn. Only
+  // By how much others have moved the two sides of a pair after its last sweep, which friction has to undo: without it
+  // piles creep. (size, 4): which pair, or 0, and how far [m]. `with_layers`: `now` after the layers' last sweep. Only
   // pairs that push are kept, the last of them if there are more. Of those that are `repeated` it is not known what
   // their like have done.
   void Keep(const Mesh& mesh, const Points& points, const float* with_layers, bool repeated, double* after, int size);
@@ -101,7 +101,7 @@ class Layers {
   std::vector<bool> near_, near_vertex_;
   int num_near_ = 0;
   bool found_once_ = false;
-  Levels levels_;
+  Coloring coloring_;
   std::vector<int> order_;  // The pair of each lane of the blocks, or -1.
   std::vector<int> row_vertices_;
   std::vector<int> head_, next_;  // Lists of what is kept, by the first of a pair.

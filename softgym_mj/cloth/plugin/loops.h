@@ -25,14 +25,14 @@ inline void BendAll(const Points& points, HingeBlock* blocks, int count, float s
 inline void SweepAllEdges(const Points& points, EdgeBlock* blocks, int count) {
   for (int b = 0; b < count; ++b) SweepEdges(points, blocks + b);
 }
-inline void SweepAllLayers(const Points& points, const ContactRow& row, LayerBlock* blocks, int count, Turn turn) {
-  for (int b = 0; b < count; ++b) SweepLayers(points, row, blocks + b, turn);
+inline void SweepAllLayers(const Points& points, const ContactRow& row, LayerBlock* blocks, int count, SweepPass pass) {
+  for (int b = 0; b < count; ++b) SweepLayers(points, row, blocks + b, pass);
 }
 inline void WarmAllLayers(const Points& points, LayerBlock* blocks, int count, float share) {
   for (int b = 0; b < count; ++b) WarmLayers(points, blocks + b, share);
 }
-inline void SweepWholePlane(const Points& points, const ContactRow& row, const Plane& plane, Turn turn) {
-  for (int i = 0; i < plane.num_blocks; ++i) SweepPlane(points, row, plane, plane.blocks[i], turn);
+inline void SweepWholePlane(const Points& points, const ContactRow& row, const Plane& plane, SweepPass pass) {
+  for (int i = 0; i < plane.num_blocks; ++i) SweepPlane(points, row, plane, plane.blocks[i], pass);
 }
 inline void WarmWholePlane(const Points& points, const Plane& plane, float share) {
   for (int i = 0; i < plane.num_blocks; ++i) WarmPlane(points, plane, plane.blocks[i], share);
@@ -42,8 +42,8 @@ inline void FindAllSolid(const Points& points, const float* start, const Geom& g
   for (int b = 0; b < count; ++b) FindSolid(points, start, geom, body, blocks + b, nearest, substeps);
 }
 inline void SweepAllSolid(const Points& points, const ContactRow& row, SolidBlock* blocks, int count, Rigid* body,
-                          Turn turn) {
-  for (int b = 0; b < count; ++b) SweepSolid(points, row, blocks + b, body, turn);
+                          SweepPass pass) {
+  for (int b = 0; b < count; ++b) SweepSolid(points, row, blocks + b, body, pass);
 }
 inline void WarmAllSolid(const Points& points, SolidBlock* blocks, int count, Rigid* body, float share) {
   for (int b = 0; b < count; ++b) WarmSolid(points, blocks + b, body, share);

@@ -13,13 +13,13 @@ constexpr double kHysteresis = 5e-4;
 constexpr float kInterest = 1.3f;  // Pairs further apart than this many thicknesses are left out.
 // Boxes get this share of the reach more, so that candidates can be kept for some steps of slow motion.
 constexpr float kSlack = 0.25f;
-constexpr float kVouched = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
+constexpr float kSearchMargin = 0.65f;  // Share of the thickness by which vertices may end elsewhere than was searched.
 constexpr int kMaxSearches = 4;
-constexpr int kRopeTurns = 4;           // Of ropes that impact zones have pulled at, and of these zones in turn.
-constexpr int kRopeSolves = 2;          // Newton's steps of each: 0.4 of an edge leaves 0.015 of it.
-constexpr double kPlaneMargin = 0.02;   // [m] Vertices that are further than this and two steps cannot reach a plane.
-constexpr double kSolidMargin = 0.002;  // [m] Beyond what can come near to a solid in a step.
-constexpr double kBodyHaste = 0.2;      // [m/s] By which bodies may be faster at the end of a step than at its start.
+constexpr int kRopePasses = 4;           // Of ropes that impact zones have pulled at, and of these zones, alternating.
+constexpr int kRopeSolves = 2;           // Newton's steps of each: 0.4 of an edge leaves 0.015 of it.
+constexpr double kPlaneMargin = 0.02;    // [m] Vertices that are further than this and two steps cannot reach a plane.
+constexpr double kSolidMargin = 0.002;   // [m] Beyond what can come near to a solid in a step.
+constexpr double kVelocityMargin = 0.2;  // [m/s] By which bodies may be faster at the end of a step than at its start.
 // Substeps after which the nearest points of triangles to solids are found anew, if nothing moves further in them [m].
 constexpr int kSearchInterval = 5;
 constexpr double kSearchWay = 0.01;

@@ -65,15 +65,15 @@ void Planes::Warm(const ClothKernels& kernels, const Points& points, float share
   for (Active& active : actives_) kernels.WarmPlane(points, active.Near(), share);
 }
 
-void Planes::Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn) {
+void Planes::Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, SweepPass pass) {
   for (Active& active : actives_) {
     kernels.SweepPlane(points, row, active.Far(), {true, true});
-    kernels.SweepPlane(points, row, active.Near(), turn);
+    kernels.SweepPlane(points, row, active.Near(), pass);
   }
 }
 
-void Planes::SweepNear(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn) {
-  for (Active& active : actives_) kernels.SweepPlane(points, row, active.Near(), turn);
+void Planes::SweepNear(const ClothKernels& kernels, const Points& points, const ContactRow& row, SweepPass pass) {
+  for (Active& active : actives_) kernels.SweepPlane(points, row, active.Near(), pass);
 }
 
 bool Planes::LiftOut(const cloth::Start& start, Motion* motion) const {

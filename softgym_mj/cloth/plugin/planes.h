@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "cloth/plugin/impacts.h"
+#include "cloth/plugin/impact_zones.h"
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/layers.h"
 #include "cloth/plugin/mesh.h"
@@ -31,9 +31,9 @@ class Planes {
   void MarkTouching(const Mesh& mesh, double share, std::vector<bool>* touches) const;
   // Near vertices start with a share of the impulses of the last substep.
   void Warm(const ClothKernels& kernels, const Points& points, float share);
-  // `turn`: of near vertices; others have one in a substep.
-  void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn);
-  void SweepNear(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn);
+  // `pass`: of near vertices; others have one sweep a substep.
+  void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, SweepPass pass);
+  void SweepNear(const ClothKernels& kernels, const Points& points, const ContactRow& row, SweepPass pass);
   // Lifts what moves as one with something that is held, and would be pulled into a plane by it. Whether there was any.
   bool LiftOut(const cloth::Start& start, Motion* motion) const;
 

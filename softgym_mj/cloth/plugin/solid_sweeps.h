@@ -168,11 +168,11 @@ inline void PushSolid(const Points& points, const SolidBlock& block, const Lanes
   }
 }
 
-inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* block, Rigid* body, Turn turn) {
+inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* block, Rigid* body, SweepPass pass) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
   if (!block->active) return;
   const Lanes gap = Lanes::Load(block->gap), mass = Lanes::Load(block->mass);
-  const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
+  const Lanes old = pass.first ? zero : Lanes::Load(block->impulse);
   Lanes3 moved = {zero, zero, zero};
   for (int k = 0; k < 3; ++k) {
     Lanes unused;
@@ -194,8 +194,8 @@ inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* 
   const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
   const Lanes impulse = Min(Max(old - violation / (mass + gamma), zero), Lanes(row.most));
   Lanes3 held = {zero, zero, zero};
-  const Lanes3 old_held = turn.first ? held : Load3(block->held);
-  if (!turn.first || Bits(Less(zero, impulse))) {
+  const Lanes3 old_held = pass.first ? held : Load3(block->held);
+  if (!pass.first || Bits(Less(zero, impulse))) {
     const Lanes3 slip = AddScaled(moved, -way, normal);
     held = AddScaled(old_held, Lanes(-1.0f) / Max(mass, Lanes(1e-12f)), slip);
     held = Grip(Inner(held, held), Lanes::Load(block->friction) * impulse) * held;
@@ -203,7 +203,7 @@ inline void SweepSolid(const Points& points, const ContactRow& row, SolidBlock* 
   }
   impulse.Store(block->impulse);
   Store3(held, block->held);
-  if (turn.last) {
+  if (pass.last) {
     Store3(AddScaled(Load3(block->total) + held, impulse, normal), block->total);
     (Lanes::Load(block->pressed) + impulse).Store(block->pressed);
   }

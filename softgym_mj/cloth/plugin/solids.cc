@@ -147,7 +147,8 @@ void Solids::Start(const mjModel* m, const mjData* d, const Mesh& mesh, const cl
     if (body) {
       const double* v = body->velocity;
       const double turning = std::sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5]);
-      margin += dt * (std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + turning * m->geom_rbound[g] + kBodyHaste);
+      margin +=
+          dt * (std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + turning * m->geom_rbound[g] + kVelocityMargin);
       if (away(m->geom_rbound[g] + margin + fastest)) continue;
     }
     if (actives_.size() <= used) actives_.emplace_back();
@@ -245,7 +246,7 @@ void Solids::MakeBlocks(const Mesh& mesh, const std::vector<Row>& rows, Active* 
   const int dummy = mesh.NumVertices(), count = static_cast<int>(rows.size());
   std::vector<int> vertices(3 * count);
   for (int i = 0; i < count; ++i) std::copy(rows[i].vertex, rows[i].vertex + 3, &vertices[3 * i]);
-  levels_.Order(vertices.data(), count, 3, counts_.data(), dummy + 1, order);
+  coloring_.Order(vertices.data(), count, 3, counts_.data(), dummy + 1, order);
   blocks->resize(order->size() / kBlock);
   for (size_t i = 0; i < order->size(); ++i) {
     SolidBlock& block = (*blocks)[i / kBlock];
@@ -305,13 +306,13 @@ void Solids::Warm(const ClothKernels& kernels, const Points& points, float share
   bodies_.Share();
 }
 
-void Solids::Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn) {
+void Solids::Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, SweepPass pass) {
   for (Active& active : actives_) {
     Rigid* rigid = active.body >= 0 ? &bodies_.all()[active.body].rigid : nullptr;
     ContactRow limited = row;
     if (rigid && !bodies_.all()[active.body].gives_way) limited.most = MostPush(h_);
     for (auto* blocks : {&active.point_blocks, &active.triangle_blocks}) {
-      kernels.SweepSolid(points, limited, blocks->data(), static_cast<int>(blocks->size()), rigid, turn);
+      kernels.SweepSolid(points, limited, blocks->data(), static_cast<int>(blocks->size()), rigid, pass);
     }
   }
   bodies_.Share();

@@ -10,9 +10,9 @@
 #include <mujoco/mujoco.h>
 
 #include "cloth/plugin/bodies.h"
-#include "cloth/plugin/impacts.h"
+#include "cloth/plugin/coloring.h"
+#include "cloth/plugin/impact_zones.h"
 #include "cloth/plugin/kernels.h"
-#include "cloth/plugin/levels.h"
 #include "cloth/plugin/mesh.h"
 #include "cloth/plugin/start.h"
 #include "native/aligned.h"
@@ -49,7 +49,7 @@ class Solids {
   // With the number of substeps to the next search, or 0 if this is none.
   void Find(const ClothKernels& kernels, const Points& points, int substeps);
   void Warm(const ClothKernels& kernels, const Points& points, float share);
-  void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, Turn turn);
+  void Sweep(const ClothKernels& kernels, const Points& points, const ContactRow& row, SweepPass pass);
   void Finish();
 
   // How far the fastest vertex moves in the step [m].
@@ -104,7 +104,7 @@ class Solids {
   AlignedFloats position_;
   std::vector<int> body_of_;  // That each vertex is tied to, or -1.
   std::vector<std::uint8_t> counts_;
-  Levels levels_;
+  Coloring coloring_;
   bool touches_bodies_ = false, touches_light_ = false;
   std::vector<Contact> contacts_;
   size_t num_rows_ = 0;  // Of geoms so far.

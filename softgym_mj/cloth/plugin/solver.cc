@@ -99,8 +99,8 @@ void Solver::Substep(int substep, Solids* solids, Tied* tied) {
   const bool warm = solids->TouchesLightBodies() && substep > 0;
   LayerBlock* layers = layers_.blocks.data();
   // Vertices that are held give way to these, and those that are tied pass it on.
-  const auto give = [&](const auto& sweep) {
-    driven_.Give(points_, sweep);
+  const auto two_way_pass = [&](const auto& sweep) {
+    driven_.TwoWayPass(points_, sweep);
     tied->Pass(points_);
   };
   tied->Release(points_);
@@ -116,22 +116,22 @@ void Solver::Substep(int substep, Solids* solids, Tied* tied) {
   chains_.End(points_);
   if (moves_air_) kernels_->MoveAir(points_);
   if (warm) {
-    give([&] { kernels_->WarmLayers(points_, layers, near, kWarm); });
+    two_way_pass([&] { kernels_->WarmLayers(points_, layers, near, kWarm); });
     solids->Warm(*kernels_, points_, kWarm);
-    give([&] { planes_.Warm(*kernels_, points_, kWarm); });
+    two_way_pass([&] { planes_.Warm(*kernels_, points_, kWarm); });
   }
-  const Turn turn = {!warm, !repeats};
-  give([&] {
-    kernels_->SweepLayers(points_, contact_, layers, near, turn);
+  const SweepPass pass = {!warm, !repeats};
+  two_way_pass([&] {
+    kernels_->SweepLayers(points_, contact_, layers, near, pass);
     kernels_->SweepLayers(points_, contact_, layers + near, all - near, {true, true});
   });
   if (substep + 1 == settings_.substeps) with_layers_ = now_;
-  solids->Sweep(*kernels_, points_, contact_, turn);
-  give([&] { planes_.Sweep(*kernels_, points_, plane_row_, turn); });
+  solids->Sweep(*kernels_, points_, contact_, pass);
+  two_way_pass([&] { planes_.Sweep(*kernels_, points_, plane_row_, pass); });
   for (int sweep = 1; repeats && sweep < settings_.sweeps; ++sweep) {
-    const Turn again = {false, sweep + 1 == settings_.sweeps};
+    const SweepPass again = {false, sweep + 1 == settings_.sweeps};
     solids->Sweep(*kernels_, points_, contact_, again);
-    give([&] {
+    two_way_pass([&] {
       kernels_->SweepLayers(points_, contact_, layers, near, again);
       planes_.SweepNear(*kernels_, points_, plane_row_, again);
     });
@@ -178,9 +178,9 @@ void Solver::Follow(const Motion& motion) {
 }
 
 int Solver::Prevent(Motion* motion) {
-  const auto prevent = [&] { return impacts_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion); };
+  const auto prevent = [&] { return impact_zones_.Prevent(*kernels_, layers_.all(), Zones::kMove, motion); };
   int more = prevent(), changed = more;
-  for (int turn = 0; more && turn < kRopeTurns && !chains_.rows().empty(); ++turn) {
+  for (int pass = 0; more && pass < kRopePasses && !chains_.rows().empty(); ++pass) {
     Follow(*motion);
     for (int solve = 0; solve < kRopeSolves; ++solve) chains_.Solve(points_, true);
     for (size_t v = 0; v < motion->mass.size(); ++v) {
@@ -212,7 +212,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
   driven_.Finish(mesh, timestep_, motion);
   int changed = Prevent(motion);
   // Pairs that were not of interest may be by now.
-  const float most = kVouched * *std::min_element(mesh.thickness.begin(), mesh.thickness.end());
+  const float most = kSearchMargin * *std::min_element(mesh.thickness.begin(), mesh.thickness.end());
   for (int search = 0; search < kMaxSearches; ++search) {
     end_.assign(move_.size(), 0);
     double mean[3] = {0, 0, 0};
@@ -245,7 +245,7 @@ void Solver::Finish(const Mesh& mesh, const Start& start, Solids* solids, Motion
     solids->LiftOut(points_, motion);
   }
   // What is squeezed against a plane has nowhere to go.
-  if (planes_.LiftOut(start, motion)) impacts_.Prevent(*kernels_, layers_.all(), Zones::kStand, motion);
+  if (planes_.LiftOut(start, motion)) impact_zones_.Prevent(*kernels_, layers_.all(), Zones::kStand, motion);
 }
 
 }  // namespace softgym_mj::cloth

@@ -7,7 +7,7 @@
 
 #include "cloth/plugin/chains.h"
 #include "cloth/plugin/driven.h"
-#include "cloth/plugin/impacts.h"
+#include "cloth/plugin/impact_zones.h"
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/layers.h"
 #include "cloth/plugin/mesh.h"
@@ -64,7 +64,7 @@ class Solver {
   ContactRow contact_ = {}, plane_row_ = {};
   Points points_ = {};
   AlignedFloats now_, before_, drift_, bent_drift_, predicted_, moved_, air_;
-  AlignedFloats with_layers_;  // What `now_` was after their last turn.
+  AlignedFloats with_layers_;  // What `now_` was after their last sweep.
   int search_interval_ = 1;    // Substeps from one search for nearest points to the next.
   EdgeRows edges_;
   HingeRows hinges_;
@@ -72,7 +72,7 @@ class Solver {
   Planes planes_;
   Layers layers_;
   Driven driven_;
-  Impacts impacts_;
+  ImpactZones impact_zones_;
   std::vector<double> acceleration_;  // With drag.
   AlignedFloats position_, move_, end_;
   std::vector<bool> near_;

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "cloth/plugin/coloring.h"
 #include "cloth/plugin/edges.h"
-#include "cloth/plugin/levels.h"
 
 namespace softgym_mj::cloth {
 namespace {
@@ -44,7 +44,7 @@ void AddForceIfHeld(const Points& points, int vertex, const float way[3], double
 
 void EdgeRows::Reset(const Mesh& mesh, double h) {
   const int dummy = mesh.NumVertices();
-  Levels levels;
+  Coloring coloring;
   const std::vector<std::uint8_t> counts(dummy + 1, 1);
   std::vector<int> ids, vertices;
   for (size_t e = 0; e < mesh.edges.size(); ++e) {
@@ -52,7 +52,7 @@ void EdgeRows::Reset(const Mesh& mesh, double h) {
     ids.push_back(static_cast<int>(e));
     vertices.insert(vertices.end(), mesh.edges[e].vertex, mesh.edges[e].vertex + 2);
   }
-  levels.Order(vertices.data(), static_cast<int>(ids.size()), 2, counts.data(), dummy + 1, &order_);
+  coloring.Order(vertices.data(), static_cast<int>(ids.size()), 2, counts.data(), dummy + 1, &order_);
   for (int& i : order_) i = i < 0 ? -1 : ids[i];
   blocks_.resize(order_.size() / kBlock);
   for (size_t i = 0; i < order_.size(); ++i) {
@@ -124,10 +124,10 @@ void HingeRows::Reset(const Mesh& mesh, double h) {
     if (row.gamma < kSoft * HingeMass(hinge, mesh.mass)) interval_ = 1;
     for (int v : hinge.vertex) vertices.push_back(v < 0 ? dummy : v);
   }
-  Levels levels;
+  Coloring coloring;
   std::vector<std::uint8_t> counts(dummy + 1, 1);
   counts[dummy] = 0;
-  levels.Order(vertices.data(), static_cast<int>(mesh.hinges.size()), 4, counts.data(), dummy + 1, &order_);
+  coloring.Order(vertices.data(), static_cast<int>(mesh.hinges.size()), 4, counts.data(), dummy + 1, &order_);
   blocks_.resize(order_.size() / kBlock);
   for (size_t i = 0; i < order_.size(); ++i) {
     HingeBlock& block = blocks_[i / kBlock];

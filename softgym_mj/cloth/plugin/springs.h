@@ -26,7 +26,7 @@ class EdgeRows {
  public:
   // To be called when the mesh or the length of a substep [s] has changed.
   void Reset(const Mesh& mesh, double h);
-  // `after`: by how much each edge got longer after its last turn [m].
+  // `after`: by how much each edge got longer after its last sweep [m].
   void Start(const cloth::Start& start, const double* after);
   void Sweep(const ClothKernels& kernels, const Points& points);
   // Adds with which force edges pull held vertices (n, 3) [N]: `share` times their impulses in the last sweep.

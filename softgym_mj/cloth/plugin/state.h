@@ -16,7 +16,7 @@ struct Kept {
   static constexpr int kPairs = 2;  // That are kept of a vertex, on average: a fold has one that pushes.
 
   double* reference;      // (n, 3) Positions that pairs of layers are found for [m].
-  double* after_edge;     // (edges,) By how much edges got longer after their last turn [m].
+  double* after_edge;     // (edges,) By how much edges got longer after their last sweep [m].
   double* holding_force;  // (n,) With which its edges pulled a held vertex, mean of the step [N]; of others 0.
   double* after_layers;   // (2 n, 4) Pairs of layers that push, see `Layers::Keep`.
 };

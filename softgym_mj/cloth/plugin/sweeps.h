@@ -118,7 +118,7 @@ inline void SpreadBend(const Points& points, int i, float substeps) {
 }
 
 // What an impulse has to make up for along the normal: gaps may close; overlaps are springs with dashpots, but leave
-// at a limited speed. `gap` at the last turn, `way` since then.
+// at a limited speed. `gap` at the last sweep, `way` since then.
 template <class T>
 inline T ContactViolation(T gap, T way, T b, T recovery) {
   return way + Select(Less(gap, T(0.0f)), Max(b * gap, -recovery), gap);
@@ -130,11 +130,11 @@ inline T Grip(T square, T most) {
   return Min(T(1.0f), Max(most, T(0.0f)) / Sqrt(Max(square, T(kTinySquare))));
 }
 
-inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock* block, Turn turn) {
+inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock* block, SweepPass pass) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
-  const Lanes old = turn.first ? zero : Lanes::Load(block->impulse);
+  const Lanes old = pass.first ? zero : Lanes::Load(block->impulse);
   // What does not push by now is met in the next substep.
-  if (!turn.first && !Bits(Less(zero, old))) return;
+  if (!pass.first && !Bits(Less(zero, old))) return;
   Lanes w[4], masses[4];
   Lanes3 x[4], sum = {zero, zero, zero};
   for (int k = 0; k < 4; ++k) {
@@ -150,14 +150,14 @@ inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock*
   const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
   const Lanes impulse = Max(NegativeMultiplyAdd(violation, Lanes::Load(block->inverse), old), zero);
   impulse.Store(block->impulse);
-  if (turn.first && !Bits(Less(zero, impulse))) {
+  if (pass.first && !Bits(Less(zero, impulse))) {
     Store3(sum, block->before);
     return;
   }
   // Friction holds what slips, up to its share of the normal impulse.
   const Lanes3 slip = AddScaled(moved, -way, normal);
   const Lanes inverse = Lanes(1.0f) / Max(mass, Lanes(1e-12f));
-  const Lanes3 old_held = turn.first ? Lanes3{zero, zero, zero} : Load3(block->held);
+  const Lanes3 old_held = pass.first ? Lanes3{zero, zero, zero} : Load3(block->held);
   Lanes3 held = AddScaled(old_held, -inverse, slip);
   const Lanes grip = Grip(Inner(held, held), Lanes::Load(block->friction) * impulse);
   held = grip * held;
@@ -166,7 +166,7 @@ inline void SweepLayers(const Points& points, const ContactRow& row, LayerBlock*
     Scatter(points.now, block->vertex[k], AddScaled(x[k], w[k], change), masses[k]);
   }
   Store3(held, block->held);
-  if (turn.last) Store3(AddScaled(sum, mass, change), block->before);
+  if (pass.last) Store3(AddScaled(sum, mass, change), block->before);
 }
 
 // Gives vertices a share of the impulses of the last substep.
@@ -185,7 +185,7 @@ inline void WarmLayers(const Points& points, LayerBlock* block, float share) {
 }
 
 // Of the eight vertices from `first` on.
-inline void SweepPlane(const Points& points, const ContactRow& row, const Plane& plane, int first, Turn turn) {
+inline void SweepPlane(const Points& points, const ContactRow& row, const Plane& plane, int first, SweepPass pass) {
   const Lanes gamma(row.gamma), b(row.b), recovery(row.recovery), zero(0.0f);
   const Lanes3 normal = {Lanes(plane.normal[0]), Lanes(plane.normal[1]), Lanes(plane.normal[2])};
   const int index[kBlock] = {first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7};
@@ -196,7 +196,7 @@ inline void SweepPlane(const Points& points, const ContactRow& row, const Plane&
   const Lanes gap = Lanes::Load(plane.gap + first) + Inner(normal, before);
   Lanes old = zero;
   Lanes3 old_held = {zero, zero, zero};
-  if (!turn.first) old_held = Gather(plane.impulse, index, &old);
+  if (!pass.first) old_held = Gather(plane.impulse, index, &old);
   const Lanes violation = MultiplyAdd(gamma, old, ContactViolation(gap, way, b, recovery));
   const Lanes impulse = Max(old - violation / (w + gamma), zero);
   const Lanes3 slip = AddScaled(moved, -way, normal);

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cloth/plugin/bodies.h"
-#include "cloth/plugin/impacts.h"
+#include "cloth/plugin/impact_zones.h"
 #include "cloth/plugin/kernels.h"
 #include "cloth/plugin/start.h"
 

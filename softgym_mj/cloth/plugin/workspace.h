@@ -9,7 +9,7 @@
 
 #include <mujoco/mujoco.h>
 
-#include "cloth/plugin/impacts.h"
+#include "cloth/plugin/impact_zones.h"
 #include "cloth/plugin/mesh.h"
 #include "cloth/plugin/planes.h"
 #include "cloth/plugin/solids.h"

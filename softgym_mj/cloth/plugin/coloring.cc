@@ -1,4 +1,4 @@
-#include "cloth/plugin/levels.h"
+#include "cloth/plugin/coloring.h"
 
 #include <algorithm>
 #include <cstddef>
@@ -31,35 +31,35 @@ void SortByHash(std::vector<std::uint64_t>* keys, std::vector<std::uint64_t>* ot
 
 }  // namespace
 
-void Levels::Order(const int* vertices, int rows, int corners, const std::uint8_t* counts, int num_vertices,
-                   std::vector<int>* order) {
+void Coloring::Order(const int* vertices, int rows, int corners, const std::uint8_t* counts, int num_vertices,
+                     std::vector<int>* order) {
   keys_.resize(rows);
   for (int row = 0; row < rows; ++row) {
     keys_[row] = std::uint64_t{RowHash(vertices + corners * row, corners)} << 32 | static_cast<std::uint32_t>(row);
   }
   SortByHash(&keys_, &sorted_);
   taken_.assign(static_cast<size_t>(kWords) * num_vertices, 0);
-  level_.resize(rows);
+  color_.resize(rows);
   begin_.assign(64 * kWords + 1, 0);
-  int num_levels = 64 * kWords;
+  int num_colors = 64 * kWords;
   for (std::uint64_t key : keys_) {
     const int row = static_cast<int>(key & 0xffffffffu);
     const int* vertex = vertices + corners * row;
-    int level = -1;
-    for (int word = 0; word < kWords && level < 0; ++word) {
+    int color = -1;
+    for (int word = 0; word < kWords && color < 0; ++word) {
       std::uint64_t taken = 0;
       for (int k = 0; k < corners; ++k) taken |= counts[vertex[k]] ? taken_[kWords * vertex[k] + word] : 0;
       if (~taken == 0) continue;
-      level = 64 * word + __builtin_ctzll(~taken);
-      const std::uint64_t bit = std::uint64_t{1} << (level % 64);
+      color = 64 * word + __builtin_ctzll(~taken);
+      const std::uint64_t bit = std::uint64_t{1} << (color % 64);
       for (int k = 0; k < corners; ++k) taken_[kWords * vertex[k] + word] |= bit;
     }
-    if (level < 0) {
-      level = num_levels++;
+    if (color < 0) {
+      color = num_colors++;
       begin_.push_back(0);
     }
-    level_[row] = level;
-    ++begin_[level];
+    color_[row] = color;
+    ++begin_[color];
   }
   int sum = 0;
   for (int& begin : begin_) {
@@ -70,7 +70,7 @@ void Levels::Order(const int* vertices, int rows, int corners, const std::uint8_
   order->assign(sum, -1);
   for (std::uint64_t key : keys_) {
     const int row = static_cast<int>(key & 0xffffffffu);
-    (*order)[begin_[level_[row]]++] = row;
+    (*order)[begin_[color_[row]]++] = row;
   }
 }
 

@@ -1,7 +1,7 @@
-// The last resort: vertices that would pass through each other in a step move as one instead.
+// The fail-safe: vertices that would pass through each other in a step move as one instead.
 
-#ifndef SOFTGYM_MJ_CLOTH_IMPACTS_H_
-#define SOFTGYM_MJ_CLOTH_IMPACTS_H_
+#ifndef SOFTGYM_MJ_CLOTH_IMPACT_ZONES_H_
+#define SOFTGYM_MJ_CLOTH_IMPACT_ZONES_H_
 
 #include <vector>
 
@@ -22,7 +22,7 @@ struct Motion {
 // What vertices that would pass through each other do: they move as one, which keeps the momentum, or stand still.
 enum class Zones { kMove, kStand };
 
-class Impacts {
+class ImpactZones {
  public:
   // Changes the motion so that no pair comes nearer than a tenth of its distance, or as near as it gets: rigid impact
   // zones (Bridson, Fedkiw and Anderson, Robust Treatment of Collisions, 2002, section 7.2). Returns how many vertices
@@ -40,4 +40,4 @@ class Impacts {
 
 }  // namespace softgym_mj::cloth
 
-#endif  // SOFTGYM_MJ_CLOTH_IMPACTS_H_
+#endif  // SOFTGYM_MJ_CLOTH_IMPACT_ZONES_H_

@@ -1,4 +1,4 @@
-#include "cloth/plugin/impacts.h"
+#include "cloth/plugin/impact_zones.h"
 
 #include <algorithm>
 #include <numeric>
@@ -15,13 +15,13 @@ int Root(std::vector<int>* parent, int v) {
 
 }  // namespace
 
-bool Impacts::AreOne(const Pair& pair) {
+bool ImpactZones::AreOne(const Pair& pair) {
   bool one = !zone_.empty();
   for (int k = 1; one && k < 4; ++k) one = Root(&zone_, pair.vertex[0]) == Root(&zone_, pair.vertex[k]);
   return one;
 }
 
-int Impacts::Prevent(const ClothKernels& kernels, const std::vector<Pair>& pairs, Zones zones, Motion* motion) {
+int ImpactZones::Prevent(const ClothKernels& kernels, const std::vector<Pair>& pairs, Zones zones, Motion* motion) {
   const int count = static_cast<int>(motion->mass.size());
   zone_.clear();
   near_.resize(pairs.size());
