@@ -106,7 +106,7 @@ def rate(task: str, number: int, most: int, **settings: Any) -> dict[str, float]
     torch.cuda.set_sync_debug_mode("default")
     torch.cuda.synchronize()
     seconds = time.perf_counter() - start
-    flags = envs.backend._side.flags
+    flags = envs.backend._physics.flags
     found = {
         "env_steps_per_s": round(number * steps / seconds, 1),
         "ms_a_step": round(1e3 * seconds / steps, 3),
@@ -168,8 +168,8 @@ def alone(task: str) -> bool:
         envs = softgym_mj.make_vec(task, 8, device="cuda", observation="full", split=EVALUATION[:8])
         envs.reset(options={"variation": variations(8, 8)})
         if spoilt:
-            name = "qvel" if "qvel" in envs.backend._side.now else "velocities"
-            envs.backend._side.now[name][3, 2] = torch.inf
+            name = "qvel" if "qvel" in envs.backend._physics.state else "velocities"
+            envs.backend._physics.state[name][3, 2] = torch.inf
         for each in actions_of(envs, 6):
             observations, *_ = envs.step(each)
         seen.append(np.delete(observations.cpu().numpy(), 3, axis=0))

@@ -13,7 +13,7 @@ from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 from softgym_mj.robots.base import BOUND_TOLERANCE
 from softgym_mj.validation import as_array
-from softgym_mj.vector.draws import Draws
+from softgym_mj.vector.variation_sampler import VariationSampler
 
 MOST_ENVIRONMENTS = 10_000  # In a process each takes 20 MiB and more.
 
@@ -30,7 +30,7 @@ class Backend(Protocol):
     action_space: gymnasium.Space
     metadata: dict[str, Any]
     render_mode: str | None
-    draws: Draws  # Of what follows by itself; a `VectorEnv` sets it.
+    sampler: VariationSampler  # Of what follows by itself; a `VectorEnv` sets it.
     clipped: Clipping | None = None  # As of `checked_actions`.
 
     def begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
@@ -69,7 +69,7 @@ class Backend(Protocol):
         """
 
     def settle(self) -> None:
-        """Has `draws` be where the environments are, which may be further on."""
+        """Has `sampler` be where the environments are, which may be further on."""
         return None
 
     def observe(self) -> Any:

@@ -20,7 +20,7 @@ from softgym_mj.exceptions import (
 from softgym_mj.validation import as_array, check_type
 from softgym_mj.variations.indices import check_variation
 from softgym_mj.vector.backend import Backend
-from softgym_mj.vector.draws import Draws
+from softgym_mj.vector.variation_sampler import VariationSampler
 
 _State = tuple[Snapshot, Mapping[str, Any]]  # With the state of the generator.
 
@@ -47,7 +47,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """
         self.backend, self.num_envs = backend, backend.num_envs
         self.autoreset_mode = autoreset_mode
-        backend.draws = Draws(backend.num_envs, variations)
+        backend.sampler = VariationSampler(backend.num_envs, variations)
         self.metadata = {**backend.metadata, "autoreset_mode": autoreset_mode}
         self.render_mode = backend.render_mode
         self.single_observation_space = backend.observation_space
@@ -104,14 +104,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         parts: int,
     ):
         self.backend.settle()
-        draws, chosen = self.backend.draws, {}
+        sampler, chosen = self.backend.sampler, {}
         for i in np.flatnonzero(mask).tolist():
             if (seed := seeds[i]) is not None:
-                draws.seed(i, seed)
+                sampler.seed(i, seed)
             given = variations[i]
-            chosen[i] = draws.next(i) if given is None else given
+            chosen[i] = sampler.next(i) if given is None else given
         if any(variations[i] is None for i in chosen):
-            self.backend.expect(draws.variations)
+            self.backend.expect(sampler.variations)
         self.backend.reset(chosen)
         if parts:
             shares = mask * (np.arange(self.num_envs) % parts) / parts
@@ -123,7 +123,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.backend.settle()
         self.backend.restore({i: snapshot for i, (snapshot, _) in restored.items()})
         for i, (_, generator) in restored.items():
-            self.backend.draws.set_state(i, generator)
+            self.backend.sampler.set_state(i, generator)
         return self.backend.observe(), self.backend.infos(mask)
 
     def step_async(self, actions: np.ndarray) -> None:
@@ -171,7 +171,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def _states(self) -> list[_State]:
         self.backend.settle()
         snapshots = self.backend.get_state()
-        generators = [self.backend.draws.get_state(i) for i in range(self.num_envs)]
+        generators = [self.backend.sampler.get_state(i) for i in range(self.num_envs)]
         return list(zip(snapshots, generators, strict=True))
 
     def set_state(self, states: Sequence[Any]):

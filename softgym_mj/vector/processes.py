@@ -17,8 +17,8 @@ from softgym_mj.envs.snapshots import Snapshot
 from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
 from softgym_mj.parallel.executors import MOST_PROCESSES
 from softgym_mj.vector.backend import MOST_ENVIRONMENTS, Backend, check_running, clipping
-from softgym_mj.vector.draws import Draws
 from softgym_mj.vector.pool import WorkerPool
+from softgym_mj.vector.variation_sampler import VariationSampler
 from softgym_mj.vector.worker import OUTCOME
 
 # What a fork server imports once for all workers, most of what they need: no OpenGL, which does not
@@ -29,7 +29,7 @@ _PRELOADED = ["softgym_mj.vector.worker", "softgym_mj.metrics", "mujoco"]
 class ProcessBackend(Backend):
     """Arrays are NumPy's; observations, images among them, come through shared memory."""
 
-    draws: Draws
+    sampler: VariationSampler
 
     def __init__(
         self,
@@ -119,7 +119,7 @@ class ProcessBackend(Backend):
 
     def _drawn(self, mask: np.ndarray) -> dict[int, int]:
         """Variations of the next episodes, by number of the environment."""
-        return {i: self.draws.next(i) for i in np.flatnonzero(mask).tolist()}
+        return {i: self.sampler.next(i) for i in np.flatnonzero(mask).tolist()}
 
     def _ended(self) -> np.ndarray:
         """Whose episode has ended, (num_envs,) bool."""

@@ -88,7 +88,7 @@ def test_vectors_of_processes_and_of_rows_say_the_same(task, mode):
     actions = np.zeros(rows.action_space.shape)
     for step in range(3):
         if step == 1:
-            solver = rows.backend._side._solver
+            solver = rows.backend._physics._solver
             (solver.qvel if task != "transport_water" else solver.velocities)[1, 1] = np.inf
         ours, theirs = processes.step(actions), rows.step(actions)
         for one, other in zip(ours[:4], theirs[:4], strict=True):

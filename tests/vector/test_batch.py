@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 
 import softgym_mj
 import softgym_mj.tasks.straighten_rope
-import softgym_mj.vector.batch.starts
+import softgym_mj.vector.batch.initial_states
 from softgym_mj.batch.device import CpuDevice
 from softgym_mj.envs.gymnasium_env import SoftGymEnv
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, SnapshotError
@@ -22,7 +22,7 @@ from softgym_mj.robots.picker import ROPE_GEOMETRY, Picker
 from softgym_mj.tasks import TaskSettings
 from softgym_mj.vector.base import VectorEnv
 from softgym_mj.vector.batch.backend import BatchBackend
-from softgym_mj.vector.batch.rows import Rows, leaves
+from softgym_mj.vector.batch.padded_rows import PaddedRows, leaves
 from tests.kinds import by_kind
 from tests.native.torch_device import TorchDevice
 from tests.vector.same import same
@@ -198,7 +198,7 @@ def test_a_row_that_diverges_ends_alone():
     twin = _make("spread_cloth", autoreset_mode="NextStep")
     for each in (envs, twin):
         each.reset(options={"variation": VARIATIONS})
-    envs.backend._side._solver.qvel[1, 5] = np.inf
+    envs.backend._physics._solver.qvel[1, 5] = np.inf
     actions = _actions(envs, 3)
     for i, each in enumerate(actions):
         mine, theirs = envs.step(each), twin.step(each)
@@ -285,13 +285,13 @@ def test_pickers_have_action_spaces_of_their_own(register):
 
 
 def test_rows_grow_with_what_is_put_into_them():
-    rows = Rows(1, CpuDevice())
+    rows = PaddedRows(1, CpuDevice())
     rows.put(0, {"a": np.ones((2, 1)), "b": {"c": 5}})
     rows.put(2, {"a": np.full((1, 3), 2.0), "b": {"c": 7}})
     assert rows.whole["b"]["c"].tolist() == [5, 0, 7, 0]
     found = [[[1, 0, 0], [1, 0, 0]], np.zeros((2, 3)), [[2, 2, 2], [0, 0, 0]]]
     np.testing.assert_array_equal(rows.whole["a"][:3], found)
-    others = Rows(2, CpuDevice())
+    others = PaddedRows(2, CpuDevice())
     others.fit(rows)
     others.take(np.array([True, False]), rows, np.array([2, 0]))
     assert others.whole["b"]["c"].tolist() == [7, 0]
@@ -402,12 +402,12 @@ def test_tensors_that_are_no_actions():
     "task", ["straighten_rope", pytest.param("transport_water", marks=pytest.mark.long)]
 )
 def test_processes_read_the_same_starts(task, monkeypatch):
-    monkeypatch.setattr(softgym_mj.vector.batch.starts, "MANY", 2)
-    monkeypatch.setattr(softgym_mj.vector.batch.starts, "num_cores", lambda: 2)
+    monkeypatch.setattr(softgym_mj.vector.batch.initial_states, "MANY", 2)
+    monkeypatch.setattr(softgym_mj.vector.batch.initial_states, "num_cores", lambda: 2)
     envs, alone = _make(task), _make(task)
     options = {"variation": VARIATIONS}
     first, _ = envs.reset(seed=0, options=options)
-    alone.backend._starts._make = None
+    alone.backend._initial_states._make = None
     second, _ = alone.reset(options=options)
     assert same(first, second)
     for actions in _actions(envs, 2):

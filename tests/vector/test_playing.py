@@ -38,7 +38,7 @@ def test_one_that_diverges_leaves_the_others_alone():
     def act(seen, first):
         steps.append(first.tolist())
         if len(steps) == 2:
-            envs.backend._side._solver.qvel[1, 5] = np.inf
+            envs.backend._physics._solver.qvel[1, 5] = np.inf
         return chosen(first & (len(steps) == 1))
 
     found = play_each(envs, act, VARIATIONS)

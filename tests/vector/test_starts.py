@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import softgym_mj
-from softgym_mj.vector.batch import starts
-from softgym_mj.vector.batch.flexes import Flexes
+from softgym_mj.vector.batch import initial_states
+from softgym_mj.vector.batch.cloth import ClothBatch
 
 
 def _make(number):
@@ -25,27 +25,29 @@ def _play(envs):
 
 
 def test_many_environments_read_all_that_they_may_draw_before_their_first_step(monkeypatch):
-    envs = _make(starts.MANY)
+    envs = _make(initial_states.MANY)
     envs.reset(seed=0)
-    monkeypatch.setattr(starts, "read", lambda *_: pytest.fail("a start was read in a step"))
+    monkeypatch.setattr(
+        initial_states, "read", lambda *_: pytest.fail("a start was read in a step")
+    )
     assert len(_play(envs)) > 50
     envs.close()
 
 
 def test_few_environments_and_given_variations_read_what_they_play(monkeypatch):
-    read, seen = starts.read, []
+    read, seen = initial_states.read, []
 
     def noted(env, *others):
         seen.append(env.task.variation)
         return read(env, *others)
 
-    monkeypatch.setattr(starts, "read", noted)
+    monkeypatch.setattr(initial_states, "read", noted)
     envs = _make(3)
     envs.reset(seed=0)
     assert len(seen) <= 3
     envs.close()
-    envs, seen[:] = _make(starts.MANY), []
-    envs.reset(options={"variation": [i % 5 for i in range(starts.MANY)]})
+    envs, seen[:] = _make(initial_states.MANY), []
+    envs.reset(options={"variation": [i % 5 for i in range(initial_states.MANY)]})
     assert sorted(seen) == [*range(5)]
     envs.close()
 
@@ -54,12 +56,12 @@ def test_ways_of_all_meshes_stay_where_they_are_found():
     """Of several meshes, read singly and with room to spare, against those of each."""
     envs = softgym_mj.make_vec("fold_cloth", 5, device="host", split="train", fidelity="fast")
     envs.reset(options={"variation": [*range(5)]})
-    side = envs.backend._side
-    assert isinstance(side, Flexes) and len({*side.now["ways_at"].tolist()}) == 5
-    for i, first in enumerate(side.now["ways_at"].tolist()):
+    physics = envs.backend._physics
+    assert isinstance(physics, ClothBatch) and len({*physics.state["ways_at"].tolist()}) == 5
+    for i, first in enumerate(physics.state["ways_at"].tolist()):
         env = softgym_mj.load("fold_cloth", split=[i], fidelity="fast")
         env.reset(i)
         number = env.task.flexes.flexes[0].num_points
-        own = side._ways[first : first + number**2].reshape(number, number)
+        own = physics._ways[first : first + number**2].reshape(number, number)
         assert own[3, 7] == own[7, 3] == env.task.flexes.flexes[0].ways.between(3, 7)
     envs.close()

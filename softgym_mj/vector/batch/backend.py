@@ -27,13 +27,13 @@ from softgym_mj.vector.backend import (
     clipping,
 )
 from softgym_mj.vector.batch.cameras import IMAGES, Cameras
-from softgym_mj.vector.batch.flexes import Flexes
-from softgym_mj.vector.batch.offers import Offers
-from softgym_mj.vector.batch.rows import Rows
-from softgym_mj.vector.batch.side import Side
-from softgym_mj.vector.batch.starts import MANY, SOON, Starts
-from softgym_mj.vector.batch.waters import Waters
-from softgym_mj.vector.draws import Draws
+from softgym_mj.vector.batch.cloth import ClothBatch
+from softgym_mj.vector.batch.fluid import FluidBatch
+from softgym_mj.vector.batch.initial_states import MANY, SOON, InitialStateCache
+from softgym_mj.vector.batch.next_episodes import NextEpisodes
+from softgym_mj.vector.batch.padded_rows import PaddedRows
+from softgym_mj.vector.batch.physics import BatchPhysics
+from softgym_mj.vector.variation_sampler import VariationSampler
 
 _FOLLOWED = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)  # Another episode by itself.
 
@@ -45,7 +45,7 @@ class BatchBackend(Backend):
     already, and which of that has been used is read some steps later.
     """
 
-    draws: Draws
+    sampler: VariationSampler
 
     def __init__(
         self,
@@ -71,18 +71,21 @@ class BatchBackend(Backend):
         self._task, self.horizon = example.dm_env.task, example.horizon
         self._names = _observations(example)
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
-        kind = Flexes if self._task.flexes.flexes else Waters
-        self._side: Side = kind(example.dm_env, num_envs, device)
-        self._cameras = Cameras(example.dm_env, self._names, num_envs, self._side, device)
-        self._starts = Starts(example.dm_env, self._side, self._cameras, device, make)
-        self._rows = Rows(num_envs, device)
-        self._rows.whole["side"] = self._side.now
+        kind = ClothBatch if self._task.flexes.flexes else FluidBatch
+        self._physics: BatchPhysics = kind(example.dm_env, num_envs, device)
+        self._cameras = Cameras(example.dm_env, self._names, num_envs, self._physics, device)
+        self._initial_states = InitialStateCache(
+            example.dm_env, self._physics, self._cameras, device, make
+        )
+        self._rows = PaddedRows(num_envs, device)
+        self._rows.whole["physics"] = self._physics.state
         self.observation_space = example.observation_space
         self.action_space = example.action_space
         self.metadata, self.render_mode = example.metadata, example.render_mode
         self.clipped = clipping(example)
-        # What a step changes: rows of `Starts` of these episodes and of the next, env steps so far,
-        # starts by themselves, warnings so far, and whether the episode has ended or diverged.
+        # Arrays that a step changes: rows of `InitialStateCache` of these episodes and of the next,
+        # env steps, automatic resets and warnings so far, and whether the episode has ended or
+        # diverged.
         numbers, truths = ("row", "next", "count", "used", "warnings"), ("ended", "diverged")
         self._at = {
             **{name: device.zeros((num_envs,), "int64") for name in numbers},
@@ -92,7 +95,7 @@ class BatchBackend(Backend):
         self._actions = device.zeros((num_envs, *(self.action_space.shape or ())), "float64")
         self._everyone = device.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
-        self._offers = Offers(num_envs)
+        self._next_episodes = NextEpisodes(num_envs)
         self._origins: dict[int, tuple[Snapshot, tuple[int, int, int]]] = {}  # Of `replay`.
         self._strains: Array = None  # Largest of an edge now.
         self._state: State | None = None
@@ -110,11 +113,11 @@ class BatchBackend(Backend):
     def expect(self, variations: Sequence[int]) -> None:
         """Reads all that many environments come to, at once: later ones would be read singly."""
         if self.num_envs >= MANY and len(variations) <= SOON * self.num_envs:
-            self._starts.prepare(variations)
+            self._initial_states.prepare(variations)
 
     def reset(self, variations: Mapping[int, int]) -> None:
-        self._starts.prepare(variations.values())
-        rows = {i: self._starts.row(variation) for i, variation in variations.items()}
+        self._initial_states.prepare(variations.values())
+        rows = {i: self._initial_states.row(variation) for i, variation in variations.items()}
         self._start(rows, rows)
 
     def _start(
@@ -126,7 +129,7 @@ class BatchBackend(Backend):
         """Starts episodes.
 
         Args:
-            rows: of `Starts`, by number of the environment.
+            rows: of `InitialStateCache`, by number of the environment.
             first: those of the start of their variations.
             counts: env steps so far; None for zeros.
         """
@@ -137,7 +140,7 @@ class BatchBackend(Backend):
         self._started |= which
         put, xp = self._device.put, self._xp
         mask, at, of, count = put(which), put(at), put(of), put(count)
-        self._rows.fit(self._starts.rows)
+        self._rows.fit(self._initial_states.rows)
         with self._rows.kept():
             self._at["row"] = xp.where(mask, of, self._at["row"])
             self._take(mask, at)
@@ -146,11 +149,11 @@ class BatchBackend(Backend):
             self._look()
 
     def _take(self, which: Array, rows: Array) -> None:
-        """Has some environments (num_envs,) bool start at rows of `Starts` (num_envs,)."""
+        """Starts environments `which` (num_envs,) at cached initial states `rows` (num_envs,)."""
         xp = self._xp
         if not may_be(xp, which):
             return
-        self._rows.take(which, self._starts.rows, rows)
+        self._rows.take(which, self._initial_states.rows, rows)
         self._at["count"] = xp.where(which, 0, self._at["count"])
         self._at["warnings"] = xp.where(which, 0, self._at["warnings"])
         for name in ("ended", "diverged"):
@@ -165,9 +168,9 @@ class BatchBackend(Backend):
         # As many points as the largest episode's arrays have.
         whole = self._rows.whole
         sizes = [points.shape[1] for points in whole["episode"]["points"].values()]
-        self._state = self._side.state(max(sizes))
+        self._state = self._physics.task_state(max(sizes))
         self._measures = self._task.measure(self._state, self._episode)
-        self._strains = self._side.strains()
+        self._strains = self._physics.strains()
         whole["strain"] = self._xp.maximum(whole["strain"], self._strains)
 
     def checked(self, actions: Any) -> Array:
@@ -218,16 +221,16 @@ class BatchBackend(Backend):
         return self._device.get(returns)
 
     def _origin(self, i: int, snapshot: Snapshot) -> tuple[int, int, int]:
-        """Rows of `Starts` of snapshot `i` and of its variation, and the env steps left from it.
+        """Returns the cache rows of snapshot `i` and of its variation, and the env steps left.
 
-        It is read once as long as it is the same object: that costs more than a step of an
-        environment, and planners try many samples from one.
+        A snapshot is read once as long as it is the same object: reading costs more than a step of
+        an environment, and planners try many samples from one.
         """
         if i not in self._origins or self._origins[i][0] is not snapshot:
             # Numbers from `num_envs` on: `restore` has those below.
-            row, variation = self._starts.restored(self.num_envs + i, snapshot)
+            row, variation = self._initial_states.restored(self.num_envs + i, snapshot)
             left = 0 if snapshot.ended else self.horizon - snapshot.step_count
-            self._origins[i] = snapshot, (row, self._starts.row(variation), left)
+            self._origins[i] = snapshot, (row, self._initial_states.row(variation), left)
         return self._origins[i][1]
 
     def advance(self, actions: Any, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
@@ -239,12 +242,12 @@ class BatchBackend(Backend):
         elif mode in _FOLLOWED:
             self._offer()
         self._actions[...] = actions
-        self._rows.fit(self._starts.rows)
-        grown = self._rows.grown, self._starts.rows.grown
-        key = mode, *grown, self._side.changed, self._cameras.changed
+        self._rows.fit(self._initial_states.rows)
+        grown = self._rows.grown, self._initial_states.rows.grown
+        key = mode, *grown, self._physics.changed, self._cameras.changed
         found = self._advanced(mode, key)
         if mode in _FOLLOWED:
-            self._offers.follow(self._device.copy(self._at["used"]))
+            self._next_episodes.follow(self._device.copy(self._at["used"]))
         return found
 
     def _advanced(self, mode: AutoresetMode | None, key: Hashable) -> Any:
@@ -258,7 +261,7 @@ class BatchBackend(Backend):
             parts = self._command, *[self._sim_step] * steps
             return repeat(key, lambda: self._kept(*parts, lambda: self._outcome(mode)))
         repeat(key, lambda: self._kept(self._command), "command")
-        for _ in range(self._side.sim_steps(steps)):
+        for _ in range(self._physics.sim_steps(steps)):
             repeat(key, lambda: self._kept(self._sim_step), "sim step")
         return repeat(key, lambda: self._kept(lambda: self._outcome(mode)), "outcome")
 
@@ -274,12 +277,12 @@ class BatchBackend(Backend):
     def _command(self) -> None:
         xp, at = self._xp, self._at
         unknown = xp.any(~xp.isfinite(self._actions), axis=-1)
-        self._side.command(xp.where(unknown[:, None], 0.0, self._actions))
+        self._physics.command(xp.where(unknown[:, None], 0.0, self._actions))
         at["warnings"], at["diverged"] = at["warnings"] + xp.astype(unknown, xp.int64), unknown
 
     def _sim_step(self) -> None:
-        xp, at, flags = self._xp, self._at, self._side.flags
-        self._side.sim_step()
+        xp, at, flags = self._xp, self._at, self._physics.flags
+        self._physics.sim_step()
         # One warning for each sim step in which something went wrong, as MuJoCo counts, up to the
         # one that ends the episode.
         wrong = (flags != 0) & ~at["diverged"]
@@ -321,24 +324,25 @@ class BatchBackend(Backend):
 
     def _offer(self) -> None:
         """Says what follows the episodes that end, once more where that has been used."""
-        changed = self._offers.changed(self.draws)
+        changed = self._next_episodes.changed(self.sampler)
         if not changed:
             return
-        self._starts.prepare(changed.values())
+        self._initial_states.prepare(changed.values())
         which, rows = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, int)
-        which[[*changed]], rows[[*changed]] = True, [*map(self._starts.row, changed.values())]
+        which[[*changed]] = True
+        rows[[*changed]] = [*map(self._initial_states.row, changed.values())]
         mask, rows = self._device.put(which), self._device.put(rows)
         self._at["next"][...] = self._xp.where(mask, rows, self._at["next"])
 
     def settle(self) -> None:
-        self._offers.settle(self._device.get(self._at["used"]), self.draws)
+        self._next_episodes.settle(self._device.get(self._at["used"]), self.sampler)
 
     # ------------------------------------------------------------------ what is seen
 
     def observe(self) -> Any:
         seen = {name: self._seen(name) for name in self._names if name not in IMAGES}
         if self._cameras.names:
-            points, poses = self._side.points(self._task.max_points), self._side.poses()
+            points, poses = self._physics.points(self._task.max_points), self._physics.poses()
             seen |= self._cameras.draw(self._rows.whole["view"], points, poses)
         if isinstance(self.observation_space, gymnasium.spaces.Dict):
             return {name: seen[name] for name in self.observation_space}
@@ -347,7 +351,7 @@ class BatchBackend(Backend):
     def _seen(self, name: str) -> Array:
         assert self._state is not None, "after a reset"
         if name == HELD:
-            return self._side.holds()
+            return self._physics.holds()
         value = STATES[name].value(self._task, self._state, self._episode)
         space = self.observation_space
         own = space[name] if isinstance(space, gymnasium.spaces.Dict) else space
@@ -358,7 +362,7 @@ class BatchBackend(Backend):
         xp, whole = self._xp, self._rows.whole
         found = {
             **self._task.describe(self._state, self._episode, self._measures),
-            **self._side.info(self._strains, whole["strain"]),
+            **self._physics.info(self._strains, whole["strain"]),
             **{f"domain_{name}": values for name, values in whole.get("domain", {}).items()},
             "variation": whole["episode"]["variation"],
             "physics_warnings": self._at["warnings"],
@@ -383,7 +387,9 @@ class BatchBackend(Backend):
         names = ("variation", "strain", "count", "ended")
         each = zip(*(self._device.get(array).tolist() for array in self._read()), strict=True)
         return [
-            self._starts.snapshot(*self._side.get_state(i), **dict(zip(names, values, strict=True)))
+            self._initial_states.snapshot(
+                *self._physics.get_state(i), **dict(zip(names, values, strict=True))
+            )
             for i, values in enumerate(each)
         ]
 
@@ -394,8 +400,8 @@ class BatchBackend(Backend):
     def restore(self, snapshots: Mapping[int, Snapshot]) -> None:
         rows, first, counts = {}, {}, {}
         for i, snapshot in snapshots.items():
-            rows[i], variation = self._starts.restored(i, snapshot)
-            first[i] = self._starts.row(variation)
+            rows[i], variation = self._initial_states.restored(i, snapshot)
+            first[i] = self._initial_states.row(variation)
             counts[i] = self.horizon if snapshot.ended else snapshot.step_count
         self._start(rows, first, counts)
 

@@ -11,7 +11,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.metrics import Array
 from softgym_mj.rendering.batch import Described, Pictures, describe
 from softgym_mj.rendering.observables import EXTERNAL, EXTERNAL_RGB
-from softgym_mj.vector.batch.side import Arrays, Side
+from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 
 
 class _Image(NamedTuple):
@@ -41,7 +41,12 @@ class Cameras:
     """
 
     def __init__(
-        self, env: Environment, names: Sequence[str], num_envs: int, side: Side, device: Device
+        self,
+        env: Environment,
+        names: Sequence[str],
+        num_envs: int,
+        physics: BatchPhysics,
+        device: Device,
     ):
         """Notes what is to be drawn.
 
@@ -49,7 +54,7 @@ class Cameras:
             env: says how large images are.
             names: of observations, of which images are drawn.
             num_envs: number of environments.
-            side: what moves in them.
+            physics: what moves in them.
             device: where they are.
 
         Raises:
@@ -69,7 +74,7 @@ class Cameras:
         name, image = next(iter(self._images.items()))
         shape = env.observation_spec()[name].shape[image.is_stack :]
         self._pictures = Pictures(
-            num_envs, task.max_points, len(side.movers()), len(self.names), shape[:2], device
+            num_envs, task.max_points, len(physics.movers()), len(self.names), shape[:2], device
         )
 
     @property
@@ -77,12 +82,12 @@ class Cameras:
         """How many times arrays of its own have been replaced."""
         return self._pictures.grown if self._images else 0
 
-    def read(self, env: Environment, side: Side) -> dict[str, Described]:
+    def read(self, env: Environment, physics: BatchPhysics) -> dict[str, Described]:
         """What is seen of an environment, all but where things are, for `placed`."""
         if not self._images:
             return {}
         model, scene = env.physics.model.ptr, env.task.scene
-        movers = {body: i for i, body in enumerate(side.movers())}
+        movers = {body: i for i, body in enumerate(physics.movers())}
         told = model, self.names, movers, scene.segmentation_models
         found = {"scene": describe(*told)}
         if self._has_marks:

@@ -1,4 +1,4 @@
-"""`Pickers`: what `Picker` and `Attachment` do, for many environments at once."""
+"""`PickerBatch`: what `Picker` and `Attachment` do, for many environments at once."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,12 +18,12 @@ from softgym_mj.robots.grip import (
 Gap = Callable[[Array, Array], Array]
 
 
-class Pickers:
+class PickerBatch:
     """Pickers of environments, a row for each: rules of the arrays that `Picker.get_state` has."""
 
     def __init__(
         self,
-        now: dict[str, Any],
+        state: dict[str, Any],
         xp: Any,
         number: int,
         radius: float,
@@ -33,24 +33,24 @@ class Pickers:
         """Notes what they are.
 
         Args:
-            now: where their arrays are, once they have started; a step replaces them.
+            state: where their arrays are, once they have started; a step replaces them.
             xp: the arrays' namespace.
             number: of pickers in each environment.
             radius: of the spheres [m].
             reach: largest distance of a vertex that they take [m].
             commands: as `Gripper.commands`; None for a subclass with a `command` of its own.
         """
-        self._now, self._xp, self._number = now, xp, number
+        self._state, self._xp, self._number = state, xp, number
         self._radius, self._reach, self._commands = radius, reach, commands
         self._command: GripCommand | None = None
 
     @property
     def grips(self) -> GripState:
         """What they hold; `dropped` counts the holds that have ended."""
-        return GripState(*(self._now[name] for name in GripState._fields))
+        return GripState(*(self._state[name] for name in GripState._fields))
 
     def _set(self, grips: GripState) -> None:
-        self._now.update(grips._asdict())
+        self._state.update(grips._asdict())
 
     def command(self, actions: Array) -> None:
         """Starts an env step with actions (num_envs, n)."""
@@ -60,17 +60,17 @@ class Pickers:
     def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
         """Starts a sim step; arguments as of `step_grips`."""
         assert self._command is not None, "a command comes first"
-        xp, before = self._xp, self._now["held"]
-        low, high = (self._now["workspace"][:, None, i] for i in range(2))
+        xp, before = self._xp, self._state["held"]
+        low, high = (self._state["workspace"][:, None, i] for i in range(2))
         limits = GripLimits(low + self._radius, high - self._radius, self._reach)
         self._set(step_grips(self.grips, self._command, offsets, present, limits))
-        takes = (before < 0) & (self._now["held"] >= 0)
+        takes = (before < 0) & (self._state["held"] >= 0)
         if not may_be(xp, takes):
             return
-        order = xp.asarray(self._now["order"], copy=True)
+        order = xp.asarray(self._state["order"], copy=True)
         for i in range(self._number):  # Those that take in the same step do so one by one.
             order[:, i] = xp.where(takes[:, i], xp.max(order, axis=1) + 1, order[:, i])
-        self._now["order"] = order
+        self._state["order"] = order
 
     def goals(self, resting_height: Array) -> Array:
         """Where held vertices belong (num_envs, pickers, 3) [m]; anything if none is held.
@@ -78,7 +78,7 @@ class Pickers:
         Args:
             resting_height: of vertices, on the floor (num_envs,) [m].
         """
-        goals = self._now["centre"] + self._now["offset"]
+        goals = self._state["centre"] + self._state["offset"]
         goals[..., 2] = self._xp.maximum(goals[..., 2], resting_height[:, None])
         return goals
 
@@ -91,12 +91,12 @@ class Pickers:
                 (num_envs, pickers) bool.
             gap: how far pairs of vertices may be apart.
         """
-        xp, order = self._xp, self._now["order"]
-        self._slip(slips & (self._now["held"] >= 0))
-        holds = self._now["held"] >= 0
+        xp, order = self._xp, self._state["order"]
+        self._slip(slips & (self._state["held"] >= 0))
+        holds = self._state["held"] >= 0
         last = xp.max(order, axis=1)[:, None] + 1
         ranks = xp.argsort(xp.where(holds, order, last), axis=1, stable=True)
-        held = xp.take_along_axis(self._now["held"], ranks, axis=1)
+        held = xp.take_along_axis(self._state["held"], ranks, axis=1)
         goals = xp.take_along_axis(goals, ranks[..., None], axis=1)
         kept = kept_in_order(
             [held[:, i] >= 0 for i in range(self._number)],
@@ -111,8 +111,8 @@ class Pickers:
         """What some (num_envs, pickers) bool hold is pulled out of them."""
         if not may_be(self._xp, which):
             return
-        now, xp = self._now, self._xp
-        number = xp.sum(xp.astype(which, now["yielded"].dtype), axis=1)
-        now["yielded"] = now["yielded"] + number
-        now["dropped"] = now["dropped"] + number
-        now["held"] = xp.where(which, SLIPPED, now["held"])
+        state, xp = self._state, self._xp
+        number = xp.sum(xp.astype(which, state["yielded"].dtype), axis=1)
+        state["yielded"] = state["yielded"] + number
+        state["dropped"] = state["dropped"] + number
+        state["held"] = xp.where(which, SLIPPED, state["held"])

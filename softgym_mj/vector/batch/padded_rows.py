@@ -1,4 +1,4 @@
-"""`Rows`: what many episodes start with, or are at, in arrays with a row for each."""
+"""`PaddedRows`: what many episodes start with, or are at, in arrays with a row for each."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -10,7 +10,7 @@ from softgym_mj.batch.device import Device
 from softgym_mj.metrics import Array
 
 
-class Rows:
+class PaddedRows:
     """Numbers, arrays, and dicts of such, of many; padded with zeros where they differ in size.
 
     As `tasks.shared.state.stack` has them, but that single rows change, and there may be more.
@@ -73,7 +73,7 @@ class Rows:
                 old[...] = new
                 whole[name] = old
 
-    def fit(self, others: "Rows") -> None:
+    def fit(self, others: "PaddedRows") -> None:
         """Makes room for any row of others."""
         self._fit(self.whole, others.whole)
 
@@ -85,7 +85,7 @@ class Rows:
             dtype = str(other.dtype).rpartition(".")[2]
             whole[name] = self._grown(whole.get(name), tuple(other.shape[1:]), dtype)
 
-    def take(self, which: Array, others: "Rows", rows: Array) -> None:
+    def take(self, which: Array, others: "PaddedRows", rows: Array) -> None:
         """Sets those of some to rows of others, for which there is room.
 
         Args:

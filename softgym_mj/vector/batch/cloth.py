@@ -1,4 +1,4 @@
-"""`Flexes`: a rope or cloth with pickers, in many environments."""
+"""`ClothBatch`: a rope or cloth with pickers, in many environments."""
 
 import math
 
@@ -14,11 +14,12 @@ from softgym_mj.robots.grip import remembered
 from softgym_mj.robots.pick_and_place import PixelPickAndPlace
 from softgym_mj.robots.picker import Picker
 from softgym_mj.tasks.shared.state import State
-from softgym_mj.vector.batch.pickers import Pickers
-from softgym_mj.vector.batch.routes import Routes
-from softgym_mj.vector.batch.side import Arrays, Side
+from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
+from softgym_mj.vector.batch.pick_and_place import PickAndPlaceBatch
+from softgym_mj.vector.batch.pickers import PickerBatch
 
-# Methods of `Picker` whose arrays `Pickers` has; a class of another action space has `commands`.
+# Methods of `Picker` that `PickerBatch` replaces; a class with another action space overrides
+# `commands` only.
 _OF_PICKER = "begin", "command", "get_state", "move", "place", "plan", "positions", "set_state"
 
 
@@ -28,7 +29,7 @@ def _is_known(actor: type) -> bool:
     return actor is PixelPickAndPlace or all(own)
 
 
-class Flexes(Side):
+class ClothBatch(BatchPhysics):
     """See the module docstring."""
 
     def __init__(self, env: Environment, num_envs: int, device: Device):
@@ -52,12 +53,12 @@ class Flexes(Side):
         self._name = next(iter(task.scene.materials))
         self._device, self._xp, actor = device, device.xp, task.actor
         self._solver = ClothBatchSolver(num_envs, task.max_points, actor.num_grippers, device)
-        self.flags, self.now = self._solver.flags, self._solver.rows()
+        self.flags, self.state = self._solver.flags, self._solver.rows()
         own = actor.radius, actor.pick_distance
         self._pickers = (
-            Routes(self.now, device, num_envs, *own)
+            PickAndPlaceBatch(self.state, device, num_envs, *own)
             if isinstance(actor, PixelPickAndPlace)
-            else Pickers(self.now, device.xp, actor.num_grippers, *own, actor.commands)
+            else PickerBatch(self.state, device.xp, actor.num_grippers, *own, actor.commands)
         )
         # Of meshes that have been seen, all that `Ways.all` says, where it begins for each, and
         # where what is free begins.
@@ -67,13 +68,13 @@ class Flexes(Side):
 
     @property
     def changed(self) -> int:  # type: ignore[override]
-        """See `Side`."""
+        """See `BatchPhysics`."""
         return len(self._ways) + self._solver.grown
 
     # ------------------------------------------------------------------ the environment
 
     def read(self) -> Arrays:
-        """See `Side`: the state, what pickers remember, and the mesh.
+        """See `BatchPhysics`: the state, what pickers remember, and the mesh.
 
         model: of `ClothBatchSolver`. origin: of vertices [m]. ends, lengths: of edges, the lengths
         at rest [m]. ways: of `Ways.all`. radius, hold_force, hold_lag, hold_stretch: of the flex.
@@ -100,7 +101,7 @@ class Flexes(Side):
         }
 
     def placed(self, read: Arrays) -> Arrays:
-        """See `Side`; ways_at: where in `_ways` those of the mesh begin."""
+        """See `BatchPhysics`; ways_at: where in `_ways` those of the mesh begin."""
         key = read["ends"].tobytes() + read["lengths"].tobytes()
         if key not in self._ways_at:
             self._ways_at[key] = self._ways_end
@@ -119,7 +120,7 @@ class Flexes(Side):
         self._ways_end = last
 
     def arrays(self) -> Arrays:
-        """See `Side`: of `ClothBatchSolver`."""
+        """See `BatchPhysics`: of `ClothBatchSolver`."""
         found = {
             "qpos": self._flex.slides,
             "qvel": self._flex.slide_velocities,
@@ -156,83 +157,84 @@ class Flexes(Side):
 
     def sim_steps(self, usual: int) -> int:
         pickers = self._pickers
-        return pickers.longest if isinstance(pickers, Routes) else usual
+        return pickers.longest if isinstance(pickers, PickAndPlaceBatch) else usual
 
     def sim_step(self) -> None:
-        xp, now, pickers = self._xp, self.now, self._pickers
+        xp, state, pickers = self._xp, self.state, self._pickers
 
         def offsets(centres: Array) -> Array:
-            room = now["origin"].shape[1]
-            return now["qpos"][:, None, :room] + (now["origin"][:, None] - centres[:, :, None])
+            room = state["origin"].shape[1]
+            return state["qpos"][:, None, :room] + (state["origin"][:, None] - centres[:, :, None])
 
-        pickers.plan(offsets, now["present"])
-        goals = pickers.goals(now["radius"])
-        held = xp.clip(now["held"], min=0)
-        forces = xp.take_along_axis(now["holding_force"], held, axis=1)
+        pickers.plan(offsets, state["present"])
+        goals = pickers.goals(state["radius"])
+        held = xp.clip(state["held"], min=0)
+        forces = xp.take_along_axis(state["holding_force"], held, axis=1)
         start, way = (
-            xp.take_along_axis(now[name], held[..., None], axis=1) for name in ("origin", "qpos")
+            xp.take_along_axis(state[name], held[..., None], axis=1) for name in ("origin", "qpos")
         )
         behind = lengths(goals - (start + way))
-        slips = pulls_out(forces, behind, now["hold_force"][:, None], now["hold_lag"][:, None])
+        slips = pulls_out(forces, behind, state["hold_force"][:, None], state["hold_lag"][:, None])
         pickers.give_way(goals, slips, self._gap)
         models = self._solver.models
-        if isinstance(pickers, Routes):  # Those without a model stand still.
+        if isinstance(pickers, PickAndPlaceBatch):  # Those without a model stand still.
             whole = xp.asarray(models, copy=True)
             models[...] = xp.where(pickers.moving, whole, 0)
-        self._solver.step(now["centre"], now["held"], goals)
-        if isinstance(pickers, Routes):
+        self._solver.step(state["centre"], state["held"], goals)
+        if isinstance(pickers, PickAndPlaceBatch):
             models[...] = whole
 
     def _gap(self, first: Array, second: Array) -> Array:
-        now, xp = self.now, self._xp
-        pair = xp.clip(first, min=0) * now["count"] + xp.clip(second, min=0)
-        return (1.0 + now["hold_stretch"]) * self._ways[now["ways_at"] + pair]
+        state, xp = self.state, self._xp
+        pair = xp.clip(first, min=0) * state["count"] + xp.clip(second, min=0)
+        return (1.0 + state["hold_stretch"]) * self._ways[state["ways_at"] + pair]
 
     # ------------------------------------------------------------------ what is seen
 
     def points(self, number: int) -> Array:
-        now = self.now
-        number = min(number, now["origin"].shape[1])
-        points = now["origin"][:, :number] + now["qpos"][:, :number]
-        return self._xp.where(now["present"][:, :number, None], points, 0.0)
+        state = self.state
+        number = min(number, state["origin"].shape[1])
+        points = state["origin"][:, :number] + state["qpos"][:, :number]
+        return self._xp.where(state["present"][:, :number, None], points, 0.0)
 
-    def state(self, number: int) -> State:
+    def task_state(self, number: int) -> State:
         xp, grips = self._xp, self._pickers.grips
-        present = xp.asarray(self.now["present"][:, :number], copy=True)
+        present = xp.asarray(self.state["present"][:, :number], copy=True)
         centres = xp.asarray(grips.centre, copy=True).reshape((len(present), -1))
         points = self.points(number)
         return State({self._name: points}, {self._name: present}, {}, centres, remembered(grips))
 
     def poses(self) -> Array:
-        """See `Side`: they do not turn."""
-        centres = self.now["centre"]
+        """See `BatchPhysics`: they do not turn."""
+        centres = self.state["centre"]
         still = constant([1.0, 0.0, 0.0, 0.0], centres)
         turns = self._xp.zeros_like(centres[..., :1]) + still
         return self._xp.concat([centres, turns], axis=-1)
 
     def strains(self) -> Array:
-        xp, now = self._xp, self.now
-        ends, points = now["ends"], self.points(now["origin"].shape[1])
-        exists = xp.arange(ends.shape[1], device=self._device.xp_device) < now["num_edges"][:, None]
-        strains = edge_strains(points, ends, xp.where(exists, now["lengths"], 1.0))
+        xp, state = self._xp, self.state
+        ends, points = state["ends"], self.points(state["origin"].shape[1])
+        edges = xp.arange(ends.shape[1], device=self._device.xp_device)
+        exists = edges < state["num_edges"][:, None]
+        strains = edge_strains(points, ends, xp.where(exists, state["lengths"], 1.0))
         return xp.max(xp.where(exists, strains, -math.inf), axis=1)
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
-        xp, now = self._xp, self.now
-        routes = {"sim_steps": now["sim_steps"]} if isinstance(self._pickers, Routes) else {}
+        xp, state = self._xp, self.state
+        varies = isinstance(self._pickers, PickAndPlaceBatch)
         return {
-            **routes,
+            **({"sim_steps": state["sim_steps"]} if varies else {}),
             "max_edge_strain": strains,
             "episode_max_edge_strain": largest,
-            "max_speed": highest_speed(now["qvel"]),
-            "picks_held": xp.sum(xp.astype(now["held"] >= 0, xp.int64), axis=1),
-            "dropped": now["dropped"],
-            "yielded": now["yielded"],
+            "max_speed": highest_speed(state["qvel"]),
+            "picks_held": xp.sum(xp.astype(state["held"] >= 0, xp.int64), axis=1),
+            "dropped": state["dropped"],
+            "yielded": state["yielded"],
         }
 
     def holds(self) -> Array:
-        return self._xp.astype(self.now["held"] >= 0, self._xp.uint8)
+        return self._xp.astype(self.state["held"] >= 0, self._xp.uint8)
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
-        actor = {name: self._device.get(self.now[name][i]) for name in self._actor.get_state()}
+        actor = {name: self._device.get(self.state[name][i]) for name in self._actor.get_state()}
         return self._solver.get_state(i), actor

@@ -1,4 +1,4 @@
-"""`Draws`: which variations environments play next, drawn by a generator of each."""
+"""`VariationSampler`: which variations environments play next, drawn by a generator of each."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,7 +8,7 @@ from gymnasium.utils.seeding import np_random
 from softgym_mj.envs.resets import draw_variation
 
 
-class Draws:
+class VariationSampler:
     """Generators of environments, by their numbers; who needs to can look one draw ahead.
 
     Attributes:

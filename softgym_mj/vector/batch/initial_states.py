@@ -1,4 +1,4 @@
-"""`Starts`: what a batch is told of the variations of a task."""
+"""`InitialStateCache`: what a batch is told of the variations of a task."""
 
 import dataclasses
 import functools
@@ -17,8 +17,8 @@ from softgym_mj.parallel.executors import ProcessExecutor
 from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.vector.batch.cameras import Cameras
-from softgym_mj.vector.batch.rows import Rows
-from softgym_mj.vector.batch.side import Arrays, Side
+from softgym_mj.vector.batch.padded_rows import PaddedRows
+from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 from softgym_mj.vector.processes import num_cores
 
 # Methods of a task that see one simulation: what they do is not known of a batch.
@@ -30,12 +30,12 @@ MANY, _SHARE = 64, 8  # Starts that several processes read, and how many of them
 SOON = 4  # Episodes of each environment in which most variations come up.
 
 
-def read(env: Environment, side: Side, cameras: Cameras) -> dict[str, Any]:
-    """Where an environment is: what `Starts.rows` are made of, without arrays of a device."""
+def read(env: Environment, physics: BatchPhysics, cameras: Cameras) -> dict[str, Any]:
+    """Returns an environment's state as a row of `InitialStateCache`, in NumPy arrays."""
     task = env.task
     return {
-        "side": side.read(),
-        "view": cameras.read(env, side),
+        "physics": physics.read(),
+        "view": cameras.read(env, physics),
         "episode": vars(task.episode),
         "domain": {name: task.domain.values[name] for name in task.domain.varying},
         "strain": float(task.scene.most_strained),
@@ -50,38 +50,38 @@ def read_starts(pickled: bytes, variations: Sequence[int]) -> list[dict[str, Any
             what is observed.
         variations: their indices.
     """
-    env, side, cameras = _opened(pickled)
+    env, physics, cameras = _opened(pickled)
     found = []
     with blank_images():
         for variation in variations:
             env.reset(variation)
-            found.append(read(env, side, cameras))
+            found.append(read(env, physics, cameras))
     return found
 
 
 @functools.cache
-def _opened(pickled: bytes) -> tuple[Environment, Side, Cameras]:
+def _opened(pickled: bytes) -> tuple[Environment, BatchPhysics, Cameras]:
     make, kind, names = pickle.loads(pickled)
     with blank_images():
         env = make().dm_env
     device = CpuDevice()
-    side = kind(env, 1, device)
-    return env, side, Cameras(env, names, 1, side, device)
+    physics = kind(env, 1, device)
+    return env, physics, Cameras(env, names, 1, physics, device)
 
 
-class Starts:
+class InitialStateCache:
     """Starts of variations, each read once off an environment on the CPU, and snapshots.
 
     Attributes:
-        rows: of environments that start so: what `Side.placed` and `Cameras.placed` say; what
-            measures compare with; values of the domain parameters that vary; the largest strain of
-            an edge so far.
+        rows: a row per initial state: physics and cameras as `placed` returns them, the measures'
+            episode data, values of the domain parameters that vary, and the largest strain of an
+            edge so far.
     """
 
     def __init__(
         self,
         env: Environment,
-        side: Side,
+        physics: BatchPhysics,
         cameras: Cameras,
         device: Device,
         make: Callable[[], SoftGymEnv] | None = None,
@@ -90,7 +90,7 @@ class Starts:
 
         Args:
             env: plays it.
-            side: reads what is there,
+            physics: reads what is there,
             cameras: and what they see.
             device: where the rows are.
             make: makes such an environment in other processes, if that can be done.
@@ -104,8 +104,8 @@ class Starts:
                 raise InvalidArgumentError("task", env.name, valid)
         if env.task.counts_intersections:
             raise InvalidArgumentError("count_intersections", True, "False, on this device")
-        self._env, self._side, self._cameras, self._make = env, side, cameras, make
-        self.rows = Rows(1, device)
+        self._env, self._physics, self._cameras, self._make = env, physics, cameras, make
+        self.rows = PaddedRows(1, device)
         self._known: dict[Any, int] = {}
 
     def prepare(self, variations: Iterable[int]) -> None:
@@ -115,7 +115,7 @@ class Starts:
             for variation in missing:
                 self.row(variation)
             return
-        pickled = cloudpickle.dumps((self._make, type(self._side), self._cameras.observed))
+        pickled = cloudpickle.dumps((self._make, type(self._physics), self._cameras.observed))
         shares = [missing[i : i + _SHARE] for i in range(0, len(missing), _SHARE)]
         with ProcessExecutor(min(num_cores(), len(shares))) as executor:
             for i, found in executor.results(read_starts, [(pickled, s) for s in shares]):
@@ -126,7 +126,7 @@ class Starts:
         """The row of the start of a variation."""
         if variation not in self._known:
             self._reset(variation)
-            self._put(variation, read(self._env, self._side, self._cameras))
+            self._put(variation, read(self._env, self._physics, self._cameras))
         return self._known[variation]
 
     def _reset(self, variation: int) -> None:
@@ -137,7 +137,7 @@ class Starts:
     def _put(self, key: Any, values: Mapping[str, Any]) -> None:
         row = self._known.setdefault(key, len(self._known))
         placed = {
-            "side": self._side.placed(values["side"]),
+            "physics": self._physics.placed(values["physics"]),
             "view": self._cameras.placed(values["view"]),
         }
         self.rows.put(row, {**values, **placed})
@@ -154,7 +154,7 @@ class Starts:
         """
         with blank_images():
             self._env.set_state(snapshot)
-        self._put(("snapshot", i), read(self._env, self._side, self._cameras))
+        self._put(("snapshot", i), read(self._env, self._physics, self._cameras))
         return self._known["snapshot", i], self._env.task.variation
 
     def snapshot(
@@ -170,7 +170,7 @@ class Starts:
         """What `Environment.get_state` returns of an episode, which any environment continues.
 
         Args:
-            state: as `Side.arrays` has it.
+            state: as `BatchPhysics.arrays` has it.
             actor: what it remembers.
             variation: that is played.
             strain: largest of an edge in the episode.
@@ -178,7 +178,7 @@ class Starts:
             ended: whether it has ended.
         """
         self._reset(variation)
-        for name, array in self._side.arrays().items():
+        for name, array in self._physics.arrays().items():
             array[...] = state[name]
         self._env.physics.data.time = count * self._env.control_timestep()
         found = self._env.get_state()

@@ -1,4 +1,4 @@
-"""`Waters`: water in cups, one of which moves, in many environments."""
+"""`FluidBatch`: water in cups, one of which moves, in many environments."""
 
 import math
 
@@ -13,12 +13,12 @@ from softgym_mj.metrics import Array, columns
 from softgym_mj.robots.base import SIM_STEP
 from softgym_mj.robots.cup_mover import CupMover, cup_step, moved
 from softgym_mj.tasks.shared.state import State
-from softgym_mj.vector.batch.side import Arrays, Side
+from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 
 POSITION_AND_QUATERNION = slice(7)  # Of a whole pose.
 
 
-class Waters(Side):
+class FluidBatch(BatchPhysics):
     """See the module docstring. The cup that moves does what `CupMover` does."""
 
     def __init__(self, env: Environment, num_envs: int, device: Device):
@@ -44,18 +44,18 @@ class Waters(Side):
         self._names = [cup.mjcf_model.model for cup in self._cups]
         self._device, self._xp, self._number = device, device.xp, num_envs
         self._solver = FluidBatchSolver(num_envs, task.max_points, len(self._cups), device)
-        self.flags, self.now = self._solver.flags, self._solver.rows()
+        self.flags, self.state = self._solver.flags, self._solver.rows()
         self._step: Array = None
 
     @property
     def changed(self) -> int:  # type: ignore[override]
-        """See `Side`."""
+        """See `BatchPhysics`."""
         return self._solver.grown
 
     # ------------------------------------------------------------------ the environment
 
     def read(self) -> Arrays:
-        """See `Side`: the state of the water, what the mover remembers, and the cups.
+        """See `BatchPhysics`: the state of the water, what the mover remembers, and the cups.
 
         model: of `FluidBatchSolver`. poses: as `whole_pose` has them; sizes: as `Cup.arrays` has
         them.
@@ -79,7 +79,7 @@ class Waters(Side):
         return {**read, "model": np.array(self._solver.load(read["model"]))}
 
     def arrays(self) -> Arrays:
-        """See `Side`: of `FluidBatchSolver`, then where the cups are."""
+        """See `BatchPhysics`: of `FluidBatchSolver`, then where the cups are."""
         state = self._water.state
         found = {name: state[name] for name in ("known", "positions", "velocities")}
         found["walls"] = state["rest"].reshape(-1, 7)
@@ -96,57 +96,57 @@ class Waters(Side):
     def command(self, actions: Array) -> None:
         self._solver.queue.plan()
         self._step = cup_step(self._mover.max_step, actions)
-        self.now["rejected"] = self._xp.zeros_like(self.now["rejected"])
+        self.state["rejected"] = self._xp.zeros_like(self.state["rejected"])
 
     def sim_step(self) -> None:
-        xp, now = self._xp, self.now
-        planar = _planar(now["poses"])
-        cups = {name: (now["sizes"][:, k], planar[:, k]) for k, name in enumerate(self._names)}
+        xp, state = self._xp, self.state
+        planar = _planar(state["poses"])
+        cups = {name: (state["sizes"][:, k], planar[:, k]) for k, name in enumerate(self._names)}
         pose = planar[:, 0]
         goal, allowed = moved(self._mover.rule, pose, self._step, cups)
-        now["rejected"] = now["rejected"] + xp.astype(~allowed, now["rejected"].dtype)
-        now["way"] = xp.stack([pose, goal], axis=1)
-        now["poses"] = xp.concat([whole_pose(goal)[:, None], now["poses"][:, 1:]], axis=1)
+        state["rejected"] = state["rejected"] + xp.astype(~allowed, state["rejected"].dtype)
+        state["way"] = xp.stack([pose, goal], axis=1)
+        state["poses"] = xp.concat([whole_pose(goal)[:, None], state["poses"][:, 1:]], axis=1)
         self._solver.step(self.poses())
 
     # ------------------------------------------------------------------ what is seen
 
-    def state(self, number: int) -> State:
-        xp, now = self._xp, self.now
-        present = xp.asarray(now["present"][:, :number], copy=True)
+    def task_state(self, number: int) -> State:
+        xp, state = self._xp, self.state
+        present = xp.asarray(state["present"][:, :number], copy=True)
         points = self.points(number)
         poses = {
-            name: xp.asarray(now["poses"][:, k], copy=True) for k, name in enumerate(self._names)
+            name: xp.asarray(state["poses"][:, k], copy=True) for k, name in enumerate(self._names)
         }
-        velocity = (now["way"][:, 1] - now["way"][:, 0]) / SIM_STEP
-        sensed = _planar(now["poses"][:, 0])
+        velocity = (state["way"][:, 1] - state["way"][:, 0]) / SIM_STEP
+        sensed = _planar(state["poses"][:, 0])
         return State({self._name: points}, {self._name: present}, poses, sensed, velocity)
 
     def points(self, number: int) -> Array:
-        present = self.now["present"][:, :number, None]
-        positions = self.now["positions"][:, : present.shape[1]]
+        present = self.state["present"][:, :number, None]
+        positions = self.state["positions"][:, : present.shape[1]]
         return self._xp.where(present, positions, 0.0)
 
     def poses(self) -> Array:
-        return self.now["poses"][..., POSITION_AND_QUATERNION]
+        return self.state["poses"][..., POSITION_AND_QUATERNION]
 
     def strains(self) -> Array:
-        """See `Side`: zeros (num_envs,), there is no edge."""
+        """See `BatchPhysics`: zeros (num_envs,), there is no edge."""
         return self._device.zeros((self._number,), "float64")
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
-        return {"rejected_moves": self.now["rejected"]}
+        return {"rejected_moves": self.state["rejected"]}
 
     def holds(self) -> Array:
-        """See `Side`: (num_envs, 0), there are no grippers."""
+        """See `BatchPhysics`: (num_envs, 0), there are no grippers."""
         return self._device.zeros((self._number, 0), "uint8")
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
         state = dict(self._solver.get_state(i))
-        poses = self._device.get(self.now["poses"][i])
+        poses = self._device.get(self.state["poses"][i])
         for pose, name in zip(poses, self._names, strict=True):
             state[f"{name} position"], state[f"{name} quaternion"] = pose[:3], pose[3:7]
-        return state, {name: self._device.get(self.now[name][i]) for name in ("way", "rejected")}
+        return state, {name: self._device.get(self.state[name][i]) for name in ("way", "rejected")}
 
 
 def _planar(poses: Array) -> Array:

@@ -1,4 +1,4 @@
-"""`Routes`: what `PixelPickAndPlace` does, for many environments at once."""
+"""`PickAndPlaceBatch`: what `PixelPickAndPlace` does, for many environments at once."""
 
 import itertools
 from collections.abc import Callable
@@ -10,10 +10,10 @@ from softgym_mj.batch.device import Device
 from softgym_mj.metrics import Array, constant
 from softgym_mj.robots.grip import GripCommand
 from softgym_mj.robots.pick_and_place import CLOSED, routes, shown_points
-from softgym_mj.vector.batch.pickers import Pickers
+from softgym_mj.vector.batch.pickers import PickerBatch
 
 
-class Routes(Pickers):
+class PickAndPlaceBatch(PickerBatch):
     """Pickers whose actions are routes: each makes as many sim steps as its own needs, and rests.
 
     Attributes:
@@ -21,16 +21,16 @@ class Routes(Pickers):
     """
 
     def __init__(
-        self, now: dict[str, Any], device: Device, num_envs: int, radius: float, reach: float
+        self, state: dict[str, Any], device: Device, num_envs: int, radius: float, reach: float
     ):
         """Makes room for routes.
 
         Args:
-            now, radius, reach: of `Pickers`; "view" are cameras for `shown_points`.
+            state, radius, reach: of `PickerBatch`; "view" are cameras for `shown_points`.
             device: where the arrays are.
             num_envs: how many.
         """
-        super().__init__(now, device.xp, 1, radius, reach)
+        super().__init__(state, device.xp, 1, radius, reach)
         self._device = device
         parts = len(CLOSED)
         self._steps = device.zeros((num_envs, parts, 1, 3), "float64")  # In each sim step [m].
@@ -45,15 +45,15 @@ class Routes(Pickers):
 
     def command(self, actions: Array) -> None:
         """Starts an env step with actions (num_envs, 5)."""
-        xp, now = self._xp, self._now
-        low, high = (now["workspace"][:, None, i] for i in range(2))
-        points = shown_points(now["view"], actions[:, :2], now["radius"])
+        xp, state = self._xp, self._state
+        low, high = (state["workspace"][:, None, i] for i in range(2))
+        points = shown_points(state["view"], actions[:, :2], state["radius"])
         ends = low + self._radius, high - self._radius
-        steps, numbers = zip(*routes(now["centre"], points, actions, *ends), strict=True)
+        steps, numbers = zip(*routes(state["centre"], points, actions, *ends), strict=True)
         self._steps[...] = xp.stack(steps, axis=1)
         self._ends[...] = xp.stack([*itertools.accumulate(numbers)], axis=1)
         self._done[...] = 0.0
-        now["sim_steps"] = xp.astype(self._ends[:, -1], now["sim_steps"].dtype)
+        state["sim_steps"] = xp.astype(self._ends[:, -1], state["sim_steps"].dtype)
 
     def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
         xp, parts = self._xp, len(CLOSED)

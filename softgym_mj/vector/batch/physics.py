@@ -1,4 +1,4 @@
-"""`Side`: what moves in the environments of a batch, and how it is read from an environment."""
+"""`BatchPhysics`: moving objects of a batch of environments, and how they are read from one."""
 
 from collections.abc import Mapping
 from typing import Any, Protocol
@@ -11,24 +11,24 @@ from softgym_mj.tasks.shared.state import State
 Arrays = Mapping[str, np.ndarray]
 
 
-class Side(Protocol):
+class BatchPhysics(Protocol):
     """Objects and an actor in all environments, a row for each.
 
     Attributes:
-        now: arrays of rows by name, as `placed` has them, once episodes have started.
-        changed: how many times arrays that are not in `now` have been replaced.
+        state: simulation state of all environments: name -> array (num_envs, ...).
+        changed: how many times arrays that are not in `state` have been replaced.
         flags: what went wrong so far, as bits (num_envs,); the first one: it is not finite.
     """
 
-    now: dict[str, Any]
+    state: dict[str, Any]
     changed: int
     flags: Array
 
     def read(self) -> Arrays:
-        """What a row of the batch is that does what the environment does, where it is."""
+        """Reads model and state from the CPU environment so that a batch row can continue it."""
 
     def placed(self, read: Arrays) -> Arrays:
-        """What `read` said, in any process, as a row of `now`."""
+        """What `read` said, in any process, as a row of `state`."""
 
     def arrays(self) -> Arrays:
         """Views of the environment's state, by name."""
@@ -56,7 +56,7 @@ class Side(Protocol):
     def sim_step(self) -> None:
         """Makes a sim step of all environments."""
 
-    def state(self, number: int) -> State:
+    def task_state(self, number: int) -> State:
         """The state of all environments, with `number` points each."""
 
     def strains(self) -> Array:
