@@ -5,7 +5,7 @@
 For one CUDA device. Each task starts from evaluation variations, one after the other, takes random
 actions, and resets by itself, each environment in another step. Rates count env steps of all
 environments: measures, rewards, infos and reduced observations are made in each; those of images
-also an image of 128 x 128 pixels. The oracle of bits is the processor's program, whose own oracle
+also an image of 128 x 128 pixels. The oracle of bits is the processor's kernel, whose own oracle
 is the plugin (tests/cloth, tests/fluid, tests/vector).
 """
 
@@ -48,12 +48,12 @@ def machine() -> dict[str, Any]:
 
 
 def compile_times() -> dict[str, float]:
-    """Seconds to compile each program, in a cache of its own."""
+    """Seconds to compile each kernel, in a cache of its own."""
     before, found = os.environ.get("SOFTGYM_MJ_CACHE"), {}
     major, minor = torch.cuda.get_device_capability()
     with tempfile.TemporaryDirectory() as folder:
         os.environ["SOFTGYM_MJ_CACHE"] = folder
-        for name in gpu.PROGRAMS:
+        for name in gpu.KERNELS:
             start = time.perf_counter()
             gpu.compiled(name, f"{major}{minor}")
             found[name] = round(time.perf_counter() - start, 1)

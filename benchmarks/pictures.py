@@ -3,7 +3,7 @@
     python -m benchmarks.pictures --out docs/pictures.json --sheet docs/batch_pictures.jpg
 
 Ten evaluation variations of each task, where they start and after some random env steps. The
-program that draws on a GPU runs on the processor here: its bits are the same.
+kernel that draws on a GPU runs on the processor here: its bits are the same.
 """
 
 import argparse

@@ -8,7 +8,7 @@ import numpy as np
 
 from softgym_mj.native.library import open_library
 
-ALIGNMENT = 64  # [bytes] Of what programs get: of the widest vectors.
+ALIGNMENT = 64  # [bytes] Of what kernels get: of the widest vectors.
 
 
 class Copy(Protocol):
@@ -25,7 +25,7 @@ class Copy(Protocol):
 
 
 class Device(Protocol):
-    """Arrays of NumPy or PyTorch, and programs that step environments of a kind which lie in them.
+    """Arrays of NumPy or PyTorch, and kernels that step environments of a kind which lie in them.
 
     Attributes:
         xp: the arrays' namespace.

@@ -1,6 +1,6 @@
 """`CudaDevice`: a CUDA device for batches; its kernels are compiled at their first use.
 
-The programs are those of the library; a block of threads steps an environment. NVIDIA's compiler
+The kernels are those of the library; a block of threads steps an environment. NVIDIA's compiler
 comes as a package (cuda-core); its output is kept in the cache folder.
 """
 
@@ -19,8 +19,8 @@ from softgym_mj.batch.device import Copy, Device
 from softgym_mj.exceptions import UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import cache_folder
 
-# Where programs are: their entries are in `<folder>/<name>.cu`, all else in headers.
-PROGRAMS = {
+# Where kernels are: their entries are in `<folder>/<name>.cu`, all else in headers.
+KERNELS = {
     "cloth": ("cloth", "cloth/batch/step.cu"),
     "fluid": ("fluid", "fluid/batch/step.cu"),
     "measures": ("batch", "batch/measures.cu"),
@@ -40,7 +40,7 @@ _OPTIONS = {
     # Arithmetic as the processor's.
     "fma": False, "ftz": False, "prec_div": True, "prec_sqrt": True,
 }  # fmt: skip
-_NOTICE = "Compiling the program of %s for GPUs of architecture %s, once: up to half a minute"
+_NOTICE = "Compiling the kernel of %s for GPUs of architecture %s, once: up to half a minute"
 _log = logging.getLogger(__name__)
 
 
@@ -56,25 +56,25 @@ def _core() -> Any:
 
 
 def _source(room: str, file: str) -> str:
-    """What a program is compiled of, all of it: the key of the cache."""
+    """What a kernel is compiled of, all of it: the key of the cache."""
     headers = (each for name in ("native", "batch", room) for each in (_FOLDER / name).rglob("*.h"))
     files = {*headers, *(_FOLDER / "batch" / "cuda").iterdir()}
     return "".join(each.read_text() for each in [*sorted(files), _FOLDER / file])
 
 
 def compiled(name: str, architecture: str) -> bytes:
-    """A program for an architecture such as "90", compiled if it is not in the cache folder.
+    """A kernel for an architecture such as "90", compiled if it is not in the cache folder.
 
     Raises:
         UnavailableError: without the packages that compile.
     """
-    check_name("name", name, PROGRAMS)
-    core, (room, file), (threads, blocks) = _core(), PROGRAMS[name], BLOCKS[name]
+    check_name("name", name, KERNELS)
+    core, (room, file), (threads, blocks) = _core(), KERNELS[name], BLOCKS[name]
     macros = [("SGM_THREADS", str(threads)), ("SGM_BLOCKS", str(blocks))]
     settings = {**_OPTIONS, "define_macro": macros}
     key = hashlib.sha256(f"{_source(room, file)}{settings}".encode()).hexdigest()[:16]
     check_name("architecture", architecture, _architectures())
-    kept = cache_folder() / "programs" / f"{name}-sm_{architecture}-{key}.cubin"
+    kept = cache_folder() / "kernels" / f"{name}-sm_{architecture}-{key}.cubin"
     if not kept.exists():
         _log.warning(_NOTICE, name, architecture)
         paths = [str(_FOLDER), str(_FOLDER / "batch" / "cuda")]
@@ -100,7 +100,7 @@ def _architectures() -> tuple[str, ...]:
 
 @functools.cache
 def _loaded(name: str, device: Any) -> tuple[Any, Any]:
-    """A device of cuda-core, and a program that it has loaded."""
+    """A device of cuda-core, and a kernel that it has loaded."""
     import torch
 
     core = _core()
@@ -136,7 +136,7 @@ def launch(
     *numbers: int,
     quick: int = 0,
 ) -> None:
-    """Begins a program, after what is on PyTorch's current stream.
+    """Begins a kernel, after what is on PyTorch's current stream.
 
     Args:
         name, entry: of the program.

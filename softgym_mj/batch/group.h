@@ -1,6 +1,6 @@
 // The threads that work on one environment of a batch: those of a block on a GPU, or one of a processor.
 //
-// A program for an environment is a sequence of loops; in none of them may what one turn does depend on another turn,
+// A kernel for an environment is a sequence of loops; in none of them may what one turn does depend on another turn,
 // but by the functions below that say so. On a processor `Turns` makes the turns of each loop come in another order:
 // what comes out must have the same bits.
 

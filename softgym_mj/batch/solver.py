@@ -1,4 +1,4 @@
-"""`BatchSolver`: many environments that a program of the library steps together, without MuJoCo."""
+"""`BatchSolver`: many environments that a kernel of the library steps together, without MuJoCo."""
 
 import ctypes
 from collections.abc import Mapping

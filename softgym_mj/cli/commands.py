@@ -68,7 +68,7 @@ _PANELS: dict[str, dict[str, Callable[..., None]]] = {
         "record": data.record,
         "generate": data.generate,
         "bench": devices.bench,
-        "compile": devices.compile_programs,
+        "compile": devices.compile_kernels,
     },
 }
 for panel, commands in _PANELS.items():

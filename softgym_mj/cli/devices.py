@@ -1,4 +1,4 @@
-"""Commands for GPUs: programs compiled ahead of time, and how many env steps a device makes."""
+"""Commands for GPUs: kernels compiled ahead of time, and how many env steps a device makes."""
 
 import math
 import time
@@ -14,12 +14,12 @@ from softgym_mj.vector.make import DEVICES, make_vec
 _WARM_UP = 3  # Env steps before the clock runs.
 
 
-def compile_programs(
+def compile_kernels(
     arch: Annotated[
         str | None, typer.Option(help="Such as 90 for an H100; else of this machine's GPU.")
     ] = None,
 ) -> None:
-    """Compiles the programs of GPUs, which else happens when they are first used; needs no GPU."""
+    """Compiles the kernels of GPUs, which else happens when they are first used; needs no GPU."""
     from softgym_mj.batch import gpu
 
     if arch is None:
@@ -28,7 +28,7 @@ def compile_programs(
         if not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device: name an architecture by --arch")
         arch = "".join(map(str, torch.cuda.get_device_capability()))
-    for name in gpu.PROGRAMS:
+    for name in gpu.KERNELS:
         start = time.perf_counter()
         size = len(gpu.compiled(name, arch))
         console.print(

@@ -1,7 +1,7 @@
 """`ClothBatchSolver`: many flexes with grippers over a floor, stepped together without MuJoCo.
 
 An environment makes the same steps as the plugin in a model with one flex, spheres that are told
-where to go, and a plane: the same bits. The program is written for one thread or for a block of a
+where to go, and a plane: the same bits. The kernel is written for one thread or for a block of a
 GPU.
 """
 

@@ -1,7 +1,7 @@
 """`FluidBatchSolver`: the water of many environments, stepped together without MuJoCo.
 
 An environment makes the same steps as the plugin in a model with one fluid and walls that stand
-still or go where they are told: the same bits. The program is written for one thread or for a block
+still or go where they are told: the same bits. The kernel is written for one thread or for a block
 of a GPU.
 """
 

@@ -20,19 +20,19 @@ def test_bench_counts_env_steps(device):
 
 
 @pytest.mark.parametrize(
-    "programs", [("fluid", "measures"), pytest.param(tuple(gpu.PROGRAMS), marks=pytest.mark.slow)]
+    "kernels", [("fluid", "measures"), pytest.param(tuple(gpu.KERNELS), marks=pytest.mark.slow)]
 )
-def test_programs_are_compiled_once(tmp_path, monkeypatch, programs):
+def test_kernels_are_compiled_once(tmp_path, monkeypatch, kernels):
     pytest.importorskip("cuda.core")
-    monkeypatch.setattr(gpu, "PROGRAMS", {name: gpu.PROGRAMS[name] for name in programs})
+    monkeypatch.setattr(gpu, "KERNELS", {name: gpu.KERNELS[name] for name in kernels})
     monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path))
     first = CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
     assert first.exit_code == 0, first.output
-    assert sorted(gpu.PROGRAMS) == [line.split()[0] for line in sorted(first.output.splitlines())]
-    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "programs").iterdir()}
-    assert len(kept) == len(gpu.PROGRAMS)
+    assert sorted(gpu.KERNELS) == [line.split()[0] for line in sorted(first.output.splitlines())]
+    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "kernels").iterdir()}
+    assert len(kept) == len(gpu.KERNELS)
     CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
-    assert kept == {file: file.stat().st_mtime_ns for file in (tmp_path / "programs").iterdir()}
+    assert kept == {file: file.stat().st_mtime_ns for file in (tmp_path / "kernels").iterdir()}
 
 
 def test_what_there_is_no_gpu_for():

@@ -1,4 +1,4 @@
-// The programs of batches as a block of a GPU would carry them out: barriers, votes of eight threads and atomics are
+// The kernels of batches as a block of a GPU would carry them out: barriers, votes of eight threads and atomics are
 // real, so that a thread that goes another way than it should is found out. Threads take turns from barrier to barrier,
 // each time in another order. With BY_THREADS they are threads of a processor, whose races can be looked for: slowly,
 // as each barrier wakes all of them.

@@ -1,4 +1,4 @@
-"""The programs of batches by blocks of threads: what a GPU would do has the plugins' bits."""
+"""The kernels of batches by blocks of threads: what a GPU would do has the plugins' bits."""
 
 import os
 import pathlib

@@ -8,7 +8,7 @@ from softgym_mj.batch.device import CpuDevice
 
 
 class TorchDevice(CpuDevice):
-    """Like `batch.gpu.CudaDevice`, with the programs of the processor."""
+    """Like `batch.gpu.CudaDevice`, with the kernels of the processor."""
 
     xp = xp
     xp_device = torch.device("cpu")

@@ -1,4 +1,4 @@
-"""Scenes as the program reads them: the structs of scene.h."""
+"""Scenes as the kernel reads them: the structs of scene.h."""
 
 import numpy as np
 

@@ -10,7 +10,7 @@ from softgym_mj.batch.device import ALIGNMENT, Device, function
 from softgym_mj.batch.queue import Queue
 from softgym_mj.rendering.batch.scenes import Described, textures_of
 
-KIND = "pictures"  # Of programs.
+KIND = "pictures"  # Of kernels.
 SAMPLES = 2  # Of colours, along a side of a pixel.
 _COLORS, _SURFACES = 0, 1  # As in scene.h.
 _BUSY = 1 << 20  # Enough to do for all threads of a block.
