@@ -19,10 +19,10 @@ MOST_ENVIRONMENTS = 10_000  # In a process each takes 20 MiB and more.
 
 
 class Backend(Protocol):
-    """Environments of one task, by number; they are told which variation to start, and when.
+    """Simulates environments of one task; the caller decides when each starts which variation.
 
-    Spaces, `metadata` and `render_mode` are those of one environment. Arrays that methods return
-    are NumPy's, or on a device; all methods but `close` are called within `begin`.
+    Spaces, `metadata` and `render_mode` are those of one environment. Methods return NumPy arrays
+    or arrays on a device; all methods but `close` are called within `begin`.
     """
 
     num_envs: int
@@ -30,18 +30,18 @@ class Backend(Protocol):
     action_space: gymnasium.Space
     metadata: dict[str, Any]
     render_mode: str | None
-    sampler: VariationSampler  # Of what follows by itself; a `VectorEnv` sets it.
-    clipped: Clipping | None = None  # As of `checked_actions`.
+    sampler: VariationSampler  # Draws the variations of automatic resets; set by `VectorEnv`.
+    clipped: Clipping | None = None  # Clips actions; None rejects those outside the space.
 
     def begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
-        """Has a function carried out, after those before and to its end whatever interrupts this.
+        """Runs a function after earlier ones, to its end even if the caller is interrupted.
 
         Returns:
-            What waits for it and returns what it returns, once.
+            A function that waits for the result and returns it, once.
         """
 
     def expect(self, variations: Sequence[int]) -> None:
-        """Is told before a reset that draws variations which ones may be drawn from now on."""
+        """Prepares for resets that draw from these variations."""
         return None
 
     def reset(self, variations: Mapping[int, int]) -> None:
@@ -51,35 +51,35 @@ class Backend(Protocol):
         """Continues episodes, by number of the environment."""
 
     def checked(self, actions: Any) -> Any:
-        """Actions of all, a copy, for `advance`.
+        """Returns a checked copy of the actions of all environments, for `advance`.
 
         Raises:
-            InvalidArgumentError: for a bad one.
+            InvalidArgumentError: If an action is invalid.
         """
         return checked_actions(actions, self.num_envs, self.action_space, self.clipped)
 
     def advance(self, actions: Any, mode: AutoresetMode) -> tuple[Any, Any, Any, Any, Any]:
-        """Makes a step of a `VectorEnv`, and resets by itself as a mode says.
+        """Makes one env step of all environments, with automatic resets according to `mode`.
 
         Returns:
             Observations, rewards (num_envs,), terminated, truncated (num_envs,) bool, infos.
 
         Raises:
-            LifecycleError: if an episode has ended and nothing resets by itself.
+            LifecycleError: If an episode has ended and the mode has no automatic resets.
         """
 
     def settle(self) -> None:
-        """Has `sampler` be where the environments are, which may be further on."""
+        """Brings `sampler` up to date with the environments, which may be ahead of it."""
         return None
 
     def observe(self) -> Any:
-        """Observations of all, which later calls leave as they are."""
+        """Returns the observations of all environments; later calls do not overwrite them."""
 
     def infos(self, mask: np.ndarray) -> dict[str, Any]:
-        """Infos by name of those in `mask` (num_envs,) bool, of their last step or start."""
+        """Returns infos by name of environments in `mask` (num_envs,) bool, from the last step."""
 
     def last(self, observations: Any, infos: dict[str, Any], ended: np.ndarray) -> dict[str, Any]:
-        """What infos say of episodes that have ended (num_envs,) bool, as Gymnasium has it."""
+        """Returns Gymnasium's `final_obs` and `final_info` for `ended` (num_envs,) bool."""
         each = list(iterate(batch_space(self.observation_space, self.num_envs), observations))
         found = np.full(self.num_envs, None, object)
         for i in np.flatnonzero(ended):
@@ -88,17 +88,17 @@ class Backend(Protocol):
                 "_final_obs": ended, "_final_info": ended.copy()}  # fmt: skip
 
     def get_state(self) -> list[Snapshot]:
-        """A snapshot of each."""
+        """Returns a snapshot of each environment."""
 
     def call(self, name: str, arguments: Sequence[tuple[Sequence, Mapping]]) -> tuple[Any, ...]:
-        """What a method of each returns, given its own args and kwargs; or an attribute."""
+        """Calls a method of each environment with its own arguments, or reads an attribute."""
 
     def close(self) -> None:
-        """Frees what simulates."""
+        """Releases processes and memory."""
 
 
 def check_running(ended: np.ndarray) -> None:
-    """Raises `LifecycleError` if the episode of any environment has ended (num_envs,) bool."""
+    """Raises `LifecycleError` if any episode in `ended` (num_envs,) bool has ended."""
     if ended.any():
         raise LifecycleError(
             f"episodes of environments {np.flatnonzero(ended).tolist()} have ended: call "
@@ -107,7 +107,7 @@ def check_running(ended: np.ndarray) -> None:
 
 
 def clipping(env: gymnasium.Env) -> Clipping | None:
-    """Returns what clips actions of environments like `env`; None if they refuse those outside."""
+    """Returns the clipping of actions of environments like `env`; None if they reject them."""
     clips = getattr(env.unwrapped, "clip_actions", False)
     space = env.action_space
     return Clipping(space) if clips and isinstance(space, gymnasium.spaces.Box) else None
@@ -116,17 +116,17 @@ def clipping(env: gymnasium.Env) -> Clipping | None:
 def checked_actions(
     actions: Any, number: int, space: gymnasium.Space, clipped: Clipping | None = None
 ) -> np.ndarray:
-    """Actions of `number` environments, as an array (number, n).
+    """Returns checked actions of `number` environments as an array (number, n).
 
     Args:
-        actions: of all.
-        number: of environments.
-        space: action space of each; only a Box is checked.
-        clipped: what clips actions; None to refuse those outside of the space.
+        actions: Actions of all environments.
+        number: Number of environments.
+        space: Action space of each; only a Box is checked.
+        clipped: Clips actions; None rejects actions outside the space.
 
     Raises:
-        InvalidArgumentError: unless there is one for each; for one of the wrong shape, not finite
-            or outside of the space.
+        InvalidArgumentError: If the number of actions or their shape is wrong, or if one is not
+            finite or outside the space.
     """
     actions = as_array("actions", actions).copy()  # An interrupted step may come to it later.
     if actions.shape[:1] != (number,):
@@ -141,7 +141,7 @@ def checked_actions(
         )
     actions = actions if clipped is None else clipped(actions)
     fits = (actions >= space.low - BOUND_TOLERANCE) & (actions <= space.high + BOUND_TOLERANCE)
-    bad = np.argwhere(~fits)  # NaN does not fit, either.
+    bad = np.argwhere(~fits)  # NaN fails both comparisons.
     if len(bad):
         first = tuple(bad[0].tolist())
         raise InvalidArgumentError(

@@ -1,4 +1,4 @@
-"""`VectorEnv`: many environments at once, of any backend; `make_vec` makes it."""
+"""`VectorEnv`: a Gymnasium vector environment on any backend; `make_vec` builds it."""
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
@@ -26,24 +26,24 @@ _State = tuple[Snapshot, Mapping[str, Any]]  # With the state of the generator.
 
 
 class VectorEnv(gymnasium.vector.VectorEnv):
-    """Environments that a backend simulates; variations are drawn, and episodes reset, here.
+    """Vector environment: draws variations and resets episodes that a backend simulates.
 
-    An error of an environment is raised here with its own type; where it comes out of `step`, some
-    have taken the step and others have not. A call that is interrupted (Ctrl-C, an alarm) is still
-    carried out by all of them.
+    An error of one environment is raised here with its own type; after an error in `step`, some
+    environments have taken the step and others have not. A call that is interrupted (Ctrl-C, an
+    alarm) is still completed by all environments.
 
     Attributes:
-        backend: what simulates.
-        autoreset_mode: what follows the last step of an episode, as `metadata` has it, too.
+        backend: Simulates the environments.
+        autoreset_mode: Gymnasium's mode of automatic resets, also in `metadata`.
     """
 
     def __init__(self, backend: Backend, variations: Sequence[int], autoreset_mode: AutoresetMode):
-        """Takes a backend over, and closes it with itself.
+        """Takes ownership of a backend, which `close` closes.
 
         Args:
-            backend: what simulates.
-            variations: indices to draw from.
-            autoreset_mode: what follows the last step of an episode, see `make_vec`.
+            backend: Simulates the environments.
+            variations: Variation indices to draw from.
+            autoreset_mode: Mode of automatic resets, as in `make_vec`.
         """
         self.backend, self.num_envs = backend, backend.num_envs
         self.autoreset_mode = autoreset_mode
@@ -70,18 +70,19 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """Starts episodes.
 
         Args:
-            seed: of the first environment, the next has one more, or a sequence of all seeds.
-            options: of `SoftGymEnv.reset`, for all; a "variation" can also be a sequence of one for
-                each environment, a "state" always is. "reset_mask" (num_envs,) bool: who is to be
-                reset. "stagger" n: these episodes alone end earlier, that of environment i by
-                i % n of n parts, so that later ones do not all end in the same step; True for
-                n = num_envs.
+            seed: Seed of the first environment (each next one has one more), or a sequence of
+                seeds.
+            options: Options of `SoftGymEnv.reset` for all environments; "variation" can also be a
+                sequence with one entry per environment, "state" always is. "reset_mask"
+                (num_envs,) bool selects environments. "stagger" n shortens these episodes only, by
+                (i % n) / n of the horizon for environment i, so that later episodes do not all end
+                in the same step; True means n = num_envs.
 
         Returns:
-            Observations and infos of all, arrays by name.
+            Observations and infos of all environments, arrays by name.
 
         Raises:
-            InvalidArgumentError, SnapshotError: for bad seeds or options.
+            InvalidArgumentError, SnapshotError: If seeds or options are invalid.
         """
         options = checked_options(options)
         mask = _checked_mask(options.pop("reset_mask", None), self.num_envs)
@@ -127,20 +128,22 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return self.backend.observe(), self.backend.infos(mask)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Begins a step, as of `step`; the environments make it while the caller goes on.
+        """Begins an env step without waiting for its end.
 
         Raises:
-            InvalidArgumentError: for a bad action; no environment is stepped then.
-            LifecycleError: if another step has begun, as of all methods but `close`.
+            InvalidArgumentError: If an action is invalid; no environment is stepped.
+            LifecycleError: If another step has begun; all methods but `close` raise this.
         """
         actions = self.backend.checked(actions)
         self._pending = self._begin(self.backend.advance, actions, self.autoreset_mode)
 
     def step_wait(self):
-        """What `step` returns or raises, of the step that has begun; if this is interrupted, never.
+        """Waits for the step that `step_async` began; returns and raises what `step` does.
+
+        If the wait is interrupted, the result is lost.
 
         Raises:
-            LifecycleError: if none has begun.
+            LifecycleError: If no step has begun.
         """
         if self._pending is None:
             raise LifecycleError("no step has begun: call step_async(actions) first")
@@ -154,18 +157,18 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             Observations, rewards (num_envs,), terminated, truncated (num_envs,) bool, infos.
 
         Raises:
-            LifecycleError: if an episode has ended and nothing resets by itself.
-            InvalidArgumentError: for a bad action; no environment is stepped then.
+            LifecycleError: If an episode has ended and the mode has no automatic resets.
+            InvalidArgumentError: If an action is invalid; no environment is stepped.
         """
         actions = self.backend.checked(actions)
         return self._run(self.backend.advance, actions, self.autoreset_mode)
 
     def render(self) -> tuple[Any, ...] | None:
-        """What `render` of each environment returns."""
+        """Returns the result of `render` of each environment."""
         return self.call("render")
 
     def get_state(self) -> list[Any]:
-        """A snapshot of each environment, as of `SoftGymEnv.get_state`, for `set_state`."""
+        """Returns a snapshot of each environment for `set_state`, as `SoftGymEnv.get_state`."""
         return self._run(self._states)
 
     def _states(self) -> list[_State]:
@@ -175,26 +178,26 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         return list(zip(snapshots, generators, strict=True))
 
     def set_state(self, states: Sequence[Any]):
-        """Restores snapshots, of any vector environment or of single ones of the same kind.
+        """Restores snapshots of any vector environment, or of single environments, of this task.
 
         Returns:
-            Observations and infos of all, arrays by name.
+            Observations and infos of all environments, arrays by name.
         """
         return self.reset(options={"state": states})
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """What a method, or an attribute, of each environment returns.
+        """Calls a method, or reads an attribute, of each environment.
 
-        Take states from `get_state`: the generators that draw variations are not in environments.
+        Use `get_state` for states: the generators of variations are not in the environments.
         """
         return self._run(self.backend.call, name, [(args, kwargs)] * self.num_envs)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of each environment."""
+        """Returns an attribute of each environment."""
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Sets an attribute of each environment: to its own of a list or tuple, or to the same."""
+        """Sets an attribute of all environments to one value, or to a list or tuple of values."""
         if not isinstance(values, (list, tuple)):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:
@@ -231,7 +234,7 @@ def _seed_of_each(seed: Any, number: int) -> list[int | None]:
 
 
 def _checked_mask(mask: Any, number: int) -> np.ndarray:
-    """Gymnasium's option "reset_mask", (number,) bool: who is to be reset; None for all."""
+    """Returns the option "reset_mask" (number,) bool of environments to reset; None means all."""
     mask = np.ones(number, bool) if mask is None else as_array("reset_mask", mask)
     if mask.shape != (number,) or mask.dtype != bool or not mask.any():
         valid = f"({number},) bool, at least one of them true"
@@ -240,10 +243,10 @@ def _checked_mask(mask: Any, number: int) -> np.ndarray:
 
 
 def _variations_of_each(variation: Any, number: int) -> list[int | None]:
-    """Variations from one for all, from a sequence, or from None.
+    """Returns a variation per environment from one for all, a sequence, or None.
 
     Raises:
-        InvalidArgumentError: for another number of them, or for bad ones.
+        InvalidArgumentError: If their number is wrong or one is invalid.
     """
     if isinstance(variation, np.ndarray) and variation.ndim:
         variation = variation.tolist()
@@ -256,10 +259,10 @@ def _variations_of_each(variation: Any, number: int) -> list[int | None]:
 
 
 def _states_of_each(states: Any, number: int) -> list[_State]:
-    """The states themselves.
+    """Returns one checked state per environment.
 
     Raises:
-        SnapshotError: for another number of them, or for bad ones.
+        SnapshotError: If their number is wrong or one is invalid.
     """
     if not isinstance(states, Sequence) or len(states) != number:
         raise SnapshotError(

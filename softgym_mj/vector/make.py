@@ -1,4 +1,4 @@
-"""`make_vec`: from the name of a task to many environments of it."""
+"""`make_vec`: builds a vector environment from the name of a task."""
 
 import functools
 from collections.abc import Sequence
@@ -29,35 +29,34 @@ def make_vec(
     split: str | Sequence[int] = "train",
     **task_kwargs: Any,
 ) -> "VectorEnv":
-    """Builds many environments of a task; `gymnasium.make_vec` with the id of a task ends here.
+    """Builds a vector environment; `gymnasium.make_vec` with the id of a task calls it.
 
     Args:
-        task: task name, or as in `registry.find`.
-        num_envs: number of environments, 1 or more.
-        device: what simulates: "cpu", worker processes; "cuda", a GPU on which all lies in
-            PyTorch's tensors, actions too if you like; "host", the same in NumPy's arrays in this
-            process. The last two know pickers and cups, states and images, but no arms.
-        num_workers: number of processes, or of threads of "host", 1..num_envs; by default one a
-            core. Two a core balance variations that differ a lot in cost, as those of water do;
-            each costs some time. None of "cuda".
-        autoreset_mode: what follows the last step of an episode. "NextStep": the next step
-            resets, ignores its action and has reward 0. "SameStep": the last step returns the
+        task: Task name, class or record, as in `registry.find`.
+        num_envs: Number of environments, 1 or more.
+        device: "cpu" simulates in worker processes; "cuda" on a GPU with PyTorch tensors (actions
+            may be tensors, too); "host" runs the same batch code in this process with NumPy
+            arrays. "cuda" and "host" support pickers and cups, states and images, but no arms.
+        num_workers: Number of processes, or of threads of "host", 1..num_envs; one per core by
+            default. Two per core balance variations of very different cost, such as water, at some
+            overhead each. Not allowed with "cuda".
+        autoreset_mode: Gymnasium's mode of automatic resets. "NextStep": the step after the last
+            one resets, ignores its action and has reward 0. "SameStep": the last step returns the
             first observation of the next episode, and its own in info["final_obs"] and
-            info["final_info"]. "Disabled": you reset, with options={"reset_mask": ended}.
-        context: how processes start: "forkserver" where there is one, else "spawn", by default;
-            they do not run the program's script again. "fork" starts them at once, but copies this
-            process with its locks: neither other threads nor OpenGL survive that.
+            info["final_info"]. "Disabled": the caller resets with options={"reset_mask": ended}.
+        context: Start method of processes: "forkserver" where available, else "spawn", by default;
+            both do not run the main script again. "fork" starts at once, but copies this process
+            with its locks: neither other threads nor OpenGL survive it.
         split: "train", "evaluate", "all" or a sequence of variation indices to draw from.
-        **task_kwargs: of `SoftGymEnv` (render_mode, horizon, observation, actor, ...).
+        **task_kwargs: Arguments of `SoftGymEnv` (render_mode, horizon, observation, actor, ...).
 
     Raises:
-        InvalidArgumentError, UnexpectedArgumentError: for a bad name or value.
-        InvalidArgumentError: as in `registry.find`.
+        InvalidArgumentError, UnexpectedArgumentError: If a name or value is invalid.
     """
     check_name("device", device, DEVICES)
     if not isinstance(autoreset_mode, AutoresetMode):
         check_name("autoreset_mode", autoreset_mode, _MODES)
-    record = find(task)  # Another process has not necessarily registered the same tasks.
+    record = find(task)  # Worker processes may not have registered the same tasks.
     from softgym_mj.envs.gymnasium_env import SoftGymEnv
     from softgym_mj.variations.indices import split_indices
     from softgym_mj.vector.base import VectorEnv
@@ -83,7 +82,7 @@ def make_device(device: str, num_envs: int, num_workers: int | None = None) -> "
 
     Args:
         device: "host" or "cuda".
-        num_envs, num_workers: of `make_vec`.
+        num_envs, num_workers: As in `make_vec`.
     """
     if device == "cuda":
         from softgym_mj.batch.gpu import CudaDevice

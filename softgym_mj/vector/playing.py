@@ -9,25 +9,24 @@ from softgym_mj.vector.base import VectorEnv
 
 
 def to_host(array: Any) -> np.ndarray:
-    """Returns an array (...) of NumPy, or a tensor on any device, as one of NumPy."""
+    """Returns a NumPy array, or a tensor on any device, as a NumPy array."""
     return np.asarray(array.cpu() if hasattr(array, "cpu") else array)
 
 
 def play_each(
     envs: VectorEnv, act: Callable[[Any, np.ndarray], Any], variations: Sequence[int]
 ) -> dict[str, np.ndarray]:
-    """Plays an episode of a variation in each environment.
+    """Plays one episode of a variation in each environment.
 
-    An episode that diverges ends before the others, and its environment starts again, uncounted.
+    An episode that diverges ends early; its environment then restarts and is not counted again.
 
     Args:
-        envs: environments that do not reset themselves.
-        act: gives actions for observations of all, and whether each is the first of an episode
-            (num_envs,) bool.
-        variations: of each.
+        envs: Environments without automatic resets.
+        act: Returns actions from observations and from flags of first steps (num_envs,) bool.
+        variations: Variation of each environment.
 
     Returns:
-        Scalars (num_envs,) of the infos at the end of each episode by name, and the undiscounted
+        Scalars (num_envs,) by name: infos at the end of each episode, and the undiscounted
         "return".
     """
     number, each = len(variations), [*variations]

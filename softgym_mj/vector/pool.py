@@ -1,4 +1,4 @@
-"""`WorkerPool`: worker processes, asked in a way that no interrupt tears apart."""
+"""`WorkerPool`: worker processes whose calls an interrupt cannot tear apart."""
 
 import contextlib
 import functools
@@ -25,20 +25,20 @@ _GLANCE = 0.5
 
 
 class WorkerPool:
-    """Processes that answer messages.
+    """Pool of processes that answer messages.
 
-    All talk with them is in a thread of its own, because signals such as that of Ctrl-C are raised
-    in the main thread: there, they would leave half a message in a pipe, or an answer that the
-    next call would take for its own.
+    A separate thread communicates with them, because signals such as Ctrl-C are raised in the main
+    thread: there they would leave half a message in a pipe, or an answer that the next call would
+    mistake for its own.
     """
 
     def __init__(self, context: Any, number: int, *arguments: Any):
-        """Starts the processes and waits until they are there.
+        """Starts the processes and waits until they are running.
 
         Args:
-            context: how processes start, of `multiprocessing.get_context`.
-            number: of processes.
-            *arguments: of `serve`, from `make` on.
+            context: Start method, from `multiprocessing.get_context`.
+            number: Number of processes.
+            *arguments: Arguments of `serve`, from `make` on.
         """
         self._pipes: list[Connection] = []
         processes: list[Any] = []
@@ -67,13 +67,13 @@ class WorkerPool:
         self.begin(self.ask, {i: {} for i in range(number)})()
 
     def begin(self, function: Callable[..., Any], *args: Any) -> Callable[[], Any]:
-        """Has a function carried out, to its end even if this is interrupted.
+        """Runs a function to its end, even if the caller is interrupted.
 
         Returns:
-            What waits for it and returns what it returns, once.
+            A function that waits for the result and returns it, once.
 
         Raises:
-            LifecycleError: after `close()`, and in a fork of the process that made it.
+            LifecycleError: After `close()`, and in a fork of the process that made the pool.
         """
         if not self._end.alive:
             raise LifecycleError("this vector environment was closed: make a new one")
@@ -87,16 +87,16 @@ class WorkerPool:
         return functools.partial(_waited, result)
 
     def ask(self, messages: Mapping[int, Any]) -> dict[int, Any]:
-        """Has workers answer messages at the same time; to be called by `begin` only.
+        """Sends messages to workers and returns their answers; only `begin` may call it.
 
         Args:
-            messages: of `serve`, by number of the worker.
+            messages: Messages of `serve` by index of the worker.
 
         Returns:
-            Their answers.
+            Answers by index of the worker.
 
         Raises:
-            SimulationError: if one has ended. Or the first of their errors.
+            SimulationError: If a worker has ended. Otherwise the first error of a worker.
         """
         # Before the first is sent: what cannot be pickled is sent to nobody.
         pickled = {i: cloudpickle.dumps(message) for i, message in messages.items()}
@@ -122,12 +122,12 @@ class WorkerPool:
         return answers
 
     def close(self) -> None:
-        """Ends the processes, after what they are doing if that does not take long."""
+        """Ends the processes, after their current call unless it takes too long."""
         self._end()
 
 
 def _waited(result: queue.SimpleQueue) -> Any:
-    """The value that comes through a queue; raises an error that does, or that of a signal."""
+    """Returns the value from a queue; raises an error from the queue, or that of a signal."""
     outcome = None
     while outcome is None:
         with contextlib.suppress(queue.Empty):
@@ -163,7 +163,7 @@ def _work(jobs: queue.SimpleQueue, pipes: list[Connection], processes: list[Any]
 def _end(
     jobs: queue.SimpleQueue, thread: threading.Thread, processes: list[Any], owner: int
 ) -> None:
-    """Ends a pool that is closed or no longer used, at the latest when Python ends."""
+    """Ends a pool that is closed or unused, at the latest when Python exits."""
     if os.getpid() != owner:  # A fork has no such thread, and the processes are not its own.
         return
     jobs.put(None)

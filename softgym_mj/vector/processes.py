@@ -1,4 +1,4 @@
-"""`ProcessBackend`: environments in worker processes, each of which steps its share one by one."""
+"""`ProcessBackend`: environments in worker processes, each of which steps its share in turn."""
 
 import copy
 import multiprocessing
@@ -27,7 +27,7 @@ _PRELOADED = ["softgym_mj.vector.worker", "softgym_mj.metrics", "mujoco"]
 
 
 class ProcessBackend(Backend):
-    """Arrays are NumPy's; observations, images among them, come through shared memory."""
+    """Backend of worker processes; observations and images come through shared memory."""
 
     sampler: VariationSampler
 
@@ -42,13 +42,13 @@ class ProcessBackend(Backend):
         """Starts the workers.
 
         Args:
-            make: makes an environment that takes the options of `SoftGymEnv.reset`.
-            num_envs: number of environments, 1 or more.
-            num_workers: as of `make_vec`.
-            context: as of `make_vec`.
+            make: Makes an environment that accepts the options of `SoftGymEnv.reset`.
+            num_envs: Number of environments, 1 or more.
+            num_workers: Number of processes, as in `make_vec`.
+            context: Start method of processes, as in `make_vec`.
 
         Raises:
-            InvalidArgumentError: for a bad argument.
+            InvalidArgumentError: If an argument is invalid.
         """
         self.num_envs = check_count("num_envs", num_envs, 1, MOST_ENVIRONMENTS)
         if num_workers is None:
@@ -89,7 +89,7 @@ class ProcessBackend(Backend):
         self._pool.close()
 
     def _ask(self, calls: Mapping[int, tuple]) -> dict[int, Any]:
-        """Answers of environments to calls, at the same time where their workers differ."""
+        """Calls methods of environments, in parallel across workers; returns their answers."""
         shares: dict[int, dict[int, tuple]] = {}
         for i, call in calls.items():
             shares.setdefault(int(self._workers[i]), {})[i] = call
@@ -118,11 +118,11 @@ class ProcessBackend(Backend):
         return self.observe(), *outcome, last | self.infos(everyone)
 
     def _drawn(self, mask: np.ndarray) -> dict[int, int]:
-        """Variations of the next episodes, by number of the environment."""
+        """Returns variations of the next episodes by index of the environment."""
         return {i: self.sampler.next(i) for i in np.flatnonzero(mask).tolist()}
 
     def _ended(self) -> np.ndarray:
-        """Whose episode has ended, (num_envs,) bool."""
+        """Which episodes have ended, (num_envs,) bool."""
         return self._outcomes[:, 1:].any(axis=1)
 
     def observe(self) -> Any:
@@ -141,14 +141,14 @@ class ProcessBackend(Backend):
 
 
 def num_cores() -> int:
-    """Cores that this process may use."""
+    """Returns the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def _by_name(infos: Mapping[int, Mapping[str, Any]], number: int) -> dict[str, Any]:
-    """Infos by name, as Gymnasium has them: values (number, ...), and in "_name" who has one."""
+    """Returns Gymnasium's infos by name: values (number, ...), and masks "_name" (number,)."""
     named: dict[str, Any] = {}
     for key in dict.fromkeys(key for info in infos.values() for key in info):
         own = {i: info[key] for i, info in infos.items() if key in info}

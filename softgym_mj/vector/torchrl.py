@@ -1,4 +1,4 @@
-"""`TorchRLEnv`: many environments of a task for TorchRL, on processors or on a GPU."""
+"""`TorchRLEnv`: a vector environment for TorchRL, on CPUs or a GPU."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,13 +16,13 @@ _ENDS = ("done", "terminated", "truncated")
 
 
 class TorchRLEnv(EnvBase):
-    """`make_vec` as an environment of TorchRL, with a batch size of (num_envs,).
+    """TorchRL environment with batch size (num_envs,), built by `make_vec`.
 
-    A single observation is called "observation", several have their own names. Episodes end by
-    "truncated"; "terminated" says that the simulation has diverged.
+    A single observation is called "observation", several have their own names. Episodes end with
+    "truncated"; "terminated" means that the simulation has diverged.
 
     Attributes:
-        envs: the vector environment.
+        envs: The vector environment.
     """
 
     def __init__(
@@ -38,9 +38,9 @@ class TorchRLEnv(EnvBase):
         """Makes the environments.
 
         Args:
-            task, num_envs, device: of `make_vec`; of "cuda" all tensors are on the GPU.
-            info: names of scalars of info that come along, as float32 (num_envs, 1).
-            **settings: of `make_vec`, but for `autoreset_mode`.
+            task, num_envs, device: As in `make_vec`; with "cuda" all tensors are on the GPU.
+            info: Names of info scalars to return, as float32 (num_envs, 1).
+            **settings: Further arguments of `make_vec`, except `autoreset_mode`.
         """
         where = torch.device("cuda", 0) if device == "cuda" else torch.device("cpu")
         super().__init__(device=where, batch_size=torch.Size([num_envs]))

@@ -1,4 +1,4 @@
-"""`VariationSampler`: which variations environments play next, drawn by a generator of each."""
+"""`VariationSampler`: draws the next variation of each environment from its own generator."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,48 +9,48 @@ from softgym_mj.envs.resets import draw_variation
 
 
 class VariationSampler:
-    """Generators of environments, by their numbers; who needs to can look one draw ahead.
+    """One random generator per environment, with a look ahead of one draw.
 
     Attributes:
-        variations: indices that are drawn from.
+        variations: Variation indices to draw from.
     """
 
     def __init__(self, number: int, variations: Sequence[int]):
-        """Generators without seeds.
+        """Makes unseeded generators.
 
         Args:
-            number: of environments.
-            variations: indices to draw from.
+            number: Number of environments.
+            variations: Variation indices to draw from.
         """
         self.variations = variations
         self._generators = [np_random()[0] for _ in range(number)]
-        # What has been drawn ahead, and the generator's state before.
+        # Variations drawn ahead, each with the generator's state before the draw.
         self._ahead: dict[int, tuple[int, Mapping[str, Any]]] = {}
 
     def seed(self, i: int, seed: int) -> None:
-        """Gives environment `i` a new generator."""
+        """Seeds the generator of environment `i`."""
         self._generators[i], _ = np_random(seed)
         self._ahead.pop(i, None)
 
     def upcoming(self, i: int) -> int:
-        """What `next` is going to return."""
+        """Returns the variation that `next` will return."""
         if i not in self._ahead:
             before = self._generators[i].bit_generator.state
             self._ahead[i] = draw_variation(self._generators[i], self.variations), before
         return self._ahead[i][0]
 
     def next(self, i: int) -> int:
-        """The variation of the next episode of environment `i`."""
+        """Returns the variation of the next episode of environment `i`."""
         variation = self.upcoming(i)
         del self._ahead[i]
         return variation
 
     def get_state(self, i: int) -> Mapping[str, Any]:
-        """The state of a generator, as of NumPy's."""
+        """Returns the state of the generator of environment `i`, in NumPy's format."""
         ahead = self._ahead.get(i)
         return self._generators[i].bit_generator.state if ahead is None else ahead[1]
 
     def set_state(self, i: int, state: Mapping[str, Any]) -> None:
-        """Restores what `get_state` returned, or the state of any generator of the kind."""
+        """Restores the result of `get_state`, or the state of any generator of this kind."""
         self._generators[i].bit_generator.state = state
         self._ahead.pop(i, None)

@@ -1,4 +1,4 @@
-"""What a worker process of a `ProcessBackend` does: it answers calls of its environments."""
+"""Worker process of a `ProcessBackend`: answers calls of its environments."""
 
 import functools
 import os
@@ -28,18 +28,18 @@ def serve(
     space: Any,
     memory: Any,
 ) -> None:
-    """Answers messages until it is told to end, or until nobody is left who could.
+    """Answers messages until an `END` message arrives or the pipe is closed.
 
     Args:
-        pipe: brings messages, the name and the arguments of a call by number of the environment,
-            and takes whether all calls succeeded, and their answers or the error.
-        other_end: of the pipe, which a fork has, too.
-        variables: of the operating system's environment; a fork server has those of its own start.
-        make: the pickle of what makes an environment, at its first call.
-        space: of what an environment shows, an observation and an `OUTCOME`.
-        memory: shared memory that takes what all show.
+        pipe: Receives messages (name and arguments of a call by index of the environment); sends
+            whether all calls succeeded, and their answers or the error.
+        other_end: The other end of the pipe, which a fork inherits.
+        variables: Environment variables of the parent; a fork server has those of its own start.
+        make: Pickled function that makes an environment at its first call.
+        space: Space of an observation and an `OUTCOME`.
+        memory: Shared memory for observations and outcomes of all environments.
     """
-    # Ctrl-C in a terminal goes to every process of a program. Its first one decides what follows.
+    # Ctrl-C in a terminal reaches every process; the main process decides what follows.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     other_end.close()
     os.environ.update(variables)
@@ -55,7 +55,7 @@ def serve(
 
 
 def _reply(message: bytes, *arguments: Any) -> bytes:
-    """The pickle of whether all calls of a message succeeded, and the answers or the error."""
+    """Returns the pickle of whether all calls succeeded, and of the answers or the error."""
     calls: Mapping[int, tuple] = {}
     try:
         calls = pickle.loads(message)
@@ -74,7 +74,7 @@ def _reply(message: bytes, *arguments: Any) -> bytes:
 def _answers(
     calls: Mapping[int, tuple], made: Callable[[int], gymnasium.Env], space: Any, memory: Any
 ) -> dict[int, Any]:
-    """What methods return; of a step or a start the info, as the rest is shown."""
+    """Returns results by environment; of a step or reset the info, the rest is in `memory`."""
     answers = {}
     for i, (name, *arguments) in calls.items():
         if name == "call":
@@ -92,7 +92,7 @@ def _call(env: gymnasium.Env, name: str, args: Sequence[Any], kwargs: Mapping[st
 
 
 def _play(env: gymnasium.Env, name: str, argument: Any) -> tuple:
-    """What `step` returns; as much of an episode that starts or continues."""
+    """Returns the result of `step`; for a reset or restored episode, a result of its form."""
     if name == "step":
         return env.step(argument)
     ended, options = False, {"variation": argument}

@@ -1,4 +1,4 @@
-"""`BatchBackend`: environments of a task as rows of arrays."""
+"""`BatchBackend`: simulates environments of one task as rows of arrays on a device."""
 
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -35,14 +35,14 @@ from softgym_mj.vector.batch.padded_rows import PaddedRows
 from softgym_mj.vector.batch.physics import BatchPhysics
 from softgym_mj.vector.variation_sampler import VariationSampler
 
-_FOLLOWED = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)  # Another episode by itself.
+_FOLLOWED = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)  # Modes with automatic resets.
 
 
 class BatchBackend(Backend):
-    """Measures, rewards and observations are the task's own functions, of all environments at once.
+    """Backend of a batch; the task's own functions compute rewards and observations of all rows.
 
-    Nothing in a step waits for the device: what an episode that ends is followed by lies there
-    already, and which of that has been used is read some steps later.
+    No step waits for the device: the initial states of next episodes are stored there in advance,
+    and the counts of used ones are read some steps later.
     """
 
     sampler: VariationSampler
@@ -54,16 +54,16 @@ class BatchBackend(Backend):
         device: Device,
         make: Callable[[], SoftGymEnv] | None = None,
     ):
-        """Takes over an environment, which says how episodes start.
+        """Takes ownership of an example environment, which provides initial states.
 
         Args:
-            example: that environment.
-            num_envs: number of environments.
-            device: where they are.
-            make: makes such an environment in other processes, too.
+            example: Example environment.
+            num_envs: Number of environments.
+            device: Device of the batch.
+            make: Makes such an environment in other processes.
 
         Raises:
-            InvalidArgumentError: for what cannot be played so, by name.
+            InvalidArgumentError: If the task or a setting is not supported in batches.
         """
         if example.render_mode is not None:
             raise InvalidArgumentError("render_mode", example.render_mode, "None, on this device")
@@ -96,8 +96,8 @@ class BatchBackend(Backend):
         self._everyone = device.put(np.ones(num_envs, bool))
         self._started = np.zeros(num_envs, bool)
         self._next_episodes = NextEpisodes(num_envs)
-        self._origins: dict[int, tuple[Snapshot, tuple[int, int, int]]] = {}  # Of `replay`.
-        self._strains: Array = None  # Largest of an edge now.
+        self._origins: dict[int, tuple[Snapshot, tuple[int, int, int]]] = {}  # Cache of `replay`.
+        self._strains: Array = None  # Largest current edge strain.
         self._state: State | None = None
         self._measures: Measures | None = None
 
@@ -111,7 +111,7 @@ class BatchBackend(Backend):
     # ------------------------------------------------------------------ episodes
 
     def expect(self, variations: Sequence[int]) -> None:
-        """Reads all that many environments come to, at once: later ones would be read singly."""
+        """Reads initial states in parallel if the environments will soon use most of them."""
         if self.num_envs >= MANY and len(variations) <= SOON * self.num_envs:
             self._initial_states.prepare(variations)
 
@@ -129,9 +129,9 @@ class BatchBackend(Backend):
         """Starts episodes.
 
         Args:
-            rows: of `InitialStateCache`, by number of the environment.
-            first: those of the start of their variations.
-            counts: env steps so far; None for zeros.
+            rows: Rows of `InitialStateCache` by index of the environment.
+            first: Rows of the initial states of their variations.
+            counts: Env steps so far; None means zero.
         """
         which, at, of, count = np.zeros(self.num_envs, bool), *np.zeros((3, self.num_envs), int)
         which[[*rows]], at[[*rows]], of[[*rows]] = True, [*rows.values()], [*first.values()]
@@ -165,7 +165,7 @@ class BatchBackend(Backend):
 
     def _look(self) -> None:
         """Reads the state and measures it."""
-        # As many points as the largest episode's arrays have.
+        # The number of points of the largest model of these episodes.
         whole = self._rows.whole
         sizes = [points.shape[1] for points in whole["episode"]["points"].values()]
         self._state = self._physics.task_state(max(sizes))
@@ -174,11 +174,10 @@ class BatchBackend(Backend):
         whole["strain"] = self._xp.maximum(whole["strain"], self._strains)
 
     def checked(self, actions: Any) -> Array:
-        """As of `Backend`; of tensors only their shape and type, which waits for nothing.
+        """Checks actions; of tensors only shape and type, so that nothing waits for the device.
 
-        They are clipped to [-1, 1] without a warning, and what is not finite ends the episode of
-        its environment. Where actions are refused instead, tensors are checked, too, and waited
-        for.
+        Tensors are clipped to [-1, 1] without a warning, and values that are not finite end the
+        episode of their environment. With `clip_actions=False` tensors are read and checked, too.
         """
         if not is_torch_array(actions):
             checked = checked_actions(actions, self.num_envs, self.action_space, self.clipped)
@@ -199,13 +198,13 @@ class BatchBackend(Backend):
         return self._xp.clip(actions, -1.0, 1.0)
 
     def replay(self, trials: Sequence[tuple[Snapshot, np.ndarray]]) -> np.ndarray:
-        """Undiscounted returns (num_envs,) of action sequences from states.
+        """Returns the undiscounted returns (num_envs,) of action sequences from states.
 
-        A sequence counts up to the end of its episode. Nothing is worse than one with which the
-        simulation diverges: minus infinity.
+        A sequence counts up to the end of its episode. The return is minus infinity if the
+        simulation diverges.
 
         Args:
-            trials: states, and sequences (m, steps, n) that are played from each; num_envs in all.
+            trials: States, each with sequences (m, steps, n) to play; num_envs sequences in all.
         """
         origins = [self._origin(i, snapshot) for i, (snapshot, _) in enumerate(trials)]
         counts = [len(sequences) for _, sequences in trials]
@@ -227,14 +226,14 @@ class BatchBackend(Backend):
         an environment, and planners try many samples from one.
         """
         if i not in self._origins or self._origins[i][0] is not snapshot:
-            # Numbers from `num_envs` on: `restore` has those below.
+            # Keys start at `num_envs`: `restore` uses those below.
             row, variation = self._initial_states.restored(self.num_envs + i, snapshot)
             left = 0 if snapshot.ended else self.horizon - snapshot.step_count
             self._origins[i] = snapshot, (row, self._initial_states.row(variation), left)
         return self._origins[i][1]
 
     def advance(self, actions: Any, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
-        """As of `Backend`; without a mode what has ended goes on."""
+        """Makes an env step; with mode None ended episodes continue."""
         if not self._started.all():
             raise LifecycleError("no episode has started: call reset() first")
         if mode == AutoresetMode.DISABLED:
@@ -251,10 +250,10 @@ class BatchBackend(Backend):
         return found
 
     def _advanced(self, mode: AutoresetMode | None, key: Hashable) -> Any:
-        """What `advance` returns, of arrays alone, which are where they were as `key` is the same.
+        """Computes the result of `advance` from arrays whose addresses depend on `key` only.
 
-        Actions that take as long as they need differ from step to step in their sim steps, which
-        the device repeats one by one.
+        With actions of variable duration the number of sim steps changes from step to step, so the
+        device repeats sim steps one by one.
         """
         repeat, steps = self._device.repeat, self._task.action_repeat
         if self._task.actor.sim_steps is None:
@@ -266,9 +265,9 @@ class BatchBackend(Backend):
         return repeat(key, lambda: self._kept(lambda: self._outcome(mode)), "outcome")
 
     def _kept(self, *parts: Callable[[], Any]) -> Any:
-        """Calls functions that change arrays, which stay in place; returns what the last one does.
+        """Calls functions, keeps arrays at their addresses, returns the last function's result.
 
-        Nothing becomes ().
+        None is returned as ().
         """
         with self._rows.kept():
             *_, found = [part() for part in parts]
@@ -283,20 +282,20 @@ class BatchBackend(Backend):
     def _sim_step(self) -> None:
         xp, at, flags = self._xp, self._at, self._physics.flags
         self._physics.sim_step()
-        # One warning for each sim step in which something went wrong, as MuJoCo counts, up to the
-        # one that ends the episode.
+        # MuJoCo counts one warning per sim step with a failure, up to the one that ends the
+        # episode.
         wrong = (flags != 0) & ~at["diverged"]
         at["warnings"] = at["warnings"] + xp.astype(wrong, xp.int64)
         at["diverged"] = at["diverged"] | ((flags & NOT_FINITE) != 0)
         flags[...] = 0
 
     def _outcome(self, mode: AutoresetMode | None) -> tuple[Any, Any, Any, Any, Any]:
-        """What `advance` returns, after all sim steps."""
+        """Returns the result of `advance`, after all sim steps."""
         xp, at = self._xp, self._at
         starts = at["ended"] & (mode == AutoresetMode.NEXT_STEP)
         diverged, warnings = at["diverged"] & ~starts, at["warnings"]
         count = at["count"] + 1
-        # What has diverged ends where it has started: measures are finite.
+        # A diverged episode ends in its initial state so that measures are finite.
         self._use(starts)
         self._take(starts | diverged, at["row"])
         at["count"] = xp.where(starts, 0, count)
@@ -317,13 +316,13 @@ class BatchBackend(Backend):
         return self.observe(), rewards, diverged, truncated, last | self.infos(self._everyone)
 
     def _use(self, which: Array) -> None:
-        """Has episodes of some (num_envs,) bool be followed by what has been offered."""
+        """Replaces episodes in a mask (num_envs,) bool by the prepared next ones."""
         at, xp = self._at, self._xp
         at["row"] = xp.where(which, at["next"], at["row"])
         at["used"] = at["used"] + xp.astype(which, at["used"].dtype)
 
     def _offer(self) -> None:
-        """Says what follows the episodes that end, once more where that has been used."""
+        """Prepares the next episodes of environments that have used their prepared one."""
         changed = self._next_episodes.changed(self.sampler)
         if not changed:
             return
@@ -416,10 +415,10 @@ class BatchBackend(Backend):
 
 
 def _observations(example: SoftGymEnv) -> tuple[str, ...]:
-    """The names that are observed.
+    """Returns the names of observations.
 
     Raises:
-        InvalidArgumentError: for one that is not known here.
+        InvalidArgumentError: If batches do not support one of them.
     """
     names, known = tuple(example.dm_env.observation_spec()), (*STATES, HELD, *IMAGES)
     for name in names:

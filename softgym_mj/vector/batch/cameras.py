@@ -1,4 +1,4 @@
-"""`Cameras`: what is observed of many environments as images."""
+"""`Cameras`: image observations of a batch of environments."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -29,15 +29,15 @@ IMAGES = {
     EXTERNAL_RGB: _Image(EXTERNAL, True, "colors"),
     "external_depth": _Image(EXTERNAL, True, "distances"),
 }
-_FAULTS = "sensor_"  # Begins names of domain parameters that worsen a drawn picture.
+_FAULTS = "sensor_"  # Prefix of domain parameters that degrade rendered images.
 
 
 class Cameras:
-    """Draws images by the names of observations.
+    """Renders image observations.
 
     Attributes:
-        observed: these names.
-        names: of the cameras that draw them.
+        observed: Names of the image observations.
+        names: Names of their cameras.
     """
 
     def __init__(
@@ -48,17 +48,17 @@ class Cameras:
         physics: BatchPhysics,
         device: Device,
     ):
-        """Notes what is to be drawn.
+        """Allocates images.
 
         Args:
-            env: says how large images are.
-            names: of observations, of which images are drawn.
-            num_envs: number of environments.
-            physics: what moves in them.
-            device: where they are.
+            env: Environment with the size of images.
+            names: Names of observations; images among them are rendered.
+            num_envs: Number of environments.
+            physics: Moving objects of the batch.
+            device: Device of the batch.
 
         Raises:
-            InvalidArgumentError: for what cannot be drawn so.
+            InvalidArgumentError: If sensor faults vary, which batches do not support.
         """
         self._images = {name: IMAGES[name] for name in names if name in IMAGES}
         self.observed = tuple(self._images)
@@ -79,11 +79,11 @@ class Cameras:
 
     @property
     def changed(self) -> int:
-        """How many times arrays of its own have been replaced."""
+        """Number of times that its arrays have been replaced."""
         return self._pictures.grown if self._images else 0
 
     def read(self, env: Environment, physics: BatchPhysics) -> dict[str, Described]:
-        """What is seen of an environment, all but where things are, for `placed`."""
+        """Describes the scene of a CPU environment, without poses, for `placed`."""
         if not self._images:
             return {}
         model, scene = env.physics.model.ptr, env.task.scene
@@ -95,16 +95,16 @@ class Cameras:
         return found
 
     def placed(self, read: Mapping[str, Described]) -> Arrays:
-        """What `read` said, in any process, as a row for `draw`."""
+        """Returns a row for `draw` from the result of `read` in any process."""
         return {name: np.array(self._pictures.load(described)) for name, described in read.items()}
 
     def draw(self, views: Mapping[str, Array], points: Array, poses: Array) -> dict[str, Array]:
-        """Images of all environments by name.
+        """Renders the images of all environments by name.
 
         Args:
-            views: rows as `placed` has them.
-            points: of what deforms (num_envs, most_points, 3) [m].
-            poses: positions [m] and quaternions of what moves (num_envs, movers, 7).
+            views: Rows from `placed`.
+            points: Points of deformable objects (num_envs, most_points, 3) [m].
+            poses: Positions [m] and quaternions of movers (num_envs, movers, 7).
         """
         seen: dict[str, Any] = {}
         told = points, poses

@@ -1,4 +1,4 @@
-"""`ClothBatch`: a rope or cloth with pickers, in many environments."""
+"""`ClothBatch`: batch physics of a rope or cloth with pickers."""
 
 import math
 
@@ -24,23 +24,23 @@ _OF_PICKER = "begin", "command", "get_state", "move", "place", "plan", "position
 
 
 def _is_known(actor: type) -> bool:
-    """Whether batches have the rules of a class of actors."""
+    """Whether batches support a class of actors."""
     own = (getattr(actor, name, None) is getattr(Picker, name) for name in _OF_PICKER)
     return actor is PixelPickAndPlace or all(own)
 
 
 class ClothBatch(BatchPhysics):
-    """See the module docstring."""
+    """Batch physics of one flex that pickers move."""
 
     def __init__(self, env: Environment, num_envs: int, device: Device):
-        """Makes environments for an environment's task.
+        """Allocates the batch for an environment's task.
 
         Args:
-            env: says how episodes start.
-            num_envs, device: of `ClothBatchSolver`.
+            env: Example environment, which provides initial states.
+            num_envs, device: Arguments of `ClothBatchSolver`.
 
         Raises:
-            InvalidArgumentError: unless there is one flex and the actor is a picker.
+            InvalidArgumentError: Unless there is exactly one flex and the actor is a picker.
         """
         task, flexes = env.task, env.task.flexes.flexes
         if not _is_known(type(task.actor)):
@@ -60,25 +60,24 @@ class ClothBatch(BatchPhysics):
             if isinstance(actor, PixelPickAndPlace)
             else PickerBatch(self.state, device.xp, actor.num_grippers, *own, actor.commands)
         )
-        # Of meshes that have been seen, all that `Ways.all` says, where it begins for each, and
-        # where what is free begins.
+        # Path lengths (`Ways.all`) of all meshes so far, the first index of each mesh, and the
+        # first free index.
         self._ways = device.zeros((1,), "float64")
         self._ways_at: dict[bytes, int] = {}
         self._ways_end = 0
 
     @property
     def changed(self) -> int:  # type: ignore[override]
-        """See `BatchPhysics`."""
         return len(self._ways) + self._solver.grown
 
     # ------------------------------------------------------------------ the environment
 
     def read(self) -> Arrays:
-        """See `BatchPhysics`: the state, what pickers remember, and the mesh.
+        """Reads state, picker state and mesh of the CPU environment.
 
-        model: of `ClothBatchSolver`. origin: of vertices [m]. ends, lengths: of edges, the lengths
-        at rest [m]. ways: of `Ways.all`. radius, hold_force, hold_lag, hold_stretch: of the flex.
-        view: of the camera by whose pixels the actor is told where to go, if it is.
+        Keys besides the state: model (for `ClothBatchSolver`), origin of vertices [m], ends and
+        rest lengths [m] of edges, ways (`Ways.all`), the flex's radius, hold_force, hold_lag and
+        hold_stretch, and view (camera of pixel actions).
         """
         flex, model = self._flex, self._env.physics.model.ptr
         is_told = isinstance(self._actor, PixelPickAndPlace)
@@ -101,7 +100,7 @@ class ClothBatch(BatchPhysics):
         }
 
     def placed(self, read: Arrays) -> Arrays:
-        """See `BatchPhysics`; ways_at: where in `_ways` those of the mesh begin."""
+        """Returns a row of `state`; ways_at is the mesh's first index in `_ways`."""
         key = read["ends"].tobytes() + read["lengths"].tobytes()
         if key not in self._ways_at:
             self._ways_at[key] = self._ways_end
@@ -120,7 +119,6 @@ class ClothBatch(BatchPhysics):
         self._ways_end = last
 
     def arrays(self) -> Arrays:
-        """See `BatchPhysics`: of `ClothBatchSolver`."""
         found = {
             "qpos": self._flex.slides,
             "qvel": self._flex.slide_velocities,
@@ -141,7 +139,7 @@ class ClothBatch(BatchPhysics):
         return found
 
     def _grippers(self) -> list[int]:
-        """Geoms of the pickers."""
+        """Returns ids of the pickers' geoms."""
         model, root = self._env.physics.model.ptr, self._actor.mjcf_model.model
         return [model.geom(f"{root}/picker_{i}").id for i in range(self._actor.num_grippers)]
 
@@ -177,7 +175,7 @@ class ClothBatch(BatchPhysics):
         slips = pulls_out(forces, behind, state["hold_force"][:, None], state["hold_lag"][:, None])
         pickers.give_way(goals, slips, self._gap)
         models = self._solver.models
-        if isinstance(pickers, PickAndPlaceBatch):  # Those without a model stand still.
+        if isinstance(pickers, PickAndPlaceBatch):  # Environments without a model stand still.
             whole = xp.asarray(models, copy=True)
             models[...] = xp.where(pickers.moving, whole, 0)
         self._solver.step(state["centre"], state["held"], goals)
@@ -205,7 +203,7 @@ class ClothBatch(BatchPhysics):
         return State({self._name: points}, {self._name: present}, {}, centres, remembered(grips))
 
     def poses(self) -> Array:
-        """See `BatchPhysics`: they do not turn."""
+        """Returns the poses of pickers, which never rotate."""
         centres = self.state["centre"]
         still = constant([1.0, 0.0, 0.0, 0.0], centres)
         turns = self._xp.zeros_like(centres[..., :1]) + still

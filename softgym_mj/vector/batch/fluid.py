@@ -1,4 +1,4 @@
-"""`FluidBatch`: water in cups, one of which moves, in many environments."""
+"""`FluidBatch`: batch physics of water in cups, one of which moves."""
 
 import math
 
@@ -15,21 +15,21 @@ from softgym_mj.robots.cup_mover import CupMover, cup_step, moved
 from softgym_mj.tasks.shared.state import State
 from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 
-POSITION_AND_QUATERNION = slice(7)  # Of a whole pose.
+POSITION_AND_QUATERNION = slice(7)  # Position and quaternion of a whole pose (8,).
 
 
 class FluidBatch(BatchPhysics):
-    """See the module docstring. The cup that moves does what `CupMover` does."""
+    """Batch physics of water in cups; the moving cup follows the rules of `CupMover`."""
 
     def __init__(self, env: Environment, num_envs: int, device: Device):
-        """Makes environments for an environment's task.
+        """Allocates the batch for an environment's task.
 
         Args:
-            env: says how episodes start.
-            num_envs, device: of `FluidBatchSolver`.
+            env: Example environment, which provides initial states.
+            num_envs, device: Arguments of `FluidBatchSolver`.
 
         Raises:
-            InvalidArgumentError: unless a cup that is told where to go is the actor.
+            InvalidArgumentError: Unless the actor is a cup and there is one body of water.
         """
         task, self._env = env.task, env
         if type(task.actor) is not CupMover:
@@ -49,16 +49,15 @@ class FluidBatch(BatchPhysics):
 
     @property
     def changed(self) -> int:  # type: ignore[override]
-        """See `BatchPhysics`."""
         return self._solver.grown
 
     # ------------------------------------------------------------------ the environment
 
     def read(self) -> Arrays:
-        """See `BatchPhysics`: the state of the water, what the mover remembers, and the cups.
+        """Reads water, mover and cups of the CPU environment.
 
-        model: of `FluidBatchSolver`. poses: as `whole_pose` has them; sizes: as `Cup.arrays` has
-        them.
+        Keys besides the state: model (for `FluidBatchSolver`), poses of cups (`whole_pose`) and
+        their sizes (`Cup.arrays`).
         """
         model, own = self._env.physics.model.ptr, self.arrays()
         poses = []
@@ -79,7 +78,7 @@ class FluidBatch(BatchPhysics):
         return {**read, "model": np.array(self._solver.load(read["model"]))}
 
     def arrays(self) -> Arrays:
-        """See `BatchPhysics`: of `FluidBatchSolver`, then where the cups are."""
+        """Returns views of the solver's state and of the cups' poses, by name."""
         state = self._water.state
         found = {name: state[name] for name in ("known", "positions", "velocities")}
         found["walls"] = state["rest"].reshape(-1, 7)
@@ -131,14 +130,14 @@ class FluidBatch(BatchPhysics):
         return self.state["poses"][..., POSITION_AND_QUATERNION]
 
     def strains(self) -> Array:
-        """See `BatchPhysics`: zeros (num_envs,), there is no edge."""
+        """Returns zeros (num_envs,): water has no edges."""
         return self._device.zeros((self._number,), "float64")
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
         return {"rejected_moves": self.state["rejected"]}
 
     def holds(self) -> Array:
-        """See `BatchPhysics`: (num_envs, 0), there are no grippers."""
+        """Returns an empty array (num_envs, 0): there are no grippers."""
         return self._device.zeros((self._number, 0), "uint8")
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
@@ -150,5 +149,5 @@ class FluidBatch(BatchPhysics):
 
 
 def _planar(poses: Array) -> Array:
-    """x, z [m] and theta [rad] (..., 3) of whole poses (..., 8)."""
+    """Returns x, z [m] and theta [rad] (..., 3) of whole poses (..., 8)."""
     return columns(*(poses[..., i] for i in (0, 2, 7)))

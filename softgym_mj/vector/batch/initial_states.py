@@ -1,4 +1,4 @@
-"""`InitialStateCache`: what a batch is told of the variations of a task."""
+"""`InitialStateCache`: initial states of variations, as rows on the device of a batch."""
 
 import dataclasses
 import functools
@@ -21,13 +21,13 @@ from softgym_mj.vector.batch.padded_rows import PaddedRows
 from softgym_mj.vector.batch.physics import Arrays, BatchPhysics
 from softgym_mj.vector.processes import num_cores
 
-# Methods of a task that see one simulation: what they do is not known of a batch.
+# Methods of a task that act on a single simulation, which batches cannot call.
 _OF_ONE = (
     "after_step", "before_step", "before_substep", "diagnostics", "get_state", "info", "set_state",
 )  # fmt: skip
 
-MANY, _SHARE = 64, 8  # Starts that several processes read, and how many of them at a time.
-SOON = 4  # Episodes of each environment in which most variations come up.
+MANY, _SHARE = 64, 8  # Initial states from which several processes read, and reads per call.
+SOON = 4  # Episodes per environment within which most variations occur.
 
 
 def read(env: Environment, physics: BatchPhysics, cameras: Cameras) -> dict[str, Any]:
@@ -43,12 +43,12 @@ def read(env: Environment, physics: BatchPhysics, cameras: Cameras) -> dict[str,
 
 
 def read_starts(pickled: bytes, variations: Sequence[int]) -> list[dict[str, Any]]:
-    """What `read` says of starts of variations, in any process.
+    """Returns `read` of the initial states of variations; runs in any process.
 
     Args:
-        pickled: by cloudpickle: what makes the environment, the kind of side, and the names of
-            what is observed.
-        variations: their indices.
+        pickled: By cloudpickle: function that makes the environment, class of the batch physics,
+            and names of observations.
+        variations: Variation indices.
     """
     env, physics, cameras = _opened(pickled)
     found = []
@@ -70,10 +70,10 @@ def _opened(pickled: bytes) -> tuple[Environment, BatchPhysics, Cameras]:
 
 
 class InitialStateCache:
-    """Starts of variations, each read once off an environment on the CPU, and snapshots.
+    """Cache of initial states and snapshots, each read once from a CPU environment.
 
     Attributes:
-        rows: a row per initial state: physics and cameras as `placed` returns them, the measures'
+        rows: A row per initial state: physics and cameras as `placed` returns them, the measures'
             episode data, values of the domain parameters that vary, and the largest strain of an
             edge so far.
     """
@@ -86,17 +86,17 @@ class InitialStateCache:
         device: Device,
         make: Callable[[], SoftGymEnv] | None = None,
     ):
-        """Checks that a batch can play the task.
+        """Checks that batches support the task.
 
         Args:
-            env: plays it.
-            physics: reads what is there,
-            cameras: and what they see.
-            device: where the rows are.
-            make: makes such an environment in other processes, if that can be done.
+            env: CPU environment of the task.
+            physics: Reads its state.
+            cameras: Reads its scene.
+            device: Device of the rows.
+            make: Makes such an environment in other processes; None reads in this one.
 
         Raises:
-            InvalidArgumentError: for what a batch cannot do, by name.
+            InvalidArgumentError: If batches do not support the task or a setting.
         """
         for method in _OF_ONE:
             if getattr(type(env.task), method) is not getattr(Task, method):
@@ -109,7 +109,7 @@ class InitialStateCache:
         self._known: dict[Any, int] = {}
 
     def prepare(self, variations: Iterable[int]) -> None:
-        """Reads the starts of variations, of many in as many processes as there are cores."""
+        """Reads initial states of variations; of many, in one process per core."""
         missing = sorted({v for v in variations if v not in self._known})
         if self._make is None or len(missing) < MANY or num_cores() == 1:
             for variation in missing:
@@ -123,14 +123,14 @@ class InitialStateCache:
                     self._put(variation, values)
 
     def row(self, variation: int) -> int:
-        """The row of the start of a variation."""
+        """Returns the row of the initial state of a variation."""
         if variation not in self._known:
             self._reset(variation)
             self._put(variation, read(self._env, self._physics, self._cameras))
         return self._known[variation]
 
     def _reset(self, variation: int) -> None:
-        """Without images, which need OpenGL."""
+        """Resets the CPU environment without images, which need OpenGL."""
         with blank_images():
             self._env.reset(variation)
 
@@ -143,14 +143,14 @@ class InitialStateCache:
         self.rows.put(row, {**values, **placed})
 
     def restored(self, i: int, snapshot: Snapshot) -> tuple[int, int]:
-        """The row of where the episode of a snapshot of any environment is, and its variation.
+        """Returns the row of a snapshot of any environment, and its variation.
 
         Args:
-            i: another snapshot with this number takes its place.
-            snapshot: what is read.
+            i: Key; a later snapshot with the same key replaces it.
+            snapshot: Snapshot to read.
 
         Raises:
-            SnapshotError: for one of another task or with other settings.
+            SnapshotError: If it is of another task or has other settings.
         """
         with blank_images():
             self._env.set_state(snapshot)
@@ -167,15 +167,15 @@ class InitialStateCache:
         count: int,
         ended: bool,
     ) -> Snapshot:
-        """What `Environment.get_state` returns of an episode, which any environment continues.
+        """Returns a snapshot, as `Environment.get_state`, that any environment can continue.
 
         Args:
-            state: as `BatchPhysics.arrays` has it.
-            actor: what it remembers.
-            variation: that is played.
-            strain: largest of an edge in the episode.
-            count: env steps since its start.
-            ended: whether it has ended.
+            state: Arrays by name, as from `BatchPhysics.arrays`.
+            actor: State of the actor.
+            variation: Variation index of the episode.
+            strain: Largest edge strain of the episode.
+            count: Env steps since its start.
+            ended: Whether it has ended.
         """
         self._reset(variation)
         for name, array in self._physics.arrays().items():

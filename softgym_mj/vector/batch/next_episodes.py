@@ -1,4 +1,4 @@
-"""`NextEpisodes`: what follows episodes that end, told ahead to a device that nobody waits for."""
+"""`NextEpisodes`: next variations, prepared on a device without waiting for it."""
 
 from collections import deque
 
@@ -7,28 +7,28 @@ import numpy as np
 from softgym_mj.batch.device import Copy
 from softgym_mj.vector.variation_sampler import VariationSampler
 
-_MOST_BEHIND = 8  # Env steps that a device may be behind this process.
+_MOST_BEHIND = 8  # Env steps that the device may lag behind this process.
 
 
 class NextEpisodes:
-    """The variation that each environment plays next, and how often such a one has been begun.
+    """Next variation of each environment, and the number of prepared episodes it has started.
 
-    The device counts that; what it counts is read some steps later. Until then an environment whose
-    episode ends once more would begin the same variation again.
+    The device counts starts, and the count is read some steps later. Until then an environment
+    whose episode ends again starts the same variation again.
     """
 
     def __init__(self, number: int):
-        """Nothing has been offered.
+        """Begins without prepared episodes.
 
         Args:
-            number: of environments.
+            number: Number of environments.
         """
         self._offered = [-1] * number
-        self._used = np.zeros(number, int)  # As far as it is known.
+        self._used = np.zeros(number, int)  # Last counts read.
         self._behind: deque[Copy] = deque()
 
     def changed(self, sampler: VariationSampler) -> dict[int, int]:
-        """What is to be offered anew: variations by number of the environment."""
+        """Returns new next variations by index of the environment."""
         while self._behind and (self._behind[0].done or len(self._behind) > _MOST_BEHIND):
             self._note(self._behind.popleft().wait(), sampler)
         upcoming = [sampler.upcoming(i) for i in range(len(self._offered))]
@@ -36,11 +36,11 @@ class NextEpisodes:
         return {i: new for i, new in enumerate(upcoming) if new != before[i]}
 
     def follow(self, used: Copy) -> None:
-        """Takes note of how many offers each has used (number,), on its way here."""
+        """Appends counts of started episodes (number,) that are being copied from the device."""
         self._behind.append(used)
 
     def settle(self, used: np.ndarray, sampler: VariationSampler) -> None:
-        """Takes note of how many offers each has used by now (number,)."""
+        """Applies the current counts of started episodes (number,)."""
         self._behind.clear()
         self._note(used, sampler)
 

@@ -1,4 +1,4 @@
-"""`PaddedRows`: what many episodes start with, or are at, in arrays with a row for each."""
+"""`PaddedRows`: nested arrays with a row per episode, padded with zeros to a common size."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -11,28 +11,28 @@ from softgym_mj.metrics import Array
 
 
 class PaddedRows:
-    """Numbers, arrays, and dicts of such, of many; padded with zeros where they differ in size.
+    """Rows of numbers, arrays and dicts of these, padded with zeros where sizes differ.
 
-    As `tasks.shared.state.stack` has them, but that single rows change, and there may be more.
+    Like `tasks.shared.state.stack`, but single rows can be set and rows can be added.
 
     Attributes:
-        whole: dict of arrays with a leading dimension, and of such dicts.
-        grown: how many times an array has been replaced by a larger one.
+        whole: Dict of arrays with a leading row dimension, and of such dicts.
+        grown: Number of times that an array has been replaced by a larger one.
     """
 
     def __init__(self, number: int, device: Device):
-        """Empty rows.
+        """Makes empty rows.
 
         Args:
-            number: of rows, at first.
-            device: where they are.
+            number: Initial number of rows.
+            device: Device of the arrays.
         """
         self._number, self._device = number, device
         self.whole: dict[str, Any] = {}
         self.grown = 0
 
     def put(self, i: int, values: Mapping[str, Any]) -> None:
-        """Sets row `i`; all rows have the same names and numbers of dimensions."""
+        """Sets row `i`; all rows must have the same names and numbers of dimensions."""
         while i >= self._number:
             self._number *= 2
         self._put(self.whole, i, values)
@@ -49,7 +49,7 @@ class PaddedRows:
             whole[name][i, ...][part] = self._device.put(array)
 
     def _grown(self, whole: Array | None, shape: tuple[int, ...], dtype: str) -> Array:
-        """An array with a row of at least a shape for each, and what was in it."""
+        """Returns an array whose rows have at least `shape`, with the old content."""
         before = shape if whole is None else tuple(whole.shape[1:])
         shape = (self._number, *(max(sizes) for sizes in zip(before, shape, strict=True)))
         if whole is not None and tuple(whole.shape) == shape:
@@ -62,9 +62,9 @@ class PaddedRows:
 
     @contextlib.contextmanager
     def kept(self) -> Iterator[None]:
-        """Has arrays stay where they are: what is new in the end goes where the old was.
+        """Keeps arrays at their addresses: copies new arrays into the old ones at the end.
 
-        A graph of a GPU knows them by their places.
+        CUDA graphs refer to arrays by address.
         """
         before = leaves(self.whole)
         yield
@@ -74,7 +74,7 @@ class PaddedRows:
                 whole[name] = old
 
     def fit(self, others: "PaddedRows") -> None:
-        """Makes room for any row of others."""
+        """Grows arrays to hold any row of `others`."""
         self._fit(self.whole, others.whole)
 
     def _fit(self, whole: dict[str, Any], others: dict[str, Any]) -> None:
@@ -86,12 +86,12 @@ class PaddedRows:
             whole[name] = self._grown(whole.get(name), tuple(other.shape[1:]), dtype)
 
     def take(self, which: Array, others: "PaddedRows", rows: Array) -> None:
-        """Sets those of some to rows of others, for which there is room.
+        """Copies rows of `others` into selected rows.
 
         Args:
-            which: (number,) bool.
-            others: have room for what any of these has had.
-            rows: (number,) of `others`; anything where not `which`.
+            which: Selected rows (number,) bool.
+            others: Source, no larger than these rows (see `fit`).
+            rows: Rows (number,) of `others`; ignored where not `which`.
         """
         self._take(self.whole, others.whole, which, rows)
 
@@ -106,7 +106,7 @@ class PaddedRows:
 
 
 def leaves(whole: dict[str, Any]) -> list[tuple[dict[str, Any], str, Array]]:
-    """Dict, name in it and array, of all arrays in dicts in dicts."""
+    """Returns (dict, key, array) for all arrays in nested dicts."""
     found = []
     for name, value in whole.items():
         found += leaves(value) if isinstance(value, dict) else [(whole, name, value)]

@@ -12,12 +12,12 @@ Arrays = Mapping[str, np.ndarray]
 
 
 class BatchPhysics(Protocol):
-    """Objects and an actor in all environments, a row for each.
+    """Objects and actor of all environments, with a row of each array per environment.
 
     Attributes:
-        state: simulation state of all environments: name -> array (num_envs, ...).
-        changed: how many times arrays that are not in `state` have been replaced.
-        flags: what went wrong so far, as bits (num_envs,); the first one: it is not finite.
+        state: Simulation state of all environments: name -> array (num_envs, ...).
+        changed: Number of times that arrays outside `state` have been replaced.
+        flags: Failures so far as bits (num_envs,); the first one: the state is not finite.
     """
 
     state: dict[str, Any]
@@ -28,28 +28,28 @@ class BatchPhysics(Protocol):
         """Reads model and state from the CPU environment so that a batch row can continue it."""
 
     def placed(self, read: Arrays) -> Arrays:
-        """What `read` said, in any process, as a row of `state`."""
+        """Returns a row of `state` from the result of `read` in any process."""
 
     def arrays(self) -> Arrays:
-        """Views of the environment's state, by name."""
+        """Returns views of the CPU environment's state by name."""
 
     def movers(self) -> list[int]:
-        """Bodies of the environment's model that its actor moves."""
+        """Returns ids of the bodies that the actor moves."""
 
     def poses(self) -> Array:
-        """Positions [m] and quaternions of movers in all environments (num_envs, movers, 7)."""
+        """Returns positions [m] and quaternions of movers (num_envs, movers, 7)."""
 
     def points(self, number: int) -> Array:
-        """Of what deforms (num_envs, at most `number`, 3) [m], zeros where there is none."""
+        """Returns points of deformable objects (num_envs, up to `number`, 3) [m], zero-padded."""
 
     def command(self, actions: Array) -> None:
         """Starts an env step with actions (num_envs, n)."""
 
     def sim_steps(self, usual: int) -> int:
-        """How many sim steps the env step has that was commanded; asks the device if they vary.
+        """Returns the sim steps of the current env step; reads from the device if they vary.
 
         Args:
-            usual: that of the task.
+            usual: The task's number of sim steps.
         """
         return usual
 
@@ -57,21 +57,21 @@ class BatchPhysics(Protocol):
         """Makes a sim step of all environments."""
 
     def task_state(self, number: int) -> State:
-        """The state of all environments, with `number` points each."""
+        """Returns the task's `State` of all environments, with `number` points each."""
 
     def strains(self) -> Array:
-        """The largest relative elongation of an edge (num_envs,)."""
+        """Returns the largest edge strain (num_envs,)."""
 
     def info(self, strains: Array, largest: Array) -> dict[str, Array]:
-        """Scalars (num_envs,) of objects and actor by name.
+        """Returns info scalars (num_envs,) of objects and actor by name.
 
         Args:
-            strains: from `strains`.
-            largest: of the episode so far.
+            strains: Result of `strains`.
+            largest: Largest strains of the episodes so far.
         """
 
     def holds(self) -> Array:
-        """1 for each gripper that holds something (num_envs, grippers) uint8."""
+        """Returns 1 for each gripper that holds something (num_envs, grippers) uint8."""
 
     def get_state(self, i: int) -> tuple[Arrays, Arrays]:
-        """The state of environment `i`, as in `arrays`, and what its actor remembers."""
+        """Returns the state of environment `i`, as in `arrays`, and of its actor."""

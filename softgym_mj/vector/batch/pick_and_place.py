@@ -1,4 +1,4 @@
-"""`PickAndPlaceBatch`: what `PixelPickAndPlace` does, for many environments at once."""
+"""`PickAndPlaceBatch`: the rules of `PixelPickAndPlace` for a batch of environments."""
 
 import itertools
 from collections.abc import Callable
@@ -14,33 +14,34 @@ from softgym_mj.vector.batch.pickers import PickerBatch
 
 
 class PickAndPlaceBatch(PickerBatch):
-    """Pickers whose actions are routes: each makes as many sim steps as its own needs, and rests.
+    """Pickers whose actions are routes of different length; finished environments wait.
 
     Attributes:
-        moving: whether an environment makes this sim step (num_envs,) bool.
+        moving: Whether an environment makes this sim step (num_envs,) bool.
     """
 
     def __init__(
         self, state: dict[str, Any], device: Device, num_envs: int, radius: float, reach: float
     ):
-        """Makes room for routes.
+        """Allocates routes.
 
         Args:
-            state, radius, reach: of `PickerBatch`; "view" are cameras for `shown_points`.
-            device: where the arrays are.
-            num_envs: how many.
+            state, radius, reach: As in `PickerBatch`; "view" are cameras for `shown_points`.
+            device: Device of the arrays.
+            num_envs: Number of environments.
         """
         super().__init__(state, device.xp, 1, radius, reach)
         self._device = device
         parts = len(CLOSED)
-        self._steps = device.zeros((num_envs, parts, 1, 3), "float64")  # In each sim step [m].
-        self._ends = device.zeros((num_envs, parts), "float64")  # Sim steps from the start.
-        self._done = device.zeros((num_envs,), "float64")  # Sim steps.
+        # Displacement per sim step [m], and sim steps until the end of each part.
+        self._steps = device.zeros((num_envs, parts, 1, 3), "float64")
+        self._ends = device.zeros((num_envs, parts), "float64")
+        self._done = device.zeros((num_envs,), "float64")  # Sim steps so far.
         self.moving = device.zeros((num_envs,), "bool")
 
     @property
     def longest(self) -> int:
-        """Sim steps that the longest route takes; asks the device."""
+        """Sim steps of the longest route; reads from the device."""
         return int(self._device.get(self._ends).max())
 
     def command(self, actions: Array) -> None:

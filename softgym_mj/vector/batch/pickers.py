@@ -1,4 +1,4 @@
-"""`PickerBatch`: what `Picker` and `Attachment` do, for many environments at once."""
+"""`PickerBatch`: the rules of `Picker` and `Attachment` for a batch of environments."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,12 +14,12 @@ from softgym_mj.robots.grip import (
     step_grips,
 )
 
-# The largest distance (num_envs,) to which pairs of vertices (num_envs,) may be drawn [m].
+# Returns the largest allowed distance (num_envs,) [m] of pairs of vertices (num_envs,).
 Gap = Callable[[Array, Array], Array]
 
 
 class PickerBatch:
-    """Pickers of environments, a row for each: rules of the arrays that `Picker.get_state` has."""
+    """Pickers of a batch: updates rows of the arrays in `Picker.get_state`."""
 
     def __init__(
         self,
@@ -30,15 +30,15 @@ class PickerBatch:
         reach: float,
         commands: Callable[[Array], GripCommand] | None = None,
     ):
-        """Notes what they are.
+        """Configures the pickers.
 
         Args:
-            state: where their arrays are, once they have started; a step replaces them.
-            xp: the arrays' namespace.
-            number: of pickers in each environment.
-            radius: of the spheres [m].
-            reach: largest distance of a vertex that they take [m].
-            commands: as `Gripper.commands`; None for a subclass with a `command` of its own.
+            state: Dict with their arrays after a reset; a step replaces arrays in it.
+            xp: Array namespace.
+            number: Number of pickers per environment.
+            radius: Radius of the spheres [m].
+            reach: Largest distance at which they grasp a vertex [m].
+            commands: As `Gripper.commands`; None for a subclass that overrides `command`.
         """
         self._state, self._xp, self._number = state, xp, number
         self._radius, self._reach, self._commands = radius, reach, commands
@@ -46,7 +46,7 @@ class PickerBatch:
 
     @property
     def grips(self) -> GripState:
-        """What they hold; `dropped` counts the holds that have ended."""
+        """State of all grips; `dropped` counts the holds that have ended."""
         return GripState(*(self._state[name] for name in GripState._fields))
 
     def _set(self, grips: GripState) -> None:
@@ -58,7 +58,7 @@ class PickerBatch:
         self._command = self._commands(actions)
 
     def plan(self, offsets: Callable[[Array], Array], present: Array) -> None:
-        """Starts a sim step; arguments as of `step_grips`."""
+        """Starts a sim step; the arguments are those of `step_grips`."""
         assert self._command is not None, "a command comes first"
         xp, before = self._xp, self._state["held"]
         low, high = (self._state["workspace"][:, None, i] for i in range(2))
@@ -68,28 +68,28 @@ class PickerBatch:
         if not may_be(xp, takes):
             return
         order = xp.asarray(self._state["order"], copy=True)
-        for i in range(self._number):  # Those that take in the same step do so one by one.
+        for i in range(self._number):  # Grasps in the same step are ordered by picker.
             order[:, i] = xp.where(takes[:, i], xp.max(order, axis=1) + 1, order[:, i])
         self._state["order"] = order
 
     def goals(self, resting_height: Array) -> Array:
-        """Where held vertices belong (num_envs, pickers, 3) [m]; anything if none is held.
+        """Returns targets of held vertices (num_envs, pickers, 3) [m]; undefined if none is held.
 
         Args:
-            resting_height: of vertices, on the floor (num_envs,) [m].
+            resting_height: Height of vertices on the floor (num_envs,) [m].
         """
         goals = self._state["centre"] + self._state["offset"]
         goals[..., 2] = self._xp.maximum(goals[..., 2], resting_height[:, None])
         return goals
 
     def give_way(self, goals: Array, slips: Array, gap: Gap) -> None:
-        """Ends holds of what slips away, and later ones that pull too far from earlier ones.
+        """Releases vertices that slip, and later holds that pull too far from earlier ones.
 
         Args:
-            goals: from `goals`.
-            slips: whether a vertex pulls with more than a grip can take, or is too far behind
+            goals: Result of `goals`.
+            slips: Whether a vertex exceeds the holding force or the tracking error
                 (num_envs, pickers) bool.
-            gap: how far pairs of vertices may be apart.
+            gap: Largest allowed distances of pairs of vertices.
         """
         xp, order = self._xp, self._state["order"]
         self._slip(slips & (self._state["held"] >= 0))
@@ -108,7 +108,7 @@ class PickerBatch:
         self._slip(holds & ~xp.take_along_axis(xp.stack(kept, axis=1), back, axis=1))
 
     def _slip(self, which: Array) -> None:
-        """What some (num_envs, pickers) bool hold is pulled out of them."""
+        """Releases holds in a mask (num_envs, pickers) bool under load."""
         if not may_be(self._xp, which):
             return
         state, xp = self._state, self._xp

@@ -1,4 +1,4 @@
-"""`DeviceRollouts`: returns of many action sequences, played together on a device."""
+"""`DeviceRollouts`: returns of many action sequences, simulated together on a device."""
 
 import functools
 import itertools
@@ -16,10 +16,7 @@ from softgym_mj.vector.make import make_device
 
 
 class DeviceRollouts:
-    """All at once, as rows of arrays on a device, for a planner.
-
-    These are `policies.rollouts.Rollouts`; for the devices see `vector.make_vec`.
-    """
+    """Rollouts for a planner as a batch on a device; implements `policies.rollouts.Rollouts`."""
 
     def __init__(
         self,
@@ -28,27 +25,27 @@ class DeviceRollouts:
         device: str,
         variations: Sequence[int] = (),
     ):
-        """Chooses what is played.
+        """Chooses task and device.
 
         Args:
-            task: task name or record: what is registered now, whatever replaces it later.
-            settings: keyword arguments of the task.
-            device: "host" or "cuda".
-            variations: those that will be played. Arrays are padded for the largest so far, which
-                changes the last bits of sums: told of all from the start, returns never depend on
-                which are played together.
+            task: Task name or record; a name is resolved at once.
+            settings: Keyword arguments of the task.
+            device: "host" or "cuda", as in `vector.make_vec`.
+            variations: Variations to come. Arrays are padded for the largest so far, and padding
+                changes the last bits of sums: with all variations given here, returns do not
+                depend on which are simulated together.
         """
         arguments: dict[str, Any] = {"observation": "reduced", **settings}
         self._make = functools.partial(SoftGymEnv, registry.find(task), split="all", **arguments)
         self._device, self._variations = device, variations
-        self._backends: dict[int, BatchBackend] = {}  # The last one, by its number of environments.
+        self._backends: dict[int, BatchBackend] = {}  # The last one, by number of environments.
 
     def returns(self, snapshot: Snapshot, sequences: np.ndarray) -> np.ndarray:
-        """Undiscounted returns (n,) of action sequences (n, horizon, size) from a state."""
+        """Returns undiscounted returns (n,) of action sequences (n, horizon, size) from a state."""
         return self.all([(snapshot, sequences)])[0]
 
     def all(self, trials: Sequence[tuple[Snapshot, np.ndarray]]) -> list[np.ndarray]:
-        """The returns of each of some trials, whose horizon is the same."""
+        """Returns the returns of each trial; all sequences have the same horizon."""
         ends = np.cumsum([len(sequences) for _, sequences in trials])
         number = int(ends[-1])
         if number not in self._backends:
@@ -57,7 +54,7 @@ class DeviceRollouts:
         return np.split(self._backends[number].replay(trials), ends[:-1])
 
     def _backend(self, number: int) -> BatchBackend:
-        """So many environments, with room for all variations."""
+        """Makes a backend of `number` environments with room for all variations."""
         backend = BatchBackend(self._make(), number, make_device(self._device, number))
         several = itertools.cycle(self._variations)
         for _ in range(0, len(self._variations), number):
