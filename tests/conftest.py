@@ -22,11 +22,27 @@ from tests.disks import Disk
 gc.disable()
 
 
+_MANY_MODULES = 100  # That tests have imported since the last freeze: most objects are modules'.
+_frozen = 0  # Modules at the last freeze.
+
+
 def pytest_collection_finish():
     """Leaves what has been imported and collected out of later collections."""
+    _freeze()
+    gc.enable()
+
+
+def pytest_runtest_logfinish():
+    """Leaves what the tests have imported out as well: PyTorch alone is 200,000 objects."""
+    if len(sys.modules) >= _frozen + _MANY_MODULES:
+        _freeze()
+
+
+def _freeze():
+    global _frozen  # noqa: PLW0603 - the collector is one for the process, too.
+    _frozen = len(sys.modules)
     gc.collect()
     gc.freeze()
-    gc.enable()
 
 
 def pytest_unconfigure():
