@@ -136,16 +136,24 @@ def _best(training, seen):
     return training.learner.act(seeds, first, None, explore=False)[0]
 
 
-def test_a_training_killed_after_a_part_ends_alike(train, whole, no_policies):
+def test_a_training_that_was_killed_ends_alike(train, whole, no_policies, monkeypatch):
+    """It is killed after its first part, then within the second one."""
+    part, num_envs = whole.settings.part, whole.settings.num_envs
+
     def kill(training, news):
-        raise _Killed
+        if training.covered in (part, part + 2 * num_envs):
+            raise _Killed
 
     assert whole.learner.updates > 0 and len(whole.rows) == 2 * len(SEEDS)
-    for _ in range(2):
-        with pytest.raises(_Killed):
-            train("killed").run(kill)
-    again = train("killed")
-    again.run()
+    with pytest.raises(_Killed):
+        train("killed").run(kill)
+    monkeypatch.setattr(module, "KEEP_SECONDS", -1.0)  # A checkpoint after each vector step.
+    monkeypatch.setattr(module, "KEEP_RATIO", 0.0)
+    with pytest.raises(_Killed):  # Before the checkpoint of its last vector step is written.
+        train("killed").run(kill, points=whole.settings.env_steps)
+    again, starts = train("killed"), []
+    again.run(on_start=lambda now: starts.append(now.covered))
+    assert starts == [part + num_envs]
     assert _rows(again) == _rows(whole)
     assert same(again.learner.get_state(), whole.learner.get_state())
 
@@ -158,23 +166,6 @@ def test_a_policy_file_acts_as_the_learner(whole):
     for k, expected in enumerate(_best(whole, seen)[1]):
         found = policy(seen[0, k : k + 1])
         torch.testing.assert_close(found[0], expected, rtol=1e-4, atol=1e-5)
-
-
-def test_a_training_killed_within_a_part_ends_alike(train, whole, no_policies, monkeypatch):
-    monkeypatch.setattr(module, "KEEP_SECONDS", -1.0)  # A checkpoint after each vector step.
-    monkeypatch.setattr(module, "KEEP_RATIO", 0.0)
-    part, num_envs = whole.settings.part, whole.settings.num_envs
-
-    def kill(training, news):
-        if training.covered == part + 2 * num_envs:  # The next checkpoint is not yet written.
-            raise _Killed
-
-    with pytest.raises(_Killed):
-        train("killed within").run(kill, points=whole.settings.env_steps)
-    again, starts = train("killed within"), []
-    again.run(on_start=lambda now: starts.append(now.covered))
-    assert starts == [part + num_envs]
-    assert same(again.learner.get_state(), whole.learner.get_state())
 
 
 def test_seeds_together_learn_what_each_learns_alone(train, whole, no_policies):
