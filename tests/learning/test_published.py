@@ -17,7 +17,7 @@ ERRORS = 4.0  # Standard errors of so few episodes that scores may differ by.
 
 
 CARDS = {file.stem: json.loads(file.read_text()) for file in sorted(FOLDER.glob("*.json"))}
-SHORT = {"straighten_rope", "transport_water"}  # Tasks that take few seconds to play.
+SHORT = {"straighten_rope"}  # Tasks that take few seconds to play.
 
 
 @pytest.mark.parametrize("name", CARDS)
