@@ -31,6 +31,7 @@ from softgym_mj.registry import find
 from softgym_mj.rendering.look import PAPER
 from softgym_mj.rendering.offscreen import CameraView, write_picture
 from softgym_mj.storage.files import make_folder, write_json
+from softgym_mj.variations.indices import check_variation
 
 VIDEO_SIZE = 480  # Side of a video [pixels].
 
@@ -73,6 +74,7 @@ def demo(
 
     And `tasks.png`: the start, the middle and the end of all of them.
     """
+    check_variation(variation)
     make_folder(out)
     strips = []
     with progress_bar() as progress:
