@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from softgym_mj import recording, registry
-from softgym_mj.cli import commands
+from softgym_mj.cli import commands, data
 
 
 @pytest.fixture(autouse=True)
@@ -73,7 +73,8 @@ def test_all_tasks_by_one_command(capsys, monkeypatch):
         played.append(task)
         return record(task, *arguments, **settings)
 
-    names = [*registry.TASKS]
+    names = ["spread_cloth", "pour_water", "straighten_rope"]
+    monkeypatch.setattr(data, "TASKS", {name: registry.TASKS[name] for name in names})
     place = names.index("pour_water")
     stops.__signature__ = inspect.signature(record)
     monkeypatch.setattr(recording, "record", stops)
