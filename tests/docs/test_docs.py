@@ -26,6 +26,7 @@ QUICKSTART = (ROOT / "docs" / "quickstart.md").read_text()
 MIGRATION = (ROOT / "docs" / "migration.md").read_text()
 DOMAIN = (ROOT / "docs" / "domain.md").read_text()
 ARGUMENTS = (ROOT / "docs" / "arguments.md").read_text()
+CUSTOM_TASKS = (ROOT / "docs" / "custom_tasks.md").read_text()
 ROBOTS = (ROOT / "docs" / "robots.md").read_text()
 REALITY = (ROOT / "docs" / "reality.md").read_text()
 CLOTH = (ROOT / "softgym_mj" / "cloth" / "plugin" / "README.md").read_text()
@@ -39,7 +40,16 @@ def blocks(language, text=README):
     "code",
     [
         code
-        for page in (README, QUICKSTART, MIGRATION, DOMAIN, ARGUMENTS, ROBOTS, REALITY)
+        for page in (
+            README,
+            QUICKSTART,
+            MIGRATION,
+            DOMAIN,
+            ARGUMENTS,
+            CUSTOM_TASKS,
+            ROBOTS,
+            REALITY,
+        )
         for code in blocks("python", page)
     ],
     ids=lambda code: code.splitlines()[0],
@@ -58,7 +68,7 @@ def test_the_first_block_prints_the_same_every_time(capsys):
 
 
 def test_every_field_of_a_view_is_explained():
-    section = ARGUMENTS.split("`view` of a task is")[1].split("\n\n")[1]
+    section = CUSTOM_TASKS.split("`view` of a task is")[1].split("\n\n")[1]
     listed = {
         name
         for row in section.splitlines()

@@ -22,7 +22,7 @@ from softgym_mj.tasks.shared.entries import points
 from softgym_mj.tasks.shared.observations import reduced
 from softgym_mj.tasks.shared.state import State
 
-PAGE = pathlib.Path(__file__).parents[2] / "docs" / "arguments.md"
+PAGE = pathlib.Path(__file__).parents[2] / "docs" / "custom_tasks.md"
 NUMBERS = {
     "straighten_rope": 32, "rope_configuration": 32, "spread_cloth": 64, "fold_cloth": 32,
     "fold_crumpled_cloth": 4, "drop_cloth": 4, "drop_fold_cloth": 4,

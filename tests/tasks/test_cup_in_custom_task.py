@@ -1,4 +1,4 @@
-"""A cup as the tool of a task of one's own: the example of docs/arguments.md, by cup and by arm."""
+"""A cup as the tool of a custom task: the example of docs/custom_tasks.md, by cup and by arm."""
 
 import pathlib
 import re
@@ -9,7 +9,7 @@ import pytest
 from softgym_mj.envs.environment import Environment
 from softgym_mj.exceptions import InvalidArgumentError
 
-PAGE = pathlib.Path(__file__).parents[2] / "docs" / "arguments.md"
+PAGE = pathlib.Path(__file__).parents[2] / "docs" / "custom_tasks.md"
 TIPPED = 2.0  # [rad]
 
 

@@ -1,4 +1,4 @@
-"""A solid in a task of one's own: the example of docs/arguments.md, by pickers and by arms."""
+"""A solid in a task of one's own: the example of docs/custom_tasks.md, by pickers and by arms."""
 
 import pathlib
 import re
@@ -9,7 +9,7 @@ import pytest
 from softgym_mj.envs.environment import Environment
 from softgym_mj.policies.factory import make_policy
 
-PAGE = pathlib.Path(__file__).parents[2] / "docs" / "arguments.md"
+PAGE = pathlib.Path(__file__).parents[2] / "docs" / "custom_tasks.md"
 
 
 @pytest.fixture(scope="module")
