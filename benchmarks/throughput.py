@@ -23,7 +23,8 @@ import mujoco
 import numpy as np
 
 import softgym_mj
-from benchmarks.cloth import machine, measure_yardstick
+from benchmarks.cloth import machine
+from benchmarks.cloth_worker import measure_yardstick
 from softgym_mj.envs.environment import Environment
 from softgym_mj.rendering import framebuffer
 from softgym_mj.rendering.offscreen import CameraView

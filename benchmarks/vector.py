@@ -22,7 +22,8 @@ import gymnasium
 import numpy as np
 
 import softgym_mj
-from benchmarks.cloth import machine, measure_yardstick
+from benchmarks.cloth import machine
+from benchmarks.cloth_worker import measure_yardstick
 
 TASKS = ("straighten_rope", "spread_cloth", "transport_water")
 OBSERVATIONS = ("reduced", "rgb")
