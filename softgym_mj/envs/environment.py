@@ -11,6 +11,7 @@ from dm_control import composer
 from dm_control.rl.control import PhysicsError
 
 from softgym_mj.envs import discarded
+from softgym_mj.envs.simulated import SimulatedEnvironment
 from softgym_mj.envs.snapshots import Snapshot, check_content, check_origin
 from softgym_mj.exceptions import (
     InvalidArgumentError,
@@ -19,16 +20,13 @@ from softgym_mj.exceptions import (
     SnapshotError,
     check_count,
 )
-from softgym_mj.rendering.calibration import Calibration
-from softgym_mj.rendering.framebuffer import SizedPhysics
-from softgym_mj.rendering.observables import blank_images
 from softgym_mj.tasks.shared.base import Task
 from softgym_mj.variations.indices import check_variation, split_indices
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
-class Environment(composer.Environment):
+class Environment(SimulatedEnvironment):
     """Runs a `Task`; differs from its base in five ways.
 
     `reset` chooses a variation and recompiles only when that changes the model, or when the task
@@ -96,35 +94,12 @@ class Environment(composer.Environment):
             legacy_step=False,
         )
 
-    def _recompile_physics(self):
-        # As in the base class, but for the kind of physics, whose OpenGL context stays.
-        previous = getattr(self, "_physics", None)
-        self._physics = SizedPhysics.from_mjcf_model(self._task.root_entity.mjcf_model)
-        self._physics.legacy_step = self._legacy_step
-        if previous:
-            previous.free_for(self._physics)
-
-    def _recompile_physics_and_update_observables(self):
-        with blank_images():
-            super()._recompile_physics_and_update_observables()
-        self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
-
-    def _substep(self, action):
-        for _ in range(self._task.actor.sim_steps or 1):  # What some actors need for an action.
-            super()._substep(action)
-
     def info(self) -> dict[str, np.generic]:
         """NumPy scalars that describe the state after the last step or reset."""
         self._check_open()
         warnings = np.int64(self._data.warning.number.sum())
         diverged = np.bool_(self.diverged)
         return {**self._task.info(), "physics_warnings": warnings, "diverged": diverged}
-
-    def cameras(self) -> dict[str, Calibration]:
-        """The cameras that the observation is from, by name, where they are now."""
-        seen = (found for found in self._task.observables.values() if found.enabled)
-        views = (view for found in seen for view in getattr(found, "views", ()))
-        return {view.camera: view.calibration(self._physics) for view in views}
 
     # ------------------------------------------------------------------ episodes
 
@@ -235,10 +210,6 @@ class Environment(composer.Environment):
         snapshot = None if self.started is None else self.get_state()
         return _remade, (self.maker, self._random_state.get_state(), snapshot)
 
-    def _check_open(self) -> None:
-        if self._physics is None:
-            raise LifecycleError("this environment was closed: make a new one")
-
     def get_state(self) -> Snapshot:
         """A snapshot of the running episode, independent of this environment; picklable.
 
@@ -318,11 +289,6 @@ class Environment(composer.Environment):
         self._hooks.after_step(self._physics_proxy, self._random_state)
         self.step_count += 1
         return self.step_count < self.horizon
-
-    def observation(self) -> dict[str, np.ndarray]:
-        """The current observation (of `observation_spec()`), for example after `set_state`."""
-        self._check_open()
-        return self._observation_updater.get_observation()
 
 
 def _remade(maker: Callable[..., Environment], random: tuple, snapshot: Snapshot | None):

@@ -1,0 +1,45 @@
+"""`SimulatedEnvironment`: composer's environment with the physics and cameras of this package."""
+
+import numpy as np
+from dm_control import composer
+
+from softgym_mj.exceptions import LifecycleError
+from softgym_mj.rendering.calibration import Calibration
+from softgym_mj.rendering.framebuffer import SizedPhysics
+from softgym_mj.rendering.observables import blank_images
+
+
+class SimulatedEnvironment(composer.Environment):
+    """Compiles `SizedPhysics`, which keeps its OpenGL context, and makes the actor's sim steps."""
+
+    def _recompile_physics(self):
+        # As in the base class, but for the kind of physics, whose OpenGL context stays.
+        previous = getattr(self, "_physics", None)
+        self._physics = SizedPhysics.from_mjcf_model(self._task.root_entity.mjcf_model)
+        self._physics.legacy_step = self._legacy_step
+        if previous:
+            previous.free_for(self._physics)
+
+    def _recompile_physics_and_update_observables(self):
+        with blank_images():
+            super()._recompile_physics_and_update_observables()
+        self._model, self._data = self._physics.model.ptr, self._physics.data.ptr
+
+    def _substep(self, action):
+        for _ in range(self._task.actor.sim_steps or 1):  # What some actors need for an action.
+            super()._substep(action)
+
+    def cameras(self) -> dict[str, Calibration]:
+        """The cameras that the observation is from, by name, where they are now."""
+        seen = (found for found in self._task.observables.values() if found.enabled)
+        views = (view for found in seen for view in getattr(found, "views", ()))
+        return {view.camera: view.calibration(self._physics) for view in views}
+
+    def _check_open(self) -> None:
+        if self._physics is None:
+            raise LifecycleError("this environment was closed: make a new one")
+
+    def observation(self) -> dict[str, np.ndarray]:
+        """The current observation (of `observation_spec()`), for example after `set_state`."""
+        self._check_open()
+        return self._observation_updater.get_observation()
