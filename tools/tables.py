@@ -252,6 +252,7 @@ def pages() -> dict[pathlib.Path, str]:
     texts[DOMAIN] = with_table(texts[DOMAIN], parameters())
     texts[VALIDATION] = between(texts[VALIDATION], "experts", experts.table(scores))
     texts[VALIDATION] = between(texts[VALIDATION], "cameras", pictures())
+    texts[RESULTS] = between(texts[RESULTS], "overview", learned.matrix())
     texts[RESULTS] = between(texts[RESULTS], "learned", learned.results())
     texts[RESULTS] = between(texts[RESULTS], "others", learned.others())
     results = read(False)
