@@ -30,7 +30,7 @@ from softgym_mj.rendering import framebuffer
 from softgym_mj.rendering.offscreen import CameraView
 from softgym_mj.robots.arm.models import ARMS
 
-SOFTGYM = 46.0  # Env steps/s, facts 6.
+SOFTGYM = 46.0  # Env steps/s, docs/softgym.md 6.
 # Env steps timed per variation, and evaluation variations.
 STEPS = {"rope": 75, "cloth": 50, "water": 25}
 FEW = range(800, 805)

@@ -14,11 +14,13 @@ As a Gymnasium environment, or many:
     env = gymnasium.make("softgym_mj/SpreadCloth-v0", observation="rgb")
     envs = softgym_mj.make_vec("spread_cloth", num_envs=8)
 
-`softgym_mj.TASKS` has the tasks by name, `softgym_mj.TASKS["spread_cloth"].arguments` the keyword
-arguments of one with their types. `help("softgym_mj.tasks.shared.settings")` explains those that
-tasks share, `help("softgym_mj.tasks.spread_cloth")` the others and defines the task.
-`softgym_mj.register` adds a custom one: a subclass of `softgym_mj.tasks.Task`.
+`softgym_mj.TASKS` lists the tasks by name, `softgym_mj.TASKS["spread_cloth"].arguments` the keyword
+arguments of one with their types. `help(softgym_mj.tasks.SpreadCloth)` defines a task, and
+`help("softgym_mj.tasks.shared.settings")` explains the arguments that tasks share.
+`softgym_mj.register` adds a custom task: a subclass of `softgym_mj.tasks.Task`.
 """
+
+import importlib
 
 from softgym_mj import exceptions, registry
 from softgym_mj.envs import suite
@@ -30,6 +32,12 @@ from softgym_mj.vector.make import make_vec
 
 __version__ = "0.1.0"
 __all__ = ["TASKS", "__version__", "exceptions", "load", "make_vec", "register", "registry"]
+
+
+def __getattr__(name: str) -> object:
+    if name == "tasks":  # Imported on first use, so that importing the package stays cheap.
+        return importlib.import_module("softgym_mj.tasks")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -21,7 +21,7 @@ Array = Any  # Of NumPy or PyTorch.
 # Lines on which the covered area is measured. With 256 the error on crumpled meshes is 0.03 %; an
 # outline step parallel to X costs up to half a line pitch of its length.
 AREA_LINES = 256
-DISPLACEMENT_WEIGHT = 1.2  # Facts 3.7.
+DISPLACEMENT_WEIGHT = 1.2  # docs/softgym.md 3.7.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +71,7 @@ def chosen(points: Array, indices: Any) -> Array:
 
 
 def normalize(performance: Array, lower: Array, upper: Array) -> Array:
-    """(s - lower) / (upper - lower), facts 1.8; 0 when the bounds coincide."""
+    """(s - lower) / (upper - lower), docs/softgym.md 1.8; 0 when the bounds coincide."""
     span = upper - lower
     return (performance - lower) / (span + (span == 0)) * (span != 0)
 
@@ -118,7 +118,7 @@ def covered_area(vertices: Array, triangles: Array, lines: int = AREA_LINES) -> 
 
     The covered length is exact along X on each of `lines` equidistant lines of constant Y, and
     integrated along Y by the midpoint rule. It depends neither on the mesh resolution nor on the
-    orientation; for an axis-aligned flat cloth it is exactly SoftGym's value (facts A).
+    orientation; for an axis-aligned flat cloth it is exactly SoftGym's value (docs/softgym.md A).
 
     Args:
         vertices: (..., n, 3) or (..., n, 2) positions [m].
@@ -244,7 +244,7 @@ def _columns(sheet: Array, indices: Array) -> Array:
 def inside(points: Array, pose: Array, size: Array) -> Array:
     """Which points are in a cup's box, turned with it: (..., n) bool.
 
-    The box has the walls in it, and half a wall above the rim (facts 3.0).
+    The box has the walls in it, and half a wall above the rim (docs/softgym.md 3.0).
 
     Args:
         points: (..., n, 3) [m] in the world.

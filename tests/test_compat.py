@@ -12,7 +12,8 @@ from softgym_mj import compat
 from softgym_mj.compat import SOFTGYM_ENVS, ReplacedError, env_arg_dict, normalize
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError, UnavailableError
 
-# Sizes of SoftGym's key point vectors (facts 1.5), with the two of PourWaterAmount that we add.
+# Sizes of SoftGym's key point vectors (docs/softgym.md 1.5), with two that we add to
+# PourWaterAmount.
 KEY_POINTS = {
     "PassWater": 7, "PourWater": 13, "PourWaterAmount": 15, "RopeFlatten": 36,
     "RopeConfiguration": 66, "ClothFlatten": 18, "ClothFold": 18, "ClothDrop": 18,
@@ -62,7 +63,7 @@ def test_axes_are_softgyms():
     np.testing.assert_allclose(start[:, 0], ours[:, 0], atol=1e-7)
     np.testing.assert_allclose(start[:, 1], ours[:, 2], atol=1e-7)  # Up.
     np.testing.assert_allclose(start[:, 2], -ours[:, 1], atol=1e-7)
-    # Picker 0 starts at +z (facts 2.3).
+    # Picker 0 starts at +z (docs/softgym.md 2.3).
     assert start[-2, 2] - start[-1, 2] == pytest.approx(0.08, abs=1e-6)
     action = np.array([0.5, 1.0, -0.5, -1, 0, 0, 0, -1])
     raw = [0.005, 0.01, -0.005, 0, 0, 0, 0, 0]
@@ -102,7 +103,7 @@ def test_pick_and_place_goes_to_points_in_metres():
     reached = [[0.1, 0.2, -0.2], [-0.3, 0.15, 0.25]]
     np.testing.assert_allclose(observation[-6:].reshape(2, 3), reached, atol=1e-6)
     assert info["total_steps"] > 20
-    # A sphere of 5 cm in a box of 1 x 0.3 x 1 m about the middle of the cloth (facts 2.2).
+    # A sphere of 5 cm in a box of 1 x 0.3 x 1 m around the cloth (docs/softgym.md 2.2).
     observation, *_ = env.step([0.5, 0.3, 0.5, 0.0, -0.5, 0.0, -0.5, 0.0])
     ends = np.array([[0.45, 0.25, 0.45], [-0.45, 0.05, -0.45]]) + centre * [1, 0, 1]
     ends = np.clip(ends, [-0.5, 0, -0.5], [0.5, 0.3, 0.5])
@@ -115,7 +116,7 @@ def test_pixels_and_offsets_are_softgyms():
     state = env.get_state()
     position, (yaw, pitch, _) = env.get_camera_params()
     for u, v, offset in ((0.1, -0.05, [0.06, 0.1, 0.04]), (-0.1, 0.1, [0.0, 0.02, -0.05])):
-        # Facts 1.4 and 2.5: the pixel's ray meets the plane at 0.00625 m.
+        # docs/softgym.md 1.4 and 2.5: the pixel's ray meets the plane at 0.00625 m.
         look = np.array([-np.sin(yaw) * np.cos(pitch), np.sin(pitch), -np.cos(yaw) * np.cos(pitch)])
         right = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
         half = np.tan(np.radians(22.5))
@@ -167,7 +168,7 @@ def test_actions_are_clipped_as_softgym_does(name):
     for action in (np.full(size, 1.5), np.linspace(-7.0, 7.0, size)):
         env.set_state(start)
         found = env.step(action)
-        # Its NormalizedEnv: on the raw box, then clipped to it (facts 1.7).
+        # Its NormalizedEnv: on the raw box, then clipped to it (docs/softgym.md 1.7).
         raw.set_state(start)
         expected = raw.step(np.clip(low + (action + 1) * 0.5 * (high - low), low, high))
         np.testing.assert_allclose(found[0], expected[0], atol=1e-6)
@@ -244,7 +245,7 @@ def test_a_video_is_recorded(name, steps, tmp_path):
 
 
 def test_cameras_and_configs_are_softgyms():
-    """Facts 1.4, 3.0 and 3.3."""
+    """docs/softgym.md 1.4, 3.0 and 3.3."""
     water, cloth = make("PourWaterAmount"), make("ClothFlatten", num_variations=5)
     water.reset()
     cloth.reset(config_id=3)

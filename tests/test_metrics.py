@@ -77,7 +77,7 @@ def rotated(vertices: np.ndarray, degrees: float) -> np.ndarray:
 
 
 def softgym_area(vertices: np.ndarray) -> float:
-    """SoftGym's own covered area, written down from facts 3.6: the slow reference."""
+    """SoftGym's own covered area, written down from docs/softgym.md 3.6: the slow reference."""
     points = vertices[:, :2]
     low, high = points.min(axis=0), points.max(axis=0)
     cell = (high - low) / SQUARE_CELLS
@@ -270,8 +270,8 @@ def test_area_of_a_line_is_zero(direction):
 @pytest.mark.parametrize(
     ("performance", "lower", "upper", "expected"),
     [
-        (-0.25, -0.5, 0.0, 0.5),  # Facts A: StraightenRope, end distance 0.25 m.
-        (-0.0375, -0.5, 0.0, 0.925),  # Facts A: StraightenRope, end distance 0.5375 m.
+        (-0.25, -0.5, 0.0, 0.5),  # docs/softgym.md A: StraightenRope, end distance 0.25 m.
+        (-0.0375, -0.5, 0.0, 0.925),  # docs/softgym.md A: StraightenRope, end distance 0.5375 m.
         (-0.6, -1.2, 0.0, 0.5),
         (2.0, 0.0, 1.0, 2.0),  # Not clipped above ...
         (-1.0, 0.0, 1.0, -1.0),  # ... nor below.

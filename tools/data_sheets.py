@@ -35,7 +35,7 @@ VARIATIONS = (800, 801)  # Two, so that what differs between variations can be t
 WRIST_SUMMARY = "with arms: uint8 images (arms, height, width, 3) from the cameras on their hands"
 HELD_SUMMARY = "cloth, rope: 1 for each gripper that holds something, else 0"
 GOAL_SUMMARY = "`rope_configuration`: uint8 image (height, width, 3), `rgb` with the goal reached"
-_LABELS = ("Goal", "Reward", "Bounds", "Reduced state", "Full state", "Start", "End")
+_LABELS = ("Goal", "Actions", "Observations", "Reward", "Bounds", "Horizon", "Start")
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -92,9 +92,7 @@ def entry_table(entries: Mapping[str, int], start: int = 0) -> str:
     return table(("entries", "what", "unit"), rows)
 
 
-def observations(
-    env: Environment, arms: Environment, tasks: Mapping[str, Task], remarks: Sequence[str]
-) -> Iterator[str]:
+def observations(env: Environment, arms: Environment) -> Iterator[str]:
     """Shapes of all observations, then the entries of the states."""
     task, spec = env.task, env.observation_spec()
     shown = {**spec, WRIST_RGB: arms.observation_spec()[WRIST_RGB]}
@@ -105,7 +103,6 @@ def observations(
     )
     yield "### `reduced`\n"
     yield entry_table(reduced_entries(task))
-    yield from remarks
     yield "### `full`\n"
     yield entry_table(full_entries(env))
     yield "### `markov` and arms\n"
@@ -182,18 +179,18 @@ def interface() -> str:
 # ---------------------------------------------------------------------- the rest
 
 
-def paragraphs(record: TaskRecord) -> dict[str, list[str]]:
-    """The docstring of the task's module as Markdown paragraphs by their label."""
-    module = inspect.getmodule(record.resolve())
-    text = re.sub(r" \(facts [^)]*\)", "", inspect.getdoc(module) or "")
-    start = rf"\n(?=(?:{'|'.join(_LABELS)})\b)|\n\n|(?<=\.) (?=End:)"
-    found: dict[str, list[str]] = {}
-    for paragraph in re.split(start, text):
-        match = re.match("|".join(_LABELS), paragraph)
-        label = match.group() if match else ""
-        marked = f"**{label}**{paragraph[len(label) :]}" if label else paragraph
-        found.setdefault(label, []).append(marked.strip() + "\n")
-    return found
+def paragraphs(record: TaskRecord) -> dict[str, str]:
+    """The docstring of the task's class as Markdown paragraphs by their label."""
+    text = re.sub(r" \(docs/softgym.md [^)]*\)", "", inspect.getdoc(record.resolve()) or "")
+    _, *parts = re.split(rf"^({'|'.join(_LABELS)})\b", text, flags=re.MULTILINE)
+    return {
+        label: (
+            paragraph[2].upper() + paragraph[3:].rstrip() + "\n"
+            if label in ("Actions", "Observations")  # Headings of the page.
+            else f"**{label}**{paragraph.rstrip()}\n"
+        )
+        for label, paragraph in zip(parts[::2], parts[1::2], strict=True)
+    }
 
 
 def bounds(env: Environment) -> tuple[str, str]:
@@ -283,14 +280,16 @@ def sheet(name: str) -> str:
         f"![The scripted expert](../videos/{name}.webp)\n",
         facts,
         "## Goal and reward\n",
-        *(line for label in ("", "Goal", "Reward", "Bounds", "End") for line in text[label]),
+        *(text[label] for label in ("Goal", "Reward", "Bounds", "Horizon")),
         "## Actions\n",
+        text["Actions"],
         *actions(env, tasks, record),
         "## Observations\n",
-        *observations(env, arms, tasks, text["Reduced state"]),
+        text["Observations"],
+        *observations(env, arms),
         "## Variations\n",
         f"Indices of the splits: {splits}.\n",
-        *text["Start"],
+        text["Start"],
         "[Domain parameters](../domain.md#parameters).\n",
         "## Cameras\n",
         cameras(env, arms),

@@ -54,9 +54,9 @@ class ActionMode(NamedTuple):
 
     Attributes:
         actor: name of the actor.
-        low, high: SoftGym's box, of each picker or of the cup (facts 2.1, 2.5, 3.1 and 3.2).
+        low, high: SoftGym's box, of each picker or of the cup (docs/softgym.md 2.1, 2.5, 3.1, 3.2).
         ours: gives our action for an actor, SoftGym's, and that as fractions of the box.
-        workspace: of the actor, in our axes [m] (facts 2.2); None for the task's.
+        workspace: of the actor, in our axes [m] (docs/softgym.md 2.2); None for the task's.
     """
 
     actor: str

@@ -1,4 +1,4 @@
-"""SoftGym's cameras (facts 1.4): ours are framed for the object, theirs are what scripts know."""
+"""SoftGym's cameras (docs/softgym.md 1.4): ours frame the object, scripts may expect theirs."""
 
 from softgym_mj.entities.views import CameraPose
 

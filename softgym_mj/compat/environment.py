@@ -136,7 +136,7 @@ class OldEnv:
         return self.dm_env.step_count
 
     def get_camera_params(self) -> tuple[np.ndarray, np.ndarray]:
-        """Position (3,) [m] and angles (yaw, pitch, 0) [rad] of the camera (facts 1.4)."""
+        """Position (3,) [m] and angles (yaw, pitch, 0) [rad] of a camera (docs/softgym.md 1.4)."""
         model, data = self.dm_env.physics.model.ptr, self.dm_env.physics.data.ptr
         camera = model.camera("task").id
         right, _, back = to_flex(data.cam_xmat[camera].reshape(3, 3).T)

@@ -13,7 +13,7 @@ from softgym_mj.validation import typed
 # SoftGym counts cloth sizes in FleX particles this far apart [m]; a side is (dim - 1) of them.
 PARTICLE_SPACING = 0.00625
 MIN_DIM, MAX_DIM = 10, 200  # Accepted sizes in particles: 0.06 m to 1.24 m.
-DEFAULT_DIMS = (96, 58)  # SoftGym's size when variations are off (facts 3.0).
+DEFAULT_DIMS = (96, 58)  # SoftGym's size when variations are off (docs/softgym.md 3.0).
 # Vertex spacing [m].
 FIDELITIES = {"fast": 0.04, "default": 0.03, "accurate": 0.02}
 

@@ -1,4 +1,4 @@
-"""`Cup`: an open box of five walls that is moved by its pose (facts 3.0)."""
+"""`Cup`: an open box of five walls that is moved by its pose (docs/softgym.md 3.0)."""
 
 import dataclasses
 import math

@@ -19,7 +19,7 @@ LINE_COLOR = (0.1, 0.7, 0.3, 0.8)  # Green: cloths, ropes and water have other c
 LINE_WIDTH, LINE_HEIGHT = 0.006, 0.002  # [m] Of a line on the floor; half of its height shows.
 OUTLINE_WIDTH = 0.012  # [m] Of what is seen from further away, or has half of it covered.
 LEVEL_COLOR = (1.0, 0.0, 0.0, 1.0)  # SoftGym's red.
-LEVEL_HALF = 0.0025  # [m] Half of its thickness (facts 3.3).
+LEVEL_HALF = 0.0025  # [m] Half of its thickness (docs/softgym.md 3.3).
 
 
 class Mark(Entity):

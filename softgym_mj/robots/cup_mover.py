@@ -1,4 +1,4 @@
-"""`CupMover`: moves a cup by its pose, as SoftGym does (facts 3.1 and 3.2)."""
+"""`CupMover`: moves a cup by its pose, as SoftGym does (docs/softgym.md 3.1 and 3.2)."""
 
 import dataclasses
 import functools

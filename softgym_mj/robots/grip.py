@@ -1,7 +1,4 @@
-"""Rules of what grippers hold: SoftGym's in `step_grips` (facts 2.4), and when holds give way.
-
-Arrays of NumPy or torch. `...` are leading dimensions: none for one simulation, or one for a batch.
-"""
+"""Rules of grips: SoftGym's in `step_grips` (docs/softgym.md 2.4), and release under load."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple

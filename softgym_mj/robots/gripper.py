@@ -16,7 +16,7 @@ from softgym_mj.robots.holding import Holding
 from softgym_mj.robots.workspace import ToolStart, Workspace
 
 HELD = "held"  # The observation: uint8 (grippers,), 1 for each gripper that holds something.
-MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (facts 2.1).
+MAX_DISPLACEMENT = 0.01  # [m] per axis and sim step: 1 m/s per axis (docs/softgym.md 2.1).
 # [m] At the start, of grippers' centres above the object: a picker's radius and 1 cm.
 CLEARANCE = 0.06
 

@@ -1,4 +1,4 @@
-"""Pickers that go all the way in one action: `PickAndPlace` and `PixelPickAndPlace` (facts 2.5)."""
+"""Pickers that complete a pick and place in one action (docs/softgym.md 2.5)."""
 
 import functools
 import math

@@ -35,10 +35,10 @@ class Geometry:
     """Shape and contact of a picker.
 
     Attributes:
-        radius: of the sphere [m].
-        pick_distance: facts 2.1: the radius plus SoftGym's particle radius (0.00625 cloth, 0.025
-            rope) plus its threshold of 0.005 [m].
-        friction: as between the object and the floor.
+        radius: radius of the sphere [m].
+        pick_distance: radius plus SoftGym's particle radius (0.00625 cloth, 0.025 rope) plus its
+            threshold of 0.005 [m] (docs/softgym.md 2.1).
+        friction: friction coefficient, as between the object and the floor.
     """
 
     radius: float
@@ -51,16 +51,16 @@ ROPE_GEOMETRY = Geometry(0.02, 0.05, friction=1.0)
 
 
 class Picker(Gripper):
-    """Any number of pickers with the semantics of SoftGym (facts 2.4), see `grip.step_grips`.
+    """Pickers with the semantics of SoftGym (docs/softgym.md 2.4): see `grip.step_grips`.
 
-    A held vertex keeps its offset to the picker, except that it is never pushed below its resting
-    height on the floor. Pickers that pull two vertices apart, further than the object stretches,
-    lose the one that was taken later, see `Attachment`.
+    A held vertex keeps its offset to the picker, but is never pushed below its resting height on
+    the floor. If pickers pull two vertices further apart than the object stretches, the one that
+    was taken later is released: see `Attachment`.
 
     Attributes:
-        radius: of the spheres [m].
-        pick_distance: largest distance [m] between a picker's centre and a vertex it can take.
-        slides, slide_velocities: (num_pickers, 3) [m], [m/s], views of what is simulated.
+        radius: radius of the spheres [m].
+        pick_distance: largest distance [m] between a picker's center and a vertex that it can take.
+        slides, slide_velocities: (num_pickers, 3) [m], [m/s], views of the simulation state.
     """
 
     name = "picker"
@@ -119,7 +119,7 @@ class Picker(Gripper):
         self.slides, self.slide_velocities = slide_views(model, data, bodies)
 
     def default_positions(self, point: np.ndarray) -> np.ndarray:
-        # Facts 2.3: a ring of radius 2 r sqrt(n - 1) from FleX's +z, which is -Y here.
+        # docs/softgym.md 2.3: a ring of radius 2 r sqrt(n - 1) from FleX's +z, which is -Y here.
         number = self.num_grippers
         angles = [2 * math.pi * i / number for i in range(number)]
         ring = 2 * self.radius * math.sqrt(number - 1)

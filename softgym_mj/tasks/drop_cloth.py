@@ -1,16 +1,4 @@
-"""DropCloth (SoftGym: ClothDrop): drop a hanging cloth so that it lies flat on the floor.
-
-Goal: column i of SoftGym's particles at x = i rho, the rows centred about Y = 0. Two pickers that
-cannot get lower than 0.55 m, so that the cloth has to be swung; 30 env steps of 16 sim steps (the
-paper's 15 of 32: `action_repeat=32`, `horizon=15`).
-
-Reward = performance: -(mean distance of the particles from their places) [m].
-Bounds: lower = at reset, upper = 0.
-Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
-Start: the cloth hangs by the corners p1, p2 of column 0, which picker 0 and picker 1 hold from 5 cm
-above: an action with grip <= 0 lets go. Sizes of 60..99 particles a side.
-End: horizon only.
-"""
+"""The task DropCloth (SoftGym: ClothDrop)."""
 
 from typing import Unpack
 
@@ -27,16 +15,30 @@ from softgym_mj.tasks.shared.starts.cloths import HangingCloth
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.shared.symmetry import mirrored
 
-SIZES = (60, 100)  # [particles] The upper end exclusive: facts 5, row 27.
+SIZES = (60, 100)  # [particles] The upper end is exclusive (docs/softgym.md 5, row 27).
 
 
 class DropCloth(LaidCloth):
-    """See the module docstring."""
+    """Drop a hanging cloth so that it lies flat in its place on the floor.
+
+    Goal: column i of SoftGym's particles at x = i rho, with rows centered about Y = 0. The two
+    pickers cannot get lower than 0.55 m, so the cloth has to be swung.
+    Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
+    1].
+    Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
+    each): 18 entries [m]. `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: -(mean distance of the particles from their places) [m].
+    Bounds: lower = performance at reset, upper = 0.
+    Horizon: 30 env steps of 16 sim steps; nothing else ends an episode. The paper has 15 of 32
+    (`horizon=15, action_repeat=32`).
+    Start: the cloth hangs by the corners p1, p2 of column 0, 5 cm below picker 0 and picker 1,
+    which hold them until an action with grip <= 0. Sides have 60 to 99 particles.
+    """
 
     summary = "Drop a hanging cloth so that it lies flat in its place."
     difficulty, material = "medium", "cloth"
-    horizon, action_repeat = 30, 16  # Facts 1.2; 5, row 1.
-    success = 0.8  # Ours: vertices of a cloth of 0.5 m are 10 cm from their places on average.
+    horizon, action_repeat = 30, 16  # docs/softgym.md 1.2; 5, row 1.
+    success = 0.8  # Our choice: the mean distance is 10 cm for a cloth of 0.5 m.
     actors, workspace = hanging.ACTORS, hanging.WORKSPACE
     arm_height, view = hanging.BASE_HEIGHT, "drop_cloth"
     softgym_name, folded = "ClothDrop", False

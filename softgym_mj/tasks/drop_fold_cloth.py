@@ -1,18 +1,4 @@
-"""DropFoldCloth (SoftGym: ClothFoldDrop): drop a hanging cloth so that it lies folded in half.
-
-Goal: the second half of the columns of SoftGym's particles at x = i rho for column i, the rows
-centred about Y = 0, and columns 0 to half on top of their mirror columns. Two pickers that cannot
-get lower than 0.55 m, so that the cloth has to be swung; 100 env steps of 8 sim steps.
-
-Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from its
-place) [m]; SoftGym takes the hanging cloth for its place, which the words of the paper contradict.
-Bounds: lower = at reset, upper = 0. Distances alone count: a pile in the right place scores 0.7,
-which `outline_iou` and `wrinkle_height` in info tell from a fold.
-Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
-Start: the cloth hangs by the corners p1, p2 of column 0, which picker 0 and picker 1 hold from 5 cm
-above: an action with grip <= 0 lets go. Sizes of 60..119 particles a side.
-End: horizon only.
-"""
+"""The task DropFoldCloth (SoftGym: ClothFoldDrop)."""
 
 from typing import Unpack
 
@@ -28,11 +14,27 @@ from softgym_mj.tasks.shared.symmetry import mirrored
 
 
 class DropFoldCloth(LaidCloth):
-    """See the module docstring."""
+    """Drop a hanging cloth so that it lies folded in half.
+
+    Goal: the second half of the columns of SoftGym's particles at x = i rho for column i, with rows
+    centered about Y = 0, and columns 0 to half on top of their mirror columns. The two pickers
+    cannot get lower than 0.55 m, so the cloth has to be swung.
+    Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
+    1].
+    Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
+    each): 18 entries [m]. `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from
+    its place) [m]. SoftGym's place is the hanging cloth, which contradicts the paper's text.
+    Bounds: lower = performance at reset, upper = 0. Only distances count: a pile in the right place
+    scores 0.7; `outline_iou` and `wrinkle_height` in info tell it from a fold.
+    Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
+    Start: the cloth hangs by the corners p1, p2 of column 0, 5 cm below picker 0 and picker 1,
+    which hold them until an action with grip <= 0. Sides have 60 to 119 particles.
+    """
 
     summary = "Drop a hanging cloth so that it lies folded in half."
     difficulty, material = "hard", "cloth"
-    success = 0.85  # Ours: folded with some wrinkles; a pile in the right place scores 0.7.
+    success = 0.85  # Our choice: folded with some wrinkles; a pile in the right place scores 0.7.
     actors, workspace = hanging.ACTORS, hanging.WORKSPACE
     arm_height, view = hanging.BASE_HEIGHT, "drop_fold_cloth"
     planning_horizon, example_variation, softgym_name = 30, 953, "ClothFoldDrop"

@@ -1,18 +1,4 @@
-"""FoldCloth (SoftGym: ClothFold): fold a flat cloth in half.
-
-Goal: columns 0 to half of the cloth, on whose side the pickers start, on top of their mirror
-columns, which stay where they are. A strip in the other side's colour marks the half that is folded
-over. Two pickers; 100 env steps of 8 sim steps.
-
-Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from its
-place) [m], over SoftGym's particles.
-Bounds: lower = at reset, upper = 0. Two layers of the cloth lie 1 cm apart, so that a perfect fold
-scores 0.95 to 0.97.
-Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
-Start: sizes of 60..119 particles a side; flat, turned by up to 45 degrees; the pickers start 0.1 m
-above the middle of column 0. The workspace reaches 0.8 m from there along X and Y, where SoftGym's
-is too small for 73 % of the folds (facts 5, row 29). End: horizon only.
-"""
+"""The task FoldCloth (SoftGym: ClothFold)."""
 
 from typing import Unpack
 
@@ -27,15 +13,31 @@ from softgym_mj.tasks.shared.symmetry import anywhere
 
 
 class FoldCloth(LaidCloth):
-    """See the module docstring."""
+    """Fold a flat cloth in half.
+
+    Goal: columns 0 to half of the cloth, on whose side the pickers start, on top of their mirror
+    columns, which stay in place. A strip in the other side's color marks the half to fold over.
+    Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
+    1].
+    Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
+    each): 18 entries [m]. `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from
+    its place) [m], over SoftGym's particles.
+    Bounds: lower = performance at reset, upper = 0. The two layers lie 1 cm apart, so a perfect
+    fold scores 0.95 to 0.97.
+    Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
+    Start: the cloth lies flat, rotated by up to 45 degrees, with sides of 60 to 119 particles; the
+    two pickers start 0.1 m above the middle of column 0. The workspace reaches 0.8 m from there
+    along X and Y; SoftGym's is too small for 73 % of the folds (docs/softgym.md 5, row 29).
+    """
 
     summary = "Fold a flat cloth in half."
     difficulty, material = "medium", "cloth"
-    success = 0.85  # Ours: 4 cm off on average in a cloth of 0.5 m.
+    success = 0.85  # Our choice: a mean distance of 4 cm for a cloth of 0.5 m.
     workspace = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
     reset_height, view = 0.1, "fold_cloth"
-    planning_horizon, softgym_name = 30, "ClothFold"  # The paper's; the code has 15.
-    symmetries = anywhere("same", "rows")  # Into which half it is folded matters.
+    planning_horizon, softgym_name = 30, "ClothFold"  # From the paper; SoftGym's code has 15.
+    symmetries = anywhere("same", "rows")  # The task depends on which half is folded over.
 
     def __init__(self, *, fidelity: str = "default", **settings: Unpack[ClothTaskSettings]):
         """Builds the task.

@@ -1,18 +1,4 @@
-"""FoldCrumpledCloth (SoftGym: ClothFoldCrumpled): spread a crumpled cloth, then fold it in half.
-
-Goal: columns 0 to half of the cloth on top of their mirror columns, which lie where those of a flat
-cloth at the origin do. A strip in the other side's colour marks the half that is folded over. Two
-pickers; 100 env steps of 8 sim steps.
-
-Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from its
-place) [m], over SoftGym's particles.
-Bounds: lower = at reset, upper = 0. Two layers of the cloth lie 1 cm apart, so that a perfect fold
-scores 0.95 to 0.97.
-Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
-Start: sizes of 60..119 particles a side; lifted and dropped as in SpreadCloth; the pickers start
-0.2 m above the origin or, as there, higher. The workspace reaches 0.8 m from there along X and Y,
-where SoftGym's is too small for 73 % of the folds (facts 5, row 29). End: horizon only.
-"""
+"""The task FoldCrumpledCloth (SoftGym: ClothFoldCrumpled)."""
 
 from typing import Unpack
 
@@ -27,11 +13,28 @@ from softgym_mj.tasks.shared.symmetry import mirrored
 
 
 class FoldCrumpledCloth(LaidCloth):
-    """See the module docstring."""
+    """Spread a crumpled cloth, then fold it in half.
+
+    Goal: columns 0 to half of the cloth on top of their mirror columns, which lie where those of a
+    flat cloth at the origin do. A strip in the other side's color marks the half to fold over.
+    Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
+    1].
+    Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
+    each): 18 entries [m]. `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: -(mean distance of the pairs) - 1.2 (mean distance of the second half from
+    its place) [m], over SoftGym's particles.
+    Bounds: lower = performance at reset, upper = 0. The two layers lie 1 cm apart, so a perfect
+    fold scores 0.95 to 0.97.
+    Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
+    Start: the cloth, with sides of 60 to 119 particles, is lifted and dropped as in SpreadCloth;
+    the two pickers start 0.2 m above the origin, or higher above a high pile. The workspace reaches
+    0.8 m from there along X and Y; SoftGym's is too small for 73 % of the folds (docs/softgym.md 5,
+    row 29).
+    """
 
     summary = "Spread a crumpled cloth, then fold it in half."
     difficulty, material = "hard", "cloth"
-    success = 0.85  # Ours: 4 cm off on average in a cloth of 0.5 m.
+    success = 0.85  # Our choice: a mean distance of 4 cm for a cloth of 0.5 m.
     workspace = Workspace((-0.85, -0.85, 0.0), (0.85, 0.85, 0.5))
     reset_height, view = 0.2, "fold_crumpled_cloth"
     planning_horizon, softgym_name = 30, "ClothFoldCrumpled"

@@ -1,22 +1,4 @@
-"""PourWater: pour the water of one cup into another.
-
-Goal: all water in the target cup. The cup moves along X and Z, at most 0.01 m a sim step each, and
-turns about the middle of its floor, at most 0.015 rad a sim step; 100 env steps of 8 sim steps. A
-move that would put it into the ground or the target is rejected as a whole; info counts these
-(`rejected_moves` of the env step's sim steps).
-
-Reward = performance: fraction of particles in the target's box and not in the cup's, so that
-lowering the cup into the target does not count. The cup's box turns with it, where SoftGym's stays
-along the axes.
-Bounds: lower = 0 (the start), upper = 1.
-Reduced state, 13 entries: cup x, z [m], theta [rad]; its inner length, width, height; target x and
-its height, inner length, width; height of the highest particle [m]; fraction in the target's box,
-fraction in the cup's. Where SoftGym's target entry moves with the cup, ours is where it stands.
-Full state: all particles (x, y, z each [m]), zeros up to the largest sample of this fidelity (8788
-times 1/2, 1 or 2), then each cup's pose and inner measures, and what an arm senses of itself.
-Start: 224 to 8788 of SoftGym's particles at rest in a cup made for them, a target cup 0.27 to 1.3 m
-away (facts 3.2), at least 2 cm clear. End: horizon only.
-"""
+"""The task PourWater."""
 
 from typing import Unpack
 
@@ -32,11 +14,30 @@ from softgym_mj.tasks.shared.state import Episode, State
 
 
 class PourWater(Task):
-    """See the module docstring."""
+    """Pour the water of one cup into another.
+
+    Goal: all water in the target cup.
+    Actions: dx, dz (1 is 0.01 m per sim step) and dtheta about the middle of the cup's floor (1 is
+    0.015 rad), each in [-1, 1]. A move into the ground or the target is rejected as a whole;
+    `rejected_moves` in info counts them over the sim steps of an env step.
+    Observations: `reduced` (default), 13 entries: cup x, z [m], theta [rad]; its inner length,
+    width, height; target x and its height, inner length, width; height of the highest particle [m];
+    fractions in the target's box and in the cup's. SoftGym's target entry moves with the cup; ours
+    is its position. `full`: all particles (x, y, z each [m]), zeros up to the largest sample of the
+    fidelity (8788 times 1/2, 1 or 2), then each cup's pose and inner size, and the proprioception
+    of an arm. `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: fraction of particles inside the target's box and outside the cup's, so
+    lowering the cup into the target does not count. The cup's box rotates with it; SoftGym's stays
+    axis-aligned.
+    Bounds: lower = 0 (the start), upper = 1.
+    Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
+    Start: 224 to 8788 of SoftGym's particles at rest in a cup that fits them, and a target cup 0.27
+    to 1.3 m away (docs/softgym.md 3.2), at least 2 cm clear.
+    """
 
     summary = "Pour the water of one cup into another."
     difficulty, material = "medium", "water"
-    success = 0.95  # Ours: a twentieth of the water may be spilled or stay in the cup.
+    success = 0.95  # Our choice: a twentieth of the water may be spilled or stay in the cup.
     actors, view, reset_height = CUP_ACTORS, "pour_water", 0.0
     planning_horizon, softgym_name = 40, "PourWater"
 

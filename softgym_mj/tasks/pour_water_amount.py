@@ -1,27 +1,4 @@
-"""PourWaterAmount: pour a given share of the water of one cup into another.
-
-Goal: a share t of the water in the target cup, uniform in 0.1..1 and marked by a red bar on the
-target's inner wall, about where the water will stand; images show it with `goal_marks=True` only.
-The cup moves along X and Z, at most 0.01 m a sim step each, and turns about the middle of its
-floor, at most 0.015 rad a sim step; 100 env steps of 8 sim steps, as in PourWater, so that its
-policies fit; SoftGym's code, by a call too many, lets 16 pass and the cup move at half the speed
-(facts 5, row 49). A move that would put it into the ground or the target is rejected as a whole;
-info counts these (`rejected_moves` of the env step's sim steps).
-
-Reward = performance: -|floor(N t) - N_poured| / N, N particles, of which those count as poured that
-are in the target's box and not in the cup's. The cup's box turns with it, where SoftGym's stays
-along the axes.
-Bounds: lower = at reset, upper = 0 (SoftGym's 1 cannot be reached).
-Reduced state, 15 entries: cup x, z [m], theta [rad]; its inner length, width, height; target x and
-its height, inner length, width; height of the highest particle [m]; fraction in the target's box,
-fraction in the cup's; height of the red bar [m] and t. Where SoftGym's target entry moves with the
-cup, ours is where it stands.
-Full state: all particles (x, y, z each [m]), zeros up to the largest sample of this fidelity (8788
-times 1/2, 1 or 2), then each cup's pose and inner measures, the height of the bar and t, and what
-an arm senses of itself.
-Start: 224 to 8788 of SoftGym's particles at rest in a cup made for them, a target cup 0.27 to 1.3 m
-away (facts 3.2), at least 2 cm clear. End: horizon only.
-"""
+"""The task PourWaterAmount."""
 
 from typing import Any, Unpack
 
@@ -40,20 +17,20 @@ from softgym_mj.tasks.shared.settings import CupTaskSettings
 from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.variations.indices import generator
 
-_HALF = 0.5  # Of a particle: a share between two whole numbers of them counts as the lower one.
+_HALF = 0.5  # [particles] A share between two whole numbers of particles counts as the lower one.
 
 
 class PourGoals(Goals):
-    """The share of the water that ought to be poured, in whole particles: k = 1."""
+    """Share of the water to pour, in whole particles: k = 1."""
 
     def __init__(self, task: Any):
         super().__init__(task)
         if task.actor.name != "cup":
             raise InvalidArgumentError("actor", task.actor.name, "'cup', whose full state has all")
-        self._walls = {"cup": task.cup.size.wall, "target": task.target.size.wall}  # In all alike.
+        # Equal in all variations.
+        self._walls = {"cup": task.cup.size.wall, "target": task.target.size.wall}
 
     def read(self, full: Array) -> tuple[State, Episode]:
-        """See `Goals`."""
         end = 3 * self.task.max_points
         water = as_points(full[..., :end])
         xp = namespace(full)
@@ -74,36 +51,56 @@ class PourGoals(Goals):
         return state, Episode(0, {}, shapes, {"level": level, "share": share}, 0.0)
 
     def reached(self, state: State, episode: Episode) -> dict[str, Array]:
-        """See `Goals`."""
         number, before = state.present["water"].sum(axis=-1), episode.goal
         share = self.achieved(state, episode)[..., 0] + _HALF / number
         floor = episode.shapes["target"]["size"][..., 3] / 2
-        # The bar is as far above the target's floor as the share is large: `PourWaterAmount.goal`.
+        # The height of the bar above the target's floor is proportional to the share:
+        # `PourWaterAmount.goal`.
         return {
             "level": floor + share * (before["level"] - floor) / before["share"],
             "share": share,
         }
 
     def achieved(self, state: State, episode: Episode) -> Array:
-        """See `Goals`."""
         return pouring.fractions(state, episode)["poured"][..., None]
 
     def desired(self, state: State, episode: Episode) -> Array:
-        """See `Goals`."""
         number = state.present["water"].sum(axis=-1)
         return (number * episode.goal["share"] // 1 / number)[..., None]
 
     def reward(self, achieved: Array, desired: Array) -> Array:
-        """See `Goals`; `PourWaterAmount.measure` counts particles to get here."""
         return -abs(desired - achieved)[..., 0]
 
 
 class PourWaterAmount(Task):
-    """See the module docstring."""
+    """Pour a given share of the water of one cup into another.
+
+    Goal: a share t of the water in the target cup, uniform in 0.1 to 1. A red bar on the target's
+    inner wall marks about the height of that water; images show it with `goal_marks=True` only.
+    Actions: dx, dz (1 is 0.01 m per sim step) and dtheta about the middle of the cup's floor (1 is
+    0.015 rad), each in [-1, 1]. A move into the ground or the target is rejected as a whole;
+    `rejected_moves` in info counts them over the sim steps of an env step.
+    Observations: `reduced` (default), 15 entries: cup x, z [m], theta [rad]; its inner length,
+    width, height; target x and its height, inner length, width; height of the highest particle [m];
+    fractions in the target's box and in the cup's; height of the red bar [m] and t. SoftGym's
+    target entry moves with the cup; ours is its position. `full`: all particles (x, y, z each [m]),
+    zeros up to the largest sample of the fidelity (8788 times 1/2, 1 or 2), then each cup's pose
+    and inner size, the height of the bar, t, and the proprioception of an arm.
+    `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: -|floor(N t) - N_poured| / N with N particles, of which those inside the
+    target's box and outside the cup's are poured. The cup's box rotates with it; SoftGym's stays
+    axis-aligned.
+    Bounds: lower = performance at reset, upper = 0 (SoftGym's 1 cannot be reached).
+    Horizon: 100 env steps of 8 sim steps, as in PourWater, so that its policies fit; nothing else
+    ends an episode. SoftGym's code simulates 16 sim steps at half the speed by mistake
+    (docs/softgym.md 5, row 49).
+    Start: 224 to 8788 of SoftGym's particles at rest in a cup that fits them, and a target cup 0.27
+    to 1.3 m away (docs/softgym.md 3.2), at least 2 cm clear.
+    """
 
     summary = "Pour a given share of the water of one cup into another."
     difficulty, material = "hard", "water"
-    success = 0.9  # Ours: a tenth of the share may be missing or too much.
+    success = 0.9  # Our choice: a tenth of the share may be missing or too much.
     actors, view, reset_height = CUP_ACTORS, "pour_water", 0.0
     planning_horizon, softgym_name, hidden_goal = 40, "PourWaterAmount", True
     goals = PourGoals
@@ -133,9 +130,9 @@ class PourWaterAmount(Task):
         super().arrange(random)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Fraction `share` of the water that ought to be poured, height `level` [m] of the bar."""
+        """Returns the fraction `share` of the water to pour and the bar's height `level` [m]."""
         share, cup, target = goal_share(variation), self.cup.size, self.target.size
-        # Facts 3.3: the water of the upright cup, laid on the target's floor.
+        # docs/softgym.md 3.3: the water of the upright cup at rest on the target's floor.
         depth = points["water"][:, 2].max() - cup.wall / 2
         floors = (cup.length * cup.width) / (target.length * target.width)
         level = target.wall / 2 + share * depth * floors
@@ -170,5 +167,5 @@ def _goal_entries(episode: Episode) -> dict[str, Entry]:
 
 
 def goal_share(variation: int) -> float:
-    """Fraction of the water to pour in a variation (facts 5, row 13)."""
+    """Returns the fraction of the water to pour in a variation (docs/softgym.md 5, row 13)."""
     return float(generator("pour_water_amount", variation).uniform(0.1, 1.0))

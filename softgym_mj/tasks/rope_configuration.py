@@ -1,18 +1,4 @@
-"""RopeConfiguration: lay a twisted rope in the shape of a letter.
-
-Goal: the rope on the letter S, O, M, C or U that is drawn on the floor about the origin, whichever
-end is where. Two pickers; 100 env steps of 8 sim steps.
-
-Reward = performance: -(mean distance of the key points to those of the goal, matched so that it is
-smallest) [m]; all vertices instead of the 10 key points with `matching="vertices"`.
-Bounds: lower = at reset, upper = 0. The goal lies at the rope's own height and is as long as the
-rope, so that it can be reached; SoftGym's hovers 5 cm above the floor (facts 5, rows 23 and 24).
-Reduced state: 10 key points of the rope, 10 of the goal, evenly spaced (x, y, z each), picker 0,
-picker 1: 66 entries [m]. Full state: all vertices, then those of the goal, then the pickers.
-The observation "goal_rgb" is the task camera's image with the rope on the letter;
-other images show the letter with `goal_marks=True` only.
-Start: as in StraightenRope. End: horizon only.
-"""
+"""The task RopeConfiguration."""
 
 from typing import Unpack
 
@@ -40,20 +26,19 @@ from softgym_mj.tasks.shared.state import Episode, State
 from softgym_mj.tasks.shared.symmetry import anywhere
 from softgym_mj.variations.indices import generator
 
-HIDDEN_GROUP = 5  # Of geoms that are not drawn: the actor's, while the goal is.
+HIDDEN_GROUP = 5  # Geom group that is not rendered: the actor's in the goal image.
 MATCHINGS = ("key_points", "vertices")
 
 
 def goal_name(variation: int) -> str:
-    """The letter of a variation; each is as likely as the others."""
+    """Returns the letter of a variation, drawn uniformly."""
     return LETTERS[int(generator("rope_configuration", variation).integers(len(LETTERS)))]
 
 
 class RopeGoals(Goals):
-    """Where the vertices ought to lie, from either end: k = 3 n [m]."""
+    """Goal positions of the vertices, in either direction: k = 3 n [m]."""
 
     def read(self, full: Array) -> tuple[State, Episode]:
-        """See `Goals`."""
         end = 3 * self.task.max_points
         return self._made(full[..., :end], full[..., end : 2 * end], full[..., 2 * end :])
 
@@ -64,33 +49,47 @@ class RopeGoals(Goals):
         return state, Episode(0, {}, {"rope": {}}, {"rope": places}, 0.0)
 
     def reached(self, state: State, episode: Episode) -> dict[str, Array]:
-        """See `Goals`."""
         return dict(state.points)
 
     def achieved(self, state: State, episode: Episode) -> Array:
-        """See `Goals`."""
         return metrics.flat(state.points["rope"])
 
     def desired(self, state: State, episode: Episode) -> Array:
-        """See `Goals`."""
         return metrics.flat(episode.goal["rope"])
 
     def reward(self, achieved: Array, desired: Array) -> Array:
-        """See `Goals`."""
         return self.task.measure(*self._made(achieved, desired, achieved[..., :0])).reward
 
 
 class RopeConfiguration(Task):
-    """See the module docstring."""
+    """Lay a twisted rope in the shape of a letter.
+
+    Goal: the rope on the letter S, O, M, C or U that is drawn on the floor about the origin, in
+    either direction.
+    Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
+    1].
+    Observations: `reduced` (default) lists 10 key points of the rope, 10 of the goal, evenly
+    spaced, and picker 0, picker 1 (x, y, z each): 66 entries [m]. `full` lists all vertices, those
+    of the goal and the pickers. `goal_rgb` is the task camera's image with the rope on the letter;
+    other images show the letter with `goal_marks=True` only.
+    `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: -(mean distance of the 10 key points from those of the goal, matched to
+    minimize it) [m]; of all vertices with `matching="vertices"`.
+    Bounds: lower = performance at reset, upper = 0. The goal has the rope's length and rests on the
+    floor, so it can be reached; SoftGym's hovers at 5 cm (docs/softgym.md 5, rows 23 and 24).
+    Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
+    Start: as in StraightenRope: the rope is dragged four times by a random vertex, and the two
+    pickers start 0.1 m above the floor around the center of its bounding box.
+    """
 
     summary = "Lay a rope in the shape of a letter."
     difficulty, material = "hard", "rope"
-    success = 0.8  # Ours: key points within 1 to 3 cm of the letter on average.
-    workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
+    success = 0.8  # Our choice: key points within 1 to 3 cm of the letter on average.
+    workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # docs/softgym.md 2.2.
     reset_height, view = 0.1, "rope_configuration"
     softgym_name, hidden_goal = "RopeConfiguration", True
     goals = RopeGoals
-    symmetries = anywhere("same", "reversed")  # The goal is turned with the rope.
+    symmetries = anywhere("same", "reversed")  # The goal turns with the rope.
 
     def __init__(
         self,
@@ -119,7 +118,7 @@ class RopeConfiguration(Task):
         return ToolStart.over(points["rope"], self.reset_height, self.workspace)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Where the vertices (n, 3) [m] ought to lie, from either end."""
+        """Returns the goal positions "rope" (n, 3) [m] of the vertices, in either direction."""
         places = letter(goal_name(variation), self.rope.num_points)
         return {"rope": np.column_stack([places, np.full(len(places), self.rope.radius)])}
 
@@ -138,7 +137,7 @@ class RopeConfiguration(Task):
         }
 
     def _shown_goal(self, physics, height: int, width: int) -> np.ndarray:
-        """The goal image of the episode, drawn once."""
+        """Returns the goal image of the episode, rendered once."""
         if self._goal_rgb is None:
             self._goal_rgb = self.goal_image(physics, height, width)
         return self._goal_rgb.copy()
@@ -146,9 +145,9 @@ class RopeConfiguration(Task):
     def goal_image(
         self, physics, height: int = DEFAULT_IMAGE_SIZE[0], width: int = DEFAULT_IMAGE_SIZE[1]
     ) -> np.ndarray:
-        """What the task's camera sees when the goal is reached (height, width, 3) uint8.
+        """Returns the task camera's image (height, width, 3) uint8 with the rope at its goal.
 
-        The actor is not in the picture. Nothing is simulated, and the state stays as it is.
+        The actor is hidden. Nothing is simulated, and the state does not change.
         """
         model, data = physics.model.ptr, physics.data.ptr
         qpos, qvel, groups = data.qpos.copy(), data.qvel.copy(), model.geom_group.copy()

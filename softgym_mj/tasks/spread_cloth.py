@@ -1,17 +1,4 @@
-"""SpreadCloth (SoftGym: ClothFlatten): spread a crumpled cloth on the floor.
-
-Goal: cover as much floor as possible. Two pickers; 100 env steps of 8 sim steps.
-
-Reward = performance: covered area in top view [m^2].
-Bounds: lower = area at reset; upper = area of the flat cloth, (dimx - 1)(dimy - 1) rho^2, measured
-by the same rule as the value, so that a flat cloth scores 1 in every orientation. SoftGym's bound
-has half a particle of border on every side, which its value leaves out of a cloth that lies along
-the axes (facts 5, row 35).
-Reduced state: corners p1 p2 p3 p4 (x, y, z each), picker 0, picker 1: 18 entries [m].
-Start: sizes of 60..119 particles a side; lifted 0.5..1 m at a random vertex and dropped.
-Pickers start 0.2 m above the centre of the cloth's bounding box, higher where a pile is as high:
-ours are higher than SoftGym's. End: horizon only.
-"""
+"""The task SpreadCloth (SoftGym: ClothFlatten)."""
 
 from typing import Unpack
 
@@ -31,12 +18,28 @@ from softgym_mj.tasks.shared.symmetry import anywhere
 
 
 class SpreadCloth(Task):
-    """See the module docstring."""
+    """Spread a crumpled cloth on the floor.
+
+    Goal: the cloth covers as much floor as possible.
+    Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
+    1].
+    Observations: `reduced` (default) lists corners p1 p2 p3 p4 and picker 0, picker 1 (x, y, z
+    each): 18 entries [m]. `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: covered area in top view [m^2].
+    Bounds: lower = area at reset; upper = area of the flat cloth, (dimx - 1)(dimy - 1) rho^2,
+    measured like the performance, so a flat cloth scores 1 in every orientation. SoftGym's bound
+    adds half a particle on every side, which its measure of an axis-aligned cloth lacks
+    (docs/softgym.md 5, row 35).
+    Horizon: 100 env steps of 8 sim steps; nothing else ends an episode.
+    Start: the cloth, with sides of 60 to 119 particles, is lifted by 0.5 to 1 m at a random vertex
+    and dropped. The two pickers start 0.2 m above the center of its bounding box, higher above a
+    high pile: our piles are higher than SoftGym's.
+    """
 
     summary = "Spread a crumpled cloth on the floor."
     difficulty, material = "medium", "cloth"
-    success = 0.9  # Ours: a spread cloth with a few flat wrinkles or one small tucked corner.
-    workspace = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # Facts 2.2.
+    success = 0.9  # Our choice: a spread cloth with a few flat wrinkles or one small tucked corner.
+    workspace = Workspace((-0.7, -0.4, 0.0), (0.7, 0.4, 0.5))  # docs/softgym.md 2.2.
     reset_height, view, softgym_name = 0.2, "spread_cloth", "ClothFlatten"
     symmetries = anywhere("same", "rows", "columns", "both")
 

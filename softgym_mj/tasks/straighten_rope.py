@@ -1,17 +1,4 @@
-"""StraightenRope (SoftGym: RopeFlatten): pull a twisted rope straight by its ends.
-
-Goal: the two ends 0.5 m apart, the natural length. Two pickers; 75 env steps of 8 sim steps.
-
-Reward = performance: -|d - 0.5|, d the distance of the end vertices [m].
-Bounds: lower = -0.5 (the worst possible, not the start), upper = 0. The initial value lies well
-above the lower bound: `initial_normalized_performance` in info.
-Reduced state: 10 key points, evenly spaced along the rope (x, y, z each), picker 0, picker 1:
-36 entries [m].
-Start: dragged four times by a random vertex (facts 3.4). Pickers start 0.1 m above the floor
-around the centre of the rope's bounding box. In 37 of the 1000 variations, 8 of the 200 of
-`evaluate`, the ends lie right apart by chance and the start counts as success already, however the
-rest of the rope lies: a policy that does nothing has these. End: horizon only.
-"""
+"""The task StraightenRope (SoftGym: RopeFlatten)."""
 
 from typing import Unpack
 
@@ -31,13 +18,28 @@ from softgym_mj.tasks.shared.symmetry import anywhere
 
 
 class StraightenRope(Task):
-    """See the module docstring."""
+    """Pull the ends of a twisted rope apart until it is straight.
+
+    Goal: the two ends 0.5 m apart, the natural length.
+    Actions: per picker dx, dy, dz (1 is 0.01 m per sim step) and grip (closes if > 0), each in [-1,
+    1].
+    Observations: `reduced` (default) lists 10 key points, evenly spaced along the rope, and picker
+    0, picker 1 (x, y, z each): 36 entries [m]. `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: -|d - 0.5|, with the distance d of the end vertices [m].
+    Bounds: lower = -0.5 (the worst possible, not the start), upper = 0. The start lies well above
+    the lower bound: `initial_normalized_performance` in info.
+    Horizon: 75 env steps of 8 sim steps; nothing else ends an episode.
+    Start: the rope is dragged four times by a random vertex (docs/softgym.md 3.4); the two pickers
+    start 0.1 m above the floor around the center of its bounding box. In 37 of the 1000 variations,
+    8 of the 200 of `evaluate`, the ends are 0.5 m apart by chance, so the start counts as success
+    whatever the shape of the rope: a policy that does nothing solves these.
+    """
 
     summary = "Pull the ends of a twisted rope apart until it is straight."
     difficulty, material = "medium", "rope"
-    horizon = 75  # Facts 1.2.
-    success = 0.95  # Ours: ends within 2.5 cm of the natural length.
-    workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # Facts 2.2.
+    horizon = 75  # docs/softgym.md 1.2.
+    success = 0.95  # Our choice: ends within 2.5 cm of the natural length.
+    workspace = Workspace((-0.35, -0.35, 0.0), (0.35, 0.35, 0.3))  # docs/softgym.md 2.2.
     reset_height, view = 0.1, "straighten_rope"
     example_variation, softgym_name = 807, "RopeFlatten"
     symmetries = anywhere("same", "reversed")

@@ -1,19 +1,4 @@
-"""TransportWater (SoftGym: PassWater): move a cup of water to a place without spilling.
-
-Goal: the cup at x = 1.2 m, all water in it. The cup starts at 0 and slides along X, at most 0.011 m
-a sim step, within [-0.25, 1.4] m; 75 env steps of 8 sim steps. SoftGym lets the walls poke over
-these limits by a step; here the move is clipped first.
-
-Reward = performance: -|1.2 - x| - 10 * (fraction of particles outside the cup's box) [m].
-Bounds: lower = -1.2 (the start), upper = 0. Who drives on to the end stop gets 0.833: a policy that
-learns may settle there.
-Reduced state, 7 entries: cup x, its inner length, width and height, height of the highest particle
-[m], fraction in the cup, fraction outside. The goal is the same in every variation.
-Full state: all particles (x, y, z each [m]), zeros up to the largest sample of this fidelity (8788
-times 1/2, 1 or 2), then the cup's pose and inner measures, and what an arm senses of itself.
-Start: 224 to 8788 of SoftGym's particles at rest in a cup made for them (facts 3.1), upright.
-End: horizon only.
-"""
+"""The task TransportWater (SoftGym: PassWater)."""
 
 from typing import Unpack
 
@@ -36,23 +21,40 @@ from softgym_mj.tasks.shared.starts.settled_water import SettledWater
 from softgym_mj.tasks.shared.state import Episode, State
 
 GOAL = 1.2  # [m]
-MAX_STEP = (0.011, 0.0, 0.0)  # [m, m, rad] in a sim step: 1.1 m/s.
+MAX_STEP = (0.011, 0.0, 0.0)  # [m, m, rad] per sim step: 1.1 m/s.
 LIMITS = Track(-0.25, 1.4)  # [m]
-BASE_X = 0.7  # [m] Of an arm.
-SPILL_PENALTY = 10.0  # [m] For all water spilled.
+BASE_X = 0.7  # [m] Base of an arm.
+SPILL_PENALTY = 10.0  # [m] Penalty if all water is spilled.
 
-# Thin, so that it sloshes, which is the difficulty (facts 5, row 46): 50 times as viscous as water,
-# about what the particles' own exchange of momentum amounts to.
+# Low viscosity, so that it sloshes, which makes the task hard (docs/softgym.md 5, row 46): 50 times
+# that of water, about the particles' own exchange of momentum.
 LIQUID = Liquid(viscosity=5e-5, cohesion=1.0)
 
 
 class TransportWater(Task):
-    """See the module docstring."""
+    """Move a cup of water to a place without spilling.
+
+    Goal: the cup at x = 1.2 m with all water in it. The goal is the same in every variation.
+    Actions: dx in [-1, 1] (1 is 0.011 m per sim step). The cup slides along X within [-0.25, 1.4]
+    m; moves are clipped to these limits, which SoftGym's walls exceed by a step.
+    Observations: `reduced` (default), 7 entries: cup x, its inner length, width and height, height
+    of the highest particle [m], fractions in the cup and outside. `full`: all particles (x, y, z
+    each [m]), zeros up to the largest sample of the fidelity (8788 times 1/2, 1 or 2), then the
+    cup's pose and inner size, and the proprioception of an arm.
+    `tasks.shared.observations.OBSERVATIONS` lists all.
+    Reward = performance: -|1.2 - x| - 10 * (fraction of particles outside the cup's box) [m].
+    Bounds: lower = -1.2 (the start), upper = 0. Driving on to the end stop scores 0.833: a local
+    optimum for learners.
+    Horizon: 75 env steps of 8 sim steps; nothing else ends an episode.
+    Start: 224 to 8788 of SoftGym's particles at rest in an upright cup at x = 0 that fits them
+    (docs/softgym.md 3.1).
+    """
 
     summary = "Move a cup of water to a place without spilling."
     difficulty, material = "medium", "water"
-    horizon = 75  # Facts 1.2.
-    success = 0.95  # Ours: within 6 cm of the goal with nothing spilled, or at it with 0.6 %.
+    horizon = 75  # docs/softgym.md 1.2.
+    # Our choice: within 6 cm of the goal with nothing spilled, or at it with 0.6 % spilled.
+    success = 0.95
     actors, view, reset_height = CUP_ACTORS, "transport_water", 0.0
     planning_horizon, softgym_name = 7, "PassWater"
 

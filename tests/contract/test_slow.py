@@ -11,7 +11,7 @@ from softgym_mj.policies.experts import make_policy
 pytestmark = pytest.mark.slow
 
 # [m] How far anything gets below the floor. A tipped cup may dip its outer wall some cm into the
-# ground (facts 3.2) and takes along the water that lies there, until it is lifted.
+# ground (docs/softgym.md 3.2) and takes along the water that lies there, until it is lifted.
 LOWEST = {"transport_water": 0.0, "pour_water": -0.08, "pour_water_amount": -0.08}
 FLEX_LOWEST = -0.05
 

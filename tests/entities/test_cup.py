@@ -29,7 +29,7 @@ def placed(pose, size=SIZE):
 
 
 def in_box(point, pose, size=SIZE):
-    """The in-cup test for one point, written out: undo shift and turn, compare with facts 3.0."""
+    """Tests one point: undoes shift and rotation, then compares as docs/softgym.md 3.0 does."""
     x, z, theta = pose
     dx, dz = point[0] - x, point[2] - z
     # The cup's axes in the world: e1 = (cos, -sin), e3 = (sin, cos) in (x, z).
@@ -123,7 +123,7 @@ def test_pose_is_read_from_the_data():
 
 @pytest.mark.parametrize(("degrees", "lift"), [(15, 0.031), (45, 0.080), (90, 0.100)])
 def test_lift_that_a_tilt_needs(degrees, lift):
-    """Facts 3.2: (L/2) sin + (b/2) cos - b/2; for L = 0.245, 3.1, 8.0 and 10.0 cm."""
+    """docs/softgym.md 3.2: (L/2) sin + (b/2) cos - b/2; for L = 0.245, 3.1, 8.0 and 10.0 cm."""
     length, wall, theta = 0.245, 0.045, math.radians(degrees)
     cup = Cup(CupSize(length, 0.2, 0.3, wall))
     formula = length / 2 * math.sin(theta) + wall / 2 * (math.cos(theta) - 1)

@@ -35,7 +35,7 @@ def test_the_best_sequence_is_found(planner):
 
 
 def test_the_budget_is_split_as_in_the_paper():
-    # Facts 4.2: 21000 // 10 // H.
+    # docs/softgym.md 4.2: 21000 // 10 // H.
     expected = {"transport_water": 300, "pour_water": 52, "straighten_rope": 140,
                 "spread_cloth": 140, "fold_cloth": 70, "drop_cloth": 140}  # fmt: skip
     found = {task: make_planner("cem", task).population for task in expected}

@@ -1,4 +1,4 @@
-"""The picker against SoftGym's semantics (facts 2.1 to 2.4), worked out by hand.
+"""The picker against SoftGym's semantics (docs/softgym.md 2.1 to 2.4), worked out by hand.
 
 Which vertex is taken is in test_grip.py. Most tests take one sim step per env step
 (`action_repeat=1`), so that every step can be followed.
@@ -23,7 +23,7 @@ OFF, ON = -1.0, 1.0
 
 @dataclasses.dataclass(frozen=True)
 class Facts:
-    """Facts 2.1 to 2.3 of a kind of object [m]."""
+    """docs/softgym.md 2.1 to 2.3 of a kind of object [m]."""
 
     task: str
     radius: float

@@ -98,7 +98,7 @@ def test_crumpled_cloth_is_crumpled_and_at_rest(actor, variations):
             env.step(np.zeros(8))
         moved = np.linalg.norm(cloth.points() - vertices, axis=1)
         assert np.median(moved) < 1e-3 and moved.max() < 0.02
-        # Doing nothing scores 0 (facts 1.8); test_slow.py does so for whole episodes.
+        # Doing nothing scores 0 (docs/softgym.md 1.8); test_slow.py does so for whole episodes.
         assert abs(env.info()["normalized_performance"]) < 0.02
 
 

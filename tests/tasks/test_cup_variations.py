@@ -1,4 +1,4 @@
-"""Sizes of water and cups against values worked out by hand (facts 3.0 to 3.2, appendix A)."""
+"""Sizes of water and cups against values worked out by hand (docs/softgym.md 3.0 to 3.2, A)."""
 
 import pickle
 
@@ -100,7 +100,7 @@ def test_the_cups_of_pour_water_stand_apart():
     assert 0.27 < min(distances) < 0.32 and 1.2 < max(distances) < 1.33
     extra = [scene.target.height - scene.cup.height for scene in scenes]
     assert 0.0 <= min(extra) < 0.002 and 0.098 < max(extra) < 0.1
-    # Draws that stand closer do occur (1.6 % in the facts) and are repeated.
+    # Draws that stand closer do occur (1.6 % in docs/softgym.md) and are repeated.
     random = np.random.default_rng(0)
     gaps = [pour_variation(Sample.draw(random), *random.random(3)).gap for _ in range(20000)]
     assert np.mean(np.array(gaps) < 0.02) == pytest.approx(0.016, abs=0.004)

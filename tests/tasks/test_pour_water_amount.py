@@ -1,4 +1,4 @@
-"""PourWaterAmount: shares, rewards and the red bar, worked out by hand (facts 3.3)."""
+"""PourWaterAmount: shares, rewards and the red bar, worked out by hand (docs/softgym.md 3.3)."""
 
 import mujoco
 import numpy as np

@@ -16,7 +16,7 @@ def test_starts_that_count_as_success():
         1.0 - abs(gaps - 0.5) / 0.5 >= straighten_rope.StraightenRope.success
     )
     found = successes.size, np.isin(successes, SPLITS["evaluate"]).sum()
-    text = " ".join(straighten_rope.__doc__.split())
+    text = " ".join(straighten_rope.StraightenRope.__doc__.split())
     assert f"In {found[0]} of the 1000 variations, {found[1]} of the 200 of `evaluate`" in text
     for index in (successes[0], successes[0] - 1):
         env.reset(int(index))

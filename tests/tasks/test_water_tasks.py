@@ -1,4 +1,4 @@
-"""TransportWater and PourWater: moves, rewards and states, worked out by hand (facts 3.1, 3.2)."""
+"""TransportWater and PourWater against hand computations (docs/softgym.md 3.1, 3.2)."""
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def test_a_move_into_the_ground_is_rejected_as_a_whole(pour, action):
 
 
 def test_a_tilt_is_rejected_just_where_the_lift_is_too_small(pour):
-    """Facts 3.2: theta needs a lift of (L/2) sin + (b/2) cos - b/2."""
+    """docs/softgym.md 3.2: theta needs a lift of (L/2) sin + (b/2) cos - b/2."""
     pour.reset(VARIATION)
     pour.step(np.array([0.0, 0.1, 0.0]))  # 8 mm.
     accepted = 0

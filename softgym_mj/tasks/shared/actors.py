@@ -1,4 +1,4 @@
-"""The actor of a task, from what its class and the user say."""
+"""Actor of a task, from its class and the user's settings."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,7 +8,7 @@ from softgym_mj.robots.base import Actor
 from softgym_mj.robots.cup_mover import CupTool
 from softgym_mj.robots.factory import make_actor
 
-MOST_REPEATED = 1000  # Sim steps of an env step: ten seconds.
+MOST_REPEATED = 1000  # [sim steps] Longest env step: 10 s.
 
 
 def make(
@@ -17,13 +17,13 @@ def make(
     """Builds the actor.
 
     Args:
-        task_class: with `actors`, `material` and `arm_height` of `Task`.
-        actor: one of these actors, None for the first of them, or what is returned as it is.
-        tool: a cup for it to move; None for grippers.
+        task_class: class with `actors`, `material` and `arm_height` of `Task`.
+        actor: name of one of these actors, None for the first; an `Actor` is returned as it is.
+        tool: cup that it moves; None for grippers.
         settings: as in `make_actor`.
 
     Raises:
-        InvalidArgumentError: if there is no such actor, or a setting is not for it.
+        InvalidArgumentError: for an unknown actor or a setting that it does not have.
     """
     if isinstance(actor, Actor):
         return actor
@@ -35,15 +35,15 @@ def make(
 
 
 def checked_repeat(actor: Actor, action_repeat: int | None, usual: int) -> int:
-    """Sim steps for which an action is repeated: 1 if it takes as long as it needs.
+    """Returns the number of sim steps of an env step; 1 if an action takes as long as it needs.
 
     Args:
-        actor: what acts.
-        action_repeat: what the user wants; None for the usual number.
-        usual: that of the task.
+        actor: the actor.
+        action_repeat: number that the user set; None for the usual one.
+        usual: number of the task.
 
     Raises:
-        InvalidArgumentError: if there cannot be as many.
+        InvalidArgumentError: if the number is not possible.
     """
     if actor.sim_steps is None:
         repeat = usual if action_repeat is None else action_repeat

@@ -1,10 +1,10 @@
-"""Which arguments of a custom task have to agree for a snapshot to fit."""
+"""Arguments of a custom task that must agree for a snapshot to fit."""
 
 import inspect
 import json
 from collections.abc import Callable, Mapping
 
-# Arguments that say what is observed, or are part of every snapshot's key by themselves.
+# Arguments that only affect observations, or are part of every snapshot's key.
 NOT_OF_STATES = (
     "observation", "image_size", "goal_marks", "look", "visual", "action_repeat", "domain", "actor",
     "num_pickers", "arms", "grasp", "action", "count_intersections",
@@ -14,14 +14,14 @@ NOT_OF_STATES = (
 def arguments_of_states(
     constructor: Callable[..., object], task_kwargs: Mapping[str, object]
 ) -> dict[str, str]:
-    """What must agree, besides the key, for a state of one instance to fit into another.
+    """Returns the arguments that must agree, besides the key, for a state to fit another instance.
 
     Args:
-        constructor: what builds the task.
-        task_kwargs: keyword arguments that it is called with.
+        constructor: builds the task.
+        task_kwargs: its keyword arguments.
 
     Returns:
-        The arguments that differ from their defaults, as JSON; those that JSON cannot hold and
+        Arguments that differ from their defaults, as JSON; those that JSON cannot represent and
         `NOT_OF_STATES` are left out.
     """
     parameters = inspect.signature(constructor).parameters
@@ -35,7 +35,7 @@ def arguments_of_states(
 
 
 def _as_json(value: object) -> str | None:
-    """A value as JSON; None if that cannot hold it."""
+    """Returns a value as JSON; None if JSON cannot represent it."""
     try:
         return json.dumps(value, sort_keys=True)
     except (TypeError, ValueError):

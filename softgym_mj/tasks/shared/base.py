@@ -34,23 +34,23 @@ from softgym_mj.variations.store import VariationStore
 
 
 class Task(Definition):
-    """What is to be done with ropes, cloths, garments and water, and with which actor.
+    """A task: objects (rope, cloth, garment, water, cups), an actor and a goal.
 
-    What a subclass defines is `Definition`'s; here is what all tasks do with it, as a task of
-    composer: scene, episodes, steps, info and snapshots.
+    `Definition` is the interface that a subclass implements. This class runs it as a task of
+    dm_control's composer: scene, episodes, steps, info and snapshots.
 
     Attributes:
-        actor: what acts.
-        scene: everything that is there.
-        flexes: what grippers can hold: the vertices of all flexes, numbered on in their order.
-        objects: what deforms or flows, then the cups; that of the actor comes first.
-        start: where the initial states come from; None if `arrange` makes them up.
-        store: where these are kept; None alike.
-        domain: what varies besides the initial state.
-        random: the generator of the environment, which dm_control's wrappers draw from.
-        counts_intersections: whether info has them.
+        actor: the actor.
+        scene: the scene with all objects.
+        flexes: vertices of all flexes, numbered consecutively: what grippers can hold.
+        objects: objects that deform or flow, then the cups, starting with the actor's.
+        start: source of initial states; None if `arrange` makes them.
+        store: storage of initial states; None alike.
+        domain: domain randomization.
+        random: generator of the environment, from which dm_control's wrappers draw.
+        counts_intersections: whether info has the number of self-intersections.
         goal_marks: whether colored images show the marks of the goal.
-        arguments: those, as text, that have to agree for a snapshot to fit, besides `snapshot_key`.
+        arguments: further arguments, as text, that must agree for a snapshot to fit.
     """
 
     def __init__(
@@ -74,18 +74,19 @@ class Task(Definition):
         """Puts the objects and the actor into an arena.
 
         Args:
-            objects: what deforms or flows, then cups that stand still; with different model names,
-                not yet attached.
-            start: the initial states of the first object; None if `arrange` places all of them.
-            tool: a cup for the actor to move; None for grippers.
-            marks: what shows the goal to people, by sites; images of observations have them with
+            objects: objects that deform or flow, then cups that stand still; with different model
+                names, not yet attached.
+            start: initial states of the first object; None if `arrange` places all of them.
+            tool: cup for the actor to move; None for grippers.
+            marks: entities that mark the goal by sites; observed images show them with
                 `goal_marks=True` only.
-            timestep: physics step [s], a sim step or a whole part of it; by default the largest
+            timestep: physics step [s], a sim step divided by a whole number; by default the largest
                 that suits all objects.
             actor, observation, image_size, goal_marks, look, action_repeat, domain,
-                count_intersections: as in `ClothTaskSettings`. With several objects, the domain
-                parameters of one have its model name before theirs: "rope_friction".
-            **actor_settings: `num_pickers`, `arms`, `grasp`, `visual` and `action`, alike.
+                count_intersections: as in `ClothTaskSettings`. With several objects, domain
+                parameters are prefixed by the object's model name: "rope_friction".
+            **actor_settings: `num_pickers`, `arms`, `grasp`, `visual` and `action`, also as in
+                `ClothTaskSettings`.
 
         Raises:
             InvalidArgumentError: for an argument of a wrong type, a bad name or number.
@@ -120,7 +121,7 @@ class Task(Definition):
         self._episode: Episode | None = None
         self._stored: dict[str, np.ndarray] = {}
         self._measures: Measures | None = None
-        self._named = False  # Whether the names in info have been checked.
+        self._named = False  # Whether names in info have been checked.
         self.arguments: dict[str, str] = {}
 
     # ------------------------------------------------------------------ parts
@@ -137,13 +138,13 @@ class Task(Definition):
 
     @property
     def visualize_reward(self) -> bool:
-        """False: what `dm_control.suite.load` can ask for, colours that show the reward, is not."""
+        """Always False: dm_control's coloring by reward is not supported."""
         return False
 
     @visualize_reward.setter
-    def visualize_reward(self, wanted: bool) -> None:
-        if wanted is not False:
-            raise InvalidArgumentError("visualize_reward", wanted, "False")
+    def visualize_reward(self, value: bool) -> None:
+        if value is not False:
+            raise InvalidArgumentError("visualize_reward", value, "False")
 
     # ------------------------------------------------------------------ episode
 
@@ -153,7 +154,7 @@ class Task(Definition):
         return self._variation
 
     def choose_variation(self, variation: int) -> bool:
-        """Sets the variation of the next episode; True when the model must be recompiled."""
+        """Sets the variation of the next episode; returns True if the model must be recompiled."""
         self._variation, self._chosen = check_variation(variation), True
         resized = self.resize(self._variation)
         if not isinstance(resized, (bool, np.bool_)):
@@ -162,16 +163,16 @@ class Task(Definition):
 
     def after_compile(self, physics, random_state):
         self.random = random_state
-        self._episode, self._stored = None, {}  # Sizes are others.
+        self._episode, self._stored = None, {}  # Sizes have changed.
         self.scene.compiled(physics)
-        physics.legacy_step = False  # Steps are whole: what holds vertices sets velocities before.
+        physics.legacy_step = False  # Holding sets velocities before a whole step.
 
     def points(self) -> np.ndarray:
-        """All points (n, 3) [m] of what deforms or flows."""
+        """Returns all points (n, 3) [m] of objects that deform or flow."""
         return np.concatenate(list(self.scene.points().values()))
 
     def _new_episode(self, points: dict[str, np.ndarray]) -> Episode:
-        # As stored: what is read back from the model differs in the last bit.
+        # Stored points: those read back from the model differ in the last bit.
         points = {**points, **self._stored}
         goal = self.goal(self._variation, points)
         return Episode(self._variation, points, self.scene.shapes(), goal, 0.0)
@@ -198,18 +199,18 @@ class Task(Definition):
             self._named = True
 
     def state(self) -> State:
-        """The current state."""
+        """Returns the current state."""
         return self.scene.state()
 
     def observe(self, name: str) -> np.ndarray:
-        """An observation of the current state (n,): one of `observations.STATES`."""
+        """Returns an observation (n,) of the current state, one of `observations.STATES`."""
         return STATES[name].value(self, self.state(), self.episode)
 
     def _measured(self) -> Measures:
         return checks.checked(self.measure(self.state(), self.episode))
 
     def initialize_episode_mjcf(self, random_state):
-        if not self._chosen:  # By nobody, as in composer's own Environment.
+        if not self._chosen:  # As in composer's own Environment, which chooses none.
             self.choose_variation(int(random_state.choice(SPLITS["train"])))
         self._chosen = False
 
@@ -236,7 +237,7 @@ class Task(Definition):
 
     @property
     def episode(self) -> Episode:
-        """What the episode started with; before, what is there: specifications are read off it."""
+        """Constants of the current episode; before the first, those of the model as compiled."""
         if self._episode is None:
             self._episode = self._new_episode(self.scene.points())
         return self._episode
@@ -249,27 +250,27 @@ class Task(Definition):
         return self._measures
 
     def info(self) -> dict[str, np.generic]:
-        """NumPy scalars of the last evaluation; "reward_*" entries add up to the reward."""
-        found = {
+        """Returns NumPy scalars of the last evaluation; "reward_*" entries add up to the reward."""
+        info = {
             **self.describe(self.state(), self.episode, self.last_evaluation),
             **self.diagnostics(),
             **self.actor.diagnostics(),
             **{f"domain_{name}": self.domain.values[name] for name in self.domain.varying},
             "variation": self._variation,
         }
-        return {name: np.asarray(value).flat[0] for name, value in found.items()}
+        return {name: np.asarray(value).flat[0] for name, value in info.items()}
 
     @property
     def last_secondary_metrics(self) -> dict[str, float]:
-        """What `secondary_metrics` says of the state after the last env step or reset."""
-        found = self.secondary_metrics(self.state(), self.episode, self.last_evaluation)
-        return {name: float(value) for name, value in found.items()}
+        """Secondary metrics of the state after the last env step or reset."""
+        metrics = self.secondary_metrics(self.state(), self.episode, self.last_evaluation)
+        return {name: float(value) for name, value in metrics.items()}
 
     # ------------------------------------------------------------------ snapshots
 
     @property
     def snapshot_key(self) -> dict[str, object]:
-        """What must agree for a state of one instance to fit into another."""
+        """Settings that must agree for a state of one instance to fit another."""
         return {
             "actor": self.actor.name,
             "action size": self.actor.action_size,
@@ -281,17 +282,17 @@ class Task(Definition):
         }
 
     def get_state(self) -> dict[str, object]:
-        """What the task and its actor remember and mjData does not hold.
+        """Returns the state of the task and its actor that mjData does not hold.
 
-        A task that remembers something of its own, such as a counter that `after_step` changes,
-        makes it part of snapshots, which are exact then, too:
+        A task with state of its own, such as a counter that `after_step` changes, adds it, so that
+        snapshots stay exact:
 
             def get_state(self):
                 return {**super().get_state(), "count": self.count}
 
             def set_state(self, state):
                 self.count = state["count"]
-                super().set_state(state)  # Measures: what that needs is back by now.
+                super().set_state(state)  # Measures, so it comes last.
         """
         return {
             "variation": self._variation,
@@ -301,7 +302,7 @@ class Task(Definition):
         }
 
     def set_state(self, state: dict) -> None:
-        """Restores what `get_state` returned, after mjData has been restored; then measures."""
+        """Restores what `get_state` returned, after mjData has been restored, and measures."""
         initial = state["initial_performance"]
         self._episode = dataclasses.replace(self.episode, initial_performance=initial)
         self.scene.most_strained = state["most_strained"]

@@ -1,4 +1,4 @@
-"""What the tasks on water share: the water of an actor's cup, and how much is in which cup."""
+"""Water of the cup that an actor moves, and shares of it in cups."""
 
 import dataclasses
 
@@ -8,16 +8,16 @@ from softgym_mj.metrics import Array
 from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.tasks.shared.state import Episode, State
 
-# [kg/m^3] Cups hold up to 26 kg of water, more than the 3 and 4 kg that the arms can carry: theirs
+# [kg/m^3] Cups hold up to 26 kg of water, more than the 3 to 4 kg payload of the arms. Their water
 # is as viscous, but a tenth as heavy.
 ARM_DENSITY = 100.0
 
 
 def carried_water(actor: object, liquid: Liquid, resolution: Resolution) -> Water:
-    """Builds the water for an actor's cup: arms feel it, and it is light enough for them.
+    """Builds the water for an actor's cup; for arms it is lighter and acts on the cup.
 
     Args:
-        actor: its name.
+        actor: name of the actor.
         liquid, resolution: as in `Water`.
     """
     if actor in ARMS:
@@ -27,10 +27,10 @@ def carried_water(actor: object, liquid: Liquid, resolution: Resolution) -> Wate
 
 
 def inside(name: str, state: State, episode: Episode) -> Array:
-    """Which particles (..., n) are in a cup's box."""
+    """Returns which particles (..., n) are inside a cup's box."""
     return metrics.inside(state.points["water"], state.poses[name], episode.shapes[name]["size"])
 
 
 def share(marks: Array, state: State) -> Array:
-    """Share (...) of the particles that have a mark (..., n) bool."""
+    """Returns the share (...) of particles with a mark (..., n) bool."""
     return metrics.fraction(marks, state.present["water"])

@@ -1,4 +1,4 @@
-"""Checks what the author of a task says: its objects, its class data, what its methods return."""
+"""Validation of a custom task: its objects, class attributes and return values."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ from softgym_mj.tasks.shared import entries as listed
 from softgym_mj.tasks.shared.entries import Entries
 
 _NUMBERS = (float, int, np.floating, np.integer, np.bool_)  # A bool is an int.
-# Names in info that are not the task's own; names of other groups begin with a word of theirs.
+# Reserved names in info; other groups have a prefix.
 INFO_NAMES = frozenset(
     (
         "performance", "normalized_performance", "success", "is_success", "variation",
@@ -25,11 +25,11 @@ INFO_NAMES = frozenset(
     )
 )  # fmt: skip
 _INFO_PREFIXES = ("reward_", "domain_")
-SUNK = 1e-3  # [m] By which points may start below the floor: those at rest lie above it.
+SUNK = 1e-3  # [m] Tolerance for points below the floor at the start: resting points lie above it.
 
 
 def check_objects(objects: object, has_tool: bool) -> None:
-    """Raises `InvalidArgumentError` unless an actor finds something to do with the objects."""
+    """Raises `InvalidArgumentError` unless the objects are valid and the actor can act on one."""
     if not isinstance(objects, Sequence) or not all(
         isinstance(thing, Flex | Water | Cup) for thing in objects
     ):
@@ -43,13 +43,13 @@ def check_objects(objects: object, has_tool: bool) -> None:
 
 
 def check_workspace(workspace: object) -> None:
-    """Raises `InvalidArgumentError` unless it is one."""
+    """Raises `InvalidArgumentError` unless it is a `Workspace`."""
     if not isinstance(workspace, Workspace):
         raise InvalidArgumentError("workspace", workspace, "a Workspace((x, y, z), (x, y, z))")
 
 
 def checked_timestep(timestep: float | None, objects: Iterable[Flex | Water]) -> float:
-    """The physics step [s], if it suits the objects and goes into a sim step."""
+    """Returns the physics step [s], if it suits the objects and divides a sim step."""
     largest = min(thing.timestep for thing in objects)
     if timestep is None:
         return largest
@@ -60,11 +60,11 @@ def checked_timestep(timestep: float | None, objects: Iterable[Flex | Water]) ->
 
 
 def check_points(points: Mapping[str, np.ndarray], arena: Arena) -> None:
-    """Raises `InvalidArgumentError` unless all starts above the floor, if there is one.
+    """Raises `InvalidArgumentError` if an object starts below the floor, if there is one.
 
     Args:
         points: (n, 3) [m] of each object by name.
-        arena: what they are in.
+        arena: the arena.
     """
     floor = arena.mjcf_model.find("geom", "floor")
     lowest = -np.inf if floor is None else (0.0 if floor.pos is None else floor.pos[2]) - SUNK
@@ -78,7 +78,7 @@ def check_points(points: Mapping[str, np.ndarray], arena: Arena) -> None:
 
 
 def check_bounds(bounds: object) -> None:
-    """Raises `InvalidArgumentError` unless these are two finite numbers that ascend."""
+    """Raises `InvalidArgumentError` unless these are two finite numbers in ascending order."""
     found = np.asarray(bounds, float)
     if found.shape != (2,) or not np.isfinite(found).all() or found[0] >= found[1]:
         raise InvalidArgumentError("bounds()", bounds, "(lower, upper) with lower < upper")
@@ -99,11 +99,11 @@ def check_entries(method: str, entries: Entries) -> None:
 
 
 def checked(measures: object) -> Measures:
-    """The measures of one simulation as Python's numbers.
+    """Returns the measures of one simulation as Python numbers.
 
     Raises:
-        InvalidArgumentError: for what is no number, not finite or has the name of something else in
-            info: one of `INFO_NAMES`, or what begins with "reward_" or "domain_".
+        InvalidArgumentError: for a value that is no number or not finite, or a reserved name: one
+            of `INFO_NAMES`, or one that begins with "reward_" or "domain_".
     """
     if not isinstance(measures, Measures):
         raise InvalidArgumentError("measure()", measures, "`Measures`")
@@ -131,7 +131,7 @@ def _number(name: str, value: object, finite: bool) -> float | int | bool:
 
 
 def check_names(groups: Iterable[Iterable[str]]) -> None:
-    """Raises `InvalidArgumentError` for a name that two groups of what info lists have."""
+    """Raises `InvalidArgumentError` for a name that occurs in two groups of info."""
     seen = set(INFO_NAMES)
     for group in groups:
         names = set(group)

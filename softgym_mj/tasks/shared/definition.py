@@ -1,4 +1,4 @@
-"""`Definition`: what the author of a task says, in class data and methods."""
+"""`Definition`: class attributes and methods by which a task is defined."""
 
 import abc
 from typing import ClassVar
@@ -22,34 +22,32 @@ from softgym_mj.variations.store import VariationStore
 
 
 class Definition(composer.Task, abc.ABC):
-    """What kind of task it is, and what is measured.
+    """Interface by which a task is defined.
 
-    A subclass of `Task` says in its class data what kind of task it is, builds its objects in
-    `__init__`, and defines `measure`; `arrange` too, unless it has a `Start`. `measure`, `bounds`,
-    `reduced` and `extra_state` are functions of arrays, of one simulation or of many.
+    A subclass of `Task` sets class attributes, builds its objects in `__init__`, and defines
+    `measure`, and also `arrange` unless it has a `Start`. `measure`, `bounds`, `reduced` and
+    `extra_state` are functions of arrays, of one simulation or of a batch.
 
     Attributes:
-        summary: what is to be done.
-        difficulty, material: words to find it by; the material is also what pickers are made for:
-            "cloth" or "rope".
+        summary: what to do, in a sentence.
+        difficulty, material: tags; the material ("cloth" or "rope") also selects the pickers' size.
         horizon: env steps in an episode.
         action_repeat: sim steps of 0.01 s per env step.
-        success: normalised performance from which the goal counts as reached.
-        actors: names of those that it can have, the usual one first.
-        workspace: of grippers.
-        reset_height: of grippers at the start [m], or of a cup.
-        arm_height: of the bases of arms above the floor [m].
-        view: from where it is looked at, or its name in `views.VIEWS`.
-        planning_horizon: env steps that planners look ahead; the shipped ones are the paper's table
-            and, for hard tasks, the authors' code.
-        example_variation: the one that shows it best.
-        softgym_name: what SoftGym calls it.
-        hidden_goal: whether the goal depends on the variation and nothing in images without marks
-            shows it.
-        goals: functions of a goal that is drawn in each variation, for hindsight; None for others.
-        symmetries: turns of the world and orders of points that leave the task as it is; a policy
-            can learn from each step in all of them. None by default.
-        driven: whether an `Environment` makes as many sim steps as an action takes.
+        success: normalized performance from which the goal counts as reached.
+        actors: names of possible actors; the first is the default.
+        workspace: workspace of grippers.
+        reset_height: height of grippers at the start [m], or of a cup.
+        arm_height: height of the bases of arms above the floor [m].
+        view: camera view, or its name in `views.VIEWS`.
+        planning_horizon: env steps that planners look ahead: from the paper's table or, for hard
+            tasks, the authors' code.
+        example_variation: variation for pictures and videos.
+        softgym_name: the task's name in SoftGym.
+        hidden_goal: whether the goal depends on the variation and images show it by marks only.
+        goals: `Goals` of a task whose goal is drawn in each variation, for hindsight; else None.
+        symmetries: rotations of the world and orders of points that leave the task unchanged;
+            learners can augment each step by them.
+        driven: whether an `Environment` simulates as many sim steps as an action takes.
     """
 
     summary = ""
@@ -65,7 +63,7 @@ class Definition(composer.Task, abc.ABC):
     hidden_goal = driven = False
     goals: ClassVar[type[Goals] | None] = None
     symmetries: ClassVar[tuple[Turned, ...]] = ()
-    # What `Task` makes of its arguments.
+    # `Task` sets these from its arguments.
     scene: Scene
     start: Start | None
     store: VariationStore | None
@@ -76,11 +74,11 @@ class Definition(composer.Task, abc.ABC):
     def arrange(self, random: np.random.Generator) -> None:
         """Places the objects where an episode starts: finite, and not below the floor.
 
-        By default the first object gets the points as stored.
+        By default the first object gets its stored points.
 
         Args:
-            random: the generator of the current variation: the same for the same index and name
-                of the class. A subclass, or a class with another name, starts elsewhere.
+            random: generator of the current variation: the same for the same index and class name,
+                so a subclass starts elsewhere.
         """
         assert self.store is not None, "checked by the constructor"
         name, thing = next(iter(self.scene.materials.items()))
@@ -88,7 +86,7 @@ class Definition(composer.Task, abc.ABC):
         thing.set_points(self._stored[name])
 
     def tool_start(self, points: dict[str, np.ndarray]) -> ToolStart:
-        """Where the actor starts: unless a task says otherwise above the origin.
+        """Returns where the actor starts; by default above the origin.
 
         Args:
             points: (n, 3) [m] of each object at the start, by name.
@@ -96,7 +94,7 @@ class Definition(composer.Task, abc.ABC):
         return ToolStart((0.0, 0.0, self.reset_height), self.workspace)
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """What an episode's measures compare with: arrays by name.
+        """Returns the goal of an episode: arrays by name.
 
         Args:
             variation: index.
@@ -105,27 +103,26 @@ class Definition(composer.Task, abc.ABC):
         return {}
 
     def draw_goal(self, goal: dict[str, np.ndarray]) -> None:
-        """Draws the goal of an episode that starts."""
+        """Draws the marks of the goal at the start of an episode."""
 
     @abc.abstractmethod
     def measure(self, state: State, episode: Episode) -> Measures:
-        """Measures a state and changes nothing: `set_state` calls it once more.
+        """Measures a state without changing anything: `set_state` calls it again.
 
-        The tasks of the package are functions of these arrays alone, of one simulation or of many.
+        Tasks of the package compute it from these arrays alone, of one simulation or of a batch.
         """
 
     def bounds(self, episode: Episode) -> tuple[Array, Array]:
-        """(lower, upper) performance (...) that normalise to 0 and 1 in an episode, lower < upper.
+        """Returns (lower, upper) performance (...) that normalize to 0 and 1, with lower < upper.
 
-        Unless a task says otherwise its performance is from 0 to 1 by itself.
+        By default the performance is already in 0 to 1.
         """
         return 0.0, 1.0
 
     def reduced(self, state: State, episode: Episode) -> Entries:
-        """The few numbers that describe the state, by what they are called.
+        """Returns the reduced state: a few numbers by name.
 
-        What the actor senses of itself follows by itself. Unless a task says otherwise they are
-        the middle of every object.
+        The actor's proprioception is appended. By default it has the middle of every object.
         """
         return {
             f"middle of the {name}": point(points.mean(axis=-2))
@@ -133,34 +130,34 @@ class Definition(composer.Task, abc.ABC):
         }
 
     def extra_state(self, state: State, episode: Episode) -> Entries:
-        """What the full state lists between the points and what the actor senses, as `reduced`."""
+        """Returns what the full state lists after the points, by name as in `reduced`."""
         return {}
 
     def secondary_metrics(
         self, state: State, episode: Episode, measures: Measures
     ) -> dict[str, Array]:
-        """Further scalars (...) for info and results, as other work has them; only read there."""
+        """Returns further scalars (...) for info and results, as other work defines them."""
         return {}
 
     def episode_info(self, episode: Episode) -> dict[str, Array]:
-        """Further scalars (...) for info that say how an episode has started."""
+        """Returns further scalars (...) for info that describe the start of an episode."""
         return {}
 
     def own_observables(self, height: int, width: int) -> dict[str, observable.Observable]:
-        """Further observables by name, with images of height x width pixels."""
+        """Returns further observables by name, with images of height x width pixels."""
         return {}
 
     def resize(self, variation: int) -> bool:
-        """Fits the model to a variation; returns True when it changed and must be recompiled."""
+        """Fits the model to a variation; returns True if it changed and must be recompiled."""
         sizes = () if self.start is None else self.start.sizes(variation)
         return self.scene.resize(sizes)
 
     def diagnostics(self) -> dict[str, float | int]:
-        """Further scalars for info."""
+        """Returns further scalars for info."""
         return self.scene.diagnostics(self.counts_intersections)
 
     def describe(self, state: State, episode: Episode, measures: Measures) -> dict[str, Array]:
-        """What info says of a state by its points alone: (...) by name."""
+        """Returns the part of info that follows from states: scalars (...) by name."""
         normalized = metrics.normalize(measures.performance, *self.bounds(episode))
         success = normalized >= self.success
         return {

@@ -1,17 +1,17 @@
-"""`Driving`: from the action of an env step to the motion of each physics step."""
+"""`Driving`: from the action of an env step to the motion in each physics step."""
 
 from softgym_mj.exceptions import LifecycleError
 from softgym_mj.robots.base import SIM_STEP, Actor
 
 
 class Driving:
-    """Commands an actor at the start of env steps, plans in sim steps, moves in physics steps."""
+    """Commands an actor in env steps, plans in sim steps and moves it in physics steps."""
 
     def __init__(self, actor: Actor, timestep: float):
         """Binds an actor.
 
         Args:
-            actor: what acts.
+            actor: the actor.
             timestep: physics step [s].
         """
         self._actor, self._timestep = actor, timestep
@@ -22,12 +22,12 @@ class Driving:
         """Starts an env step.
 
         Args:
-            action: what is to be done.
-            as_long_as_needed: whether there will be as many sim steps as the actor wants.
+            action: action of the env step.
+            as_long_as_needed: whether the env step has as many sim steps as the actor needs.
 
         Raises:
             InvalidArgumentError: for a bad action.
-            LifecycleError: if the actor may want more sim steps than there will be.
+            LifecycleError: if the actor may need more sim steps than the env step has.
         """
         checked = self._actor.checked_action(action)
         if self._actor.sim_steps is not None and not as_long_as_needed:

@@ -1,6 +1,6 @@
-"""Entries of states: numbers and what they are. And those that several tasks list.
+"""Entries of states: numbers with a name, kind and unit, and those that several tasks list.
 
-Labels of data sheets, symmetries and sets of points follow from the entries of a task.
+Labels of data sheets, symmetries and point sets follow from the entries of a task.
 """
 
 from collections.abc import Mapping
@@ -18,8 +18,8 @@ class Entry(NamedTuple):
     Attributes:
         values: numbers (..., n); a point (..., 3) or points (..., k, 3) in the world [m].
         kind: "numbers", "point" or "points".
-        unit: of all; "" without one.
-        role: whose points they are: the "object"'s, in its order, a "goal"'s or "other".
+        unit: unit of all numbers; "" without one.
+        role: owner of the points: the "object", in its order, a "goal" or "other".
     """
 
     values: Array
@@ -28,30 +28,30 @@ class Entry(NamedTuple):
     role: str = "other"
 
 
-Entries = Mapping[str, Entry]  # By what they are called.
+Entries = Mapping[str, Entry]  # By name.
 _EACH = {"numbers": "", "point": " (x, y, z)", "points": " (x, y, z each)"}
 
 
 def numbers(values: Array, unit: str = "") -> Entry:
-    """An entry of numbers (..., n)."""
+    """Returns an entry of numbers (..., n)."""
     return Entry(values, unit=unit)
 
 
 def point(values: Array, role: str = "other") -> Entry:
-    """An entry of a point (..., 3) [m]."""
+    """Returns an entry of a point (..., 3) [m]."""
     return Entry(values, "point", "m", role)
 
 
 def points(values: Array, role: str = "other") -> Entry:
-    """An entry of points (..., k, 3) [m]."""
+    """Returns an entry of points (..., k, 3) [m]."""
     return Entry(values, "points", "m", role)
 
 
 def values(method: str, entries: Entries) -> list[Array]:
-    """Values of what a method of a task lists.
+    """Returns the values of the entries that a task's method lists.
 
     Raises:
-        InvalidArgumentError: for one that is no entry.
+        InvalidArgumentError: for an item that is no entry.
     """
     for name, entry in entries.items():
         if not isinstance(entry, Entry):
@@ -61,7 +61,7 @@ def values(method: str, entries: Entries) -> list[Array]:
 
 
 def labels(entries: Entries) -> dict[str, Array]:
-    """Values by what is said of them: "corner p1 (x, y, z) [m]"."""
+    """Returns values by label: "corner p1 (x, y, z) [m]"."""
     return {
         f"{name}{_EACH[entry.kind]}{f' [{entry.unit}]' if entry.unit else ''}": entry.values
         for name, entry in entries.items()
@@ -69,16 +69,16 @@ def labels(entries: Entries) -> dict[str, Array]:
 
 
 def corners(state: State, episode: Episode) -> dict[str, Entry]:
-    """The corners of the cloth, as `Cloth.corners` counts them."""
+    """Returns the corners of the cloth in the order of `Cloth.corners`."""
     found = metrics.taken(state.points["cloth"], episode.shapes["cloth"]["corners"])
     return {f"corner p{i + 1}": point(found[..., i, :], "object") for i in range(4)}
 
 
-CUP_SIZE = 6  # Numbers of `cup`.
+CUP_SIZE = 6  # Number of values of `cup`.
 
 
 def cup(name: str, state: State, episode: Episode) -> dict[str, Entry]:
-    """A cup's pose and inner measures."""
+    """Returns a cup's pose and inner size."""
     pose, size = state.poses[name], episode.shapes[name]["size"]
     return {
         f"{name} x, z": numbers(pose[..., :3:2], "m"),
@@ -88,12 +88,12 @@ def cup(name: str, state: State, episode: Episode) -> dict[str, Entry]:
 
 
 def cups(state: State, episode: Episode) -> dict[str, Entry]:
-    """The poses and inner measures of all cups."""
+    """Returns the poses and inner sizes of all cups."""
     each = (cup(name, state, episode) for name in state.poses)
     return {name: entry for entries in each for name, entry in entries.items()}
 
 
 def highest_particle(state: State) -> dict[str, Entry]:
-    """How high the water splashes."""
+    """Returns the height of the highest particle, how high the water splashes."""
     top = metrics.highest(state.points["water"], state.present["water"])
     return {"height of the highest particle": numbers(top[..., None], "m")}

@@ -1,7 +1,7 @@
-"""Goals that are drawn anew in each variation: read off a state, reached by one, and compared.
+"""Goals drawn in each variation: reading them from a state, relabeling, and comparison.
 
-A task whose goal is drawn names its `Goals` as `Task.goals`; goals of others are fixed, or follow
-from where the cloth lies at the start.
+A task whose goal is drawn sets `Task.goals` to its `Goals`. The goals of other tasks are fixed, or
+follow from the start state.
 """
 
 import abc
@@ -18,11 +18,11 @@ from softgym_mj.tasks.shared.state import Episode, State
 class Goals(abc.ABC):
     """Goals of a task, as functions of arrays.
 
-    A goal is a dict of arrays as `Task.goal` returns it, or the numbers (..., k) by which a reward
-    compares what is achieved with what is desired.
+    A goal is a dict of arrays as `Task.goal` returns it, or the numbers (..., k) by which the
+    reward compares achieved and desired goals.
 
     Attributes:
-        task: whose.
+        task: the task.
     """
 
     def __init__(self, task: Any):
@@ -30,27 +30,31 @@ class Goals(abc.ABC):
 
     @abc.abstractmethod
     def read(self, full: Array) -> tuple[State, Episode]:
-        """What `measure` and `reduced` need, of full states (..., n): the observation "full"."""
+        """Returns what `measure` and `reduced` need, from observations "full" (..., n)."""
 
     @abc.abstractmethod
     def reached(self, state: State, episode: Episode) -> dict[str, Array]:
-        """The goal that this state reaches: its reward is the highest there is."""
+        """Returns the goal that this state reaches, for which the reward is highest."""
 
     @abc.abstractmethod
     def achieved(self, state: State, episode: Episode) -> Array:
-        """What a reward compares (..., k) with `desired`."""
+        """Returns the achieved goal (..., k), which `reward` compares with `desired`."""
 
     @abc.abstractmethod
     def desired(self, state: State, episode: Episode) -> Array:
-        """The goal of the episode (..., k)."""
+        """Returns the goal of the episode (..., k)."""
 
     @abc.abstractmethod
     def reward(self, achieved: Array, desired: Array) -> Array:
-        """The task's rewards (...) of states by both (..., k)."""
+        """Returns the task's rewards (...) for achieved and desired goals (..., k)."""
 
 
 def goals(name: str, task: Any) -> Goals:
-    """Those of a task by its name.
+    """Returns the `Goals` of a task.
+
+    Args:
+        name: name of the task.
+        task: the task.
 
     Raises:
         InvalidArgumentError: for a task whose goal is the same in all variations, or an actor that
@@ -62,7 +66,7 @@ def goals(name: str, task: Any) -> Goals:
 
 
 def depends_on_goal(task: Any, name: str) -> np.ndarray:
-    """Which numbers (n,) of an observation of `STATES` are the goal's."""
+    """Returns which numbers (n,) of an observation of `STATES` depend on the goal."""
     state, episode = task.state(), task.episode
     elsewhere = {key: value + 1.0 for key, value in episode.goal.items()}
     other = Episode(**{**vars(episode), "goal": elsewhere})
@@ -71,5 +75,5 @@ def depends_on_goal(task: Any, name: str) -> np.ndarray:
 
 
 def as_points(numbers: Array) -> Array:
-    """Numbers (..., 3 n) as points (..., n, 3)."""
+    """Returns numbers (..., 3 n) as points (..., n, 3)."""
     return numbers.reshape((*numbers.shape[:-1], numbers.shape[-1] // 3, 3))

@@ -1,4 +1,4 @@
-"""What the tasks share that start with a cloth that hangs from two grippers."""
+"""Settings of the tasks that start with a cloth hanging from two grippers."""
 
 import numpy as np
 
@@ -8,9 +8,9 @@ from softgym_mj.robots.arm.models import ARMS
 from softgym_mj.robots.gripper import Gripper
 from softgym_mj.robots.workspace import ToolStart, Workspace
 
-WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # Facts 2.2.
-ACTORS = ("picker", "pick_and_place", *ARMS)  # Those with a gripper for each held corner.
-BASE_HEIGHT = 0.5  # [m] Of arms: that of the lowest pickers.
+WORKSPACE = Workspace((-0.3, -0.5, 0.5), (0.5, 0.5, 2.0))  # docs/softgym.md 2.2.
+ACTORS = ("picker", "pick_and_place", *ARMS)  # Actors with two grippers, one per held corner.
+BASE_HEIGHT = 0.5  # [m] Base of arms: at the height of the lowest pickers.
 
 
 def check_grippers(actor: Gripper) -> None:
@@ -21,11 +21,11 @@ def check_grippers(actor: Gripper) -> None:
 
 
 def held_by_corners(cloth: Cloth) -> ToolStart:
-    """Two grippers hold the corners p1 and p2 of column 0."""
+    """Returns a start with two grippers that hold the corners p1 and p2 of column 0."""
     first, second = cloth.corners[:2].tolist()
     return ToolStart((0.0, 0.0, 0.0), WORKSPACE, held=(first, second))
 
 
 def laid_down(cloth: Cloth) -> np.ndarray:
-    """SoftGym's particles (dimy, dimx, 3) [m] of the cloth where it ought to be laid flat."""
+    """Returns SoftGym's particles (dimy, dimx, 3) [m] of the flat cloth at its goal."""
     return cloth.particles(cloth.flat(centre=(cloth.size[0] / 2, 0.0)))

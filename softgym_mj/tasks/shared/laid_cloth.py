@@ -1,4 +1,4 @@
-"""`LaidCloth`: tasks that lay a cloth in a place, folded in half or flat."""
+"""`LaidCloth`: base of the tasks that lay a cloth in a place, folded in half or flat."""
 
 import abc
 from typing import Any
@@ -17,11 +17,11 @@ from softgym_mj.variations.indices import Start
 
 
 class LaidCloth(Task):
-    """A cloth has to lie in a place, which an outline shows to people.
+    """Base of the tasks that lay a cloth in a place, which an outline marks.
 
     Attributes:
         folded: whether the first half of the columns has to lie on the second.
-        cloth: what is laid.
+        cloth: the cloth.
     """
 
     folded = True
@@ -30,23 +30,23 @@ class LaidCloth(Task):
         """Builds the task.
 
         Args:
-            cloth: what is laid.
+            cloth: the cloth.
             start: its initial states.
-            **settings: of `Task`.
+            **settings: settings of `Task`.
         """
         self.cloth, self._outline = cloth, GoalLine(5, OUTLINE_WIDTH)
         super().__init__([cloth], start, marks=[self._outline], **settings)
 
     @abc.abstractmethod
     def place(self, points: np.ndarray) -> np.ndarray:
-        """SoftGym's particles (dimy, dimx, 3) [m] of the unfolded cloth in its place.
+        """Returns SoftGym's particles (dimy, dimx, 3) [m] of the unfolded cloth at its goal.
 
         Args:
             points: (n, 3) [m] of the cloth at the start.
         """
 
     def goal(self, variation: int, points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The particles of `place`, and the outline of what the cloth has to cover."""
+        """Returns the particles of `place`, and the outline of the area to cover."""
         particles = self.place(points["cloth"])
         return {
             "particles": particles,

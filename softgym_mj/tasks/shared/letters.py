@@ -1,4 +1,4 @@
-"""The letters that RopeConfiguration lays a rope to, as polylines of the rope's length."""
+"""Letters of RopeConfiguration, as polylines of the rope's length."""
 
 import itertools
 
@@ -7,7 +7,8 @@ from scipy.interpolate import CubicSpline
 
 from softgym_mj.entities.rope import LENGTH
 
-# Points (X, Y) [m] along the centre lines of SoftGym's letters, upright in the top view (facts E).
+# [m] Points (X, Y) along the center lines of SoftGym's letters, upright in the top view
+# (docs/softgym.md E).
 _CURVES = {
     "S": ((0.060, 0.051), (0.027, 0.089), (-0.023, 0.091), (-0.060, 0.057), (-0.042, 0.016),
           (0.008, 0.003), (0.053, -0.018), (0.059, -0.067), (0.016, -0.090), (-0.035, -0.085),
@@ -22,15 +23,15 @@ _CURVES = {
           (-0.002, -0.088), (0.047, -0.079), (0.069, -0.037), (0.069, 0.013), (0.069, 0.064),
           (0.075, 0.112)),
 }  # fmt: skip
-# Its strokes are straight: the corners suffice.
+# The strokes of an M are straight: its corners suffice.
 _M = ((-0.082, -0.096), (-0.075, 0.088), (0.005, -0.090), (0.075, 0.088), (0.082, -0.102))
 LETTERS = ("S", "O", "M", "C", "U")
 
-_FINE = 2000  # Samples of a curve: its length is then right to a millionth.
+_FINE = 2000  # Samples of a curve: its length is then accurate to 1e-6.
 
 
 def _centre_line(name: str) -> np.ndarray:
-    """Many points (n, 2) [m] along a letter."""
+    """Returns many points (n, 2) [m] along a letter."""
     if name == "M":
         corners = np.array(_M)
         return np.concatenate([np.linspace(a, b, _FINE) for a, b in itertools.pairwise(corners)])
@@ -40,10 +41,10 @@ def _centre_line(name: str) -> np.ndarray:
 
 
 def letter(name: str, count: int) -> np.ndarray:
-    """Places (count, 2) [m] of the vertices of a rope that lies as a letter, about the origin.
+    """Returns vertices (count, 2) [m] of a rope in the shape of a letter, about the origin.
 
-    Every letter has the rope's natural length and all its vertices, evenly spaced along it: SoftGym
-    takes the first 41 points of an M of 61, and drops inner points of the others or adds middles.
+    Every letter has the rope's natural length, and its vertices are evenly spaced. SoftGym takes
+    the first 41 points of an M of 61, and drops inner points of the others or adds midpoints.
     """
     line = _centre_line(name)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])

@@ -1,4 +1,4 @@
-"""Observations as data: those that follow from the state, and their names."""
+"""Observations as data: names, and the functions that compute those that follow from the state."""
 
 import collections
 import math
@@ -21,15 +21,15 @@ from softgym_mj.rendering.offscreen import LARGEST_IMAGE
 from softgym_mj.tasks.shared.entries import values
 from softgym_mj.tasks.shared.state import Episode, State
 
-Value = Callable[[Any, State, Episode], Array]  # The task comes first.
+Value = Callable[[Any, State, Episode], Array]  # Arguments: task, state, episode.
 
 
 class StateObservation(NamedTuple):
-    """An observation that follows from the state, of one simulation or of many.
+    """Observation that follows from the state, of one simulation or of a batch.
 
     Attributes:
-        value: (..., n) of a task, a state and its episode.
-        summary: what it is.
+        value: returns (..., n) for a task, a state and its episode.
+        summary: description.
     """
 
     value: Value
@@ -37,7 +37,7 @@ class StateObservation(NamedTuple):
 
 
 def full(task: Any, state: State, episode: Episode) -> Array:
-    """All points (x, y, z each), zeros, `extra_state`, what the actor senses: (..., n)."""
+    """Returns all points (x, y, z each), zero padding, `extra_state`, proprioception: (..., n)."""
     lead = state.sensed.shape[:-1]
     points = _joined(state.points.values(), lead)
     missing = 3 * task.max_points - points.shape[-1]
@@ -47,7 +47,7 @@ def full(task: Any, state: State, episode: Episode) -> Array:
 
 
 def full_mask(task: Any, state: State, episode: Episode) -> Array:
-    """1 for each of the points of `full` that exists, else 0: (..., max_points) uint8."""
+    """Returns 1 for each existing point of `full`, else 0: (..., max_points) uint8."""
     lead = state.sensed.shape[:-1]
     present = _joined(state.present.values(), lead)
     xp = namespace(present)
@@ -59,14 +59,14 @@ def full_mask(task: Any, state: State, episode: Episode) -> Array:
 
 
 def reduced(task: Any, state: State, episode: Episode) -> Array:
-    """The numbers of `Task.reduced`, then what the actor senses of itself: (..., n)."""
+    """Returns the numbers of `Task.reduced`, then the actor's proprioception: (..., n)."""
     lead = state.sensed.shape[:-1]
     entries = values("reduced", task.reduced(state, episode))
     return _joined([*entries, *_sensed(task, state)], lead)
 
 
 def markov(task: Any, state: State, episode: Episode) -> Array:
-    """The numbers of `reduced`, then what else decides on the actor's next steps: (..., n)."""
+    """Returns `reduced`, then what else determines the actor's next steps: (..., n)."""
     seen = reduced(task, state, episode)
     return namespace(seen).concat([seen, state.remembered], axis=-1)
 
@@ -76,12 +76,12 @@ def _sensed(task: Any, state: State) -> list[Array]:
 
 
 def _joined(arrays: Iterable[Array], lead: tuple[int, ...]) -> Array:
-    """All numbers of some arrays in one (..., n)."""
+    """Returns all numbers of some arrays as one array (..., n)."""
     parts = [array.reshape((*lead, math.prod(array.shape[len(lead) :]))) for array in arrays]
     return namespace(parts[0]).concat(parts, axis=-1)
 
 
-# Positions are in metres, in the world frame.
+# Positions are in meters, in the world frame.
 STATES = {
     "full": StateObservation(
         full, "every point (zero-padded to the largest variation), then the grippers or cups"
@@ -91,7 +91,7 @@ STATES = {
     ),
     "markov": StateObservation(
         markov,
-        "`reduced`, then what the actor remembers: what grippers hold, the velocity of a cup, "
+        "`reduced`, then the actor's internal state: what grippers hold, the velocity of a cup, "
         "commands of arms",
     ),
     "full_mask": StateObservation(
@@ -99,41 +99,41 @@ STATES = {
     ),
     "proprioception": StateObservation(
         lambda task, state, episode: state.sensed,
-        "what the actor senses of itself: positions of pickers, the pose of a cup "
-        "or tool points, openings and joints of arms",
+        "the actor's own state: positions of pickers, the pose of a cup, or tool points, "
+        "openings and joints of arms",
     ),
 }
-# name: what it is.
+# Descriptions by name.
 OBSERVATIONS = {
     **{name: seen.summary for name, seen in STATES.items()},
     "rgb": "uint8 image (height, width, 3) from the task camera",
     "depth": "float32 image (height, width) of distances along the view direction [m]",
-    "segmentation": "uint8 image (height, width) of what is seen: 0 background, 1 object (also "
+    "segmentation": "uint8 image (height, width) of labels: 0 background, 1 object (also "
     "behind glass), 2 actor, 3 container",
     "external_rgb": "uint8 images (2, height, width, 3) from the cameras on the left and right",
     "external_depth": "float32 images (2, height, width) from these cameras, as `depth` [m]",
-    "point_cloud": "float32 (1024, 4): x, y, z of points of the object that these cameras see, "
-    "spread evenly, and 1; rows of zeros where they see fewer",
+    "point_cloud": "float32 (1024, 4): x, y, z of evenly spread points of the object visible to "
+    "these cameras, and 1; rows of zeros if fewer are visible",
 }
 TAKEN = (
     "rgb",
     EXTERNAL_RGB,
     WRIST_RGB,
-)  # What has the faults of a sensor, where a domain has some.
-GOAL_RGB = "goal_rgb"  # The same image with the goal reached, where a task can show it.
-_SHOW_GOAL = {"full", "reduced", "markov", GOAL_RGB}  # Without marks in images.
+)  # Images to which the sensor parameters of a domain apply.
+GOAL_RGB = "goal_rgb"  # "rgb" with the goal reached, for tasks that can render it.
+_SHOW_GOAL = {"full", "reduced", "markov", GOAL_RGB}  # These show the goal without marks in images.
 DEFAULT_IMAGE_SIZE = (128, 128)  # (height, width), as in the paper's experiments.
 
 
 def enabled_names(observation: str | Sequence[str], available: Iterable[str]) -> tuple[str, ...]:
-    """The observation names that a setting asks for.
+    """Returns the observation names that a setting selects.
 
     Args:
         observation: one name, or a sequence of distinct names.
         available: names of the task's observations.
 
     Raises:
-        InvalidArgumentError: for a name that does not exist, none or one given twice.
+        InvalidArgumentError: for an unknown name, none or a duplicate.
     """
     available = tuple(available)
     names = (observation,) if isinstance(observation, str) else observation
@@ -151,10 +151,10 @@ def make_observables(
     image_size: tuple[int, int],
     goal_marks: bool = False,
 ) -> "collections.OrderedDict[str, observable.Observable]":
-    """All observables of a task by name, those of a setting enabled.
+    """Returns all observables of a task by name, with those of a setting enabled.
 
     Args:
-        task: with its scene and actor.
+        task: task with its scene and actor.
         observation: as in `enabled_names`.
         image_size: (height, width) of images [pixels].
         goal_marks: whether colored images show the marks of the task's goal.

@@ -1,4 +1,4 @@
-"""What PourWater and PourWaterAmount share: the scene, and where the water is."""
+"""Scene and measures that PourWater and PourWaterAmount share."""
 
 from typing import NamedTuple
 
@@ -16,16 +16,16 @@ from softgym_mj.tasks.shared.starts.cup_variations import PourCups
 from softgym_mj.tasks.shared.starts.settled_water import SettledWater
 from softgym_mj.tasks.shared.state import Episode, State
 
-MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] in a sim step: 1 m/s and 1.5 rad/s.
-BASE_X = 0.5  # [m] Of an arm.
+MAX_STEP = (0.01, 0.01, 0.015)  # [m, m, rad] per sim step: 1 m/s and 1.5 rad/s.
+BASE_X = 0.5  # [m] Base of an arm.
 
-# SoftGym's contrast of 20 in viscosity and 5 in cohesion to TransportWater (facts 1.3; 5, row 46),
-# at values with which the water leaves the lip as a jet and splashes little.
+# SoftGym's ratio of 20 in viscosity and 5 in cohesion to TransportWater (docs/softgym.md 1.3; 5,
+# row 46), at values with which the water leaves the lip as a jet and splashes little.
 LIQUID = Liquid(viscosity=1e-3, cohesion=5.0)
 
 
 class Parts(NamedTuple):
-    """What is there: not yet attached."""
+    """Parts of the scene, not yet attached."""
 
     start: SettledWater
     water: Water
@@ -35,7 +35,7 @@ class Parts(NamedTuple):
 
 
 def parts(actor: object, fidelity: str) -> Parts:
-    """A cup of water for an actor to move, and one to pour into."""
+    """Builds a cup of water for an actor to move, and a cup to pour into."""
     start = SettledWater(PourCups(), LIQUID, fidelity)
     resolution, *sizes = start.sizes(0)
     cup, target = Cup(sizes[0]), Cup(sizes[1], name="target")
@@ -44,7 +44,7 @@ def parts(actor: object, fidelity: str) -> Parts:
 
 
 def fractions(state: State, episode: Episode) -> dict[str, Array]:
-    """Shares (...) of the water by where it is."""
+    """Returns the shares (...) of the water by location."""
     cup, target = (inside(name, state, episode) for name in ("cup", "target"))
     marks = {
         "poured": target & ~cup,
@@ -56,7 +56,7 @@ def fractions(state: State, episode: Episode) -> dict[str, Array]:
 
 
 def reduced(state: State, episode: Episode) -> dict[str, Entry]:
-    """Both cups, and where the water is."""
+    """Returns the poses and sizes of both cups, and the location of the water."""
     size = episode.shapes["target"]["size"]
     both = (share(inside(name, state, episode), state) for name in ("target", "cup"))
     return {
@@ -71,5 +71,5 @@ def reduced(state: State, episode: Episode) -> dict[str, Entry]:
 
 
 def stand(target: Cup, variation: int) -> None:
-    """Puts the target cup where it stands in a variation."""
+    """Places the target cup of a variation."""
     target.pose = np.array([PourCups().variation(variation).distance, 0.0, 0.0])

@@ -1,6 +1,6 @@
-"""How good an outcome is, in the measures that other work on cloth and rope reports.
+"""Secondary metrics in which other work on cloth and rope reports outcomes.
 
-Functions of arrays, of one simulation or of many; they go into info and results.
+They are functions of arrays, of one simulation or of a batch, and appear in info and results.
 """
 
 import numpy as np
@@ -9,17 +9,17 @@ from softgym_mj import metrics
 from softgym_mj.metrics import Array
 from softgym_mj.tasks.shared.state import Episode, State
 
-AROUND = [0, 1, 3, 2, 0]  # The corners of `outline`, one after the other and back.
-LINES = 64  # On which covered areas are measured: within 0.1 % here, in half the usual time.
+AROUND = [0, 1, 3, 2, 0]  # Closed polygon through the corners of `outline`.
+LINES = 64  # Scan lines for covered areas: accurate to 0.1 % here, at half the default cost.
 
 
 def flattening(area: Array, start: Array, flat: Array) -> dict[str, Array]:
-    """Normalised coverage and normalised improvement (Lin et al., 2021, VCD; Ha and Song, 2021).
+    """Returns normalized coverage (Lin et al., 2021, VCD) and improvement (Ha and Song, 2021).
 
     Args:
-        area: (...) that the cloth covers in top view.
-        start: (...) that it covered at the start.
-        flat: (...) that it covers when it lies flat.
+        area: (...) covered area in top view.
+        start: (...) covered area at the start.
+        flat: (...) area of the flat cloth.
     """
     return {
         "normalized_coverage": area / flat,
@@ -28,11 +28,11 @@ def flattening(area: Array, start: Array, flat: Array) -> dict[str, Array]:
 
 
 def outline(particles: np.ndarray, folded: bool) -> np.ndarray:
-    """Corners (4, 3) [m] of what a cloth ought to cover: of its last column, then opposite.
+    """Returns the corners (4, 3) [m] of the area to cover: of its last column, then opposite.
 
     Args:
-        particles: (dimy, dimx, 3) [m] SoftGym's particles of the flat cloth in its place.
-        folded: whether the first half ought to lie on the second; else it lies flat.
+        particles: (dimy, dimx, 3) [m] SoftGym's particles of the flat cloth at its goal.
+        folded: whether the first half has to lie on the second; else the cloth lies flat.
     """
     middle = (particles.shape[1] - 1) / 2 if folded else 0.0
     columns = [int(np.floor(middle)), int(np.ceil(middle))]
@@ -41,16 +41,16 @@ def outline(particles: np.ndarray, folded: bool) -> np.ndarray:
 
 
 def laying(state: State, episode: Episode, folded: bool) -> dict[str, Array]:
-    """How a cloth lies in its place: that is `episode.goal["outline"]`, as `outline` returns it.
+    """Returns how well a cloth lies at its goal `episode.goal["outline"]`, made by `outline`.
 
     Returns:
-        Mean distance of the corners from their places in top view [m]; intersection over union of
-        what it covers and ought to cover in top view; by how much its highest point is above
-        its upper layer [m].
+        "mean_corner_distance": mean distance of the corners from their places in top view [m].
+        "outline_iou": intersection over union of covered and goal area in top view.
+        "wrinkle_height": height of the highest point above the upper layer [m].
     """
     points, shape, goal = state.points["cloth"], episode.shapes["cloth"], episode.goal["outline"]
     xp, count = metrics.namespace(points), points.shape[-2]
-    places = [0, 1, 0, 1] if folded else [2, 3, 0, 1]  # Of the corners p1 p2 p3 p4.
+    places = [0, 1, 0, 1] if folded else [2, 3, 0, 1]  # Goal corners of p1 p2 p3 p4.
     away = metrics.taken(points, shape["corners"]) - metrics.chosen(goal, places)
     sides = [goal[..., i, :2] - goal[..., 0, :2] for i in (1, 2)]
     target = abs(sides[0][..., 0] * sides[1][..., 1] - sides[0][..., 1] * sides[1][..., 0])
@@ -60,7 +60,7 @@ def laying(state: State, episode: Episode, folded: bool) -> dict[str, Array]:
     everything = xp.concat([points, goal], axis=-2), xp.concat([triangles, both], axis=-2)
     union = metrics.covered_area(*everything, LINES)
     common = xp.clip(metrics.covered_area(points, triangles, LINES) + target - union, 0.0, None)
-    rest = xp.mean(goal[..., 2], axis=-1)  # Of a single layer: half its thickness.
+    rest = xp.mean(goal[..., 2], axis=-1)  # Height of a single layer: half its thickness.
     upper = (3.0 if folded else 1.0) * rest
     highest = metrics.highest(points, state.present["cloth"])
     return {
@@ -71,15 +71,15 @@ def laying(state: State, episode: Episode, folded: bool) -> dict[str, Array]:
 
 
 def point_error(points: Array, goal: Array) -> dict[str, Array]:
-    """Mean distance [m] of a rope's points (..., n, 3) from theirs, from the better end."""
+    """Returns the mean distance [m] of a rope's points (..., n, 3) to goal, best direction."""
     xp = metrics.namespace(points)
-    ways = (goal, xp.flip(goal, axis=-2))
-    errors = [xp.mean(metrics.lengths(points - way), axis=-1) for way in ways]
+    directions = (goal, xp.flip(goal, axis=-2))
+    errors = [xp.mean(metrics.lengths(points - places), axis=-1) for places in directions]
     return {"mean_point_error": xp.minimum(*errors)}
 
 
 def straight(points: Array, length: float) -> Array:
-    """The straight rope (..., n, 3) [m] of a length with the middle and direction of the ends."""
+    """Returns a straight rope (..., n, 3) [m] with the middle and direction of a rope's ends."""
     count = points.shape[-2]
     first, last = points[..., :1, :], points[..., -1:, :]
     along = last - first

@@ -1,4 +1,4 @@
-"""`TaskSensor`: domain parameters of the cameras whose images are observed."""
+"""`TaskSensor`: domain parameters of the cameras of observed images."""
 
 from collections.abc import Mapping
 
@@ -11,9 +11,9 @@ from softgym_mj.variations.randomization import Parameter, scaled
 
 
 class TaskSensor:
-    """Changes coloured images that are observed; not those of `render`, depths or labels.
+    """Degrades observed color images; not those of `render`, depths or labels.
 
-    An image depends on the variation and on the time in the episode, not on how many were taken.
+    An image depends on the variation and on the time in the episode, not on the number of images.
 
     Attributes:
         parameters: domain parameters.
@@ -35,19 +35,19 @@ class TaskSensor:
         self._sensor = Sensor()
 
     def adjust(self, values: Mapping[str, float]) -> bool:
-        """Sets all parameters; False: nothing of the model changes."""
+        """Sets all parameters; returns False, as the model does not change."""
         faults = {name.removeprefix("sensor_"): value for name, value in values.items()}
         self._sensor = Sensor(**faults)
         return False
 
     def seen(self, images: np.ndarray, name: str, variation: int, time: float) -> np.ndarray:
-        """What is observed of drawn images.
+        """Returns observed images for rendered images.
 
         Args:
             images: (..., height, width, 3) uint8.
-            name: of the observation.
+            name: name of the observation.
             variation: index.
-            time: in the episode [s].
+            time: time in the episode [s].
         """
         if self._sensor == Sensor():
             return images

@@ -1,4 +1,4 @@
-"""What a task measures: the state of its scene, and what stays the same in an episode.
+"""State of a task's scene, and constants of an episode.
 
 Leading dimensions `...` are () for one simulation and (num_envs,) for a batch; arrays are NumPy's
 or PyTorch's.
@@ -14,15 +14,15 @@ from softgym_mj.metrics import Array
 
 
 class State(NamedTuple):
-    """The state of a scene.
+    """State of a scene.
 
     Attributes:
         points: (..., n, 3) [m] of each object that deforms or flows, by name.
-        present: (..., n) bool, by the same names: False where a batch pads.
-        poses: (..., 8) of each cup by name: x, y, z [m], quaternion (w, x, y, z), and the angle
-            about +Y [rad], which is known beyond half a turn.
-        sensed: (..., k) what the actor senses of itself.
-        remembered: (..., m) what else decides on its next steps: grips, commands, a cup's velocity.
+        present: (..., n) bool, by the same names: False for padding in a batch.
+        poses: (..., 8) of each cup by name: x, y, z [m], quaternion (w, x, y, z), and the unwrapped
+            angle about +Y [rad].
+        sensed: (..., k) proprioception of the actor.
+        remembered: (..., m) internal state of the actor: grips, commands, a cup's velocity.
     """
 
     points: dict[str, Array]
@@ -33,20 +33,20 @@ class State(NamedTuple):
 
     @classmethod
     def stack(cls, states: Sequence["State"]) -> "State":
-        """States of one task as one with a leading dimension, padded (NumPy)."""
+        """Stacks states of one task along a new first dimension, padded (NumPy)."""
         return cls(*(stack(values) for values in zip(*states, strict=True)))
 
 
 @dataclasses.dataclass(frozen=True)
 class Episode:
-    """What an episode starts with and does not change.
+    """Constants of an episode.
 
     Attributes:
         variation: (...) index.
         points: (..., n, 3) [m] of each object at the start, by name.
-        shapes: what depends on the size of an object, by its name: arrays by name.
+        shapes: arrays by name that depend on the size of an object, by its name.
         goal: arrays by name, as `Task.goal` returns them.
-        initial_performance: (...) at the start.
+        initial_performance: (...) performance at the start.
     """
 
     variation: Array
@@ -57,7 +57,7 @@ class Episode:
 
     @classmethod
     def stack(cls, episodes: Sequence["Episode"]) -> "Episode":
-        """Episodes of one task as one with a leading dimension, padded with zeros (NumPy)."""
+        """Stacks episodes of one task along a new first dimension, padded with zeros (NumPy)."""
         return cls(*(stack(values) for values in zip(*map(_fields, episodes), strict=True)))
 
 
@@ -66,7 +66,7 @@ def _fields(episode: Episode) -> tuple:
 
 
 def stack(values: Sequence) -> Array:
-    """Arrays of any sizes, or dicts of such, with a leading dimension, padded with zeros."""
+    """Stacks arrays of any sizes, or dicts of them, padded with zeros."""
     if isinstance(values[0], dict):
         return {key: stack([value[key] for value in values]) for key in values[0]}
     arrays = [np.asarray(value) for value in values]

@@ -1,7 +1,7 @@
-"""Symmetries of tasks as data: the same task, seen from another side of the world.
+"""Symmetries of tasks as data: transformations of the world that leave the task unchanged.
 
-A task declares them in one line, `symmetries = anywhere("same", "reversed")`; those that exchange
-pickers are added for it. `learning.symmetries` makes matrices of them.
+A task declares them in one line, `symmetries = anywhere("same", "reversed")`; exchanges of pickers
+are added automatically. `learning.symmetries` converts them to matrices.
 """
 
 import itertools
@@ -11,30 +11,30 @@ import numpy as np
 
 from softgym_mj.exceptions import check_name
 
-# Orders in which an object's points can be listed: a rope's from its other end, a cloth's with
-# rows, columns or both reversed.
+# Orders of an object's points: a rope from its other end, a cloth with rows, columns or both
+# reversed.
 ORDERS = ("same", "reversed", "rows", "columns", "both")
 
 
 class Turned(NamedTuple):
-    """A way to see a task that leaves its rewards and dynamics as they are.
+    """Transformation that leaves a task's rewards and dynamics unchanged.
 
     Attributes:
-        turn: (3, 3) by which positions in the world are multiplied.
-        order: of the object's points, one of `ORDERS`.
+        turn: (3, 3) matrix that transforms positions in the world.
+        order: order of the object's points, one of `ORDERS`.
     """
 
     turn: np.ndarray
     order: str = "same"
 
 
-_SAME, _MIRROR = np.eye(3), np.diag([1.0, -1.0, 1.0])  # The latter across the XZ plane.
+_SAME, _MIRROR = np.eye(3), np.diag([1.0, -1.0, 1.0])  # The latter reflects across the XZ plane.
 
 
 def anywhere(*orders: str) -> tuple[Turned, ...]:
-    """Right angles about Z and their mirror images, with each of some orders of points.
+    """Returns rotations by right angles about Z and their reflections, with orders of points.
 
-    Of a task whose goal has no place of its own in the world.
+    They suit a task whose goal has no fixed place in the world.
 
     Raises:
         InvalidArgumentError: for an order that is none of `ORDERS`.
@@ -48,9 +48,9 @@ def anywhere(*orders: str) -> tuple[Turned, ...]:
 
 
 def mirrored(order: str = "same") -> tuple[Turned, ...]:
-    """The mirror image across the XZ plane, with an order of points, beside the task as it is.
+    """Returns the identity and the reflection across the XZ plane, with an order of points.
 
-    Of a task whose goal lies in that plane.
+    They suit a task whose goal lies in that plane.
 
     Raises:
         InvalidArgumentError: for an order that is none of `ORDERS`.

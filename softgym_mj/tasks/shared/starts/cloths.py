@@ -1,4 +1,4 @@
-"""The start states of the tasks on a cloth of random size: crumpled, flat or hanging."""
+"""Start states of the tasks on a cloth of random size: crumpled, flat or hanging."""
 
 import dataclasses
 from collections.abc import Generator
@@ -20,31 +20,33 @@ from softgym_mj.tasks.shared.starts.settling import (
 )
 from softgym_mj.variations.indices import generator
 
-# Sizes in particles (upper end exclusive), lift height [m], sim steps held and falling.
+# Sides [particles] (upper end exclusive), lift height [m], sim steps of holding and falling.
 SIZE_RANGE = (60, 120)
 _LIFT_HEIGHT = (0.5, 1.0)
-_LIFT_SPEED = 1.0  # [m/s]. SoftGym teleports the vertex; 1 m/s is the fastest picker.
+# [m/s] SoftGym teleports the vertex; 1 m/s is a picker's largest speed along an axis.
+_LIFT_SPEED = 1.0
 _HOLD_STEPS, _FALL_STEPS = 300, 300
-_SLUMP_STEPS = 200  # A pile goes on slumping for a second or two where FleX freezes it.
-# It counts as settled when its root mean square speed is below this [m/s]: single vertices may
-# tremble for long. Of a coarse cloth so few are not much less than all: where that goes on, it
-# counts as settled when it stays where it is, its vertices within so much [m] in so many sim steps.
+_SLUMP_STEPS = 200  # Piles slump for another second or two; FleX freezes them.
+# [m/s] A cloth is settled when its root mean square speed is below this: single vertices may
+# tremble for long. A coarse cloth has so few vertices that these dominate the mean: if it goes on,
+# the cloth is settled when its vertices move by less than `_TREMBLE` [m] in `_TREMBLE_STEPS` sim
+# steps.
 _SETTLED_RMS = 0.01
 _MAX_STEPS = 2000
 _TREMBLE, _TREMBLE_STEPS = 1e-3, 100
 
-# Hanging cloth: place and height of its lower edge, and the lowest upper edge [m].
+# [m] Hanging cloth: X, height of its lower edge, and the lowest upper edge.
 _HANG_X, _HANG_BOTTOM, _LOWEST_TOP = (-0.1, 0.1), (0.1, 0.2), 0.5
 _HANG_JITTER = 1e-3  # [m]
-_MIN_HANG_STEPS, _HANG_STEPS = 300, 1000  # Sim steps; SoftGym stops after 500 whatever moves.
+_MIN_HANG_STEPS, _HANG_STEPS = 300, 1000  # [sim steps] SoftGym always stops after 500.
 
 
 @dataclasses.dataclass(frozen=True)
 class _SizedCloth(SettledFlex):
-    """What the cloths of random size share."""
+    """Cloth of random size."""
 
     fidelity: str = "default"
-    size_range: tuple[int, int] = SIZE_RANGE  # Of the sides [particles], the upper end exclusive.
+    size_range: tuple[int, int] = SIZE_RANGE  # [particles] Sides; the upper end is exclusive.
     name: str = ""
     _version: ClassVar[int] = 2
 
@@ -62,27 +64,27 @@ class _SizedCloth(SettledFlex):
 
     @property
     def max_points(self) -> int:
-        """Most vertices of any variation."""
+        """Largest number of vertices in any variation."""
         rows, columns = grid_shape((self.size_range[1] - 1,) * 2, self.fidelity)
         return rows * columns
 
     def dims(self, index: int) -> tuple[int, int]:
-        """Size (dimx, dimy) of a variation in SoftGym particles."""
+        """Returns the size (dimx, dimy) of a variation in SoftGym particles."""
         dimx, dimy = generator(self.name, index).integers(*self.size_range, size=2)
         return int(dimx), int(dimy)
 
     def sizes(self, index: int) -> tuple[tuple[int, int]]:
-        """Of the cloth."""
+        """Returns the sizes of the objects: the cloth's."""
         return (self.dims(index),)
 
     def flex(self, index: int) -> Cloth:
-        """The cloth of a variation."""
+        """Returns the cloth of a variation."""
         return Cloth(dims=self.dims(index), fidelity=self.fidelity)
 
 
 @dataclasses.dataclass(frozen=True)
 class CrumpledCloth(_SizedCloth):
-    """A cloth of random size lifted at a random vertex and dropped (facts 3.6)."""
+    """Cloth of random size, lifted at a random vertex and dropped (docs/softgym.md 3.6)."""
 
     name: str = "crumpled_cloth"
     _version: ClassVar[int] = 8
@@ -91,11 +93,11 @@ class CrumpledCloth(_SizedCloth):
         return flex.flat()
 
     def procedure(self, index: int, flex: Cloth, scene: Settling) -> Procedure:
-        """Lifts and drops the cloth, and waits."""
+        """Lifts and drops the cloth, and waits until it rests."""
         random = generator(self.name, index)
-        random.integers(*self.size_range, size=2)  # Drawn in `dims`.
+        random.integers(*self.size_range, size=2)  # `dims` draws these.
         yield from scene.step()
-        # Drawn as a place on the sheet: the same for every fidelity.
+        # A place on the sheet is drawn, so that it is the same for every fidelity.
         place = random.uniform(size=2) * (np.array(flex.shape) - 1)
         vertex = flex.index(*np.round(place).astype(int).tolist())
         height = random.uniform(*_LIFT_HEIGHT)
@@ -118,49 +120,49 @@ class CrumpledCloth(_SizedCloth):
         return centred(scene.points)
 
     def _stay(self, index: int, scene: Settling) -> Generator[Held, np.ndarray, None]:
-        """Sim steps in which it stays where it is.
+        """Simulates until it is known that the vertices stay in place.
 
         Raises:
-            SimulationError: if it does not.
+            SimulationError: if they do not.
         """
         before = scene.points
         for _ in range(_TREMBLE_STEPS):
             yield from scene.step()
-        ways = np.linalg.norm(scene.points - before, axis=1)
-        if np.sqrt(np.mean(ways**2)) >= _TREMBLE:
+        moves = np.linalg.norm(scene.points - before, axis=1)
+        if np.sqrt(np.mean(moves**2)) >= _TREMBLE:
             raise SimulationError(
                 f"variation {index} of {self.name} still moves after {_MAX_STEPS} sim steps: "
-                f"{ways.max():.4f} m in {_TREMBLE_STEPS} of them"
+                f"{moves.max():.4f} m in {_TREMBLE_STEPS} of them"
             )
 
 
 @dataclasses.dataclass(frozen=True)
 class FlatCloth(_SizedCloth):
-    """A cloth of random size that lies flat, turned about the vertical (facts 3.7)."""
+    """Flat cloth of random size, rotated about the vertical (docs/softgym.md 3.7)."""
 
     name: str = "flat_cloth"
 
     def angle(self, index: int) -> float:
-        """By how much the cloth is turned about +Z [rad], within +-45 degrees."""
+        """Returns the rotation of the cloth about +Z [rad], within +-45 degrees."""
         return float(generator(f"{self.name}/angle", index).uniform(-np.pi / 4, np.pi / 4))
 
     def begin(self, index, flex):
         return flex.flat(angle=self.angle(index))
 
     def procedure(self, index: int, flex: Cloth, scene: Settling) -> Procedure:
-        """Waits until it lies."""
+        """Waits until the cloth rests."""
         yield from scene.settle(_FALL_STEPS)
         return centred(scene.points)
 
 
 @dataclasses.dataclass(frozen=True)
 class HangingCloth(_SizedCloth):
-    """A cloth of random size that hangs by the two corners of its column 0 (facts 3.9)."""
+    """Cloth of random size hanging by the two corners of column 0 (docs/softgym.md 3.9)."""
 
     name: str = "hanging_cloth"
 
     def sheet(self, index: int) -> np.ndarray:
-        """Vertex positions (rows * columns, 3) [m] of the sheet before it sags, column 0 on top."""
+        """Returns vertices (rows * columns, 3) [m] of the sheet before it sags, column 0 on top."""
         cloth = Cloth(dims=self.dims(index), fidelity=self.fidelity)
         random = generator(f"{self.name}/place", index)
         x, bottom = random.uniform(*_HANG_X), random.uniform(*_HANG_BOTTOM)
@@ -168,7 +170,7 @@ class HangingCloth(_SizedCloth):
         top = max(bottom + width, _LOWEST_TOP)
         along, across, _ = cloth.flat().T
         vertices = np.column_stack([np.full_like(along, x), across, top - width / 2 - along])
-        # SoftGym's jitter: the sheet must not stay in its plane for ever.
+        # SoftGym's jitter: without it the sheet would stay in its plane.
         vertices[0] += random.uniform(0.0, _HANG_JITTER)
         return vertices
 
@@ -176,7 +178,7 @@ class HangingCloth(_SizedCloth):
         return self.sheet(index)
 
     def procedure(self, index: int, flex: Cloth, scene: Settling) -> Procedure:
-        """Holds its corners, and waits."""
+        """Holds the two corners and waits until the cloth rests."""
         goals = {vertex: scene.points[vertex] for vertex in flex.corners[:2].tolist()}
         for count in range(_HANG_STEPS):
             yield from scene.step(goals)

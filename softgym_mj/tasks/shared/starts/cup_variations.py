@@ -1,7 +1,7 @@
-"""What varies in the water tasks: how much water, and the cups that fit it (facts 3.0 to 3.2).
+"""Variations of the water tasks: amounts of water, and cups that fit (docs/softgym.md 3.0 to 3.2).
 
 SoftGym seeds dx * dz columns of dy particles and derives the cups from these counts. Its fluid is
-compressible; ours takes the volume of that seed, N r^3 / 2, whatever the number of particles.
+compressible; ours has the volume of that seed, N r^3 / 2, whatever the number of particles.
 """
 
 import abc
@@ -21,13 +21,13 @@ FIDELITIES = {"fast": 0.5, "default": 1.0, "accurate": 2.0}
 _MIN_SIDE, _MAX_SIDE = 4, 13  # Columns along a side.
 LARGEST_COUNT = _MAX_SIDE * _MAX_SIDE * 4 * _MAX_SIDE  # 8788 particles.
 
-_WALL = 0.045  # [m] of the cup that is moved; also the term of its height.
+_WALL = 0.045  # [m] Wall of the cup that is moved; also the term of its height.
 _TARGET_WALL = 0.03  # [m]
-MIN_GAP = 0.02  # [m] Cups that stand closer could be stuck from the start: such draws are repeated.
+MIN_GAP = 0.02  # [m] Cups that are closer could be stuck from the start: such draws are repeated.
 
 
 def num_particles(count: int, fidelity: str) -> int:
-    """Number of particles that stand for `count` of SoftGym's."""
+    """Returns the number of particles that represents `count` of SoftGym's."""
     check_name("fidelity", fidelity, FIDELITIES)
     return round(FIDELITIES[fidelity] * count)
 
@@ -42,14 +42,14 @@ class Sample:
 
     @classmethod
     def draw(cls, random: np.random.Generator) -> "Sample":
-        """dx, dz uniform in 4..13; half of the samples are "medium", half "large"."""
+        """Draws a sample: dx, dz uniform in 4..13; half are "medium", half "large"."""
         dx, dz = random.integers(_MIN_SIDE, _MAX_SIDE + 1, size=2).tolist()
         smaller = min(dx, dz)
         return cls(dx, 4 * smaller if random.random() < 0.5 else int(3.5 * smaller), dz)
 
     @property
     def smaller(self) -> int:
-        """The smaller number of columns, q in the facts."""
+        """Smaller number of columns, q in docs/softgym.md."""
         return min(self.dx, self.dz)
 
     @property
@@ -63,20 +63,23 @@ class Sample:
         return self.dx * self.dy * self.dz
 
     def column(self, rest_distance: float) -> float:
-        """h of the facts [m]: height of the particles stacked `rest_distance` [m] apart."""
+        """Returns the height [m] of particles stacked `rest_distance` [m] apart.
+
+        It is h in docs/softgym.md.
+        """
         return self.count * rest_distance / ((self.dx + 1) * (self.dz + 1))
 
 
 @dataclasses.dataclass(frozen=True)
 class CupVariation:
-    """A variation.
+    """Water and cups of a variation.
 
     Attributes:
-        sample: how much water there is.
+        sample: amount of water.
         rest_distance: SoftGym's r [m].
-        cup: the cup that holds the water, upright at x = z = 0.
-        target: the cup to pour into, None if there is none.
-        distance: of the two cups' middles along X [m].
+        cup: cup that holds the water, upright at x = z = 0.
+        target: cup to pour into, None if there is none.
+        distance: distance of the two cups' middles along X [m].
     """
 
     sample: Sample
@@ -92,7 +95,7 @@ class CupVariation:
 
     @property
     def cups(self) -> tuple[CupSize, ...]:
-        """All cups, the one that holds the water first."""
+        """All cups, starting with the one that holds the water."""
         return (self.cup,) if self.target is None else (self.cup, self.target)
 
     @property
@@ -102,13 +105,13 @@ class CupVariation:
 
     @property
     def gap(self) -> float:
-        """Free way between the outer walls of the two cups [m]; infinite if there is one cup."""
+        """Gap between the outer walls of the two cups [m]; infinite if there is one cup."""
         if self.target is None:
             return np.inf
         return self.distance - sum(size.length / 2 + size.wall for size in self.cups)
 
     def resolution(self, fidelity: str) -> Resolution:
-        """Particles that have this volume, in as many columns as the cup's floor has room for."""
+        """Returns particles of this volume, in as many columns as fit on the cup's floor."""
         count = num_particles(self.sample.count, fidelity)
         spacing = math.cbrt(self.volume / count)
         columns = round(self.cup.length / spacing), round(self.cup.width / spacing)
@@ -116,12 +119,12 @@ class CupVariation:
 
 
 class CupVariations(abc.ABC):
-    """A family of variations; picklable."""
+    """Family of variations; picklable."""
 
     name: str
 
     def variation(self, index: int) -> CupVariation:
-        """Variation `index`; a pure function of the family's name and the index."""
+        """Returns a variation: a pure function of the family's name and the index."""
         random = generator(self.name, index)
         variation = self._draw(random)
         while variation.gap < MIN_GAP:
@@ -130,12 +133,12 @@ class CupVariations(abc.ABC):
 
     @abc.abstractmethod
     def _draw(self, random: np.random.Generator) -> CupVariation:
-        """A random one."""
+        """Draws a variation."""
 
 
 @dataclasses.dataclass(frozen=True)
 class TransportCups(CupVariations):
-    """One cup (facts 3.1)."""
+    """Variations of one cup (docs/softgym.md 3.1)."""
 
     name: str = "transport_water"
 
@@ -145,7 +148,7 @@ class TransportCups(CupVariations):
 
 @dataclasses.dataclass(frozen=True)
 class PourCups(CupVariations):
-    """A cup to pour from and one to pour into (facts 3.2)."""
+    """Variations of a cup to pour from and one to pour into (docs/softgym.md 3.2)."""
 
     name: str = "pour_water"
 
@@ -154,7 +157,7 @@ class PourCups(CupVariations):
 
 
 def transport_variation(sample: Sample) -> CupVariation:
-    """The cup of a sample (facts 3.1)."""
+    """Returns the variation of a sample with one cup (docs/softgym.md 3.1)."""
     r = 0.015  # [m]
     column = sample.column(r)
     inner = column / 3 + 0.0015 * sample.smaller if sample.is_large else column / 2
@@ -163,12 +166,12 @@ def transport_variation(sample: Sample) -> CupVariation:
 
 
 def pour_variation(sample: Sample, height: float, extra: float, way: float) -> CupVariation:
-    """The cups of a sample (facts 3.2).
+    """Returns the variation of a sample with two cups (docs/softgym.md 3.2).
 
     Args:
-        sample: the water.
-        height, extra, way: uniform random numbers in [0, 1) for the cup's height, how much higher
-            the target is and how far away.
+        sample: amount of water.
+        height, extra, way: uniform random numbers in [0, 1) for the cup's height, the target's
+            additional height and its distance.
     """
     r = 0.033 * 0.55  # [m]
     column, q = sample.column(r), sample.smaller

@@ -1,4 +1,4 @@
-"""`SettledWater`: the initial states of the water tasks, water at rest in its cup."""
+"""`SettledWater`: initial states of the water tasks, water at rest in its cup."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -22,17 +22,17 @@ from softgym_mj.tasks.shared.starts.cup_variations import (
 )
 from softgym_mj.variations.indices import generator
 
-LOOSENESS = 1.05  # The lattice is this much higher than water at rest, and settles by sinking.
-NOISE = 0.01  # Of the spacing: a perfect lattice would stand in unstable balance.
+LOOSENESS = 1.05  # Height of the lattice relative to water at rest; it settles by sinking.
+NOISE = 0.01  # Noise relative to the spacing: a perfect lattice would be an unstable equilibrium.
 SETTLED_RMS = 0.01  # [m/s] Root mean square speed below which water is at rest,
 _REST_STEPS = 50  # if it stays so for this many steps (0.5 s): a turning point is not rest.
 _MAX_STEPS = 2000
 
 
 def lattice(size: CupSize, resolution: Resolution, random: np.random.Generator) -> np.ndarray:
-    """Positions (count, 3) [m] that fill an upright cup at the origin from its floor up.
+    """Returns positions (count, 3) [m] that fill an upright cup at the origin from its floor up.
 
-    The columns share the floor evenly, so that none is nearer to a wall than half their distance.
+    The columns are spread evenly, so that each is at least half their distance from a wall.
     """
     count, (columns, rows) = resolution.count, resolution.columns
     pitch = np.array([size.length / columns, size.width / rows, 0.0])
@@ -47,9 +47,10 @@ def lattice(size: CupSize, resolution: Resolution, random: np.random.Generator) 
 
 @dataclasses.dataclass(frozen=True)
 class SettledWater:
-    """Water that sinks from a loose lattice in the cup until it is at rest (facts 3.0).
+    """Water that sinks from a loose lattice in the cup until it rests (docs/softgym.md 3.0).
 
-    SoftGym seeds its compressible fluid at twice its density, and puts back what jumps out.
+    SoftGym seeds its compressible fluid at twice its density, and puts back particles that jump
+    out.
     """
 
     cups: CupVariations
@@ -58,31 +59,31 @@ class SettledWater:
 
     @property
     def name(self) -> str:
-        """Of the set: that of the cups."""
+        """Name of the set: that of the cups."""
         return self.cups.name
 
     @property
     def parameters(self) -> dict[str, object]:
-        """What the states depend on, besides the cups."""
+        """Parameters that determine the states, besides the cups."""
         liquid = dataclasses.asdict(self.liquid)
         return {"version": 4, "fidelity": self.fidelity, "liquid": liquid, "timestep": TIMESTEP}
 
     @property
     def max_points(self) -> int:
-        """Most particles of any variation."""
+        """Largest number of particles in any variation."""
         return num_particles(LARGEST_COUNT, self.fidelity)
 
     def variation(self, index: int) -> CupVariation:
-        """How much water there is, and its cups."""
+        """Returns the amount of water and the cups of a variation."""
         return self.cups.variation(index)
 
     def sizes(self, index: int) -> tuple[Any, ...]:
-        """Of the water and of its cups."""
+        """Returns the sizes of the water and of its cups."""
         variation = self.variation(index)
         return (variation.resolution(self.fidelity), *variation.cups)
 
     def generate(self, index: int) -> np.ndarray:
-        """Positions (num_particles, 3) [m] relative to the middle of the cup's floor."""
+        """Returns positions (num_particles, 3) [m] relative to the middle of the cup's floor."""
         physics, cup, water = self._scene(index)
         rest = _Rest(f"variation {index} of {self.name}")
         while not rest.has_come(water.velocities()):
@@ -90,9 +91,10 @@ class SettledWater:
         return self._checked(index, cup, water.points())
 
     def generate_all(self, indices: Sequence[int], device: Device) -> list[np.ndarray]:
-        """What `generate` makes of each (n, 3) [m], all together on a device.
+        """Returns positions (n, 3) [m] of several variations, simulated on a device.
 
-        The same bits, as the simulation has them; what it has no room for is made alone.
+        They are bit-identical to those of `generate`, which is called for water that exceeds the
+        capacity of the device's solver.
         """
         scenes = [self._scene(index) for index in indices]
         most = max(water.num_points for _, _, water in scenes)
@@ -123,7 +125,7 @@ class SettledWater:
         return [found[i] for i in range(len(indices))]
 
     def _scene(self, index: int) -> tuple[Any, Cup, Water]:
-        """A cup with its water, which does not rest yet."""
+        """Returns a cup with its water before it settles."""
         variation = self.variation(index)
         resolution = variation.resolution(self.fidelity)
         cup, water = Cup(variation.cup), Water(self.liquid, resolution)
@@ -137,7 +139,7 @@ class SettledWater:
         return physics, cup, water
 
     def _checked(self, index: int, cup: Cup, positions: np.ndarray) -> np.ndarray:
-        """Those positions (n, 3) [m], all inside the cup."""
+        """Returns positions (n, 3) [m], after checking that all are inside the cup."""
         outside = np.count_nonzero(~cup.inside(positions))
         if outside:
             raise SimulationError(
@@ -148,13 +150,13 @@ class SettledWater:
 
 
 class _Rest:
-    """Sees when water has come to rest."""
+    """Detects when water has come to rest."""
 
     def __init__(self, name: str):
         self._name, self._steps, self._rest = name, 0, 0
 
     def has_come(self, velocities: np.ndarray) -> bool:
-        """Whether it has, by velocities (n, 3) [m/s] before the first and after each sim step."""
+        """Returns whether it rests, given velocities (n, 3) [m/s] once for each sim step."""
         speed = np.sqrt(np.mean(np.sum(velocities**2, axis=1)))
         if self._steps > _MAX_STEPS:
             raise SimulationError(

@@ -1,8 +1,9 @@
-"""`Settling`: a flex alone on the floor, simulated until it is at rest.
+"""`Settling`: a flex alone on the floor, simulated until it rests.
 
-The procedures are SoftGym's (facts 3.4 and 3.6) with its settle test made on the speed of every
-vertex, where the original compares signed components and so may stop while things fall. They are
-generators: who runs them simulates one flex with MuJoCo, or many together on a device.
+The procedures are SoftGym's (docs/softgym.md 3.4 and 3.6), but their settle test uses the speed of
+every vertex. The original compares signed velocity components, so it may stop while things fall.
+Procedures are generators: the caller simulates one flex with MuJoCo, or many side by side on a
+device.
 """
 
 import abc
@@ -19,29 +20,29 @@ from softgym_mj.exceptions import SimulationError
 from softgym_mj.robots.base import SIM_STEP
 
 SETTLED_SPEED = 0.01  # [m/s] SoftGym's threshold for ropes and piles at rest.
-MIN_SETTLE_STEPS = 10  # Sim steps: at release the speed passes through zero without being at rest.
-_MOST_HELD = 2  # Vertices at a time.
-_AWAY = (0.0, 0.0, 100.0)  # [m] Where what holds vertices touches nothing.
+MIN_SETTLE_STEPS = 10  # [sim steps] At release the speed passes through zero without rest.
+_MOST_HELD = 2  # Largest number of held vertices.
+_AWAY = (0.0, 0.0, 100.0)  # [m] Place of the geoms that hold vertices, out of contact.
 
-# Where held vertices are at the end of a sim step [m], by their numbers.
+# Held vertices: index -> position at the end of a sim step [m].
 Held = Mapping[int, np.ndarray]
-# Yields what is held in each sim step, is sent the points (n, 3) [m] after it, returns those at
-# rest.
+# Yields the held vertices of each sim step, is sent the points (n, 3) [m] after it and returns the
+# points at rest.
 Procedure = Generator[Held, np.ndarray, np.ndarray]
 
 
 class Settling:
-    """What a procedure knows of its flex.
+    """State of the flex that a procedure settles.
 
     Attributes:
-        points: (n, 3) [m] now.
+        points: current points (n, 3) [m].
     """
 
     def __init__(self, points: np.ndarray):
         self.points = self._before = points
 
     def step(self, held: Held | None = None) -> Generator[Held, np.ndarray, None]:
-        """One sim step."""
+        """Simulates one sim step."""
         points = yield held or {}
         self._before, self.points = self.points, points
 
@@ -55,46 +56,46 @@ class Settling:
             yield from self.step({vertex: goal})
 
     def settle(self, max_steps: int) -> Generator[Held, np.ndarray, None]:
-        """Sim steps until every vertex is slower than `SETTLED_SPEED`, at most `max_steps`."""
+        """Simulates until every vertex is slower than `SETTLED_SPEED`, at most `max_steps`."""
         for count in range(1, max_steps + 1):
             yield from self.step()
             if count >= MIN_SETTLE_STEPS and self.max_speed() < SETTLED_SPEED:
                 return
 
     def speeds(self) -> np.ndarray:
-        """Mean speed of every vertex (n,) [m/s] in the last sim step.
+        """Returns the mean speed of every vertex (n,) [m/s] in the last sim step.
 
-        The velocity at its end is that of the last substep, which in a pile at rest is some mm/s.
+        The velocity at its end is that of the last substep, which is some mm/s in a pile at rest.
         """
         return np.linalg.norm(self.points - self._before, axis=1) / SIM_STEP
 
     def max_speed(self) -> float:
-        """Speed of the fastest vertex [m/s]."""
+        """Returns the speed of the fastest vertex [m/s]."""
         return float(self.speeds().max())
 
 
 class SettledFlex(abc.ABC):
-    """Start states of a flex that a procedure settles: see `variations.indices.Start`."""
+    """Start states of a flex that a procedure settles; implements `variations.indices.Start`."""
 
     name: str
 
     @abc.abstractmethod
     def flex(self, index: int) -> Flex:
-        """The flex of a variation."""
+        """Returns the flex of a variation."""
 
     @abc.abstractmethod
     def begin(self, index: int, flex: Flex) -> np.ndarray:
-        """Where its vertices are at first (n, 3) [m]."""
+        """Returns its initial vertices (n, 3) [m]."""
 
     @abc.abstractmethod
     def procedure(self, index: int, flex: Flex, scene: Settling) -> Procedure:
-        """Settles it from there."""
+        """Settles the flex from its initial vertices."""
 
     def generate(self, index: int) -> np.ndarray:
-        """Settled vertex positions (n, 3) [m].
+        """Returns settled vertices (n, 3) [m].
 
         Raises:
-            SimulationError: if it does not come to rest.
+            SimulationError: if the flex does not come to rest.
         """
         flex = self.flex(index)
         arena = Arena()
@@ -118,9 +119,10 @@ class SettledFlex(abc.ABC):
         return answer
 
     def generate_all(self, indices: Sequence[int], device: Device) -> list[np.ndarray]:
-        """What `generate` makes of each (n, 3) [m], all together on a device.
+        """Returns settled vertices (n, 3) [m] of several variations, simulated on a device.
 
-        The same bits, as the simulation has them; what it has no room for is made alone.
+        They are bit-identical to those of `generate`, which is called for flexes that exceed the
+        capacity of the device's solver.
 
         Raises:
             SimulationError: if one does not come to rest, or diverges.
@@ -162,7 +164,7 @@ class SettledFlex(abc.ABC):
 
 
 def _answer(procedure: Procedure, points: np.ndarray) -> Held | np.ndarray:
-    """What a procedure holds next, or where vertices are in the end."""
+    """Returns the held vertices of the next sim step, or the final points."""
     try:
         return procedure.send(points)
     except StopIteration as stop:
@@ -170,7 +172,7 @@ def _answer(procedure: Procedure, points: np.ndarray) -> Held | np.ndarray:
 
 
 def _described(flex: Flex) -> np.ndarray:
-    """What `ClothBatchSolver` have to know of a flex on the floor: bytes (size,)."""
+    """Returns the `ClothBatchSolver` description (size,) uint8 of a flex on the floor."""
     arena = Arena()
     arena.attach(flex)
     for k in range(_MOST_HELD):
@@ -184,5 +186,5 @@ def _described(flex: Flex) -> np.ndarray:
 
 
 def centred(vertices: np.ndarray) -> np.ndarray:
-    """The vertices (n, 3) shifted so that their horizontal mean is the origin."""
+    """Returns the vertices (n, 3) shifted so that their horizontal mean is the origin."""
     return vertices - [*vertices[:, :2].mean(axis=0), 0.0]

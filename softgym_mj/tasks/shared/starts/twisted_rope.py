@@ -1,4 +1,4 @@
-"""`TwistedRope`: the start states of the tasks on a rope."""
+"""`TwistedRope`: start states of the tasks on a rope."""
 
 import dataclasses
 
@@ -13,23 +13,23 @@ from softgym_mj.tasks.shared.starts.settling import (
 )
 from softgym_mj.variations.indices import generator
 
-_PLACES = 41  # Where the rope may be taken, evenly spaced.
+_PLACES = 41  # Number of evenly spaced places at which the rope may be taken.
 # Displacement of the dragged vertex per sim step [m] and its duration in sim steps.
 _DRAG_DISPLACEMENT, _DRAG_STEPS, _DRAG_REPEATS = 0.005, 60, 4
 _SETTLE_STEPS, _FINAL_STEPS = 100, 500
-_MAX_STEPS = 3000  # SoftGym saves whatever moves after its 500; we go on until it rests.
+_MAX_STEPS = 3000  # SoftGym stops after its 500 even in motion; we simulate until it rests.
 
 
 @dataclasses.dataclass(frozen=True)
 class TwistedRope(SettledFlex):
-    """A rope dragged by a random vertex four times and left to settle (facts 3.4)."""
+    """Rope dragged by a random vertex four times, then settled (docs/softgym.md 3.4)."""
 
     fidelity: str = "default"
     name: str = "twisted_rope"
 
     @property
     def parameters(self) -> dict[str, object]:
-        """What the states depend on."""
+        """Parameters that determine the states."""
         rope = Rope(self.fidelity).physical_parameters
         return {"version": 4, "fidelity": self.fidelity, "rope": rope}
 
@@ -39,21 +39,21 @@ class TwistedRope(SettledFlex):
         return FIDELITIES[self.fidelity]
 
     def sizes(self, index: int) -> tuple[()]:
-        """Ropes are as long in every variation."""
+        """Returns no sizes: the rope is the same in every variation."""
         return ()
 
     def flex(self, index: int) -> Rope:
-        """The rope, the same in every variation."""
+        """Returns the rope, the same in every variation."""
         return Rope(self.fidelity)
 
     def begin(self, index, flex):
         return flex.straight()
 
     def procedure(self, index: int, flex: Rope, scene: Settling) -> Procedure:
-        """Drags it about, and waits."""
+        """Drags the rope and waits until it rests."""
         random = generator(self.name, index)
         for repeat in range(_DRAG_REPEATS):
-            # Drawn among the default rope's: the same place for every fidelity.
+            # Drawn from the default rope's vertices: the same place for every fidelity.
             place = int(random.integers(_PLACES)) / (_PLACES - 1)
             vertex = round(place * (flex.num_points - 1))
             direction = random.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0])
