@@ -30,7 +30,7 @@ STALE = {
       ("straighten_rope", "rope_configuration", "spread_cloth", "fold_crumpled_cloth")),
 }  # fmt: skip
 # Titles of methods whose names are no abbreviations.
-_TITLES = {"asymmetric": "asymmetric SAC", "distill": "distillation"}
+_TITLES = {"teacher_student": "teacher and student", "distill": "distillation"}
 _KINDS = ("policy on states", "policy on images", "CEM")
 _LOWEST = -0.5  # Of the axis: worse policies would squeeze the others.
 

@@ -141,7 +141,7 @@ class OffPolicy:
             self._best = SymmetrizedPolicy(self._best, self._symmetries, problem.device)
         self.replay = replay(
             settings.replay // problem.num_envs, problem.seeds, problem.num_envs,
-            problem.shapes or problem.observation,
+            problem.observation,
             problem.action, discount=settings.discount, steps=settings.n_step,
             symmetries=self._symmetries, device=problem.device,
         )  # fmt: skip

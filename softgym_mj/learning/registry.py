@@ -31,7 +31,7 @@ METHODS = {
     "curl": ("curl", "CURLSettings"),
     "drq": ("drq", "DrQSettings"),
     "distill": ("distill", "DistillSettings"),
-    "asymmetric": ("asymmetric", "AsymmetricSettings"),
+    "teacher_student": ("teacher_student", "TeacherStudentSettings"),
     "bc_images": ("bc_images", "BCImagesSettings"),
 }
 PRESETS = pathlib.Path(__file__).parent / "methods" / "presets"  # A file of each method.

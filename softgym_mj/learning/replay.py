@@ -2,7 +2,7 @@
 
 import dataclasses
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -24,16 +24,15 @@ class Batch:
     """Steps to learn from, (seeds, n, ...) each.
 
     Attributes:
-        observation, next_observation: (seeds, n, ...), or several by name.
-        action: (seeds, n, action).
+        observation, action, next_observation: (seeds, n, ...).
         reward: sums (seeds, n) up to the next observation, discounted.
         discount: factor (seeds, n) to the value of the next observation: 0 where there is none.
     """
 
-    observation: Any
+    observation: Tensor
     action: Tensor
     reward: Tensor
-    next_observation: Any
+    next_observation: Tensor
     discount: Tensor
 
 
@@ -53,7 +52,7 @@ class Replay:
         capacity: int,
         seeds: Sequence[int],
         num_envs: int,
-        observation: tuple[int, ...] | Mapping[str, tuple[int, ...]],
+        observation: tuple[int, ...],
         action: int,
         *,
         discount: float,
@@ -67,7 +66,7 @@ class Replay:
             capacity: vector steps that are kept; older ones make way.
             seeds: of random numbers.
             num_envs: of each seed.
-            observation: shape, or shapes by name; images are kept as uint8, others as float32.
+            observation: shape; those of images are kept as uint8, others as float32.
             action: size.
             discount: of rewards, in each env step.
             steps: env steps whose rewards are added up, until the episode ends.
@@ -80,19 +79,12 @@ class Replay:
         self._seeds, self._num_envs = len(seeds), num_envs
         self._sources = generators(seeds, device)
         lead = capacity, len(seeds), num_envs
-
-        shapes = observation.values() if isinstance(observation, Mapping) else [observation]
-        self._has_images = any(len(shape) == 3 for shape in shapes)
-
-        def room(shape: tuple[int, ...]) -> Tensor:
-            kind = torch.uint8 if len(shape) == 3 else torch.float32
-            return torch.zeros(*lead, *shape, dtype=kind, device=device)
-
-        self.kept: dict[str, Any] = {
-            "observation": _each(room, observation),
-            "action": room((action,)),
+        kind = torch.uint8 if len(observation) == 3 else torch.float32
+        self.kept = {
+            "observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
+            "action": torch.zeros(*lead, action, device=device),
             "reward": torch.zeros(lead, device=device),
-            "next_observation": _each(room, observation),
+            "next_observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
             "terminated": torch.zeros(lead, dtype=torch.bool, device=device),
             "ended": torch.zeros(lead, dtype=torch.bool, device=device),
         }
@@ -107,12 +99,8 @@ class Replay:
 
     def add(self, step: Step) -> None:
         """Keeps a vector step."""
-
-        def put(kept: Tensor, new: Tensor) -> None:
-            kept[self._next] = new.reshape(kept.shape[1:]).to(kept.dtype)
-
         for name, kept in self.kept.items():
-            _each(put, kept, getattr(step, name))
+            kept[self._next] = getattr(step, name).reshape(kept.shape[1:]).to(kept.dtype)
         self._next = (self._next + 1) % self._capacity
         self.size = min(self.size + 1, self._capacity)
         self._note()
@@ -158,7 +146,7 @@ class Replay:
         """The batch that begins in these vector steps and environments (seeds, number)."""
         seed = torch.arange(self._seeds, device=first.device)[:, None]
         kept = self.kept
-        observation = _each(lambda own: own[first, seed, env_index], kept["observation"])
+        observation = kept["observation"][first, seed, env_index]
         action = kept["action"][first, seed, env_index]
         reward = torch.zeros(first.shape, device=first.device)
         factor = torch.ones((), device=first.device)
@@ -173,7 +161,7 @@ class Replay:
             lives = (~kept["terminated"][at, seed, env_index]).float()
             discount = torch.where(going > 0, factor * lives, discount)
             going = going * (~kept["ended"][at, seed, env_index]).float()
-        following = _each(lambda own: own[last, seed, env_index], kept["next_observation"])
+        following = kept["next_observation"][last, seed, env_index]
         return Batch(observation, action, reward, following, discount)
 
     # ------------------------------------------------------------------ state
@@ -181,13 +169,13 @@ class Replay:
     def get_state(self) -> dict[str, Any]:
         """All that `set_state` needs to go on with the same numbers; of images the newest ones."""
         number, following, which = self.size, self._next, slice(0, self.size)
-        if self._has_images:
+        if self.kept["observation"].dtype == torch.uint8:
             number = min(self.size, -(-NEWEST_IMAGES // self._num_envs))
         if number < self.size:
             which = (torch.arange(number) + self._next - number) % self._capacity
             following = number % self._capacity
         return {
-            "kept": _each(lambda own: own[which].clone(), self.kept),
+            "kept": {name: array[which].clone() for name, array in self.kept.items()},
             "size": number,
             "whole": self.size,
             "next": following,
@@ -199,21 +187,11 @@ class Replay:
         self.size, self._next = state["size"], state["next"]
         if self.size < state["whole"]:
             _log.warning("Goes on with the newest %d of %d steps", self.size, state["whole"])
-
-        def put(kept: Tensor, new: Tensor) -> None:
-            kept[: self.size] = new
-
-        _each(put, self.kept, state["kept"])
+        for name, array in state["kept"].items():
+            self.kept[name][: self.size] = array
         for source, kept in zip(self._sources, state["random"], strict=True):
             source.set_state(kept)
         self._note()
-
-
-def _each(function: Callable[..., Any], *values: Any) -> Any:
-    """Returns a function's results of values, by name where they are mappings."""
-    if not isinstance(values[0], Mapping):
-        return function(*values)
-    return {name: _each(function, *(each[name] for each in values)) for name in values[0]}
 
 
 def _shown(

@@ -10,7 +10,7 @@ from softgym_mj.learning.learner import Offline
 from softgym_mj.learning.methods.bc_images import BCImages, BCImagesSettings
 from softgym_mj.learning.methods.distill import LABEL
 from softgym_mj.learning.registry import find_preset
-from tests.learning.test_distill import SHAPES, SMALL, _problem, _seen
+from tests.learning.test_distill import SHAPES, SMALL, problem, seen_at
 
 STUDIES = 150
 
@@ -20,18 +20,18 @@ def _learner(seeds=(0,)):
         **{**SMALL, "hidden": (32,)}, batch=64, rate=3e-3, updates=3, warm_up=10
     )
     shapes = {name: SHAPES[name] for name in ("rgb", "held")}
-    problem = dataclasses.replace(_problem(seeds, num_envs=2), shapes=shapes, env_steps=2 * STUDIES)
+    own = dataclasses.replace(problem(seeds, num_envs=2), shapes=shapes, env_steps=2 * STUDIES)
     source = torch.Generator().manual_seed(0)
     places = 2.0 * torch.rand(8, 12, 1, generator=source) - 1.0  # Episodes, steps.
-    seen = _seen(places)
+    seen = seen_at(places)
     shown = {"rgb": seen["rgb"], "held": seen["held"], LABEL: -0.8 * places}
-    return BCImages(settings, problem, shown)
+    return BCImages(settings, own, shown)
 
 
 def _miss(learner):
     places = torch.linspace(-0.9, 0.9, 16)[None, :, None]
     first = torch.ones(1, 16, dtype=torch.bool)
-    seen = {name: array for name, array in _seen(places).items() if name != "markov"}
+    seen = {name: array for name, array in seen_at(places).items() if name != "markov"}
     return (learner.act(seen, first, None, explore=False)[0] + 0.8 * places).abs().mean().item()
 
 

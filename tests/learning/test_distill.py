@@ -16,7 +16,7 @@ SHAPES = {"markov": (1,), "rgb": (SIZE, SIZE, 3), "held": (2,)}
 SMALL = {"channels": 4, "features": 6, "hidden": (8,), "shift": 0}
 
 
-def _problem(seeds=(0,), num_envs=16, env_steps=16_000):
+def problem(seeds=(0,), num_envs=16, env_steps=16_000):
     return Problem(
         "straighten_rope", {}, seeds, num_envs, (), 1, 1.0, "cpu", ("rgb", "held"), SHAPES,
         env_steps,
@@ -28,7 +28,7 @@ def _teacher(states):
     return -0.8 * states
 
 
-def _seen(places):
+def seen_at(places):
     """A bar in each image at places (seeds, num_envs, 1) in -1..1."""
     across = torch.linspace(-1.0, 1.0, SIZE) - places
     row = (255.0 * torch.exp(-((across / 0.15) ** 2))).to(torch.uint8)
@@ -41,14 +41,14 @@ def _seen(places):
 
 def _step(learner, places, first):
     """Lets a learner see places and learn; returns its actions."""
-    action, _ = learner.act(_seen(places), first, None, explore=True)
+    action, _ = learner.act(seen_at(places), first, None, explore=True)
     none = torch.zeros(first.shape)
     learner.learn(Step(places, action, none, places, none, none))
     return action
 
 
 def test_the_loss_is_the_smooth_l1_distance_computed_by_hand():
-    learner = Distill(DistillSettings(**SMALL, beta=0.5), _problem(), _teacher)
+    learner = Distill(DistillSettings(**SMALL, beta=0.5), problem(), _teacher)
     batch = {LABEL: torch.tensor([[0.1], [-0.9], [1.0]])}
     action = torch.tensor([[0.3], [0.6], [1.0]])
     # |.2| and 0 are below beta: x^2 / (2 beta); |1.5| is above it: x - beta / 2.
@@ -102,7 +102,7 @@ def test_the_teacher_acts_in_fewer_and_fewer_environments():
         teacher_share=0.75,
         teacher_until=0.5,
     )
-    learner = Distill(settings, _problem(env_steps=16 * 8), _teacher)
+    learner = Distill(settings, problem(env_steps=16 * 8), _teacher)
     places, first = torch.linspace(-1.0, 1.0, 16)[None, :, None], torch.ones(1, 16, dtype=bool)
     found = []
     for _ in range(6):
@@ -116,7 +116,7 @@ def test_the_teacher_acts_in_fewer_and_fewer_environments():
 
 def test_the_rate_rises_then_falls():
     settings = DistillSettings(**SMALL, updates=1, batch=4, rate=1.0, warm_up=4)
-    learner = Distill(settings, _problem(env_steps=16 * 10), _teacher)
+    learner = Distill(settings, problem(env_steps=16 * 10), _teacher)
     rates = []
     for _ in range(10):
         _step(learner, torch.zeros(1, 16, 1), torch.ones(1, 16, dtype=bool))
@@ -126,9 +126,9 @@ def test_the_rate_rises_then_falls():
 
 
 def test_gradients_are_scaled_to_the_largest_norm():
-    problem, first = _problem(), torch.ones(1, 16, dtype=bool)
+    first = torch.ones(1, 16, dtype=bool)
     settings = DistillSettings(**SMALL, updates=1, batch=4, gradient_norm=1e-3)
-    learner = Distill(settings, problem, lambda s: 0.0 * s + 1.0)
+    learner = Distill(settings, problem(), lambda s: 0.0 * s + 1.0)
     _step(learner, torch.zeros(1, 16, 1), first)
     squares = [p.grad.square().sum() for p in learner.students[0].parameters()]
     assert torch.stack(squares).sum().sqrt().item() == pytest.approx(1e-3, rel=1e-3)
@@ -136,11 +136,11 @@ def test_gradients_are_scaled_to_the_largest_norm():
 
 def test_noise_is_larger_in_an_eighth():
     settings = DistillSettings(**SMALL, updates=1, batch=4, noise=0.05, wild_noise=0.2)
-    learner = Distill(settings, _problem(num_envs=4_000, env_steps=4_000), lambda s: 0.0 * s)
+    learner = Distill(settings, problem(num_envs=4_000, env_steps=4_000), lambda s: 0.0 * s)
     learner._steps = 10**6  # The teacher never acts.
     places, first = torch.zeros(1, 4_000, 1), torch.ones(1, 4_000, dtype=bool)
-    best, _ = learner.act(_seen(places), first, None, explore=False)
-    action, _ = learner.act(_seen(places), first, None, explore=True)
+    best, _ = learner.act(seen_at(places), first, None, explore=False)
+    action, _ = learner.act(seen_at(places), first, None, explore=True)
     noise = (action - best)[0, :, 0]
     assert noise[:3_500].std().item() == pytest.approx(0.05, rel=0.05)
     assert noise[3_500:].std().item() == pytest.approx(0.25, rel=0.1)
@@ -149,13 +149,13 @@ def test_noise_is_larger_in_an_eighth():
 @pytest.mark.long
 def test_it_learns_what_the_teacher_does():
     settings = DistillSettings(**SMALL | {"hidden": (32,)}, updates=4, batch=64, rate=3e-3)
-    learner = Distill(settings, _problem(env_steps=16 * 100), _teacher)
+    learner = Distill(settings, problem(env_steps=16 * 100), _teacher)
     source = torch.Generator().manual_seed(0)
     places = torch.linspace(-0.9, 0.9, 16)[None, :, None]
     first = torch.ones(1, 16, dtype=bool)
 
     def miss():
-        action, _ = learner.act(_seen(places), first, None, explore=False)
+        action, _ = learner.act(seen_at(places), first, None, explore=False)
         return (action - _teacher(places)).abs().mean().item()
 
     before = miss()
@@ -182,7 +182,9 @@ def test_a_saved_teacher_labels_batches(teacher):
         Problem("straighten_rope", {}, [0], 4, (), 8, 1.0, "cpu", "rgb", shapes, 100),
     )
     states = torch.randn(9, 44)
-    torch.testing.assert_close(learner._teacher(states), module(states), rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(
+        learner._teacher(states[None])[0], module(states), rtol=1e-5, atol=1e-6
+    )
 
 
 def test_bad_settings_are_refused():

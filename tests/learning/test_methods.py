@@ -51,7 +51,12 @@ CASES = {
         dataclasses.replace(PIXELS, observation=("rgb", "held")),
         {"updates": 2, "batch": 4, "buffer": 10, "channels": 4, "features": 6, "hidden": (8,)},
     ),
-    "asymmetric": (dataclasses.replace(PIXELS, observation=("rgb", "held")), IMAGES),
+    "teacher_student": (
+        dataclasses.replace(PIXELS, observation=("rgb", "held")),
+        {"updates": 2, "batch": 4, "buffer": 10, "channels": 4, "features": 6, "hidden": (8,),
+         "teacher_env_steps": 12,
+         "teacher_settings": {**OFF_POLICY, "random_steps": 4, "symmetric": True}},
+    ),
 }  # fmt: skip
 
 
@@ -205,7 +210,7 @@ BAD_SETTINGS = {
         ("plans", "sometimes"), ("updates", 0), ("rho", 0.0), ("entropy", -1.0),
         ("largest_gradient", 0.0), ("critics", 1), ("horizon", 0),
     ],
-    "asymmetric": [("symmetric", True), ("symmetrize_policy", True), ("square", 0), ("shift", -1)],
+    "teacher_student": [("teacher_env_steps", 0), ("batch", 0), ("teacher_share", 1.5)],
 }  # fmt: skip
 
 

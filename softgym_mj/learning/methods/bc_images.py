@@ -14,7 +14,7 @@ from torch import Tensor
 from softgym_mj.learning.demonstrations import check_demonstrations, collect_images
 from softgym_mj.learning.frames import Frames
 from softgym_mj.learning.learner import Problem, Step
-from softgym_mj.learning.methods.distill import LABEL, Distill, DistillSettings
+from softgym_mj.learning.methods.distill import LABEL, Distill, StudentSettings
 from softgym_mj.recording.noise import check_noise
 from softgym_mj.validation import typed
 
@@ -23,8 +23,8 @@ _NOTHING = Step(*[torch.zeros(())] * 6)  # `Distill` learns from its frames.
 
 @typed
 @dataclasses.dataclass(frozen=True)
-class BCImagesSettings(DistillSettings):
-    """How a student learns, and from how much; a teacher and its noise have no part in it.
+class BCImagesSettings(StudentSettings):
+    """How a student learns, and from how much.
 
     Attributes:
         privileged, buffer: unused: students have all that is observed, of all episodes.

@@ -31,11 +31,10 @@ Observation = Mapping[str, Tensor]
 
 @typed
 @dataclasses.dataclass(frozen=True)
-class DistillSettings:
+class StudentSettings:
     """How a student learns.
 
     Attributes:
-        teacher: file of the teacher, a policy that `torch.export.save` wrote.
         privileged: name of the observation that the teacher takes, such as "markov".
         frames: number of successive images that the student sees.
         channels: number of filters of each convolution.
@@ -60,7 +59,6 @@ class DistillSettings:
         InvalidArgumentError: for a number out of range.
     """
 
-    teacher: str = ""
     privileged: str = "markov"
     frames: int = 2
     channels: int = 48
@@ -88,6 +86,18 @@ class DistillSettings:
             check_number(name, getattr(self, name), ge=0.0, le=1.0)
 
 
+@typed
+@dataclasses.dataclass(frozen=True)
+class DistillSettings(StudentSettings):
+    """How a student learns, and from whom.
+
+    Attributes:
+        teacher: file of the teacher, a policy that `torch.export.save` wrote.
+    """
+
+    teacher: str = ""
+
+
 class Student(nn.Module):
     """Actions of stacked observations.
 
@@ -98,7 +108,7 @@ class Student(nn.Module):
     """
 
     def __init__(
-        self, settings: DistillSettings, shapes: Mapping[str, tuple[int, ...]], action: int
+        self, settings: StudentSettings, shapes: Mapping[str, tuple[int, ...]], action: int
     ):
         """Draws the weights from PyTorch's generator.
 
@@ -159,14 +169,14 @@ class Distill:
     FRAMES = Frames  # Class of `frames`.
 
     def __init__(
-        self, settings: DistillSettings, problem: Problem, teacher: Callable[[Tensor], Tensor]
+        self, settings: StudentSettings, problem: Problem, teacher: Callable[[Tensor], Tensor]
     ):
         """Draws the students and makes room for what they learn from.
 
         Args:
             settings: how they learn.
             problem: what is to be learned.
-            teacher: gives actions (n, action) for privileged observations (n, k).
+            teacher: gives actions (seeds, n, action) for privileged observations (seeds, n, k).
         """
         self._settings, self._problem, self._teacher = settings, problem, teacher
         shapes = {name: s for name, s in problem.shapes.items() if name != settings.privileged}
@@ -211,7 +221,7 @@ class Distill:
         """Keeps what is seen with the teacher's labels; returns actions to carry out."""
         settings, num_envs = self._settings, self._problem.num_envs
         with torch.no_grad():
-            label = self._teacher(observation[settings.privileged].flatten(0, 1)).reshape_as(action)
+            label = self._teacher(observation[settings.privileged])
         self.frames.add({**observation, LABEL: label}, first)
         number = torch.arange(num_envs, device=action.device)[:, None]
         wild = settings.wild_noise * (number >= num_envs - num_envs // 8)
@@ -296,4 +306,8 @@ def make(settings: DistillSettings, problem: Problem) -> Distill:
     exported = torch.export.load(io.BytesIO(read_whole(settings.teacher)))
     # A file has a policy of a single observation: vmap makes it one of many.
     teacher = torch.func.vmap(move_to_device_pass(exported, problem.device).module())
-    return Distill(settings, problem, lambda states: teacher(states[:, None])[:, 0])
+
+    def labels(states: Tensor) -> Tensor:
+        return teacher(states.flatten(0, 1)[:, None])[:, 0].unflatten(0, states.shape[:2])
+
+    return Distill(settings, problem, labels)

@@ -100,7 +100,6 @@ class Convolutions(nn.Module):
 
     Attributes:
         outputs: numbers for an image.
-        kind: in which they calculate; weights and outputs are float32.
     """
 
     def __init__(
@@ -119,7 +118,7 @@ class Convolutions(nn.Module):
             kind: in which they calculate; weights and outputs are float32.
         """
         super().__init__()
-        self.kind = kind
+        self._kind = kind
         self._size, middle = size, _KERNEL // 2
         self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
         for k in range(len(_STRIDES)):
@@ -140,7 +139,7 @@ class Convolutions(nn.Module):
 
     def _single(self, seen: Tensor, seed: int) -> Tensor:
         """Of the seed at a place: (n, outputs)."""
-        kind = self.kind
+        kind = self._kind
         x = seen.permute(0, 3, 1, 2).to(kind) / 255.0  # Channels stay last in memory.
         for weight, bias, stride in zip(self.weights, self.biases, _STRIDES, strict=True):
             own = weight[seed].to(kind), bias[seed].to(kind)
