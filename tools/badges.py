@@ -5,11 +5,10 @@
 of the repository on GitHub from which Colab reads them; those of another one are replaced.
 """
 
+import json
 import pathlib
 import re
 import sys
-
-import nbformat
 
 ROOT = pathlib.Path(__file__).parent.parent
 BRANCH = "main"
@@ -50,10 +49,11 @@ def main(repository: str) -> None:
     if not re.fullmatch(r"[\w.-]+/[\w.-]+", repository):
         raise SystemExit(f"{repository!r} is no OWNER/NAME")
     for file in sorted((ROOT / "notebooks").glob("*.ipynb")):
-        notebook = nbformat.read(file, as_version=4)
-        first = notebook.cells[0]
-        first.source = titled(first.source, repository, f"notebooks/{file.name}")
-        nbformat.write(notebook, file)
+        notebook = json.loads(file.read_text(encoding="utf-8"))
+        first = notebook["cells"][0]
+        text = titled("".join(first["source"]), repository, f"notebooks/{file.name}")
+        first["source"] = text.splitlines(keepends=True)
+        file.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     readme = ROOT / "README.md"
     readme.write_text(listed(readme.read_text(encoding="utf-8"), repository), encoding="utf-8")
 

@@ -7,10 +7,7 @@ import re
 import subprocess
 import sys
 
-import nbformat
 import pytest
-
-from tools import site_pages
 
 ROOT = pathlib.Path(__file__).parents[2]
 REPOSITORY = "https://github.com/owner/name"
@@ -38,6 +35,10 @@ def test_the_site_builds_without_warnings(tmp_path):
 
 
 def test_a_notebook_is_shown_with_what_it_printed_pictures_and_videos(tmp_path):
+    import nbformat  # Here: it compiles grammars for a second.
+
+    from tools import site_pages
+
     picture = b"\x89PNG of nothing"
     data = {"image/png": base64.b64encode(picture).decode(), "text/plain": "<Figure>"}
     cell = nbformat.v4.new_code_cell("show()")
