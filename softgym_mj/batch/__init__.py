@@ -1,1 +1,1 @@
-"""What environments stepped together share: their arrays, who steps them, the GPU launcher."""
+"""Batches of environments: arrays, devices and the launcher of GPU kernels."""

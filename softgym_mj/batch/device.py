@@ -1,4 +1,4 @@
-"""`Device`: where the arrays of environments are, and what makes their steps: this processor."""
+"""`Device`: stores the arrays of a batch and runs its kernels; `CpuDevice` is this processor."""
 
 import ctypes
 from collections.abc import Callable, Hashable
@@ -8,27 +8,27 @@ import numpy as np
 
 from softgym_mj.native.library import open_library
 
-ALIGNMENT = 64  # [bytes] Of what kernels get: of the widest vectors.
+ALIGNMENT = 64  # [bytes] Alignment of kernel arguments: the widest SIMD vector.
 
 
 class Copy(Protocol):
-    """A copy of an array as it was, on its way to NumPy.
+    """Asynchronous copy of an array to NumPy.
 
     Attributes:
-        done: whether it has come.
+        done: Whether the copy is complete.
     """
 
     done: bool
 
     def wait(self) -> np.ndarray:
-        """The array (...), once it has come."""
+        """Waits for the copy and returns it."""
 
 
 class Device(Protocol):
-    """Arrays of NumPy or PyTorch, and kernels that step environments of a kind which lie in them.
+    """Device that stores batch arrays (NumPy or PyTorch) and runs step kernels.
 
     Attributes:
-        xp: the arrays' namespace.
+        xp: Array namespace.
         xp_device: `device` argument of its functions; None for NumPy.
     """
 
@@ -36,41 +36,42 @@ class Device(Protocol):
     xp_device: Any
 
     def max_slots(self, kind: str, size: int) -> int:
-        """How many environments of a kind it works on at a time, at most; `size` as of `step`."""
+        """Returns the largest number of environments stepped at a time; arguments as in `step`."""
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
-        """Zeros (...), of a type by its name; their memory begins at a multiple of `ALIGNMENT`."""
+        """Returns zeros of a dtype by name; their memory starts at a multiple of `ALIGNMENT`."""
 
     def put(self, array: np.ndarray) -> Any:
-        """A copy (...) of an array."""
+        """Copies a NumPy array to the device."""
 
     def get(self, array: Any) -> np.ndarray:
-        """A copy of an array (...), in NumPy."""
+        """Copies an array to NumPy."""
 
     def copy(self, array: Any) -> Copy:
-        """Begins what `get` does, and waits for nothing."""
+        """Begins a copy of an array to NumPy without waiting."""
 
     def address(self, array: Any) -> int:
-        """Where the memory of an array begins."""
+        """Returns the address of an array's memory."""
 
     def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
-        """What a function returns: arrays, in dicts and tuples, that later calls leave alone.
+        """Runs a function, or replays it as a CUDA graph; returns copies of its results.
 
         Args:
-            key: as long as it is the same the function does the same with arrays in the same
-                memory, whatever is in them, and need not be called.
-            function: reads and writes arrays, and asks for none of their numbers.
-            name: of the function, if there are several.
+            key: Identifies arrays and operations: with an equal key the function would apply the
+                same operations to the same memory, so that it can be replayed.
+            function: Reads and writes arrays without reading values on the host; returns arrays in
+                dicts and tuples.
+            name: Distinguishes functions.
         """
 
     def step(self, kind: str, batch: Any, num_slots: int, size: int) -> None:
-        """Makes, or begins, a step of environments of a kind.
+        """Makes, or begins, a step of all environments of a batch.
 
         Args:
-            kind: of `batch.solver.BatchSolver`.
-            batch: its `Batch`, as bytes.
-            num_slots: how many are worked on at a time.
-            size: how much there is to do at a time in each: points.
+            kind: Kind of the solver, "cloth" or "fluid", or "pictures".
+            batch: The C++ struct `Batch` as bytes.
+            num_slots: Number of environments stepped at a time.
+            size: Points per environment, which set the threads of a block.
         """
 
 
@@ -85,17 +86,17 @@ class _Copied(Copy):
 
 
 class CpuDevice(Device):
-    """This processor."""
+    """This processor: NumPy arrays, stepped by threads."""
 
     xp: Any = np
     xp_device: Any = None
 
     def __init__(self, num_threads: int = 1, turns: int = 0):
-        """Notes how environments are stepped.
+        """Chooses threads and loop order.
 
         Args:
-            num_threads: that step environments at a time.
-            turns: in which order each part of a step is done, which changes no bit: for tests.
+            num_threads: Number of threads; each steps one environment at a time.
+            turns: Order of iterations in parallel loops, which must not change results (tests).
         """
         self._threads, self._turns = num_threads, turns
 
@@ -130,6 +131,5 @@ class CpuDevice(Device):
 
 
 def function(kind: str, name: str) -> Any:
-    """A function of the library for environments of a kind."""
-    found = getattr(open_library(), f"softgym_mj_{kind}_batch_{name}")
-    return found
+    """Returns a function of the C++ library by kind of batch and name."""
+    return getattr(open_library(), f"softgym_mj_{kind}_batch_{name}")

@@ -19,25 +19,24 @@ from softgym_mj.batch.device import Copy, Device
 from softgym_mj.exceptions import UnavailableError, check_name, install_extra
 from softgym_mj.native.caches import cache_folder
 
-# Where kernels are: their entries are in `<folder>/<name>.cu`, all else in headers.
+# Folder and entry file of each kernel; all other code is in headers.
 KERNELS = {
     "cloth": ("cloth", "cloth/batch/step.cu"),
     "fluid": ("fluid", "fluid/batch/step.cu"),
     "measures": ("batch", "batch/measures.cu"),
     "pictures": ("rendering", "rendering/batch/draw.cu"),
 }
-# Threads of a block, at most, and blocks that each multiprocessor has to have room for: what is
-# quickest on an H100.
+# Largest number of threads per block, and blocks per multiprocessor: the fastest on an H100.
 BLOCKS = {"cloth": (256, 4), "fluid": (512, 2), "measures": (256, 1), "pictures": (256, 4)}
-# [bytes] Of shared memory: for a point, as in cloth/batch/host.h; most that a block gets.
+# [bytes] Shared memory per point, as in cloth/batch/host.h, and its limit per block.
 QUICK, MOST_QUICK = {"cloth": 48, "fluid": 0, "pictures": 0}, 48 * 1024
 
-_WARP = 32  # Threads.
+_WARP = 32  # Threads of a warp.
 _FOLDER = pathlib.Path(__file__).parents[1]
 _OPTIONS = {
     "std": "c++17",
     "device_as_default_execution_space": True,
-    # Arithmetic as the processor's.
+    # The same floating-point arithmetic as on the CPU.
     "fma": False, "ftz": False, "prec_div": True, "prec_sqrt": True,
 }  # fmt: skip
 _NOTICE = "Compiling the kernel of %s for GPUs of architecture %s, once: up to half a minute"
@@ -45,7 +44,7 @@ _log = logging.getLogger(__name__)
 
 
 def _core() -> Any:
-    """The package that compiles and launches."""
+    """Returns the package cuda.core, which compiles and launches kernels."""
     try:
         import cuda.core
     except ImportError as error:
@@ -56,17 +55,17 @@ def _core() -> Any:
 
 
 def _source(room: str, file: str) -> str:
-    """What a kernel is compiled of, all of it: the key of the cache."""
+    """Returns the complete source of a kernel, from which the cache key is computed."""
     headers = (each for name in ("native", "batch", room) for each in (_FOLDER / name).rglob("*.h"))
     files = {*headers, *(_FOLDER / "batch" / "cuda").iterdir()}
     return "".join(each.read_text() for each in [*sorted(files), _FOLDER / file])
 
 
 def compiled(name: str, architecture: str) -> bytes:
-    """A kernel for an architecture such as "90", compiled if it is not in the cache folder.
+    """Returns the binary of a kernel for an architecture such as "90"; compiles it if not cached.
 
     Raises:
-        UnavailableError: without the packages that compile.
+        UnavailableError: If CUDA's Python packages are not installed.
     """
     check_name("name", name, KERNELS)
     core, (room, file), (threads, blocks) = _core(), KERNELS[name], BLOCKS[name]
@@ -91,7 +90,7 @@ def compiled(name: str, architecture: str) -> bytes:
 
 @functools.cache
 def _architectures() -> tuple[str, ...]:
-    """What NVIDIA's compiler knows: "90" and others."""
+    """Returns the architectures that NVIDIA's compiler supports, such as "90"."""
     from cuda.bindings import nvrtc
 
     _, known = nvrtc.nvrtcGetSupportedArchs()
@@ -100,7 +99,7 @@ def _architectures() -> tuple[str, ...]:
 
 @functools.cache
 def _loaded(name: str, device: Any) -> tuple[Any, Any]:
-    """A device of cuda-core, and a kernel that it has loaded."""
+    """Returns a cuda-core device and a kernel loaded on it."""
     import torch
 
     core = _core()
@@ -118,7 +117,7 @@ def _entry(name: str, entry: str, device: Any) -> tuple[Any, Any]:
 
 
 class _Stream:
-    """PyTorch's stream, as cuda-core wants it."""
+    """PyTorch's CUDA stream with cuda-core's stream protocol."""
 
     def __init__(self, handle: int):
         self._handle = handle
@@ -136,14 +135,14 @@ def launch(
     *numbers: int,
     quick: int = 0,
 ) -> None:
-    """Begins a kernel, after what is on PyTorch's current stream.
+    """Launches a kernel on PyTorch's current stream.
 
     Args:
-        name, entry: of the program.
-        device: of PyTorch.
-        blocks, threads: how many, of each block.
-        numbers: what the entry gets: whole numbers or addresses.
-        quick: shared memory of a block [bytes].
+        name, entry: Name of the kernel and its entry function.
+        device: PyTorch device.
+        blocks, threads: Number of blocks, and of threads per block.
+        numbers: Arguments of the entry: integers or addresses.
+        quick: Shared memory of a block [bytes].
     """
     import torch
 
@@ -154,7 +153,7 @@ def launch(
 
 
 class _Copying(Copy):
-    """In memory that a device writes to by itself."""
+    """Copy into pinned memory."""
 
     def __init__(self, torch: Any, array: Any):
         self._to = torch.empty(array.shape, dtype=array.dtype, pin_memory=True)
@@ -172,16 +171,16 @@ class _Copying(Copy):
 
 
 class CudaDevice(Device):
-    """A CUDA device; steps are made in the order of PyTorch's current stream."""
+    """CUDA device; steps run in order on PyTorch's current stream."""
 
     def __init__(self, index: int = 0):
-        """Takes a device.
+        """Opens a device.
 
         Args:
-            index: of the device.
+            index: Index of the CUDA device.
 
         Raises:
-            UnavailableError: if there is none, or no PyTorch for it.
+            UnavailableError: If there is no such device, or PyTorch cannot use it.
         """
         try:
             import torch
@@ -193,7 +192,7 @@ class CudaDevice(Device):
         if not torch.cuda.is_available():
             raise UnavailableError("there is no CUDA device that PyTorch can use")
         self._torch, self.xp, self.xp_device = torch, xp, torch.device("cuda", index)
-        self._graphs: dict[str, tuple[Any, Any, Any]] = {}  # Keys, graphs, what they give.
+        self._graphs: dict[str, tuple[Any, Any, Any]] = {}  # Keys, graphs, results.
 
     def max_slots(self, kind: str, size: int) -> int:
         properties = self._torch.cuda.get_device_properties(self.xp_device)
@@ -224,10 +223,10 @@ class CudaDevice(Device):
         launch(kind, "Step", self.xp_device, num_slots, threads, address, quick, quick=quick)
 
     def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
-        """See `Device`: as one of CUDA's graphs, from the second call on."""
+        """Runs a function; from its second call with a key on, replays it as a CUDA graph."""
         torch = self._torch
         known, graph, found = self._graphs.get(name, (None, None, None))
-        if name not in self._graphs or known != key:  # All that is made once is made now.
+        if name not in self._graphs or known != key:  # The first call allocates.
             self._graphs[name] = key, None, None
             return function()
         if graph is None:
@@ -240,12 +239,12 @@ class CudaDevice(Device):
 
 
 def _threads(kind: str, size: int) -> int:
-    """Of a block that has so much to do at a time."""
+    """Returns the number of threads of a block for `size` points."""
     return min(max(-(-size // _WARP), 2) * _WARP, BLOCKS[kind][0])
 
 
 def _cloned(values: Any) -> Any:
-    """Copies of tensors in dicts and tuples."""
+    """Copies tensors in dicts and tuples."""
     if isinstance(values, dict):
         return {name: _cloned(value) for name, value in values.items()}
     if isinstance(values, tuple):

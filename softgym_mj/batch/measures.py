@@ -1,4 +1,4 @@
-"""Measures of many simulations at once, of PyTorch's tensors on any device, by the library."""
+"""Batched measures of PyTorch tensors, computed by the C++ library or a CUDA kernel."""
 
 import ctypes
 from typing import Any
@@ -6,18 +6,18 @@ from typing import Any
 from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.native.library import open_library
 
-MOST_MATCHED = 64  # As in matched.h.
+MOST_MATCHED = 64  # Largest matrix; the same number as in matched.h.
 
-_WARP = 32  # Threads.
+_WARP = 32  # Threads of a warp.
 
 
 def covered_areas(points: Any, triangles: Any, lines: int) -> Any:
-    """`metrics.covered_area` of meshes, as float64 (number,) [m^2].
+    """Returns the covered areas (number,) [m^2] of meshes, as `metrics.covered_area`.
 
     Args:
-        points: (number, vertices, 2 or 3) [m] float64.
-        triangles: (number, triangles, 3) int64 vertices.
-        lines: number of lines.
+        points: Vertices (number, vertices, 2 or 3) [m], float64.
+        triangles: Vertex indices (number, triangles, 3), int64.
+        lines: Number of scan lines.
     """
     points, triangles = points.contiguous(), triangles.contiguous()
     number, *sizes = points.shape
@@ -31,10 +31,13 @@ def covered_areas(points: Any, triangles: Any, lines: int) -> Any:
 
 
 def matched_distances(distances: Any) -> Any:
-    """Smallest means (number,) of one of each row and column of distances (number, n, n) float64.
+    """Returns the smallest mean distances (number,) of one-to-one matchings.
+
+    Args:
+        distances: Distances (number, n, n), float64.
 
     Raises:
-        InvalidArgumentError: for more than `MOST_MATCHED` rows.
+        InvalidArgumentError: If n exceeds `MOST_MATCHED`.
     """
     if distances.shape[-1] > MOST_MATCHED:
         valid = f"at most {MOST_MATCHED} of each, of tensors"

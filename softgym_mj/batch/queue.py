@@ -1,4 +1,4 @@
-"""`Queue`: in which order the blocks of a GPU take environments: see queue.h."""
+"""`Queue`: order in which the blocks of a GPU step environments (queue.h)."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ from softgym_mj.batch.device import Device
 
 
 class Queue:
-    """The longest first: in the end few wait for one.
+    """Orders environments by duration, the longest first, so that few blocks wait at the end.
 
     Attributes:
-        arrays: for a `Batch`, in this order: how many have been begun (1,) int32, in which order
-            environments are (num_envs,) int32, and what each took the last time (num_envs,) int64
+        arrays: Arrays of the C++ struct `Batch`: number of environments begun (1,) int32, order of
+            environments (num_envs,) int32, and duration of each last step (num_envs,) int64
             [cycles].
     """
 
@@ -24,10 +24,10 @@ class Queue:
         self.arrays: tuple[Any, Any, Any] = (zeros[0], order, zeros[1])
 
     def plan(self) -> None:
-        """Orders them by what they took."""
+        """Sorts environments by the duration of their last step."""
         xp, (_, order, cost) = self._device.xp, self.arrays
         order[...] = xp.astype(xp.argsort(-cost), order.dtype)
 
     def begin(self) -> None:
-        """Has all be taken once more."""
+        """Restarts the queue."""
         self.arrays[0][...] = 0

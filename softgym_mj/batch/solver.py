@@ -1,4 +1,4 @@
-"""`BatchSolver`: many environments that a kernel of the library steps together, without MuJoCo."""
+"""`BatchSolver`: steps many environments together by a kernel of the library, without MuJoCo."""
 
 import ctypes
 from collections.abc import Mapping
@@ -11,12 +11,12 @@ from softgym_mj.batch.device import ALIGNMENT, CpuDevice, Device, function
 from softgym_mj.batch.queue import Queue
 from softgym_mj.exceptions import InvalidArgumentError, LifecycleError
 
-NOT_FINITE = 1  # The first of what may go wrong in a step, as bits.
+NOT_FINITE = 1  # First bit of `flags`: the state is not finite.
 
-_REASON = 256  # [characters]
+_REASON = 256  # [characters] Longest error message of the library.
 
-Array = Any  # Of NumPy or PyTorch.
-# Name of a size or a number, further sizes, name of the type.
+Array = Any  # NumPy or PyTorch array.
+# First size (a name of `sizes` or a number), further sizes, dtype.
 Shape = tuple[str | int, tuple[int, ...], str]
 
 
@@ -27,21 +27,21 @@ def _pointer(array: np.ndarray) -> ctypes.c_void_p:
 def describe(
     kind: str, model: mujoco.MjModel, data: mujoco.MjData, ids: np.ndarray, *settings: Any
 ) -> np.ndarray:
-    """What environments of a kind have to know of a model, as bytes (size,) uint8.
+    """Converts a MuJoCo model for a batch; returns the C++ struct `Model` as bytes (size,) uint8.
 
     Args:
         kind: "cloth" or "fluid".
-        model, data: what is to be stepped.
-        ids: (n,) of what is told where to go.
-        settings: further arguments of the library's function.
+        model, data: Model to step, and its data.
+        ids: Ids (n,) of the geoms or bodies with prescribed motion.
+        settings: Further arguments of the library's function.
 
     Raises:
-        InvalidArgumentError: if there is anything in it that cannot be stepped.
+        InvalidArgumentError: If batches do not support something in the model.
     """
     write, device = function(kind, "model"), CpuDevice()
     ids, error = np.ascontiguousarray(ids, np.int32), np.zeros(_REASON, np.uint8)
     out = device.zeros((0,), "uint8")
-    for _ in range(2):  # Its size, then its content.
+    for _ in range(2):  # The first call returns the size, the second one writes the content.
         size = write(
             ctypes.c_void_p(model._address), ctypes.c_void_p(data._address), _pointer(ids),
             len(ids), *settings, _pointer(out), len(out), _pointer(error), _REASON,
@@ -54,42 +54,42 @@ def describe(
 
 
 class BatchSolver:
-    """The state of environments, arrays with a row for each, and their steps.
+    """Stores the state of environments as arrays with a row for each, and steps them.
 
-    Environments differ in size: rows have room for the largest model. A subclass names the state.
+    Rows have room for the largest model. A subclass defines the arrays.
 
     Attributes:
-        kind: of the library's functions.
-        fields: shapes of the arrays of the state by name, (num_envs, size, ...), each an
-            attribute of its name: the first size is a name or a number.
-        told: those of what environments are told in a step, likewise.
-        device: where the arrays are.
-        models: (num_envs,) int64 what environments play, from `load`; those of 0 stand still.
-        queue: in which order they are begun on a GPU.
-        flags: what went wrong so far, as bits (num_envs,) int32.
-        grown: how many times the memory of steps has been replaced by a larger one.
+        kind: Kind of the library's functions.
+        fields: Shapes of state arrays by name: the first size is a name of `sizes` or a number.
+            Each array (num_envs, size, ...) is an attribute of its name.
+        inputs: Shapes and dtypes of the inputs of a step by name.
+        device: Device of the arrays.
+        models: Models (num_envs,) int64 from `load`; environments with 0 are not stepped.
+        queue: Order of environments on a GPU.
+        flags: Failures so far as bits (num_envs,) int32.
+        grown: Number of times that the memory of steps has been replaced by a larger one.
     """
 
     kind: str
     fields: Mapping[str, tuple[str | int, *tuple[int, ...]]]
-    told: Mapping[str, Shape]
+    inputs: Mapping[str, Shape]
 
     def __init__(self, num_envs: int, sizes: Mapping[str, int], device: Device | None = None):
-        """Environments of zeros without models.
+        """Allocates zeros, without models.
 
         Args:
-            num_envs: how many.
-            sizes: of the largest model by name; all have as many of the last ones, which are told
-                where to go.
-            device: where they are; None for this processor.
+            num_envs: Number of environments.
+            sizes: Sizes of the largest model by name; the last one, the number of objects with
+                prescribed motion, must be the same in all models.
+            device: Device of the arrays; None means this processor.
         """
         self.device = device = device or CpuDevice()
         self._number, self._sizes = num_envs, dict(sizes)
         for name, (size, *more) in self.fields.items():
             setattr(self, name, device.zeros((num_envs, self._size(size, sizes), *more), "float64"))
-        self._told = {
+        self._inputs = {
             name: device.zeros((num_envs, self._size(size, sizes), *more), dtype)
-            for name, (size, more, dtype) in self.told.items()
+            for name, (size, more, dtype) in self.inputs.items()
         }
         self.models = device.zeros((num_envs,), "int64")
         self.queue = Queue(num_envs, device)
@@ -100,23 +100,23 @@ class BatchSolver:
         self._memory: Array = device.zeros((self._slots, 0), "uint8")
         self._loaded: dict[bytes, tuple[int, Array]] = {}
         self._counts: dict[int, dict[str, int]] = {}  # Sizes of models.
-        self._batch: Array = None  # `Batch` of the kind's batch/host.h, as bytes.
+        self._batch: Array = None  # Struct `Batch` of the kind's batch/host.h, as bytes.
 
     @staticmethod
     def _size(kind: str | int, sizes: Mapping[str, int]) -> int:
         return sizes[kind] if isinstance(kind, str) else kind
 
     def rows(self) -> dict[str, Array]:
-        """The arrays of the state, and `models` as "model", by name."""
+        """Returns the state arrays by name, and `models` as "model"."""
         return {**{name: getattr(self, name) for name in self.fields}, "model": self.models}
 
     # ------------------------------------------------------------------ models
 
     def load(self, model: np.ndarray) -> int:
-        """Gets a model from `describe` ready for environments; returns what `models` says of these.
+        """Copies a model from `describe` to the device; returns its address, for `models`.
 
         Raises:
-            InvalidArgumentError: for one that is larger than the rows.
+            InvalidArgumentError: If the model is larger than the rows.
         """
         key = model.tobytes()
         if key in self._loaded:
@@ -132,7 +132,7 @@ class BatchSolver:
         kept, memory = (-(-needed // ALIGNMENT) * ALIGNMENT).tolist()
         if kept > self._kept.shape[1] or memory > self._memory.shape[1]:
             kept, memory = max(kept, self._kept.shape[1]), max(memory, self._memory.shape[1])
-            self._kept = self._memory = self._batch = None  # What they held can be found again.
+            self._kept = self._memory = self._batch = None  # Their content can be recomputed.
             self.grown += 1
             self._kept = self.device.zeros((self._number, kept), "uint8")
             self._memory = self.device.zeros((self._slots, memory), "uint8")
@@ -144,14 +144,14 @@ class BatchSolver:
     # ------------------------------------------------------------------ one environment
 
     def start(self, i: int, model: np.ndarray) -> None:
-        """Gives environment `i` a model, from `describe`, and empties its rows."""
+        """Sets the model of environment `i`, from `describe`, and its rows to zero."""
         self.models[i] = self.load(model)
         for name in self.fields:
             getattr(self, name)[i] = 0.0
         self.flags[i] = 0
 
     def get_state(self, i: int) -> dict[str, np.ndarray]:
-        """The state of environment `i` (n, ...) by name, for `set_state`."""
+        """Returns the state arrays of environment `i` by name, for `set_state`."""
         address = int(self.models[i])
         if not address:
             raise LifecycleError(
@@ -164,17 +164,17 @@ class BatchSolver:
         }
 
     def set_state(self, i: int, state: Mapping[str, np.ndarray]) -> None:
-        """Restores what `get_state` returned: what follows has the same bits."""
+        """Restores the result of `get_state`; later steps are bit-identical."""
         for name, array in state.items():
             getattr(self, name)[i] = 0.0
             getattr(self, name)[i, : len(array)] = array
 
     # ------------------------------------------------------------------ all
 
-    def _step(self, **told: Array) -> None:
-        """Makes a step of all environments that are told this, by name."""
-        for name, array in told.items():
-            self._told[name][...] = array
+    def _step(self, **inputs: Array) -> None:
+        """Makes a step of all environments with inputs by name."""
+        for name, array in inputs.items():
+            self._inputs[name][...] = array
         if self._batch is None:
             self._batch = self._written()
         self.queue.begin()
@@ -182,11 +182,11 @@ class BatchSolver:
 
     @property
     def _most(self) -> int:
-        """Points of the largest model."""
+        """Number of points of the largest model."""
         return next(iter(self._sizes.values()))
 
     def _written(self) -> Array:
-        """`Batch`: ints, then pointers."""
+        """Returns the struct `Batch` as bytes: integers, then pointers."""
         memory = self._kept.shape[1], self._slots, self._memory.shape[1]
         sizes = np.array([self._number, *self._sizes.values(), *memory], np.int64)
         arrays = [
@@ -195,6 +195,6 @@ class BatchSolver:
             self._memory,
             *(getattr(self, name) for name in self.fields),
         ]
-        arrays += [*self._told.values(), *self.queue.arrays, self.flags]
+        arrays += [*self._inputs.values(), *self.queue.arrays, self.flags]
         pointers = [self.device.address(array) for array in arrays]
         return self.device.put(np.concatenate([sizes, np.array(pointers, np.int64)]))

@@ -1,6 +1,6 @@
-"""Fabrics that others measured, by name; what of them is measured, fitted or assumed.
+"""Published fabrics by name, with the origin of each number: measured, fitted or assumed.
 
-`entities.Fabric.named` makes of one what a sheet is made of.
+`entities.Fabric.named` converts one to the material of a sheet.
 """
 
 import dataclasses
@@ -8,33 +8,33 @@ from collections.abc import Mapping
 
 from softgym_mj.exceptions import check_name
 
-GRAVITY = 9.81  # [m/s^2]
+GRAVITY = 9.81  # [m/s^2] Gravitational acceleration.
 
 MEASURED, FITTED, ASSUMED = "measured", "fitted", "assumed"
 
-# No friction or drag of these is published.
-_FLOOR_FRICTION, _LAYER_FRICTION = 1.0, 0.75  # As of the nominal cloth.
-_PLATE_DRAG = 1.2  # Of a plate across the flow.
+# Friction and drag of these fabrics are not published.
+_FLOOR_FRICTION, _LAYER_FRICTION = 1.0, 0.75  # Values of the nominal cloth.
+_PLATE_DRAG = 1.2  # Drag coefficient of a flat plate across the flow.
 
 
 @dataclasses.dataclass(frozen=True)
 class FabricData:
-    """What is known of a fabric.
+    """Properties of a published fabric.
 
     Attributes:
-        name: of its own.
-        summary: what it is.
-        density: mass of a unit of area [kg/m^2].
-        stretch: force per width and small strain along (warp, weft) [N/m].
-        shear: force per width and angle of shear [N/m].
-        bending: moment per width and curvature along (warp, bias, weft) [N m].
-        drag: coefficient of the air's drag on what moves along its normal.
-        added_mass: air taken along on such a way [kg/m^2].
-        friction: on the floor.
-        layer_friction: between layers.
-        origin: of each of the numbers above, by name: "measured", "fitted" or "assumed".
-        source: who published it.
-        licence: under what terms.
+        name: Name of the fabric.
+        summary: Description of the fabric.
+        density: Mass per area [kg/m^2].
+        stretch: Force per width and small strain along (warp, weft) [N/m].
+        shear: Force per width and shear angle [N/m].
+        bending: Moment per width and curvature along (warp, bias, weft) [N m].
+        drag: Coefficient of air drag for motion along the normal.
+        added_mass: Mass of air moved along with the surface [kg/m^2].
+        friction: Friction coefficient with the floor.
+        layer_friction: Friction coefficient between layers.
+        origin: Origin of each number by name: "measured", "fitted" or "assumed".
+        source: Publication.
+        licence: License of the data.
     """
 
     name: str
@@ -63,12 +63,12 @@ class FabricData:
 
     @property
     def gravity_length(self) -> float:
-        """(B / (density g))^(1/3) [m]: by which a sheet's drape is decided."""
+        """Bending length (B / (density g))^(1/3) [m], which determines the drape."""
         return (self.mean_bending / (self.density * GRAVITY)) ** (1.0 / 3.0)
 
 
 def _origin(known: str, *names: str) -> dict[str, str]:
-    """`known` for the fields `names`, "assumed" for the other numbers."""
+    """Returns origins: `known` for the fields `names`, "assumed" for the other numbers."""
     numbers = (
         "density", "stretch", "shear", "bending", "drag", "added_mass", "friction",
         "layer_friction",
@@ -84,7 +84,7 @@ def _tested(
     shear: float,
     bending: tuple[float, float, float],
 ) -> FabricData:
-    """One of Wang, O'Brien and Ramamoorthi; density in [g/m^2], bending in [uN m]."""
+    """Returns a fabric of Wang, O'Brien and Ramamoorthi from density [g/m^2], bending [uN m]."""
     warp, bias, weft = bending
     return FabricData(
         name,
@@ -104,12 +104,12 @@ def _tested(
     )
 
 
-# Shear is not among what is published of these: the solver's own share of stretch.
+# Shear is not published for these fabrics: the solver's default share of stretch.
 _SHEAR_SHARE = 0.3
 
 
 def _garment(name: str, grams: float, stretch: float, bending: float) -> FabricData:
-    """One of RGBench; density in [g/m^2], bending in [uN m]."""
+    """Returns a fabric of RGBench from density [g/m^2] and bending [uN m]."""
     return FabricData(
         name,
         f"RGBench's {name.removeprefix('rgbench_').replace('_', ' ')}",
@@ -173,10 +173,10 @@ FABRICS = {
 
 
 def named(name: str) -> FabricData:
-    """What is known of the fabric `name`.
+    """Returns a published fabric by name.
 
     Raises:
-        InvalidArgumentError: if it is none of `FABRICS`.
+        InvalidArgumentError: If `name` is not in `FABRICS`.
     """
     check_name("fabric", name, FABRICS)
     return FABRICS[name]

@@ -1,7 +1,7 @@
-"""The engine plugin softgym_mj.cloth in a model: what a flex is made of.
+"""Adds the engine plugin softgym_mj.cloth to models and sets the material of flexes.
 
-It is the elasticity, bending, damping and friction of flexes and all that they touch, in one solve
-of 25 substeps a step; MuJoCo moves everything else. See plugin/README.md.
+The plugin computes elasticity, bending, damping, contact and friction of flexes in one solver with
+25 substeps per step; MuJoCo moves everything else (plugin/README.md).
 """
 
 import ctypes
@@ -15,26 +15,26 @@ from dm_control import mjcf
 from softgym_mj.exceptions import UnavailableError
 from softgym_mj.native.library import CLOTH, load_plugin, open_library
 
-TIMESTEP = 0.01  # [s]: a sim step. Of which the plugin makes 25.
+TIMESTEP = 0.01  # [s] A sim step, which the plugin divides into 25 substeps.
 
 _INSTANCE = "cloth"  # Name of an instance in the model of its flex.
 
 
 @dataclasses.dataclass(frozen=True)
 class Material:
-    """What a flex is made of; of a rope, forces and moments are not per metre of width.
+    """Material of a flex; forces and moments of a rope are not per width.
 
     Attributes:
-        stretch: force per width and strain [N/m]; of a rope [N].
-        shear: stiffness of a mesh's diagonals as a share of that of its other edges.
-        bend: moment per width and curvature [N m]; of a rope [N m^2].
-        bend_weft: if above 0, a sheet is a plate, with `bend` along its rest shape's X, this across
-            it and `bend_bias` between them, or if that is 0 the mean of both [N m].
-        stretch_damping, bend_damping: dashpots as a multiple of the stiffness [s].
-        friction: between layers.
-        drag: coefficient of the air's drag on what moves along its normal.
-        added_mass: air that a surface takes along when it moves along its normal [kg/m^2].
-        contype, conaffinity: what geoms it touches, as MuJoCo's attributes of this name.
+        stretch: Force per width and strain [N/m]; of a rope force per strain [N].
+        shear: Stiffness of a mesh's diagonals relative to its other edges.
+        bend: Moment per width and curvature [N m]; of a rope [N m^2].
+        bend_weft: If above 0, a sheet bends as an orthotropic plate: `bend` along its rest shape's
+            X, `bend_weft` across it, and `bend_bias`, or if 0 their mean, between them [N m].
+        stretch_damping, bend_damping: Dashpots as a multiple of the stiffness [s].
+        friction: Friction coefficient between layers.
+        drag: Coefficient of air drag for motion along the normal.
+        added_mass: Mass of air moved along with the surface [kg/m^2].
+        contype, conaffinity: Geoms that it touches, as MuJoCo's attributes of this name.
     """
 
     stretch: float
@@ -56,7 +56,7 @@ _OPTIONAL = ("bend_weft", "bend_bias")
 
 
 def add_instance(root: mjcf.RootElement) -> mjcf.Element:
-    """An instance of the plugin in a flex's own model; `set_material` completes it."""
+    """Adds an instance of the plugin to a flex's own model; `set_material` configures it."""
     load_plugin()
     instance = root.extension.add("plugin", plugin=CLOTH).add("instance", name=_INSTANCE)
     for field in dataclasses.fields(Material):
@@ -67,7 +67,7 @@ def add_instance(root: mjcf.RootElement) -> mjcf.Element:
 
 @functools.cache
 def _check_knows_plates() -> None:
-    """Raises `UnavailableError` if the plugin was built before sheets could be plates."""
+    """Raises `UnavailableError` if the built plugin does not support plates."""
     load_plugin()
     config = f'<config key="{_OPTIONAL[0]}" value="0"/>'
     instance = f'<plugin plugin="{CLOTH}"><instance name="a">{config}</instance></plugin>'
@@ -82,10 +82,10 @@ def _check_knows_plates() -> None:
 
 
 def set_material(instance: mjcf.Element, material: Material) -> None:
-    """Says what the flex of an instance is made of.
+    """Sets the material of an instance's flex.
 
     Raises:
-        UnavailableError: if it is a plate, and the plugin is too old to know of these.
+        UnavailableError: If it is a plate and the built plugin does not support plates.
     """
     for config in list(instance.config):
         if config.key in _OPTIONAL:
@@ -99,9 +99,9 @@ def set_material(instance: mjcf.Element, material: Material) -> None:
 
 
 def leave_to_plugin(flexcomp: mjcf.Element, instance: mjcf.Element) -> None:
-    """Makes an instance of the plugin move a flexcomp, and MuJoCo keep its hands off it."""
+    """Assigns a flexcomp to an instance of the plugin and disables MuJoCo's own flex forces."""
     flexcomp.edge.equality = "false"
-    # The compiler warns of a flex without any force of MuJoCo's: see `forget_damping`.
+    # The compiler warns of a flex without forces of MuJoCo; `forget_damping` removes this one.
     flexcomp.edge.damping = 1e-12
     flexcomp.contact.selfcollide = "none"
     flexcomp.contact.contype = flexcomp.contact.conaffinity = 0
@@ -109,7 +109,7 @@ def leave_to_plugin(flexcomp: mjcf.Element, instance: mjcf.Element) -> None:
 
 
 def forget_damping(model: mujoco.MjModel) -> None:
-    """Takes away what `leave_to_plugin` had to say to the compiler: it costs a fifth of a step."""
+    """Removes the damping that `leave_to_plugin` set for the compiler: it costs 20 % of a step."""
     model.flex_edgedamping[:] = 0.0
 
 
@@ -139,11 +139,11 @@ def _library() -> ctypes.CDLL:
 
 
 def contacts(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """The contacts (n,) of geoms with flexes in the last step, an array of `CONTACT`.
+    """Returns contacts (n,) between geoms and flexes in the last step, an array of `CONTACT`.
 
-    geom is one of the model's, vertex are three of its flex vertices, -1 for none, with weights
-    that give the point; normal is the direction from the geom to the flex, force what the flex felt
-    [N], mean of the step, pressure its part along the normal.
+    geom is the geom's id; vertex are up to three flex vertices (-1 for none) with the weights of
+    the contact point; normal points from the geom to the flex; force is the mean force on the flex
+    [N], pressure its normal component [N].
     """
     found = np.empty(_MOST_CONTACTS, CONTACT)
     count = _library().softgym_mj_cloth_contacts(
@@ -153,8 +153,8 @@ def contacts(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def holding_force(model: mujoco.MjModel, data: mujoco.MjData, vertex: int) -> float:
-    """Force [N], mean of the last step, with which its edges pulled a held flex vertex.
+    """Returns the force [N] of its edges on a held flex vertex, mean of the last step.
 
-    `vertex` is one of the model's. It is part of the state: a restored mjData knows it.
+    `vertex` is an index of the model. The force is part of the plugin state in mjData.
     """
     return _library().softgym_mj_cloth_holding_force(model._address, data._address, vertex)

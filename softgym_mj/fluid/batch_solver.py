@@ -1,8 +1,7 @@
-"""`FluidBatchSolver`: the water of many environments, stepped together without MuJoCo.
+"""`FluidBatchSolver`: steps the water of many environments together, without MuJoCo.
 
-An environment makes the same steps as the plugin in a model with one fluid and walls that stand
-still or go where they are told: the same bits. The kernel is written for one thread or for a block
-of a GPU.
+Each step is bit-identical to that of the plugin in a model with one fluid and walls that are fixed
+or have prescribed motion. The kernel runs on one CPU thread or on a block of a GPU.
 """
 
 from collections.abc import Sequence
@@ -14,32 +13,33 @@ from softgym_mj.batch import solver
 from softgym_mj.batch.device import Device
 from softgym_mj.batch.solver import Array
 
-MOST_WALLS = 32  # As in batch/model.h.
-# What may go wrong in a step, as bits: numbers that are not finite; more neighbours of a particle
-# than are listed, or more cells than there is room for; particles further than 100 m from others.
+MOST_WALLS = 32  # The same number as in batch/model.h.
+# Bits of `flags`: the state is not finite; a particle has more neighbors than the list holds; there
+# are more cells than there is room for; particles are more than 100 m apart.
 NOT_FINITE, TOO_MANY_NEIGHBORS, TOO_MANY_CELLS, SCATTERED = (1 << i for i in range(4))
 
 
 def describe(model: mujoco.MjModel, bodies: Sequence[int]) -> np.ndarray:
-    """What `FluidBatchSolver` have to know of a model, as bytes (size,) uint8.
+    """Converts a model for `FluidBatchSolver`; returns bytes (size,) uint8.
 
     Args:
-        model: with water that nothing feels.
-        bodies: that are told where to go; other walls stand still.
+        model: Model with water that exerts no forces.
+        bodies: Ids of bodies with prescribed motion; other walls are fixed.
 
     Raises:
-        InvalidArgumentError: if there is anything else in it that the water touches.
+        InvalidArgumentError: If the water can touch anything else in the model.
     """
     return solver.describe("fluid", model, mujoco.MjData(model), np.array(bodies))
 
 
 class FluidBatchSolver(solver.BatchSolver):
-    """See the module docstring.
+    """Batch solver of water.
 
     Attributes:
-        positions, velocities: of particles (num_envs, particles, 3) [m], [m/s].
-        walls: positions [m] and quaternions of walls at the end of the last step (num_envs,
-            `MOST_WALLS`, 7), which are meant if `known` (num_envs, 1) is not 0.
+        positions, velocities: Particles (num_envs, particles, 3) [m], [m/s].
+        walls: Positions [m] and quaternions of walls at the end of the last step (num_envs,
+            `MOST_WALLS`, 7).
+        known: 1 if `walls` is valid (num_envs, 1), otherwise 0.
     """
 
     kind = "fluid"
@@ -49,20 +49,20 @@ class FluidBatchSolver(solver.BatchSolver):
         "velocities": ("particles", 3),
         "walls": ("walls", 7),
     }
-    told = {"poses": ("bodies", (7,), "float64")}  # noqa: RUF012
+    inputs = {"poses": ("bodies", (7,), "float64")}  # noqa: RUF012
     known: Array
     positions: Array
     velocities: Array
     walls: Array
 
     def __init__(self, num_envs: int, particles: int, bodies: int, device: Device | None = None):
-        """Environments of zeros without models.
+        """Allocates zeros, without models.
 
         Args:
-            num_envs: how many.
-            particles: of the largest model.
-            bodies: of each model, that are told where to go.
-            device: of `batch.solver.BatchSolver`.
+            num_envs: Number of environments.
+            particles: Particles of the largest model.
+            bodies: Bodies with prescribed motion of each model.
+            device: Device of the arrays; None means this processor.
         """
         sizes = {"particles": particles, "walls": MOST_WALLS, "bodies": bodies}
         super().__init__(num_envs, sizes, device)
@@ -71,6 +71,6 @@ class FluidBatchSolver(solver.BatchSolver):
         """Makes a step of all environments that have a model.
 
         Args:
-            poses: positions [m] and quaternions of bodies at its end (num_envs, bodies, 7).
+            poses: Positions [m] and quaternions of bodies at its end (num_envs, bodies, 7).
         """
         self._step(poses=poses)

@@ -1,4 +1,4 @@
-"""`Water`: particles of a liquid, simulated by the engine plugin of this package."""
+"""`Water`: a particle liquid, simulated by the engine plugin softgym_mj.fluid."""
 
 import dataclasses
 
@@ -15,39 +15,39 @@ from softgym_mj.validation import typed
 from softgym_mj.variations.parametric import Parametric
 from softgym_mj.variations.randomization import Parameter, scaled, shifted, tinted
 
-TIMESTEP = 0.01  # [s]: a sim step; the plugin takes as many substeps as the water is deep.
-MOST_PARTICLES = 200_000  # Of the plugin: a step of as many takes a tenth of a second.
-LARGEST = 1e4  # [m], [m/s]: single precision still resolves a millimetre there.
+TIMESTEP = 0.01  # [s] A sim step; deeper water has more substeps.
+MOST_PARTICLES = 200_000  # Limit of the plugin: a step of this many takes about 0.1 s.
+LARGEST = 1e4  # [m], [m/s] Single precision resolves a millimeter up to here.
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class Liquid:
-    """What is poured.
+    """Properties of the liquid.
 
     Attributes:
-        viscosity: kinematic [m^2/s].
-        cohesion: attraction of particles [m/s^2].
-        friction: against walls.
-        density: [kg/m^3].
+        viscosity: Kinematic viscosity [m^2/s].
+        cohesion: Attraction of particles [m/s^2].
+        friction: Friction coefficient with walls.
+        density: Density [kg/m^3].
     """
 
     viscosity: float
     cohesion: float = 0.0
-    friction: float = 0.01  # SoftGym's.
+    friction: float = 0.01  # Value of SoftGym.
     density: float = 1000.0
 
 
 @typed
 @dataclasses.dataclass(frozen=True)
 class Resolution:
-    """How many particles there are.
+    """Number and size of particles.
 
     Attributes:
-        count: number of particles.
-        spacing: rest distance: a particle stands for a volume of spacing^3 [m].
-        columns: particles beside each other along X and Y where the water rests; with `count`
-            they tell the plugin how deep the water is, hence how many substeps it needs.
+        count: Number of particles.
+        spacing: Rest distance [m]; a particle represents a volume of spacing^3.
+        columns: Particles along X and Y of the water at rest; with `count` they determine its
+            depth and the number of substeps.
     """
 
     count: int
@@ -71,18 +71,18 @@ def _check_particles(name: str, values: np.ndarray, shapes: tuple[tuple[int, ...
 
 
 class Water(composer.Entity, Parametric):
-    """Water in the world frame; bodies hold it back once `confine` has named them.
+    """Water in the world frame; `confine` makes bodies its walls.
 
-    Positions and velocities are plugin state, so they are part of mjSTATE_INTEGRATION. `mj_step`
+    Positions and velocities are plugin state and thus part of mjSTATE_INTEGRATION. `mj_step`
     advances them at its end, from the walls' poses of the last step to the current ones.
 
     Attributes:
-        parameters: domain parameters: of the liquid, and its colour.
-        arrays: what measures need to know that depends on the size, by name: nothing.
-        timestep: physics step [s].
-        state: views of the plugin state by name: "known" (1,), 1 once the poses of the walls at the
-            last step are known; "positions", "velocities" (num_points, 3) [m], [m/s]; "rest", which
-            begins with these poses (walls, 7) unless cloth or ropes are walls, too.
+        parameters: Domain parameters of the liquid and its color.
+        arrays: Size-dependent arrays for measures, by name: none.
+        timestep: Physics step [s].
+        state: Views of the plugin state by name: "known" (1,), 1 once the last poses of the walls
+            are stored; "positions", "velocities" (num_points, 3) [m], [m/s]; "rest", which begins
+            with these poses (walls, 7) unless cloth or ropes are walls, too.
     """
 
     timestep = TIMESTEP
@@ -96,14 +96,14 @@ class Water(composer.Entity, Parametric):
         flexes: bool = False,
         name: str = "water",
     ):
-        """Builds the water; loads the plugin.
+        """Builds the water and loads the plugin.
 
         Args:
-            liquid: its properties.
-            resolution: number of particles.
-            two_way: whether bodies with joints feel the water.
-            flexes: whether cloth and ropes of the scene hold it back; they do not feel it.
-            name: model name.
+            liquid: Properties of the liquid.
+            resolution: Number and size of particles.
+            two_way: Whether the water exerts forces on bodies with joints.
+            flexes: Whether cloth and ropes are walls of the water; it exerts no forces on them.
+            name: Model name.
         """
         load_plugin()
         self.parameters = (
@@ -134,7 +134,7 @@ class Water(composer.Entity, Parametric):
         self.set_look(FAST)
 
     def set_look(self, look: Look) -> None:
-        """Sets how it is drawn, before it is compiled."""
+        """Sets its appearance before compilation."""
         skins = self._mjcf_root.deformable
         skins.skin.clear()
         skins.add(
@@ -144,7 +144,7 @@ class Water(composer.Entity, Parametric):
 
     def _set_color(self, hue: float, opacity: float) -> None:
         self._material.rgba = [*tinted(WATER.rgba[:3], hue), opacity]
-        self._configure("rgba", *self._material.rgba)  # Of viewers that do not write the skin.
+        self._configure("rgba", *self._material.rgba)  # For viewers that do not update the skin.
 
     def _set_parameters(self) -> None:
         values = self._values
@@ -180,16 +180,16 @@ class Water(composer.Entity, Parametric):
 
     @property
     def spacing(self) -> float:
-        """Rest distance [m]: a particle stands for a volume of spacing^3."""
+        """Rest distance [m]; a particle represents a volume of spacing^3."""
         return self._resolution.spacing
 
     @property
     def physical_parameters(self) -> dict[str, float]:
-        """What determines the motion besides the resolution."""
+        """Properties of the liquid."""
         return {**dataclasses.asdict(self._liquid), "timestep": TIMESTEP}
 
     def resize(self, resolution: Resolution) -> bool:
-        """Gives the water other particles; True when the model changed and must be recompiled."""
+        """Sets the particles; returns True if the model changed and must be recompiled."""
         if resolution == self._resolution:
             return False
         self._set_resolution(resolution)
@@ -198,14 +198,14 @@ class Water(composer.Entity, Parametric):
     def confine(self, *bodies: mjcf.Element) -> None:
         """Makes the geoms of bodies walls of the water, whatever else they collide with.
 
-        To be called when the water and the bodies are attached to the same scene. What can collide
-        and is fixed to the world, such as the floor, is a wall anyway.
+        Call it once the water and the bodies are attached to the same scene. Colliding geoms that
+        are fixed to the world, such as the floor, are always walls.
 
         Args:
-            *bodies: elements `body` of that scene's MJCF, with joints, a mocap body or neither.
+            *bodies: MJCF elements `body` of that scene, with joints, as mocap body or fixed.
 
         Raises:
-            InvalidArgumentError: for anything else.
+            InvalidArgumentError: If an argument is anything else.
         """
         for body in bodies:
             if not isinstance(body, mjcf.Element) or body.tag != "body":
@@ -236,25 +236,26 @@ class Water(composer.Entity, Parametric):
 
     @property
     def motion(self) -> np.ndarray:
-        """Current positions, then velocities (6 * num_points,), no copy."""
+        """View of positions, then velocities (6 * num_points,)."""
         return self._motion
 
     def points(self) -> np.ndarray:
-        """Current positions (num_points, 3) [m] in the world frame, a fresh array."""
+        """Returns a copy of the positions (num_points, 3) [m] in the world frame."""
         return self._positions.copy()
 
     def velocities(self) -> np.ndarray:
-        """Current velocities (num_points, 3) [m/s], a fresh array."""
+        """Returns a copy of the velocities (num_points, 3) [m/s]."""
         return self._velocities.copy()
 
     def set_points(self, positions: np.ndarray, velocities: np.ndarray | float = 0.0) -> None:
         """Places the particles: `positions` (num_points, 3) [m], `velocities` alike [m/s].
 
-        The motion of the walls up to now is forgotten: they may be teleported with the water, until
-        the next `mj_forward` or the start of the next step notes where they are.
+        This also resets the motion of the walls: they may be teleported with the water before the
+        next `mj_forward` or step, which stores their poses.
 
         Raises:
-            InvalidArgumentError: for a wrong shape, what is not finite or beyond +-10 km (/s).
+            InvalidArgumentError: If a shape is wrong, or a number is not finite or beyond
+                +-10 km (km/s).
         """
         positions, velocities = np.asarray(positions, float), np.asarray(velocities, float)
         shape = (self.num_points, 3)

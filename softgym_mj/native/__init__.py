@@ -1,1 +1,1 @@
-"""What the engine plugins share: the C++ that both use, their build, and the built library."""
+"""Shared C++ code of the engine plugins, their build and the built library."""

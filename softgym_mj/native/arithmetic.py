@@ -1,10 +1,10 @@
-"""Sums of products whose bits are the same on every processor.
+"""Sums of products that are bit-identical on every processor.
 
-BLAS and LAPACK, which are behind `@`, `np.dot`, `np.vecdot`, the norm of a single vector and the
-decompositions of `np.linalg`, choose their order of summation by the processor. What decides how a
-simulation goes on must not depend on that: it uses these functions. NumPy's sines, logarithms and
-powers of arrays differ as well, by a last bit; those of `math` do not. Neither do NumPy's `sum`,
-`einsum` and norms along an axis.
+BLAS and LAPACK, which compute `@`, `np.dot`, `np.vecdot`, the norm of a single vector and the
+decompositions of `np.linalg`, choose their order of summation by the processor. Code that affects
+a simulation uses these functions instead. NumPy's sines, logarithms and powers of arrays differ in
+the last bit, too; those of `math` do not. NumPy's `sum`, `einsum` and norms along an axis are
+identical.
 """
 
 import math
@@ -13,14 +13,14 @@ import numpy as np
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The matrix product `a @ b`.
+    """Returns the matrix product `a @ b`.
 
     Args:
-        a: matrices (..., n, k).
-        b: matrices (..., k, m), or a vector (k,).
+        a: Matrices (..., n, k).
+        b: Matrices (..., k, m), or a vector (k,).
 
     Returns:
-        (..., n, m), or (..., n) of a vector.
+        Matrices (..., n, m), or vectors (..., n) if `b` is a vector.
     """
     if b.ndim == 1:
         return (a * b).sum(axis=-1)
@@ -28,10 +28,10 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def squares(vectors: np.ndarray) -> np.ndarray:
-    """The squared lengths (...) of vectors (..., n)."""
+    """Returns the squared lengths (...) of vectors (..., n)."""
     return (vectors * vectors).sum(axis=-1)
 
 
 def length(vector: np.ndarray) -> float:
-    """The length of a vector (n,)."""
+    """Returns the length of a vector (n,)."""
     return math.sqrt(squares(vector))

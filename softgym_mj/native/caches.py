@@ -1,4 +1,4 @@
-"""Where what has been generated is kept."""
+"""Folder of generated files."""
 
 import os
 import pathlib
@@ -7,7 +7,7 @@ CACHE_VARIABLE = "SOFTGYM_MJ_CACHE"
 
 
 def cache_folder() -> pathlib.Path:
-    """The folder: $SOFTGYM_MJ_CACHE or ~/.cache/softgym_mj."""
+    """Returns the cache folder: $SOFTGYM_MJ_CACHE or ~/.cache/softgym_mj."""
     if CACHE_VARIABLE in os.environ:
         return pathlib.Path(os.environ[CACHE_VARIABLE])
     root = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"

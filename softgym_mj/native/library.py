@@ -13,7 +13,7 @@ FLUID = "softgym_mj.fluid"
 CLOTH = "softgym_mj.cloth"
 
 _FOLDER = pathlib.Path(__file__).parent
-# Followed by the MuJoCo version that the library was built for.
+# Prefix of the library's name; the MuJoCo version that it was built for follows.
 _STEM = "softgym_mj_plugins-mujoco-"
 _SUFFIX = {"win32": ".dll"}.get(sys.platform, ".so")
 
@@ -23,7 +23,7 @@ _lock = threading.Lock()
 
 
 def _is_registered() -> bool:
-    """Whether MuJoCo knows the plugins, from whatever file."""
+    """Whether the plugins are registered in MuJoCo, from any file."""
     import mujoco
 
     try:
@@ -34,7 +34,7 @@ def _is_registered() -> bool:
 
 
 def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
-    """The library for a MuJoCo version."""
+    """Returns the path of the library for a MuJoCo version."""
     file = folder / f"{_STEM}{version}{_SUFFIX}"
     if file.exists():
         return file
@@ -52,9 +52,9 @@ def _find(folder: pathlib.Path, version: str) -> pathlib.Path:
 
 
 def check_release() -> None:
-    """Raises `UnavailableError` if MuJoCo is of a release that the plugins were not built for.
+    """Raises `UnavailableError` if the plugins were not built for the installed MuJoCo release.
 
-    Without importing MuJoCo: dm_control cannot be imported with every release.
+    It does not import MuJoCo, because dm_control cannot be imported with every release.
     """
     if any(_FOLDER.glob(f"{_STEM}*")):
         _find(_FOLDER, importlib.metadata.version("mujoco"))
@@ -62,18 +62,18 @@ def check_release() -> None:
 
 @functools.cache
 def open_library() -> ctypes.CDLL:
-    """The library, for functions of its own; errors as of `load_plugin`."""
+    """Returns the library for its own functions; raises the errors of `load_plugin`."""
     return ctypes.CDLL(str(load_plugin()))
 
 
 def load_plugin() -> pathlib.Path:
-    """Makes the plugins known to MuJoCo, once per process; returns the library's file.
+    """Registers the plugins in MuJoCo, once per process; returns the library's file.
 
-    To be called before a model that uses one is compiled. A copy that was loaded from elsewhere is
-    kept: a second one is an error inside `dlopen`, whose lock would stay held.
+    Call it before compiling a model that uses one. If a copy was loaded from elsewhere, that one
+    stays: a second one would raise inside `dlopen` and leave its lock held.
 
     Raises:
-        UnavailableError: if the library is missing, of another MuJoCo version or broken.
+        UnavailableError: If the library is missing, of another MuJoCo version or broken.
     """
     import mujoco
 

@@ -1,7 +1,7 @@
-"""Triangle meshes of ropes and of water, for pictures.
+"""Triangle meshes of ropes and water for rendering.
 
-Made by the native library: vertices and normals are float32 arrays, as `mujoco.MjvScene.skinvert`
-wants them. Nothing here touches a simulation.
+The native library makes them: vertices and normals are float32 arrays, as required by
+`mujoco.MjvScene.skinvert`. They do not affect the simulation.
 """
 
 import ctypes
@@ -14,19 +14,19 @@ import numpy as np
 from softgym_mj.exceptions import InvalidArgumentError, check_count
 from softgym_mj.native.library import open_library
 
-MOST_TRIANGLES = 2_000_000  # Of a surface: 250 times those of a cup of water.
-LEAST_TRIANGLES = 400  # Of a surface of water: enough for any particles, in large voxels.
+MOST_TRIANGLES = 2_000_000  # Limit of a surface: 250 times those of a cup of water.
+LEAST_TRIANGLES = 400  # Smallest limit of a water surface: enough for any particles.
 _MOST_POINTS, _MOST_SIDES, _MOST_RINGS = 100_000, 256, 64
-_FARTHEST = 1e30  # [m]: single precision has no squares of more.
+_FARTHEST = 1e30  # [m] The square of larger numbers overflows in single precision.
 
 
 class Mesh(NamedTuple):
-    """A closed surface of triangles.
+    """Closed triangle mesh.
 
     Attributes:
-        vertices: (v, 3) [m], float32.
-        normals: (v, 3), unit, outwards, float32.
-        faces: (f, 3) indices of vertices, anticlockwise seen from outside, int32.
+        vertices: Positions (v, 3) [m], float32.
+        normals: Outward unit normals (v, 3), float32.
+        faces: Vertex indices (f, 3), counterclockwise seen from outside, int32.
     """
 
     vertices: np.ndarray
@@ -35,12 +35,12 @@ class Mesh(NamedTuple):
 
 
 class Strands(NamedTuple):
-    """The strands of a rope, which wind about each other.
+    """Strands of a laid rope.
 
     Attributes:
-        lobes: how many there are; 0 makes a plain tube.
-        depth: of the valleys between them, as a share of the radius.
-        twist: angle by which they turn along the rope [rad/m].
+        lobes: Number of strands; 0 makes a plain tube.
+        depth: Depth of the valleys between them relative to the radius.
+        twist: Rotation along the rope [rad/m].
     """
 
     lobes: int
@@ -49,7 +49,7 @@ class Strands(NamedTuple):
 
 
 PLAIN = Strands(0, 0.0, 0.0)
-ROPE = Strands(3, 0.22, 70.0)  # A turn in 9 cm: the lay of a rope of 12 mm, hawser-laid.
+ROPE = Strands(3, 0.22, 70.0)  # One turn in 9 cm: the lay of a 12 mm hawser-laid rope.
 
 
 @functools.cache
@@ -66,7 +66,7 @@ def _library() -> ctypes.CDLL:
 
 
 def _points(argument: str, value: np.ndarray, least: int, most: int) -> np.ndarray:
-    """`value` as doubles (n, 3) that lie one after the other."""
+    """Returns `value` as a contiguous float64 array (n, 3)."""
     try:
         points = np.ascontiguousarray(value, np.float64)
     except (TypeError, ValueError):
@@ -83,7 +83,7 @@ def _check_number(argument: str, value: float, low: float, high: float = math.in
 
 
 def cap_rings(sides: int) -> int:
-    """Rings of a rounded end of a `tube` with so many sides."""
+    """Returns the number of rings of a rounded end of a `tube`."""
     return max(2, sides // 4)
 
 
@@ -95,25 +95,25 @@ def tube(
     rings_per_edge: int,
     strands: Strands = PLAIN,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The surface of a rope: a tube along a smooth curve through points, with rounded ends.
+    """Returns the surface of a rope: a tube along a smooth curve through points, with round ends.
 
-    Rings follow each other along the rope, `sides + 1` vertices each: the last one of a ring lies
-    on its first one, with another texture coordinate. `tube_faces` joins them.
+    The tube consists of rings of `sides + 1` vertices: the last vertex of a ring coincides with its
+    first one, with another texture coordinate. `tube_faces` connects them.
 
     Args:
-        points: (n, 3) [m], two or more; they may coincide.
-        radius: [m], the largest where there are strands.
-        sides: vertices around, 3 or more.
-        rings_per_edge: rings from a point to the next.
-        strands: lobes that wind along it.
+        points: Two or more points (n, 3) [m]; they may coincide.
+        radius: Radius [m], the largest one if there are strands.
+        sides: Vertices around the tube, 3 or more.
+        rings_per_edge: Rings from a point to the next.
+        strands: Strands of the rope.
 
     Returns:
         Vertices (v, 3) [m] and unit normals (v, 3), float32.
 
     Raises:
-        InvalidArgumentError: for points of another shape or that are not finite, and numbers out of
-            range.
-        MemoryError: if there is not enough.
+        InvalidArgumentError: If the points have another shape or are not finite, or a number is out
+            of range.
+        MemoryError: If there is not enough memory.
     """
     points = _points("points", points, 2, _MOST_POINTS)
     if not (np.abs(points) < _FARTHEST).all():
@@ -140,20 +140,20 @@ def _rings(n: int, sides: int, rings_per_edge: int) -> int:
 
 
 def tube_faces(n: int, *, sides: int, rings_per_edge: int) -> tuple[np.ndarray, np.ndarray]:
-    """What does not move of a `tube` along n points.
+    """Returns faces and texture coordinates of a `tube` along n points.
 
     Returns:
-        Faces (f, 3), int32, and texture coordinates (v, 2), float32: the first one goes once
-        around the rope, the second one from its start to its end, both in 0..1.
+        Faces (f, 3), int32, and texture coordinates (v, 2), float32: the first one around the
+        rope, the second one from its start to its end, both in 0..1.
 
     Raises:
-        InvalidArgumentError: for numbers out of range.
+        InvalidArgumentError: If a number is out of range.
     """
     check_count("n", n, 2, _MOST_POINTS)
     rings, caps = _rings(n, sides, rings_per_edge), cap_rings(sides)
     first = np.arange(rings * (sides + 1), dtype=np.int32).reshape(rings, sides + 1)
     a, b, c, d = first[:-1, :-1], first[:-1, 1:], first[1:, 1:], first[1:, :-1]
-    # The outermost rings are points: of their quads, one triangle has an area.
+    # The outermost rings are points: only one triangle of their quads has an area.
     lower, upper = np.stack([a, b, c], -1)[1:], np.stack([a, c, d], -1)[:-1]
     faces = np.concatenate([lower.reshape(-1, 3), upper.reshape(-1, 3)])
     along = np.clip((np.arange(rings) - caps) / (rings - 1 - 2 * caps), 0.0, 1.0)
@@ -170,25 +170,25 @@ def water_mesh(
     offset: float = 0.0,
     most_triangles: int = MOST_TRIANGLES,
 ) -> Mesh:
-    """The surface around particles of water.
+    """Returns the surface of water.
 
     Args:
-        positions: of the particles (n, 3) [m]; what is not finite or a million voxels away is left
-            out.
-        spacing: distance of particles at rest [m].
-        voxel: about the distance of vertices [m], spacing/8 to 8 spacings. Where there would be
-            too many triangles, it grows by factors of 1.4. Each time drops (particles with fewer
-            than 4 neighbors) grow with it and every other one is left out: their area stays.
-        offset: by which the surface is moved outwards [m]; below 0 it comes off the walls.
-        most_triangles: largest number of triangles; `LEAST_TRIANGLES` are always enough.
+        positions: Particle positions (n, 3) [m]; particles that are not finite or a million voxels
+            away are left out.
+        spacing: Rest distance of particles [m].
+        voxel: Approximate vertex distance [m], spacing/8 to 8 spacings. If there are too many
+            triangles, it grows by factors of 1.4; each time drops (particles with fewer than 4
+            neighbors) grow as well and every second one is left out, which preserves their area.
+        offset: Outward displacement of the surface [m]; negative values detach it from walls.
+        most_triangles: Largest number of triangles; `LEAST_TRIANGLES` always suffice.
 
     Returns:
-        The surface, closed; `mesh.vertices[mesh.faces]` are loose triangles (f, 3, 3).
+        The closed surface; `mesh.vertices[mesh.faces]` are separate triangles (f, 3, 3).
 
     Raises:
-        InvalidArgumentError: for an array of another shape, numbers out of range, or if the surface
-            cannot be made of `most_triangles`.
-        MemoryError: if there is not enough.
+        InvalidArgumentError: If the array has another shape, a number is out of range, or
+            `most_triangles` do not suffice.
+        MemoryError: If there is not enough memory.
     """
     positions = _points("positions", positions, 0, _MOST_POINTS * 10)
     _check_number("spacing", spacing, 1e-6)
