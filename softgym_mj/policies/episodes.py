@@ -85,7 +85,7 @@ def play(
         check_count("passes", passes, 1, MOST_PASSES)
     check_name("camera", camera, (None, *camera_ids(env.physics.model.ptr)))
     if passes is None and pictures is None:
-        passes = look_of(env.physics.model.ptr).film_passes
+        passes = look_of(env.physics.model.ptr).video_passes
     view = None if camera is None else CameraView(camera, size, size, passes)
     frames: list[np.ndarray] = []
     rewards, infos = [], []

@@ -1,4 +1,4 @@
-"""Images and videos without a window."""
+"""Off-screen images and videos."""
 
 from softgym_mj.rendering.offscreen import CameraView, Video
 

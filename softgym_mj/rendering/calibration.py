@@ -1,4 +1,4 @@
-"""`Calibration`: where a camera is and how it projects, in OpenCV's conventions."""
+"""`Calibration`: intrinsics and extrinsics of a camera in OpenCV's conventions."""
 
 import dataclasses
 import math
@@ -14,14 +14,13 @@ _FLIPPED = np.array([1.0, -1.0, -1.0])  # MuJoCo's cameras have Y up and look al
 class Calibration:
     """A pinhole camera without distortion.
 
-    The camera's axes are OpenCV's: X to the right of the image, Y down, Z forward. A point of an
-    image is (column, row), and whole numbers are the middles of pixels: (0, 0) is that of the upper
-    left one, as for OpenCV, Open3D and RealSense. Depth is along Z, not along the ray.
+    The camera's axes are OpenCV's: X to the right of the image, Y down, Z forward. An image point
+    is (column, row); integers are centers of pixels, and (0, 0) is the center of the upper left
+    one, as in OpenCV, Open3D and RealSense. Depth is along Z, not along the ray.
 
     Attributes:
-        intrinsics: (3, 3) from the camera's frame to the image: focal lengths and the principal
-            point [pixels].
-        extrinsics: (4, 4) from the world's frame to the camera's; lengths in metres.
+        intrinsics: Matrix (3, 3) of focal lengths and principal point [pixels].
+        extrinsics: Transform (4, 4) from the world frame to the camera frame [m].
     """
 
     intrinsics: np.ndarray
@@ -29,7 +28,7 @@ class Calibration:
 
     @classmethod
     def of(cls, model, data, camera: int, height: int, width: int) -> "Calibration":
-        """That of a camera of an MjModel, by its number, for images of height x width pixels."""
+        """Returns the calibration of a camera id of an MjModel for images of height x width."""
         focal = height / 2 / math.tan(math.radians(model.cam_fovy[camera]) / 2)
         intrinsics = np.diag([focal, focal, 1.0])
         intrinsics[:2, 2] = (width - 1) / 2, (height - 1) / 2
@@ -39,14 +38,14 @@ class Calibration:
         return cls(intrinsics, extrinsics)
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where points (n, 3) [m] of the world are seen: (n, 2) in the image, (n,) depths [m]."""
+        """Projects world points (n, 3) [m]; returns image points (n, 2) and depths (n,) [m]."""
         turn, place = self.extrinsics[:3, :3], self.extrinsics[:3, 3]
         local = product(points, turn.T) + place
         seen = product(local, self.intrinsics.T)
         return seen[:, :2] / seen[:, 2:], local[:, 2]
 
     def unproject(self, pixels: np.ndarray, depths: np.ndarray) -> np.ndarray:
-        """The points (n, 3) [m] of the world that are seen at (n, 2) in the image, (n,) deep."""
+        """Returns world points (n, 3) [m] of image points (n, 2) at depths (n,) [m]."""
         focal, middle = self.intrinsics[[0, 1], [0, 1]], self.intrinsics[:2, 2]
         flat = (pixels - middle) / focal * depths[:, None]
         turn, place = self.extrinsics[:3, :3], self.extrinsics[:3, 3]

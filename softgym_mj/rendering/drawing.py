@@ -1,4 +1,4 @@
-"""`SceneCamera`: a camera that draws a scene as its look says."""
+"""`SceneCamera`: a camera that renders a scene according to its look."""
 
 import itertools
 
@@ -10,18 +10,18 @@ from softgym_mj.rendering.look import GAMMA, SUN_RADIUS, look_of
 from softgym_mj.rendering.skins import DRAWN_SKINS, SHOWN_FLEXES
 from softgym_mj.rendering.surfaces import Surface, find_surfaces
 
-MAX_GEOMS = 2000  # In a scene: arms from meshes have some hundred.
-CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL gives glass a black one.
-# Geoms of the room, which lie below everything: they cast no shadows. Software OpenGL would draw
-# speckles on them, as it rounds their depths differently in the map of shadows and in the picture.
+MAX_GEOMS = 2000  # Limit of a scene: arms made of meshes have some hundred geoms.
+CLEAR = 0.5  # Opacity below which a geom casts no shadow: OpenGL's shadows of glass are black.
+# Geoms of the room, below all others, cast no shadows. Software OpenGL would draw speckles on them
+# because it rounds depths differently in the shadow map and in the image.
 GROUND = ("table", "table_edge", "room")
 _GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
-_LIGHT = (np.arange(256) / 255.0).astype(np.float32) ** GAMMA  # Of the values of a pixel.
+_LIGHT = (np.arange(256) / 255.0).astype(np.float32) ** GAMMA  # Linear light of pixel values.
 
 
 def _halton(index: int, base: int) -> float:
-    """Number `index` of a sequence that fills 0..1 evenly."""
+    """Returns element `index` of a low-discrepancy sequence in 0..1."""
     result, part = 0.0, 1.0
     while index:
         part /= base
@@ -31,21 +31,22 @@ def _halton(index: int, base: int) -> float:
 
 
 class SceneCamera(engine.Camera):
-    """A camera of dm_control's that also draws ropes and water.
+    """dm_control camera that also renders ropes and water.
 
-    These are skins of one bone, whose vertices are written when MuJoCo has made the scene.
+    Ropes and water are skins with one bone; their vertices are written after MuJoCo has updated the
+    scene.
 
     Attributes:
-        look: of the model.
+        look: Look of the model.
     """
 
     def __init__(self, physics, height: int, width: int, camera: int):
-        """Binds it.
+        """Binds the camera to physics.
 
         Args:
-            physics: what is seen.
-            height, width: of images [pixels].
-            camera: its number in the model, -1 for the free one.
+            physics: Simulation to render.
+            height, width: Size of images [pixels].
+            camera: Camera id of the model, -1 for the free camera.
         """
         super().__init__(physics, height, width, camera, max_geom=MAX_GEOMS)
         model = physics.model.ptr
@@ -59,7 +60,7 @@ class SceneCamera(engine.Camera):
         super().update(scene_option)
         scene = self.scene.ptr
         for surface in self._surfaces:
-            # Faces without an area would take a third of a microsecond each.
+            # Degenerate faces would take 0.3 microseconds each.
             scene.skinfacenum[surface.skin] = surface.write(
                 scene.skinvert.reshape(-1, 3), scene.skinnormal.reshape(-1, 3)
             )
@@ -70,13 +71,14 @@ class SceneCamera(engine.Camera):
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR
 
     def surfaces(self) -> tuple[np.ndarray, np.ndarray]:
-        """What each pixel shows and its depth.
+        """Renders segmentation and depth in one pass, at the centers of pixels.
 
-        One pass gives both, at the middles of pixels. Of a pass in colours, which has several
-        samples a pixel, OpenGL gives the depth at one that is not in the middle.
+        A color pass has several samples per pixel; OpenGL would return the depth of an off-center
+        sample.
 
         Returns:
-            (height, width, 2) int, id and `mujoco.mjtObj`, -1 for nothing; and (height, width) [m].
+            Segmentation (height, width, 2) int, id and `mujoco.mjtObj` or -1 for none, and depth
+            (height, width) [m].
         """
         shown = self.render(segmentation=True)
         contexts, model = self._physics.contexts, self._physics.model
@@ -89,9 +91,9 @@ class SceneCamera(engine.Camera):
         return shown, contexts.gl.to_pixels(depth)
 
     def colors(self, passes: int) -> np.ndarray:
-        """Image (height, width, 3) uint8, the mean of so many.
+        """Renders an image (height, width, 3) uint8 as the mean of several passes.
 
-        In each the sun stands elsewhere on a disc, and the camera is turned by less than a pixel.
+        Each pass moves the sun on a disc and shifts the camera by less than a pixel.
         """
         if passes == 1:
             return self.render()
@@ -129,6 +131,6 @@ class SceneCamera(engine.Camera):
 
 
 def show_surfaces(option) -> None:
-    """Shows ropes and water by their skins, instead of what other viewers see."""
+    """Shows ropes and water by their skins instead of MuJoCo's flexes and geoms."""
     option.skingroup[DRAWN_SKINS] = 1
     option.flexgroup[SHOWN_FLEXES] = 0

@@ -1,4 +1,4 @@
-"""`SizedPhysics`: physics with an off-screen buffer as large as its largest image."""
+"""`SizedPhysics`: physics whose off-screen buffer grows to its largest image."""
 
 import functools
 import threading
@@ -14,16 +14,16 @@ from dm_control.rl import control
 
 from softgym_mj.rendering import opengl
 
-# MuJoCo's warnings that a number of the state, or of a control, is not finite, or huge.
+# MuJoCo's warnings about states or controls that are not finite or too large.
 _BAD = mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADCTRL
 _DIVERGENCE = range(_BAD[0], _BAD[1] + 1)
-_ABANDONED: list[base.ContextBase] = []  # Kept, as dm_control knows contexts by their id.
+_ABANDONED: list[base.ContextBase] = []  # Keeps references: dm_control identifies contexts by `id`.
 
 
 class _BoundToThread:
-    """OpenGL context that its own thread frees; elsewhere it stays until the process ends.
+    """OpenGL context that only its own thread frees; otherwise it lives until the process ends.
 
-    OpenGL lets no other thread free what a thread uses.
+    OpenGL does not allow other threads to free a context in use.
     """
 
     def __init__(self, *args, **kwargs):
@@ -32,7 +32,7 @@ class _BoundToThread:
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether another thread has made it, and has to free it; GLFW has a thread of its own."""
+        """Whether another thread made the context and must free it; GLFW has its own thread."""
         kind = executor.PassthroughRenderExecutor
         own = threading.current_thread() is self._thread
         return not own and isinstance(self._render_executor, kind)  # type: ignore[attr-defined]
@@ -46,29 +46,29 @@ class _BoundToThread:
 
 @functools.cache
 def _bound(renderer: Callable[..., Any]) -> Callable[..., Any]:
-    """A kind of OpenGL context that only its own thread frees."""
-    if not isinstance(renderer, type):  # Without a backend, a function that raises the error.
+    """Derives a class of OpenGL contexts that only their own thread frees."""
+    if not isinstance(renderer, type):  # Without a backend: a function that raises.
         return renderer
     return type(renderer.__name__, (_BoundToThread, renderer), {})
 
 
 class _MjrContext(wrapper.MjrContext):
-    """MuJoCo's part of an OpenGL context, which is freed with it."""
+    """MuJoCo's rendering context, freed together with its OpenGL context."""
 
     def free(self) -> None:
-        """Frees it, unless another thread would have to."""
+        """Frees the context unless another thread owns it."""
         if self._gl_context and not self._gl_context.is_elsewhere:
             super().free()
 
 
 class SizedPhysics(mjcf.Physics):
-    """Physics that renders into a buffer which grows with what is asked for.
+    """Physics whose off-screen buffer grows with the requested image size.
 
-    The largest one takes 100 MB of memory, with its samples; images of 128 x 128 pixels take 1 MB.
+    The largest buffer takes 100 MB with its samples; images of 128 x 128 pixels take 1 MB.
     """
 
     _size = (0, 0)  # (height, width) of the buffer [pixels].
-    # The OpenGL context, which takes a tenth of a second to make, and the thread that uses it.
+    # The OpenGL context, which takes 0.1 s to create, and the thread that uses it.
     _gl: base.ContextBase | None = None
     _thread = 0
     _diverged = False
@@ -77,12 +77,12 @@ class SizedPhysics(mjcf.Physics):
     )
 
     def step(self, nstep: int = 1) -> None:
-        """Steps the simulation; only warnings of divergence are errors, others are counted.
+        """Steps the simulation; only warnings of divergence raise, others are counted.
 
-        The base class takes longer to look for new warnings than a rope's step.
+        The base class takes longer to check for warnings than a step of a rope.
 
         Raises:
-            PhysicsError: if the simulation diverges.
+            PhysicsError: If the simulation diverges.
         """
         if self._divergences is None:
             first, last = _DIVERGENCE[0], _DIVERGENCE[-1]
@@ -98,15 +98,12 @@ class SizedPhysics(mjcf.Physics):
 
     @property
     def contexts(self) -> engine.Contexts:
-        """The OpenGL contexts, with the buffer as large as the model says.
-
-        dm_control's own cameras ask for them and do not say what for.
-        """
+        """OpenGL contexts with a buffer of the model's size, for dm_control's own cameras."""
         largest = self.model.vis.global_
         return self.contexts_for(largest.offheight, largest.offwidth)
 
     def contexts_for(self, height: int, width: int) -> engine.Contexts:
-        """The OpenGL contexts, with room for images of height x width pixels."""
+        """Returns OpenGL contexts with room for images of height x width pixels."""
         with self._contexts_lock:
             if self._contexts is None:
                 self._make_contexts(height, width)
@@ -135,16 +132,13 @@ class SizedPhysics(mjcf.Physics):
         self._size = height, width
 
     def free_for(self, successor: "SizedPhysics") -> None:
-        """Frees what is held, but for the OpenGL context, which the successor takes over.
-
-        That is so within a thread: no other one may work with it.
-        """
+        """Frees resources except the OpenGL context, which a successor in this thread reuses."""
         if self._thread == threading.get_ident():
             successor._gl, successor._thread, self._gl = self._gl, self._thread, None
         self.free()
 
     def free(self) -> None:
-        """Frees what is held; the physics must not be used any more."""
+        """Frees all resources; the physics must not be used afterwards."""
         super().free()
         if self._gl is not None:
             self._gl.decrement_refcount()
@@ -153,7 +147,7 @@ class SizedPhysics(mjcf.Physics):
 
 
 class SizedView:
-    """What a camera of dm_control's asks physics for, with room for its own images only."""
+    """View of physics for a dm_control camera, with a buffer for its own image size only."""
 
     def __init__(self, physics: SizedPhysics, height: int, width: int):
         self._physics, self._height, self._width = physics, height, width
@@ -161,5 +155,5 @@ class SizedView:
 
     @property
     def contexts(self) -> engine.Contexts:
-        """The OpenGL contexts."""
+        """OpenGL contexts for this image size."""
         return self._physics.contexts_for(self._height, self._width)

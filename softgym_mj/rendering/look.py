@@ -1,6 +1,6 @@
-"""`Look`: how a scene is drawn; and what it is lit by, whoever draws it.
+"""`Look`: level of detail of rendering; and the lights of all renderers.
 
-Nothing here is felt: states are the same bits under every look.
+A look does not affect the simulation: states are bit-identical under every look.
 """
 
 import dataclasses
@@ -11,38 +11,37 @@ from softgym_mj.exceptions import InvalidArgumentError
 if TYPE_CHECKING:
     import mujoco
 
-TEXT = "look"  # Of a model: the name of its look.
+TEXT = "look"  # Name of a model's MJCF text element with the name of its look.
 Color = tuple[float, float, float]  # (r, g, b) in 0..1.
 
 
 @dataclasses.dataclass(frozen=True)
 class Look:
-    """How finely a scene is drawn.
+    """Level of detail of rendering.
 
     Attributes:
-        name: its name in `LOOKS`.
-        shadow_size: side of the map of shadows [texels].
-        samples: of which a pixel is the mean, in one pass.
-        passes: pictures that are averaged, with the sun and the camera moved a little: soft shadows
-            and smooth edges.
-        film_passes: the same for each picture of a film.
-        refinement: edges of a drawn sheet along one of its mesh.
-        texture_size: side of a texture [texels].
-        threads: of the weave along a side of a sheet.
-        rope_sides, rope_rings: of a drawn rope: corners of its section, sections along an edge.
-        is_stranded: whether ropes have strands.
-        is_endless: whether the floor of the room vanishes in haze.
-        slices: corners of what stands for a circle.
-        water_cell: side of the grid that the surface of water is found on [rest distances].
-        water_triangles: largest number of triangles of this surface; larger cells, and fewer
-            drops, keep it below.
+        name: Name in `LOOKS`.
+        shadow_size: Side of the shadow map [texels].
+        samples: Samples per pixel in one pass.
+        passes: Averaged passes with slightly moved sun and camera: soft shadows and smooth edges.
+        video_passes: Passes for each frame of a video.
+        refinement: Rendered edges of a sheet per edge of its mesh.
+        texture_size: Side of a texture [texels].
+        threads: Threads of the weave along a side of a sheet.
+        rope_sides, rope_rings: Corners of a rope's cross section, and sections per edge.
+        is_stranded: Whether ropes have strands.
+        is_endless: Whether the floor of the room fades into haze.
+        slices: Corners of circles.
+        water_cell: Cell size of the grid of the water surface [rest distances].
+        water_triangles: Largest number of triangles of this surface; larger cells and fewer
+            drops keep it below.
     """
 
     name: str
     shadow_size: int
     samples: int
     passes: int
-    film_passes: int
+    video_passes: int
     refinement: int
     texture_size: int
     threads: int
@@ -62,7 +61,7 @@ LOOKS = {look.name: look for look in (FAST, PAPER)}
 
 
 def look_of(model: "mujoco.MjModel") -> Look:
-    """The look that a model was compiled for; `FAST` if it does not say."""
+    """Returns the look in a model's text element; `FAST` if there is none."""
     import mujoco
 
     text = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, TEXT)
@@ -73,10 +72,10 @@ def look_of(model: "mujoco.MjModel") -> Look:
 
 
 def find_look(look: str) -> Look:
-    """The look of a name in `LOOKS`.
+    """Returns a look of `LOOKS` by name.
 
     Raises:
-        InvalidArgumentError: if there is none.
+        InvalidArgumentError: If there is none of this name.
     """
     if look not in tuple(LOOKS):
         raise InvalidArgumentError("look", look, LOOKS)
@@ -85,15 +84,15 @@ def find_look(look: str) -> Look:
 
 @dataclasses.dataclass(frozen=True)
 class Light:
-    """A lamp that is far away.
+    """A distant light.
 
     Attributes:
-        name: its name.
-        azimuth: to its place, counter-clockwise from where the task's camera stands [deg].
-        elevation: of its place [deg].
-        diffuse: colour of its light.
-        specular: that of its reflections.
-        has_shadow: whether what it does not reach is in shadow.
+        name: Name of the light.
+        azimuth: Azimuth, counterclockwise from the direction of the task's camera [deg].
+        elevation: Elevation [deg].
+        diffuse: Diffuse color.
+        specular: Specular color.
+        has_shadow: Whether it casts shadows.
     """
 
     name: str
@@ -104,27 +103,27 @@ class Light:
     has_shadow: bool = False
 
 
-# The sun stands to the right behind the camera: from elsewhere, sheets that hang show it their dark
-# side. The others light what is in shadow and the far edges.
+# The sun is behind the camera to the right, so that hanging sheets are lit on the side that the
+# camera sees. The other lights fill shadows and far edges.
 LIGHTS = (
     Light("key", 45.0, 55.0, (0.56, 0.55, 0.53), (0.3, 0.3, 0.3), has_shadow=True),
     Light("fill", -60.0, 40.0, (0.14, 0.15, 0.17)),
     Light("rim", 170.0, 30.0, (0.10, 0.10, 0.11)),
 )
-AMBIENT, HEADLIGHT = 0.32, 0.10  # Light from all sides, and from the camera.
+AMBIENT, HEADLIGHT = 0.32, 0.10  # Intensity of ambient light, and of the light at the camera.
 SKY, HORIZON = (0.86, 0.88, 0.90), (0.93, 0.935, 0.94)
-GAMMA = 2.2  # Of pixels: they are powers of light.
-SUN_RADIUS = 0.28  # Of the disc in which the sun is moved between passes, at the distance 1.
+GAMMA = 2.2  # Display gamma (sRGB approximation).
+SUN_RADIUS = 0.28  # Radius of the disc on which passes move the sun, at distance 1.
 
 
 @dataclasses.dataclass(frozen=True)
 class Surface:
-    """What a thing looks like from near.
+    """Appearance of a surface.
 
     Attributes:
-        rgba: colour and opacity; (1, 1, 1, 1) if its texture has the colours.
-        specular: strength of its reflections, 0..1.
-        shininess: how sharp they are, 0..1.
+        rgba: Color and opacity; (1, 1, 1, 1) if a texture provides the colors.
+        specular: Strength of reflections, 0..1.
+        shininess: Sharpness of reflections, 0..1.
     """
 
     rgba: tuple[float, float, float, float]

@@ -1,4 +1,4 @@
-"""What cameras see as observables: colours, distances, labels, points."""
+"""Camera observables: colors, depths, labels and point clouds."""
 
 import contextlib
 import contextvars
@@ -13,19 +13,18 @@ from dm_env import specs
 from softgym_mj.rendering import point_clouds
 from softgym_mj.rendering.offscreen import GLASS_GROUP, CameraView
 
-EXTERNAL = ("left", "right")  # Cameras with depth that stand beside the scene, by name.
+EXTERNAL = ("left", "right")  # Names of the depth cameras beside the scene.
 EXTERNAL_RGB = "external_rgb"  # uint8 (2, height, width, 3): from those cameras.
 WRIST_RGB = "wrist_rgb"  # uint8 (arms, height, width, 3): from the cameras on the hands of arms.
 LABELS = ("background", "object", "actor", "container")
-_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)  # An array compares with the enum itself pixel by pixel.
+_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)  # Comparing an array with the enum itself is slow.
 _blank = contextvars.ContextVar("blank", default=False)
 
 
 class LabelledView(CameraView):
-    """A camera that also labels what it shows. Labels, distances and points never have marks.
+    """Camera with object labels; labels, depths and point clouds never contain goal marks.
 
-    What is behind glass counts as seen, for labels and points; colours show it, and distances are
-    of the glass.
+    Labels and point clouds include objects behind glass; depths are those of the glass.
     """
 
     def __init__(
@@ -34,9 +33,9 @@ class LabelledView(CameraView):
         """Chooses the camera.
 
         Args:
-            camera, height, width: as of `CameraView`.
-            parts: gives the names of the models that make up each of the `LABELS`; whatever
-                deforms or flows is "object", everything else "background".
+            camera, height, width: As in `CameraView`.
+            parts: Returns the names of the models of each of the `LABELS`; everything that deforms
+                or flows is "object", all other models are "background".
         """
         super().__init__(camera, height, width, marks=False)
         self._behind_glass = CameraView(camera, height, width, marks=False, glass=False)
@@ -45,21 +44,21 @@ class LabelledView(CameraView):
         self._labels, self._has_glass = np.zeros(0, np.uint8), False
 
     def labels(self, physics) -> np.ndarray:
-        """Index into `LABELS` (height, width) uint8 of what each pixel shows."""
+        """Renders labels: index into `LABELS` of each pixel (height, width) uint8."""
         return self._labelled(physics)[0]
 
     def points(self, physics) -> np.ndarray:
-        """Points (n, 3) [m] of the object, one for each pixel that shows it."""
+        """Returns points (n, 3) [m] of the object, one for each pixel that shows it."""
         labels, depth = self._labelled(physics)
         shown = labels == LABELS.index("object")
         return point_clouds.seen_points(depth, shown, self.calibration(physics))
 
     def surfaces(self, physics) -> tuple[np.ndarray, np.ndarray]:
-        """What each pixel shows and its distance, as of `CameraView`; without marks of goals."""
+        """Renders segmentation and depth of one pass, without goal marks."""
         return self._surfaces(physics, marks=False)
 
     def _labelled(self, physics) -> tuple[np.ndarray, np.ndarray]:
-        """Labels (height, width) and distances [m], of an object where it is behind glass."""
+        """Renders labels and depths [m] (height, width) of objects, also of those behind glass."""
         self._read(physics.model.ptr)
         labels, depth = self._first(self, physics)
         if not self._has_glass:
@@ -76,7 +75,7 @@ class LabelledView(CameraView):
             self._has_glass = bool(np.any(model.geom_group == GLASS_GROUP))
 
     def _first(self, view: CameraView, physics) -> tuple[np.ndarray, np.ndarray]:
-        """Labels and distances of the first thing that a view shows in each pixel."""
+        """Returns label and depth of the frontmost geom of each pixel."""
         seen, depth = view.surfaces(physics)
         kind, index = seen[..., 1], seen[..., 0]
         labels = np.where(kind >= 0, LABELS.index("object"), 0).astype(np.uint8)
@@ -88,11 +87,11 @@ class LabelledView(CameraView):
 def fixed_observables(
     height: int, width: int, parts: Callable[[], Mapping[str, Sequence[str]]]
 ) -> dict[str, observable.Generic]:
-    """The observables of the cameras of the arena by name.
+    """Returns the observables of the arena's cameras by name.
 
     Args:
-        height, width: of images [pixels].
-        parts: as of `LabelledView`.
+        height, width: Size of images [pixels].
+        parts: As in `LabelledView`.
     """
     task, *pair = (LabelledView(name, height, width, parts) for name in ("task", *EXTERNAL))
     image = height, width
@@ -122,34 +121,34 @@ def fixed_observables(
 def wrist_observables(
     cameras: Sequence[str], height: int, width: int
 ) -> dict[str, observable.Observable]:
-    """The observable of what the cameras on hands see, by name; none without such cameras.
+    """Returns the observable of the wrist cameras by name; empty without such cameras.
 
     Args:
-        cameras: their names, as `Actor.wrists` has them.
-        height, width: of images [pixels].
+        cameras: Names from `Actor.wrists`.
+        height, width: Size of images [pixels].
     """
     views = [CameraView(camera, height, width, marks=False) for camera in cameras]
     return {WRIST_RGB: _colors_of(views)} if views else {}
 
 
 def geom_labels(model: mujoco.MjModel, parts: Mapping[str, Sequence[str]]) -> np.ndarray:
-    """Index into `LABELS` (ngeom,) uint8 of each geom; `parts` as of `LabelledView`."""
+    """Returns the index into `LABELS` of each geom (ngeom,) uint8; `parts` as in `LabelledView`."""
     owners = {name: i for i, label in enumerate(LABELS) for name in parts.get(label, ())}
     return np.array([_label(model.body(body).name, owners) for body in model.geom_bodyid], np.uint8)
 
 
 def _label(body: str, owners: Mapping[str, int]) -> int:
-    """The label of a body: that of the innermost model around it that has one."""
+    """Returns the label of the innermost labeled model that contains a body."""
     models = reversed(body.split("/")[:-1])
     return next((owners[model] for model in models if model in owners), 0)
 
 
 @contextlib.contextmanager
 def blank_images() -> Iterator[None]:
-    """Images are zeros inside.
+    """Context in which image observations are zeros instead of rendered.
 
-    dm_control evaluates all observations when it compiles a model and throws them away. A process
-    that has rendered can no longer be forked: one that has only made an environment should.
+    dm_control evaluates and discards all observations when it compiles a model. A process that has
+    rendered cannot be forked, but one that has only made an environment can.
     """
     token = _blank.set(True)
     try:
@@ -159,10 +158,10 @@ def blank_images() -> Iterator[None]:
 
 
 class CameraObservable(observable.Generic):
-    """An observable with a given specification: without one, it would be rendered to find out.
+    """Image observable with a given specification, so that it need not be rendered to get one.
 
     Attributes:
-        views: of the cameras that it is from.
+        views: Views of its cameras.
     """
 
     def __init__(self, views: Sequence[CameraView], look: Callable, spec: specs.Array):
@@ -176,7 +175,7 @@ class CameraObservable(observable.Generic):
 
 
 def _colors_of(views: Sequence[CameraView]) -> CameraObservable:
-    """What several cameras see: (cameras, height, width, 3) uint8."""
+    """Returns the images of several cameras (cameras, height, width, 3) uint8."""
     spec = specs.BoundedArray((len(views), *views[0].size, 3), np.uint8, 0, 255)
     return CameraObservable(
         views, lambda physics: np.array([view.rgb(physics) for view in views]), spec

@@ -1,4 +1,4 @@
-"""Off-screen rendering: the choice of an OpenGL backend, cached camera views, and videos."""
+"""Off-screen rendering: OpenGL backend, cached camera views and videos."""
 
 import base64
 import ctypes.util
@@ -26,20 +26,20 @@ from softgym_mj.storage.files import whole, write_whole
 if TYPE_CHECKING:
     from softgym_mj.rendering.drawing import SceneCamera
 
-MOST_PASSES = 1024  # Of an image.
+MOST_PASSES = 1024  # Largest number of passes of an image.
 LARGEST_IMAGE = 1280  # Side of the off-screen buffer in arena.xml [pixels].
-_OTHER_THREAD = "already current on another thread"  # In dm_control's message.
+_OTHER_THREAD = "already current on another thread"  # Part of dm_control's error message.
 _rendered_in: int | None = None  # Process id; a fork inherits it, but not OpenGL's threads.
-_CRF = 10  # Quality of videos, 51 (bad) to 0: no blocks are seen on the cloth.
+_CRF = 10  # H.264 quality of videos, 51 (worst) to 0; at 10 no blocks are visible on cloth.
 _BLOCK = 8  # Sides of videos are multiples of this [pixels]; others are scaled to the next one.
-_LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # Of the values of MUJOCO_GL, the better first.
-_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}  # Debian's, which have them.
-SHOWN_SITES = 3  # Groups of sites below this number are drawn, as by MuJoCo's defaults.
-GLASS_GROUP = 1  # Of translucent geoms, which are left out to see what is behind them.
+_LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # Values of MUJOCO_GL by preference.
+_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}  # Their Debian packages.
+SHOWN_SITES = 3  # Groups of sites below this number are rendered, as by MuJoCo's defaults.
+GLASS_GROUP = 1  # Group of translucent geoms, hidden to show what is behind them.
 
 
 def _remedy(backend: str) -> str:
-    """What to do where a value of MUJOCO_GL does not work."""
+    """Returns advice for a value of MUJOCO_GL that does not work."""
     packages = _PACKAGES.get(backend, _PACKAGES["egl"])
     return (
         f"Install software OpenGL with `apt-get install -y {packages}`, unset MUJOCO_GL "
@@ -48,19 +48,20 @@ def _remedy(backend: str) -> str:
 
 
 def has_display() -> bool:
-    """Whether a window can be opened."""
+    """Whether a display is available."""
     if sys.platform != "linux":
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def choose_backend() -> None:
-    """Sets MUJOCO_GL on a machine without display; a value that is already set is kept.
+    """Sets MUJOCO_GL on a machine without display unless it is already set.
 
-    To be called before dm_control is imported: it reads the variable only then.
+    Call it before importing dm_control, which reads the variable at import.
 
     Raises:
-        UnavailableError: if the library of that value is missing: dm_control cannot be imported.
+        UnavailableError: If the library of that value is missing, so that dm_control cannot be
+            imported.
     """
     chosen = os.environ.get("MUJOCO_GL")
     if chosen in _LIBRARIES and not ctypes.util.find_library(_LIBRARIES[chosen]):
@@ -74,10 +75,10 @@ def choose_backend() -> None:
 
 
 def _claim() -> None:
-    """Notes that this process renders.
+    """Records that this process renders.
 
     Raises:
-        UnavailableError: if it was forked from one that has: OpenGL would wait forever.
+        UnavailableError: If it was forked from a process that has rendered: OpenGL would deadlock.
     """
     global _rendered_in  # noqa: PLW0603 - a fact about the process.
     if _rendered_in not in (None, os.getpid()):
@@ -91,12 +92,12 @@ def _claim() -> None:
 
 
 def refresh_poses(physics) -> None:
-    """Computes what is drawn from qpos: `mj_step` leaves it one step behind."""
+    """Updates poses for rendering from qpos: `mj_step` leaves them one step behind."""
     refresh(physics.model.ptr, physics.data.ptr)
 
 
 def refresh(model, data) -> None:
-    """Does what `refresh_poses` does for an MjModel and its MjData."""
+    """Updates poses for rendering of an MjModel and its MjData, as `refresh_poses`."""
     import mujoco
 
     mujoco.mj_kinematics(model, data)
@@ -106,9 +107,10 @@ def refresh(model, data) -> None:
 
 
 def camera_ids(model) -> dict[str, int]:
-    """The cameras of an MjModel by name: "task", "arms/franka_0/wrist_0".
+    """Returns camera ids of an MjModel by name, such as "task" or "arms/franka_0/wrist_0".
 
-    Also by the last part of it, "wrist_0", which comes first, where no other camera has the same.
+    A camera can also be named by the last part alone, "wrist_0", where that is unique; these names
+    come first.
     """
     names = [model.camera(i).name for i in range(model.ncam)]
     ends = [name.rsplit("/", 1)[-1] for name in names]
@@ -117,12 +119,12 @@ def camera_ids(model) -> dict[str, int]:
 
 
 class CameraView:
-    """Renders one camera at one size; the scene is kept until the physics changes.
+    """Renders one camera at one size; the scene is cached until the physics changes.
 
     Attributes:
-        camera: its name.
+        camera: Name of the camera.
         size: (height, width) of images [pixels].
-        marks: whether images show the marks of goals, which are sites.
+        marks: Whether images show goal marks, which are sites.
     """
 
     def __init__(
@@ -138,17 +140,17 @@ class CameraView:
         """Chooses the camera.
 
         Args:
-            camera: a name as in `camera_ids`; one that does not exist is an `InvalidArgumentError`
-                when something is rendered.
-            height, width: of images, each in 1..`LARGEST_IMAGE` [pixels].
-            passes: of which a coloured image is the mean, 1..`MOST_PASSES`; None for as many as the
-                look has.
-            marks: whether sites are drawn, which show goals; images of observations have them with
+            camera: Name as in `camera_ids`; rendering raises `InvalidArgumentError` if there is
+                none.
+            height, width: Size of images, each in 1..`LARGEST_IMAGE` [pixels].
+            passes: Averaged passes of a color image, 1..`MOST_PASSES`; None means the number of
+                the look.
+            marks: Whether images show sites, which mark goals; image observations show them with
                 `goal_marks=True` only.
-            glass: whether the walls of cups are drawn.
+            glass: Whether images show the walls of cups.
 
         Raises:
-            InvalidArgumentError: for another size or number.
+            InvalidArgumentError: If a size or number is out of range.
         """
         if passes is not None:
             check_count("passes", passes, 1, MOST_PASSES)
@@ -159,30 +161,30 @@ class CameraView:
         self._view: Any = None
 
     def rgb(self, physics) -> np.ndarray:
-        """Image (height, width, 3) uint8."""
+        """Renders an image (height, width, 3) uint8."""
         return self._render(
             physics, lambda view: view.colors(self._passes or view.look.passes).copy()
         )
 
     def depth(self, physics) -> np.ndarray:
-        """Metric distance along the view direction (height, width) float32 [m]."""
+        """Renders the depth along the view direction (height, width) float32 [m]."""
         return self.surfaces(physics)[1]
 
     def segmentation(self, physics) -> np.ndarray:
-        """What each pixel shows (height, width, 2) int: id and `mujoco.mjtObj`; -1 for nothing."""
+        """Renders segmentation (height, width, 2) int: id and `mujoco.mjtObj`, -1 for nothing."""
         return self.surfaces(physics)[0]
 
     def surfaces(self, physics) -> tuple[np.ndarray, np.ndarray]:
-        """`segmentation` and `depth` of one pass: they agree at every edge."""
+        """Renders `segmentation` and `depth` in one pass, so that they agree at every edge."""
         return self._surfaces(physics)
 
     def _surfaces(self, physics, marks: bool | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """`surfaces`, with marks or without; None for what the attribute says."""
+        """Renders `surfaces` with or without marks; None means the attribute `marks`."""
         shown, depth = self._render(physics, lambda view: view.surfaces(), marks)
         return shown.copy(), depth.astype(np.float32)
 
     def calibration(self, physics) -> Calibration:
-        """Where the camera is now, and how it projects into these images."""
+        """Returns the current pose and projection of the camera for these images."""
         refresh_poses(physics)
         model, data = physics.model.ptr, physics.data.ptr
         return Calibration.of(model, data, self._number(model), *self.size)
@@ -227,10 +229,10 @@ class CameraView:
 
 
 def write_picture(picture: np.ndarray, file: pathlib.Path) -> None:
-    """Writes (height, width, 3) uint8 as a PNG, whole or not at all; makes its folder.
+    """Writes an image (height, width, 3) uint8 as a PNG, atomically; creates its folder.
 
     Raises:
-        StoreError: if it cannot be written.
+        StoreError: If it cannot be written.
     """
     import imageio.v3 as imageio
 
@@ -239,14 +241,14 @@ def write_picture(picture: np.ndarray, file: pathlib.Path) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Video:
-    """Pictures as a video; a notebook shows it inline.
+    """Video, which a notebook shows inline.
 
     Attributes:
-        frames: pictures (n, height, width, 3) uint8, n at least 1.
-        fps: pictures in a second.
+        frames: Frames (n, height, width, 3) uint8, n at least 1.
+        fps: Frames per second.
 
     Raises:
-        InvalidArgumentError: for frames of another shape or kind, or none at all.
+        InvalidArgumentError: If the frames have another shape or type, or there are none.
     """
 
     frames: np.ndarray = dataclasses.field(repr=False)
@@ -261,16 +263,16 @@ class Video:
         object.__setattr__(self, "frames", frames)
 
     def write(self, file: pathlib.Path | str) -> None:
-        """Writes `file.mp4` (H.264), whole or not at all; makes its folder.
+        """Writes `file.mp4` (H.264) atomically; creates its folder.
 
         Raises:
-            StoreError: if it cannot be written.
+            StoreError: If it cannot be written.
         """
         with whole(pathlib.Path(file)) as partial:
             self._encode(partial)
 
     def _encode(self, file: pathlib.Path) -> None:
-        """Writes an mp4 file; imageio's own writer overlooks that a disk is full."""
+        """Writes an mp4 file; imageio's own writer ignores a full disk."""
         import imageio_ffmpeg
 
         height, width = self.frames.shape[1:3]

@@ -1,8 +1,8 @@
-"""Loads OpenGL with the first image: environments of states need none.
+"""Loads OpenGL with the first image: environments with state observations do not need it.
 
 dm_control and MuJoCo open the library of `MUJOCO_GL` when they are imported. Mesa's software
-renderer brings an LLVM whose symbols a triton (PyTorch's compiler) that is loaded later takes for
-its own: the process then ends with a segmentation fault. The other order works.
+renderer brings an LLVM, and a triton (PyTorch's compiler) that is loaded later binds to its
+symbols: the process ends with a segmentation fault. The other order works.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
 
-# Modules that choose a backend when they are executed, and the classes that they then have.
+# Modules that choose a backend when they are executed, and their classes of contexts.
 _MUJOCO = "mujoco.rendering.classic.gl_context"
 _CONTEXTS = {"dm_control._render": "Renderer", _MUJOCO: "GLContext"}
 _VARIABLE = "MUJOCO_GL"
@@ -25,9 +25,9 @@ _VARIABLE = "MUJOCO_GL"
 
 @functools.cache
 def load_triton_first() -> None:
-    """Loads the library of triton, if it is installed; to be called before OpenGL is loaded.
+    """Loads the library of triton, if installed; call it before OpenGL is loaded.
 
-    It takes an eighth of a second; `import triton` finds it loaded.
+    It takes 0.13 s, which a later `import triton` saves.
     """
     if sys.platform != "linux" or "triton" in sys.modules:
         return
@@ -41,10 +41,10 @@ def load_triton_first() -> None:
 def defer() -> None:
     """Imports dm_control's and MuJoCo's renderers so that their first use loads OpenGL.
 
-    What is imported already keeps the backend that it has loaded.
+    Modules that are already imported keep their backend.
     """
     chosen = os.environ.get(_VARIABLE)
-    if chosen in ("egl", "osmesa"):  # Whoever imports PyOpenGL first has it choose a platform.
+    if chosen in ("egl", "osmesa"):  # The first import of PyOpenGL chooses its platform.
         os.environ.setdefault("PYOPENGL_PLATFORM", chosen)
     if sys.platform != "linux":
         return
@@ -70,21 +70,21 @@ def _without_backend() -> Iterator[None]:
 
 
 def context_class(module: ModuleType) -> Callable[..., Any]:
-    """Returns what makes the contexts of a module of `_CONTEXTS`; loads OpenGL."""
+    """Loads OpenGL; returns the class of contexts of a module of `_CONTEXTS`."""
     load_triton_first()
     found = getattr(module, _CONTEXTS[module.__name__])
     return found.load() if isinstance(found, _Deferred) else found
 
 
 class _Deferred:
-    """Stands for the class of contexts of a module until OpenGL is loaded."""
+    """Placeholder for a module's class of contexts until OpenGL is loaded."""
 
     def __init__(self, module: ModuleType):
         self._module = module
         setattr(module, _CONTEXTS[module.__name__], self)
 
     def load(self) -> Callable[..., Any]:
-        """Returns the class, which takes the place of this object."""
+        """Loads the class and replaces this object by it."""
         name = _CONTEXTS[self._module.__name__]
         if getattr(self._module, name) is self:
             try:

@@ -1,4 +1,4 @@
-"""Clouds of points of what cameras see, from their depths and from masks of what counts."""
+"""Point clouds from depth images and masks."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from softgym_mj.native.arithmetic import squares
 from softgym_mj.rendering.calibration import Calibration
 
 NUM_CLOUD_POINTS = 1024
-FINEST_CELL = 1e-4  # [m] Points that are nearer to each other count as one.
-_HALVINGS = 12  # Of the interval that the side of cells is sought in.
+FINEST_CELL = 1e-4  # [m] Closer points count as one.
+_HALVINGS = 12  # Bisection steps of the cell size.
 
 
 def seen_points(depth: np.ndarray, shown: np.ndarray, calibration: Calibration) -> np.ndarray:
-    """Points (n, 3) [m] of the world that pixels show.
+    """Returns world points (n, 3) [m] of masked pixels.
 
     Args:
-        depth: (height, width) [m].
-        shown: (height, width) bool: which pixels count.
-        calibration: of the camera, for images of this size.
+        depth: Depth image (height, width) [m].
+        shown: Mask (height, width) bool.
+        calibration: Calibration of the camera for this image size.
     """
     rows, columns = np.nonzero(shown)
     depths = depth[rows, columns].astype(float)
@@ -24,12 +24,12 @@ def seen_points(depth: np.ndarray, shown: np.ndarray, calibration: Calibration) 
 
 
 def thinned(points: np.ndarray, number: int) -> np.ndarray:
-    """As many of points (n, 3) as `number`, spread evenly over where there are any; all if fewer.
+    """Selects `number` of points (n, 3), evenly spread; all if there are fewer.
 
-    From each cell of the coarsest cubic grid that has points in so many cells it takes the one that
-    is nearest to the cell's middle: what lies near to a camera, or is seen by several, gets no more
-    than the rest. That takes 2 ms for two images of 128 x 128 pixels; choosing always the point
-    that is farthest from the chosen ones would take 100 ms.
+    It selects the point nearest to the center of each cell of the coarsest cubic grid that has
+    points in `number` cells. Regions near a camera, or visible to several, thus get no more points
+    than others. This takes 2 ms for two images of 128 x 128 pixels; farthest-point sampling would
+    take 100 ms.
     """
     if len(points) <= number:
         return points
@@ -45,19 +45,19 @@ def thinned(points: np.ndarray, number: int) -> np.ndarray:
     away = squares(places / fine % 1.0 - 0.5)
     order = np.lexsort((away, cells))
     chosen = order[np.unique(cells[order], return_index=True)[1]]
-    if len(chosen) < number:  # Many coincide.
+    if len(chosen) < number:  # Many points coincide.
         chosen = order
     return points[chosen[np.linspace(0, len(chosen) - 1, number).astype(int)]]
 
 
 def _cells(places: np.ndarray, side: float) -> np.ndarray:
-    """A number (n,) of the cell of a grid that each of (n, 3) is in."""
+    """Returns the index (n,) of the grid cell of each point (n, 3)."""
     x, y, z = (places / side).astype(np.int64).T
     return (x << 42) + (y << 21) + z
 
 
 def cloud(points: np.ndarray) -> np.ndarray:
-    """`NUM_CLOUD_POINTS` of points (n, 3), `thinned`: (1024, 4) float32, with 1 or rows of 0."""
+    """Returns `NUM_CLOUD_POINTS` rows (x, y, z, 1) float32 of thinned points; the rest are 0."""
     kept = thinned(points, NUM_CLOUD_POINTS)
     padded = np.zeros((NUM_CLOUD_POINTS, 4), np.float32)
     padded[: len(kept), :3] = kept

@@ -1,21 +1,21 @@
-"""`Sensor`: what makes a camera's picture worse than a drawn one."""
+"""`Sensor`: degradations of a real camera: blur, exposure, noise and compression."""
 
 import dataclasses
 
 import numpy as np
 
-LOSSLESS = 100  # Quality from which an image is not compressed.
+LOSSLESS = 100  # JPEG quality from which images are not compressed.
 
 
 @dataclasses.dataclass(frozen=True)
 class Sensor:
-    """A camera's faults, in the order in which they happen; none by default.
+    """Image degradations in the order in which they are applied; none by default.
 
     Attributes:
-        blur: standard deviation of the blur of the lens [pixels].
-        exposure: factor to pixels; they end at 255.
-        noise: standard deviation of the noise, of each pixel and colour [1/255].
-        quality: of JPEG, 1..100, rounded; `LOSSLESS` is without.
+        blur: Standard deviation of the lens blur [pixels].
+        exposure: Factor of pixel values, which saturate at 255.
+        noise: Standard deviation of the noise of each pixel and color [1/255].
+        quality: JPEG quality, 1..100, rounded; `LOSSLESS` disables compression.
     """
 
     blur: float = 0.0
@@ -24,11 +24,11 @@ class Sensor:
     quality: float = LOSSLESS
 
     def __call__(self, images: np.ndarray, random: np.random.Generator) -> np.ndarray:
-        """Images (..., height, width, 3) uint8 as it would take them.
+        """Returns degraded images (..., height, width, 3) uint8.
 
         Args:
-            images: what it sees.
-            random: source of the noise.
+            images: Rendered images.
+            random: Random generator of the noise.
         """
         light = images.astype(np.float32)
         if self.blur > 0.0:
@@ -47,7 +47,7 @@ class Sensor:
 
 
 def _compressed(image: np.ndarray, quality: int) -> np.ndarray:
-    """An image (height, width, 3) uint8 that was a JPEG."""
+    """Returns an image (height, width, 3) uint8 after JPEG compression."""
     import imageio.v3 as imageio
 
     file = imageio.imwrite("<bytes>", image, extension=".jpeg", quality=quality)

@@ -1,4 +1,4 @@
-"""Skins: meshes that are drawn, whose vertices are means of points of the simulation."""
+"""Skins: rendered meshes whose vertices are weighted means of simulated points."""
 
 import struct
 from collections.abc import Callable
@@ -6,16 +6,16 @@ from collections.abc import Callable
 import numpy as np
 from dm_control import mjcf
 
-DRAWN_SKINS = 5  # Group of skins that only our cameras show: other viewers do not move them.
-SHOWN_FLEXES = 1  # Group of flexes that only other viewers show, which do not move those skins.
-HIDDEN_FLEXES = 4  # Group of flexes that nobody shows.
-NAME_BYTES = 40  # Of a body's name in a skin file.
+DRAWN_SKINS = 5  # Group of skins that only our cameras show: other viewers do not update them.
+SHOWN_FLEXES = 1  # Group of flexes that only other viewers show, in place of those skins.
+HIDDEN_FLEXES = 4  # Group of flexes that no viewer shows.
+NAME_BYTES = 40  # [bytes] Length of a body's name in a skin file.
 
 
 class SkinFile(mjcf.Asset):
-    """A skin in MuJoCo's binary format; its bodies are named when it is read.
+    """A skin in MuJoCo's binary format; names of bodies are resolved when it is read.
 
-    Numbers in MJCF would take ten times as long to write and to read.
+    Numbers in MJCF would take ten times as long to write and read.
     """
 
     __slots__ = ("_bodies", "_mesh", "_weights")
@@ -29,15 +29,15 @@ class SkinFile(mjcf.Asset):
         places: np.ndarray,
         bodies: Callable[[], list[str]],
     ):
-        """A skin.
+        """Stores a skin.
 
         Args:
-            vertices: (n, 3) [m].
-            texcoords: (n, 2), with (0, 0) at the upper left of the texture.
-            faces: (m, 3), counter-clockwise from outside.
-            weights: (n, b) of bodies in each vertex; rows sum to 1.
-            places: (b, 3) [m] of these bodies where the vertices are as given.
-            bodies: gives their names (b) in the whole model.
+            vertices: Positions (n, 3) [m].
+            texcoords: Texture coordinates (n, 2), with (0, 0) at the upper left of the texture.
+            faces: Vertex indices (m, 3), counterclockwise from outside.
+            weights: Weights (n, b) of bodies for each vertex; rows sum to 1.
+            places: Positions (b, 3) [m] of the bodies in the reference pose.
+            bodies: Returns their names (b) in the complete model.
         """
         sizes = len(vertices), len(texcoords), len(faces), len(places)
         self._mesh = struct.pack("<4i", *sizes) + b"".join(
@@ -57,7 +57,7 @@ class SkinFile(mjcf.Asset):
 
     @property
     def contents(self) -> bytes:
-        """The file."""
+        """Returns the content of the file."""
         parts = [self._mesh]
         for name, bone in zip(self._bodies(), self._weights, strict=True):
             encoded = name.encode()
@@ -68,23 +68,23 @@ class SkinFile(mjcf.Asset):
 
 
 def loose_triangles(number: int) -> SkinFile:
-    """So many triangles at the origin, three vertices each, which no body moves."""
+    """Returns a static skin of separate triangles at the origin."""
     vertices = np.zeros((3 * number, 3))
     faces = np.arange(3 * number).reshape(-1, 3)
     return still(vertices, np.zeros((0, 2)), faces)
 
 
 def still(vertices: np.ndarray, texcoords: np.ndarray, faces: np.ndarray) -> SkinFile:
-    """A skin that no body moves; arguments as those of `SkinFile`."""
+    """Returns a static skin; the arguments are those of `SkinFile`."""
     weights = np.ones((len(vertices), 1))
     return SkinFile(vertices, texcoords, faces, weights, np.zeros((1, 3)), lambda: ["world"])
 
 
 def spline(number: int, places: np.ndarray) -> np.ndarray:
-    """Weights (m, number) of points in a cubic B-spline at `places` (m,) in 0..number - 1.
+    """Returns weights (m, number) of points in a cubic B-spline at `places` in 0..number - 1.
 
-    It begins in the first point and ends in the last: the row goes on beyond them as its mirror
-    image through them. No weight is negative, and those of a straight even row are exact.
+    The spline begins at the first point and ends at the last: points beyond are mirror images
+    through these. No weight is negative, and a straight, evenly spaced row is reproduced exactly.
     """
     first = np.minimum(places.astype(int), number - 2)
     t = (places - first)[:, None]
@@ -102,11 +102,11 @@ def spline(number: int, places: np.ndarray) -> np.ndarray:
 
 
 def closed(faces: np.ndarray, number: int) -> np.ndarray:
-    """A thin solid's faces (m, 3): a sheet's, the same from behind, and a strip around its rims.
+    """Returns the faces (m, 3) of a thin solid: front, back and a strip around the rims.
 
     Args:
-        faces: (n, 3) of the side that is seen; vertices of the other are `number` later.
-        number: of vertices of the sheet.
+        faces: Faces (n, 3) of the front; vertices of the back have indices `number` higher.
+        number: Number of vertices of the sheet.
     """
     sides = np.concatenate([faces, np.roll(faces, -1, 1), np.roll(faces, -2, 1)])[:, :2]
     key = np.sort(sides, axis=1) @ [number, 1]
@@ -119,11 +119,11 @@ def closed(faces: np.ndarray, number: int) -> np.ndarray:
 
 
 def refined(number: int, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One step of Loop's subdivision of a mesh with rims.
+    """Makes one step of Loop subdivision of a mesh with rims.
 
     Args:
-        number: of its vertices.
-        triangles: (k, 3).
+        number: Number of vertices.
+        triangles: Vertex indices (k, 3).
 
     Returns:
         Weights (m, n) of the old vertices in the new ones, and new triangles (4 k, 3).

@@ -1,4 +1,4 @@
-"""Surfaces of ropes and water, made anew for every picture."""
+"""Surfaces of ropes and water, recomputed for every image."""
 
 import abc
 
@@ -9,18 +9,17 @@ from softgym_mj.native.meshes import MOST_TRIANGLES, PLAIN, ROPE, Mesh, tube, wa
 from softgym_mj.rendering.look import Look
 from softgym_mj.rendering.skins import DRAWN_SKINS
 
-# Names, in the model of a rope, of its skin and of its flex, whose vertices it follows; in that of
-# water, of its skin, of the plugin's instance, and of two numbers: how many particles there are and
-# their rest distance [m].
+# Names of skin and flex in the model of a rope; and of skin, plugin instance, number of particles
+# and rest distance [m] in the model of water.
 ROPE_SKIN, ROPE_FLEX = "rope_surface", "flex"
 WATER_SKIN, WATER_INSTANCE, PARTICLES = "water_surface", "water", "particles"
 
 
 class Surface(abc.ABC):
-    """A skin of a model whose vertices are written by us.
+    """A skin whose vertices this package computes.
 
     Attributes:
-        skin: its number.
+        skin: Skin id.
     """
 
     def __init__(
@@ -29,10 +28,10 @@ class Surface(abc.ABC):
         """Binds it to a skin.
 
         Args:
-            model, data: what is drawn.
-            skin: number of the skin.
-            prefix: of the names in the model that it is part of.
-            look: of the model.
+            model, data: Simulation to render.
+            skin: Skin id.
+            prefix: Prefix of names of the containing model.
+            look: Look of the model.
         """
         self.skin, first = skin, model.skin_vertadr[skin]
         self._part = slice(first, first + model.skin_vertnum[skin])
@@ -40,10 +39,10 @@ class Surface(abc.ABC):
 
     @abc.abstractmethod
     def write(self, vertices: np.ndarray, normals: np.ndarray) -> int:
-        """Writes the skin's part of a scene's vertices (n, 3) [m] and normals (n, 3).
+        """Writes vertices (n, 3) [m] and normals (n, 3) of the skin into a scene.
 
         Returns:
-            The number of the skin's faces, from the first on, that have an area.
+            Number of leading faces of the skin that are not degenerate.
         """
 
 
@@ -63,18 +62,18 @@ class RopeSurface(Surface):
 
 
 class WaterSurface(Surface):
-    """Loose triangles around the particles of an instance of the fluid plugin."""
+    """Separate triangles around the particles of an instance of the fluid plugin."""
 
     def __init__(self, model, data, skin, prefix, look):
         super().__init__(model, data, skin, prefix, look)
         instance = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, prefix + WATER_INSTANCE)
-        first = model.plugin_stateadr[instance] + 1  # As `Water.after_compile` says.
+        first = model.plugin_stateadr[instance] + 1  # The layout of `Water.after_compile`.
         number, self._spacing = model.numeric(prefix + PARTICLES).data.tolist()
         self._points = data.plugin_state[first : first + 3 * int(number)].reshape(-1, 3)
         self._cell, self._most = look.water_cell, look.water_triangles
 
     def mesh(self, cell: float, most: int = MOST_TRIANGLES) -> Mesh:
-        """The surface, of cells [rest distances] and at most so many triangles."""
+        """Returns the surface for a cell size [rest distances] and a limit of triangles."""
         spacing = self._spacing
         return water_mesh(self._points, spacing, cell * spacing, most_triangles=most)
 
@@ -87,7 +86,7 @@ class WaterSurface(Surface):
 
 
 def rope_shape(look: Look) -> dict:
-    """Arguments of `tube` for ropes."""
+    """Returns the arguments of `tube` for ropes."""
     return {
         "sides": look.rope_sides,
         "rings_per_edge": look.rope_rings,
@@ -99,7 +98,7 @@ _KINDS: dict[str, type[Surface]] = {ROPE_SKIN: RopeSurface, WATER_SKIN: WaterSur
 
 
 def find_surfaces(model: mujoco.MjModel, data: mujoco.MjData, look: Look) -> list[Surface]:
-    """The surfaces of a model."""
+    """Returns the surfaces of a model."""
     found = []
     for skin in np.flatnonzero(model.skin_group == DRAWN_SKINS).tolist():
         prefix, slash, name = model.skin(skin).name.rpartition("/")

@@ -1,4 +1,4 @@
-"""Textures, made of numbers and a seed."""
+"""Procedural textures."""
 
 import functools
 import io
@@ -11,23 +11,23 @@ from dm_control import mjcf
 from softgym_mj.rendering.look import Color, Look
 from softgym_mj.rendering.patterns import pattern, second_tone
 
-# Of the weave, as parts of the colour: how much one thread differs from the next, and how dark it
-# is where it dives under another. With more of the first, cloth looks like a mat of bamboo.
+# Weave: variation between threads and darkening where a thread passes under another, relative to
+# the color. With more variation cloth looks like a bamboo mat.
 TONE, RELIEF = 0.02, 0.22
-HEM, HEM_SHADE = 0.018, 0.86  # Width of the hem as part of a side, factor to its colour.
-STITCHES, STITCH = 90, 0.72  # Along a side; factor to the hem's colour.
-# Along the rows of a sheet, as parts of them: where the texture has the strip that tells the halves
-# of a cloth apart. A cloth of any size is fitted to it.
+HEM, HEM_SHADE = 0.018, 0.86  # Width of the hem relative to a side, and factor of its color.
+STITCHES, STITCH = 90, 0.72  # Stitches along a side, and factor of the hem's color.
+# Range along the rows of a sheet, relative to their length, of the strip that distinguishes the
+# halves of a cloth.
 STRIP = (0.125, 0.181)
-PAD = 0.02  # Part of a panel around its picture, so that small ones do not mix with the next.
-STRAND_SHADE = 0.55  # Factor to the colour of a rope between its strands.
-PLASTER = 0.006  # Part of its colour by which plaster varies; above 1 % it looks like clouds.
-SHINE_THROUGH = 0.4  # How strong a printed pattern is on the other side.
-KEPT = 8  # Textures of a kind that are kept, of up to some megabytes: random ones never come again.
+PAD = 0.02  # Margin of a panel, relative to its side, so that mipmaps do not mix panels.
+STRAND_SHADE = 0.55  # Factor of the color of a rope between its strands.
+PLASTER = 0.006  # Relative color variation of plaster; above 1 % it looks like clouds.
+SHINE_THROUGH = 0.4  # Relative strength of a print on the other side.
+KEPT = 8  # Cache size per kind: a texture takes some megabytes, and random ones never recur.
 
 
 def asset(pixels: np.ndarray) -> mjcf.Asset:
-    """An image (height, width, 3) uint8 as a file of a model's."""
+    """Returns an image (height, width, 3) uint8 as an asset file of a model."""
     import imageio.v3 as imageio
 
     file = io.BytesIO()
@@ -36,7 +36,7 @@ def asset(pixels: np.ndarray) -> mjcf.Asset:
 
 
 def texture_of(model: mujoco.MjModel, material: int) -> np.ndarray | None:
-    """The colours (height, width, 3) uint8 of a material's texture, if it has a flat one."""
+    """Returns the colors (height, width, 3) uint8 of a material's 2D texture, or None."""
     if material < 0:
         return None
     number = model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB]
@@ -48,7 +48,7 @@ def texture_of(model: mujoco.MjModel, material: int) -> np.ndarray | None:
 
 
 def _noise(random: np.random.Generator, size: int, octaves: Sequence[int]) -> np.ndarray:
-    """Smooth noise (size, size) that goes on beyond its edges, of variance 1."""
+    """Returns smooth, tileable noise (size, size) of variance 1."""
     frequency = np.fft.fftfreq(size) * size
     radius = np.hypot(*np.meshgrid(frequency, frequency))
     total = np.zeros((size, size))
@@ -72,23 +72,23 @@ def weave(
     print_name: str = "plain",
     seed: int = 0,
 ) -> mjcf.Asset:
-    """Both sides of a woven sheet with a hem, the first one on the left half.
+    """Returns the texture of both sides of a woven sheet with a hem, the first on the left half.
 
     Args:
-        look: how fine it is.
-        colors: of the two sides.
-        has_strip: whether a strip along the rows, at `STRIP`, has the other side's colour, plain.
-        print_name: what is printed on the first side, one of `patterns.FABRICS`.
-        seed: of the threads' tones and the print.
+        look: Level of detail.
+        colors: Colors of the two sides.
+        has_strip: Whether a strip along the rows, at `STRIP`, has the other side's color.
+        print_name: Print on the first side, one of `patterns.FABRICS`.
+        seed: Seed of the threads' tones and the print.
     """
     size, threads = look.texture_size, look.threads
     random = np.random.Generator(np.random.PCG64(seed))
     place = (np.arange(size) + 0.5) / size
     place = (place - PAD) / (1.0 - 2.0 * PAD)  # 0..1 within the sheet.
     thread = np.floor(place * threads).astype(int)
-    within = np.sin(np.pi * (place * threads - thread))  # 0 at the sides of a thread, 1 amid it.
+    within = np.sin(np.pi * (place * threads - thread))  # 1 at a thread's center.
     across, along = within[:, None], within[None, :]
-    is_warp = (thread[:, None] + thread[None, :]) % 2 == 0  # Is it the warp that lies on top?
+    is_warp = (thread[:, None] + thread[None, :]) % 2 == 0  # Whether the warp is on top.
     relief = np.where(is_warp, along * (0.6 + 0.4 * across), across * (0.6 + 0.4 * along))
     tones = [1.0 + TONE * random.standard_normal(threads + 8)[thread % threads] for _ in range(2)]
     shade = (1.0 - RELIEF * (1.0 - relief)) * np.where(is_warp, tones[0], tones[1][:, None])
@@ -115,14 +115,14 @@ def weave(
 def strands(
     look: Look, color: Color, lobes: int, pattern_name: str = "plain", seed: int = 0
 ) -> mjcf.Asset:
-    """Around a rope (left to right) and along it: darker between the strands, with fibres.
+    """Returns the texture around (left to right) and along a rope: fibers, darker between strands.
 
     Args:
-        look: how fine it is.
-        color: of the rope.
-        lobes: number of strands.
-        pattern_name: one of `patterns.ROPES`.
-        seed: of the pattern.
+        look: Level of detail.
+        color: Color of the rope.
+        lobes: Number of strands.
+        pattern_name: One of `patterns.ROPES`.
+        seed: Seed of the pattern.
     """
     around = (np.arange(look.texture_size) + 0.5) / look.texture_size
     fibres = around[:, None] * 24.0 + around[None, :] * 3.0 * lobes
@@ -137,7 +137,7 @@ def strands(
 
 @functools.lru_cache(maxsize=KEPT)
 def plaster(size: int, color: Color, seed: int = 0) -> mjcf.Asset:
-    """A matt surface of one tone, the same at its opposite edges."""
+    """Returns a tileable matte surface of one tone."""
     random = np.random.Generator(np.random.PCG64(seed))
     noise = _noise(random, size, [3, 9, 27])
     return asset(_pixels((1.0 + PLASTER * noise)[..., None] * np.array(color)))
@@ -145,7 +145,7 @@ def plaster(size: int, color: Color, seed: int = 0) -> mjcf.Asset:
 
 @functools.lru_cache(maxsize=KEPT)
 def wood(size: int, color: Color, seed: int = 0) -> mjcf.Asset:
-    """Planed boards along X, the same at their opposite edges."""
+    """Returns tileable planed boards along X."""
     random = np.random.Generator(np.random.PCG64(seed))
     boards = 4
     y = np.arange(size) / size
@@ -164,7 +164,7 @@ def wood(size: int, color: Color, seed: int = 0) -> mjcf.Asset:
 
 @functools.lru_cache(maxsize=KEPT)
 def granite(size: int, color: Color, seed: int = 0) -> mjcf.Asset:
-    """Speckled stone, the same at its opposite edges."""
+    """Returns tileable speckled stone."""
     random = np.random.Generator(np.random.PCG64(seed))
     noise = _noise(random, size, [size // 10, size // 5])
     shade = 1.0 - 0.15 * np.clip(noise - 0.6, 0.0, 1.5) + 0.08 * np.clip(-noise - 1.0, 0.0, 1.0)
@@ -173,7 +173,7 @@ def granite(size: int, color: Color, seed: int = 0) -> mjcf.Asset:
 
 @functools.lru_cache(maxsize=KEPT)
 def tiles(size: int, color: Color, seed: int = 0) -> mjcf.Asset:
-    """Square tiles with joints, each of its own tone."""
+    """Returns square tiles with joints, each in its own tone."""
     random = np.random.Generator(np.random.PCG64(seed))
     number = int(random.integers(4, 9))
     place = number * (np.arange(size) + 0.5) / size
@@ -186,7 +186,7 @@ def tiles(size: int, color: Color, seed: int = 0) -> mjcf.Asset:
 
 @functools.lru_cache(maxsize=KEPT)
 def printed(size: int, color: Color, seed: int = 0, *, name: str) -> mjcf.Asset:
-    """A smooth surface with one of `patterns.FABRICS` on it, the same at its opposite edges."""
+    """Returns a tileable smooth surface with one of `patterns.FABRICS`."""
     place = 2.0 * (np.arange(size) + 0.5) / size
     ink = pattern(name, seed, place, place)[..., None]
     return asset(_pixels(np.array(color) + ink * (second_tone(np.array(color), seed) - color)))

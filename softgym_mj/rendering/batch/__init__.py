@@ -1,7 +1,7 @@
-"""Pictures of many environments at once, by a kernel of the library: on a GPU a block draws each.
+"""Batch renderer: a kernel of the library renders many environments, on a GPU one block each.
 
-What is drawn is read off compiled models, so that it has their cameras, colours and lights.
-Distances and labels are those of OpenGL's pictures but for the rims of things; colours are alike.
+Cameras, colors and lights are read from compiled models. Depths and labels equal those of OpenGL
+except at the rims of objects; colors are similar.
 """
 
 from softgym_mj.rendering.batch.pictures import Pictures

@@ -1,4 +1,4 @@
-"""What deforms in a scene: a sheet, a rope or water."""
+"""The deformable object of a scene: a sheet, a rope or water."""
 
 import mujoco
 import numpy as np
@@ -19,16 +19,16 @@ def add_deformable(
     model: mujoco.MjModel,
     textures: list[np.ndarray],
 ) -> None:
-    """Adds it to a scene.
+    """Adds the deformable object to a scene.
 
     Args:
-        scene: numbers of it.
-        arrays: by their names in `layout.ARRAYS`.
-        model: what is drawn.
-        textures: of all materials so far.
+        scene: Struct of the scene.
+        arrays: Arrays by name in `layout.ARRAYS`.
+        model: Model to render.
+        textures: Textures of all materials so far.
 
     Raises:
-        InvalidArgumentError: for more than one.
+        InvalidArgumentError: If there is more than one.
     """
     arrays["triangles"] = np.zeros((0, 3), "i4")
     if not model.nskin:
@@ -74,7 +74,7 @@ def _add_rope(
 
 
 def _add_sheet(scene: np.ndarray, arrays: dict[str, np.ndarray], model: mujoco.MjModel) -> None:
-    """See `entities.sheet`: bones are vertices of the flex, which only shift."""
+    """Adds a sheet, a skin whose bones are the flex's vertices and only translate."""
     (flex,) = range(model.nflex)
     point_of = {
         int(body): i

@@ -1,8 +1,8 @@
-"""Scenes as the kernel reads them: the structs of scene.h."""
+"""NumPy dtypes of the structs of scene.h, which the kernel reads."""
 
 import numpy as np
 
-NOTHING, SHEET, ROPE, WATER = range(4)  # Kinds of what deforms.
+NOTHING, SHEET, ROPE, WATER = range(4)  # Kinds of deformable objects.
 MATERIAL = [("color", "f4", 3), ("opacity", "f4"), ("specular", "f4"), ("shininess", "f4"),
              ("texture", "i4"), ("repeat", "f4")]  # fmt: skip
 SOLID = np.dtype(

@@ -6,15 +6,15 @@ import numpy as np
 from softgym_mj.rendering.batch.layout import MATERIAL
 from softgym_mj.rendering.textures import texture_of
 
-_SKY_ROWS = 32  # As in scene.h.
+_SKY_ROWS = 32  # The same number as in scene.h.
 
 
 def material_of(
     model: mujoco.MjModel, number: int, rgba: np.ndarray, textures: list[np.ndarray]
 ) -> np.ndarray:
-    """The `MATERIAL` (0-dimensional) of something that has a number of one, or -1 and a colour.
+    """Returns the `MATERIAL` (0-dimensional) of a material id, or of a color if the id is -1.
 
-    Its texture, if it has one, is added to `textures`.
+    It appends the material's texture, if any, to `textures`.
     """
     found = np.zeros((), MATERIAL)
     color = rgba if number < 0 else model.mat_rgba[number]
@@ -31,7 +31,7 @@ def material_of(
 
 
 def levels_of(texture: np.ndarray) -> np.ndarray:
-    """A texture (height, width, 3) uint8 and its halves, down to one texel: bytes (n,)."""
+    """Returns the mipmaps of a texture (height, width, 3) uint8 as bytes (n,)."""
     level, found = texture.astype(np.float32), []
     for _ in range(depth_of(texture)):
         opaque = np.full((*level.shape[:2], 4), 255, np.uint8)
@@ -45,12 +45,12 @@ def levels_of(texture: np.ndarray) -> np.ndarray:
 
 
 def depth_of(texture: np.ndarray) -> int:
-    """How many levels a texture has."""
+    """Returns the number of mipmap levels of a texture."""
     return int(np.log2(max(texture.shape[:2]))) + 1
 
 
 def sky_of(model: mujoco.MjModel) -> np.ndarray:
-    """Colours (rows, 3) of the sky by the sine of the elevation, from -1 to 1."""
+    """Returns colors (rows, 3) of the sky by the sine of the elevation, from -1 to 1."""
     boxes = np.flatnonzero(model.tex_type == int(mujoco.mjtTexture.mjTEXTURE_SKYBOX))
     if not len(boxes):
         return np.zeros((_SKY_ROWS, 3), "f4")
@@ -63,7 +63,7 @@ def sky_of(model: mujoco.MjModel) -> np.ndarray:
     found = []
     for sine in np.linspace(-1.0, 1.0, _SKY_ROWS):
         flat = np.sqrt(max(1.0 - sine**2, 0.0))
-        if abs(sine) <= flat:  # On the front, in the middle.
+        if abs(sine) <= flat:  # The middle of the front face.
             row = (0.5 - 0.5 * sine / flat) * (size - 1)
             found.append(faces[4, round(row), size // 2])
         else:

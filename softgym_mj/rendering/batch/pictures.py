@@ -1,4 +1,4 @@
-"""`Pictures`: what cameras see in many environments, drawn together."""
+"""`Pictures`: renders the cameras of many environments together."""
 
 import ctypes
 import hashlib
@@ -10,19 +10,19 @@ from softgym_mj.batch.device import ALIGNMENT, Device, function
 from softgym_mj.batch.queue import Queue
 from softgym_mj.rendering.batch.scenes import Described, textures_of
 
-KIND = "pictures"  # Of kernels.
-SAMPLES = 2  # Of colours, along a side of a pixel.
-_COLORS, _SURFACES = 0, 1  # As in scene.h.
-_BUSY = 1 << 20  # Enough to do for all threads of a block.
+KIND = "pictures"  # Kind of kernel.
+SAMPLES = 2  # Color samples along a side of a pixel.
+_COLORS, _SURFACES = 0, 1  # The same values as in scene.h.
+_BUSY = 1 << 20  # Work items: enough for all threads of a block.
 
 Array = Any
 
 
 class Pictures:
-    """Colours, distances and labels of cameras in many environments.
+    """Renders colors, depths and labels of the cameras of many environments.
 
     Attributes:
-        grown: how many times the memory of pictures has been replaced by a larger one.
+        grown: Number of times that its memory has been replaced by a larger one.
     """
 
     def __init__(
@@ -34,14 +34,14 @@ class Pictures:
         size: tuple[int, int],
         device: Device,
     ):
-        """Pictures of nothing.
+        """Allocates images.
 
         Args:
-            num_envs: how many environments.
-            most_points: of what deforms in the largest scene.
-            num_movers, num_cameras: of each scene.
-            size: (height, width) [pixels].
-            device: where they are drawn.
+            num_envs: Number of environments.
+            most_points: Points of the deformable object in the largest scene.
+            num_movers, num_cameras: Numbers of movers and cameras of each scene.
+            size: Size of images (height, width) [pixels].
+            device: Device that renders.
         """
         self._device, self._size, self._number = device, size, num_envs
         self._slots = min(num_envs, device.max_slots(KIND, _BUSY))
@@ -59,7 +59,7 @@ class Pictures:
         self.grown = 0
 
     def load(self, described: Described) -> int:
-        """Gets a scene ready; returns its address, for `draw`."""
+        """Copies a scene to the device; returns its address."""
         textures = textures_of(scene := described.scene.copy())
         if len(textures):
             textures["texels"] += np.uint64(self._put(described.texels))
@@ -76,7 +76,7 @@ class Pictures:
         return address
 
     def _put(self, array: np.ndarray) -> int:
-        """The address of a copy of bytes, one of all that are the same."""
+        """Returns the device address of bytes; equal bytes share one copy."""
         key = hashlib.sha256(array.tobytes()).digest()
         if key not in self._known:
             there = self._device.put(array)
@@ -84,22 +84,22 @@ class Pictures:
         return self._known[key][0]
 
     def colors(self, scenes: Array, points: Array, poses: Array) -> Array:
-        """Images (num_envs, cameras, height, width, 3) uint8.
+        """Renders images (num_envs, cameras, height, width, 3) uint8.
 
         Args:
-            scenes: (num_envs,) addresses, from `load`.
-            points: of what deforms (num_envs, most_points, 3) [m].
-            poses: of movers (num_envs, movers, 7), positions [m] and quaternions.
+            scenes: Addresses (num_envs,) from `load`.
+            points: Points of deformable objects (num_envs, most_points, 3) [m].
+            poses: Positions [m] and quaternions of movers (num_envs, movers, 7).
         """
         self._draw(_COLORS, SAMPLES, scenes, points, poses)
         return self._device.xp.asarray(self._colors, copy=True)
 
     def surfaces(self, scenes: Array, points: Array, poses: Array) -> tuple[Array, Array]:
-        """Labels and distances of what the middles of pixels show; arguments as of `colors`.
+        """Renders labels and depths at the centers of pixels; arguments as in `colors`.
 
         Returns:
             Index into `LABELS` (num_envs, cameras, height, width) uint8, of objects also behind
-            glass, and how far away it is along the view (...) float32 [m], of glass first.
+            glass, and depth along the view (...) float32 [m], of glass first.
         """
         self._draw(_SURFACES, 1, scenes, points, poses)
         xp = self._device.xp
@@ -117,7 +117,7 @@ class Pictures:
         self._device.step(KIND, self._batches[what], self._slots, _BUSY)
 
     def _written(self, what: int, samples: int) -> Array:
-        """`Batch` of scene.h, as bytes."""
+        """Returns the struct `Batch` of scene.h as bytes."""
         sizes = (
             self._number, self._slots, self._points.shape[1], self._poses.shape[1],
             self._shape[1], *self._size, samples, what, self._memory.shape[1],

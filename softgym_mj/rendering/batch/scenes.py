@@ -1,4 +1,4 @@
-"""`describe`: what pictures have to know of a compiled model."""
+"""`describe`: converts a compiled model to a scene of the batch renderer."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -15,15 +15,15 @@ from softgym_mj.rendering.look import FAST, look_of
 from softgym_mj.rendering.offscreen import camera_ids
 
 _DIRECTIONAL = int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
-_ALIGNMENT = 32  # [bytes] Of arrays in a scene.
+_ALIGNMENT = 32  # [bytes] Alignment of arrays in a scene.
 
 
 class Described(NamedTuple):
-    """A scene, with its textures apart: many scenes have the same.
+    """A scene and its textures, which many scenes share.
 
     Attributes:
-        scene: bytes (n,) uint8; `Pictures.load` fills in where textures are.
-        texels: of all textures with their smaller levels, (m,) uint8.
+        scene: Bytes (n,) uint8; `Pictures.load` sets the addresses of textures.
+        texels: Texels of all textures and their mipmaps (m,) uint8.
     """
 
     scene: np.ndarray
@@ -37,17 +37,17 @@ def describe(
     parts: Mapping[str, Sequence[str]],
     marks: bool = False,
 ) -> Described:
-    """What pictures of a model show, all but where things are.
+    """Converts a model to a scene without poses.
 
     Args:
-        model: with at most one sheet, rope or water.
-        cameras: names, as in `camera_ids`.
-        movers: numbers by body: what these bodies carry is drawn where they are.
-        parts: as of `LabelledView`.
-        marks: whether the marks of goals are drawn: only for colors, where they look like panes.
+        model: Model with at most one sheet, rope or water.
+        cameras: Camera names as in `camera_ids`.
+        movers: Mover index by body; geoms of these bodies move with them.
+        parts: As in `LabelledView`.
+        marks: Whether goal marks are rendered, as panes; for colors only.
 
     Raises:
-        InvalidArgumentError: for what cannot be drawn so.
+        InvalidArgumentError: If the batch renderer does not support something in the model.
     """
     if look_of(model) is not FAST:
         raise InvalidArgumentError("look", look_of(model).name, f"{FAST.name!r}, on this device")
@@ -88,7 +88,7 @@ def describe(
 
 
 def textures_of(scene: np.ndarray) -> np.ndarray:
-    """A view (n,) of the textures of a scene: where they are is said from the start of `texels`."""
+    """Returns a view (n,) of a scene's textures; their offsets are relative to `texels`."""
     head = scene[: SCENE.itemsize].view(SCENE)[0]
     first, count = int(head["textures"]), int(head["sky"] - head["textures"]) // TEXTURE.itemsize
     return scene[first : first + count * TEXTURE.itemsize].view(TEXTURE)

@@ -1,4 +1,4 @@
-"""Solids and glass of a scene."""
+"""Rigid objects and glass of a scene."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from softgym_mj.rendering.offscreen import SHOWN_SITES
 _BOX, _SPHERE, _CYLINDER, _MESH = (
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")) for name in ("BOX", "SPHERE", "CYLINDER", "MESH")
 )
-_SHAPES = (_BOX, _SPHERE, _CYLINDER)  # As in scene.h.
-_MOST_SOLIDS = 32  # As many as bits that say which may be seen.
-_SHOWN = 3  # Groups of geoms that are drawn are below.
+_SHAPES = (_BOX, _SPHERE, _CYLINDER)  # The same order as in scene.h.
+_MOST_SOLIDS = 32  # Number of bits in a visibility mask.
+_SHOWN = 3  # Groups of geoms below this number are rendered.
 
 
 def solids_of(
@@ -28,10 +28,10 @@ def solids_of(
     parts: Mapping[str, Sequence[str]],
     textures: list[np.ndarray],
 ) -> tuple[np.ndarray, list]:
-    """Solids, and of each glass: number of the mover, places, normals, triangles, material.
+    """Returns solids, and mover, vertices, normals, triangles and material of each glass geom.
 
     Raises:
-        InvalidArgumentError: for other shapes, or too many.
+        InvalidArgumentError: If there are other shapes or too many solids.
     """
     labels, solids, glasses = geom_labels(model, parts), [], []
     for geom in np.flatnonzero(model.geom_group < _SHOWN):
@@ -66,10 +66,10 @@ def solids_of(
 
 
 def marks_of(model: mujoco.MjModel, data: mujoco.MjData) -> list:
-    """Sites that are drawn, as panes: what `solids_of` returns of each glass.
+    """Returns visible sites as panes, in the format of glass of `solids_of`.
 
     Raises:
-        InvalidArgumentError: for sites that are no boxes.
+        InvalidArgumentError: If a site is not a box.
     """
     found = []
     for site in np.flatnonzero(model.site_group < SHOWN_SITES):
@@ -84,7 +84,7 @@ def marks_of(model: mujoco.MjModel, data: mujoco.MjData) -> list:
 
 
 def _box() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Corners and normals (24, 3), and triangles (12, 3), of a box of half sizes 1."""
+    """Returns corners and normals (24, 3) and triangles (12, 3) of a box with half sizes 1."""
     corners, normals = [], []
     for axis, sign in itertools.product(range(3), (-1.0, 1.0)):
         normal, first = sign * np.eye(3)[axis], np.eye(3)[axis - 2]
@@ -105,7 +105,7 @@ def _flat(values: tuple) -> tuple:
 
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices and normals (n, 3), and triangles (m, 3), of a mesh."""
+    """Returns vertices and normals (n, 3) and triangles (m, 3) of a mesh."""
     faces = part_of(model.mesh_face, model.mesh_faceadr, model.mesh_facenum, mesh)
     of_normals = part_of(model.mesh_facenormal, model.mesh_faceadr, model.mesh_facenum, mesh)
     places = part_of(model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum, mesh)
@@ -117,7 +117,7 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def add_glasses(scene: np.ndarray, arrays: dict[str, np.ndarray], glasses: list) -> np.ndarray:
-    """Adds what `solids_of` says of glass, as `add_deformable`; returns its triangles (n, 3)."""
+    """Adds glass from `solids_of` to a scene; returns its triangles (n, 3)."""
     rows, vertices, triangles = [], 0, 0
     for mover, places, _, faces, material in glasses:
         row = (mover, vertices, len(places), triangles, len(faces), material)

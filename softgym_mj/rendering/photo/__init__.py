@@ -1,4 +1,4 @@
-"""Photoreal stills and films: a renderer that follows light, Mitsuba 3 (extra `photo`)."""
+"""Path-traced images and videos with Mitsuba 3 (extra `photo`)."""
 
 from softgym_mj.rendering.photo.camera import SAMPLES, PhotoCamera, film, still
 

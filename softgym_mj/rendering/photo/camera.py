@@ -1,4 +1,4 @@
-"""`PhotoCamera`: photographs of physics; stills and films of environments."""
+"""`PhotoCamera`: path-traced images of physics; stills and videos of environments."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,15 +13,15 @@ from softgym_mj.rendering.photo.scene import Scene
 from softgym_mj.validation import typed
 
 EXTRA = "photo"
-VARIANT = "scalar_rgb"  # The compiled ones want LLVM or a GPU.
-SAMPLES = 64  # Of a pixel; glass and water want 256.
-DEPTH, CLEAR_DEPTH = 6, 16  # Pieces of a path of light; glass has many surfaces.
+VARIANT = "scalar_rgb"  # Mitsuba's compiled variants need LLVM or a GPU.
+SAMPLES = 64  # Samples per pixel; glass and water need 256.
+DEPTH, CLEAR_DEPTH = 6, 16  # Path length, without and with glass, which has many surfaces.
 _PASS = 8  # Samples between two calls of `on_sample`.
-_LAYERS = "albedo:albedo,normal:sh_normal"  # What the denoiser tells edges and weaves from.
+_LAYERS = "albedo:albedo,normal:sh_normal"  # Feature layers of the denoiser.
 
 
 class PhotoCamera:
-    """Photographs physics as it is; the physics is not changed."""
+    """Path-traces the current state of physics without changing it."""
 
     @typed
     def __init__(
@@ -31,17 +31,17 @@ class PhotoCamera:
         samples: int = SAMPLES,
         denoise: bool = True,
     ):
-        """Loads the camera.
+        """Loads Mitsuba and the denoiser.
 
         Args:
-            camera: a name as in `camera_ids`, or a camera anywhere.
-            size: side of pictures, in 1..`LARGEST_IMAGE` [pixels].
-            samples: of which a pixel is the mean.
-            denoise: whether Open Image Denoise removes the grain.
+            camera: Name as in `camera_ids`, or a camera pose.
+            size: Side of images, in 1..`LARGEST_IMAGE` [pixels].
+            samples: Samples per pixel.
+            denoise: Whether Open Image Denoise removes noise.
 
         Raises:
-            InvalidArgumentError: for a bad size or number of samples.
-            UnavailableError: if Mitsuba or the denoiser is missing.
+            InvalidArgumentError: If the size or the number of samples is out of range.
+            UnavailableError: If Mitsuba or the denoiser is missing.
         """
         self._size = check_count("size", size, 1, LARGEST_IMAGE)
         self._samples = check_count("samples", samples, 1)
@@ -50,19 +50,19 @@ class PhotoCamera:
         self._oidn = import_extra("pyoidn", "Open Image Denoise", EXTRA) if denoise else None
         if self._mi.variant() is None:
             self._mi.set_variant(VARIANT)
-            self._mi.set_log_level(self._mi.LogLevel.Error)  # Else it warns of samples.
+            self._mi.set_log_level(self._mi.LogLevel.Error)  # Suppresses warnings about samples.
 
     def rgb(
         self, physics: Any, on_sample: Callable[[int], object] = lambda number: None
     ) -> np.ndarray:
-        """Image (size, size, 3) uint8.
+        """Renders an image (size, size, 3) uint8.
 
         Args:
-            physics: what is seen.
-            on_sample: called with the number of samples when so many more are done.
+            physics: Simulation to render.
+            on_sample: Called with the number of samples done since the last call.
 
         Raises:
-            InvalidArgumentError: if it has no such camera.
+            InvalidArgumentError: If the model has no such camera.
         """
         model, data = physics.model.ptr, physics.data.ptr
         refresh(model, data)
@@ -82,7 +82,7 @@ class PhotoCamera:
         return eye
 
     def _render(self, scene: Scene, on_sample: Callable[[int], object]) -> np.ndarray:
-        """Light, albedo and normals (3, size, size, 3) float32."""
+        """Renders light, albedo and normals (3, size, size, 3) float32."""
         mi = self._mi
         path = {"type": "path", "max_depth": CLEAR_DEPTH if scene.is_clear else DEPTH}
         loaded = mi.load_dict(
@@ -99,7 +99,7 @@ class PhotoCamera:
         for done in range(0, self._samples, _PASS):
             number = min(_PASS, self._samples - done)
             layers = np.asarray(mi.render(loaded, spp=number, seed=done)).reshape(shape)
-            # Of some 100 000 samples one is not finite.
+            # About one of 100,000 samples is not finite.
             fine = np.isfinite(layers).all(axis=(2, 3), keepdims=True)
             total += np.where(fine, number * layers, 0.0)
             counts += number * fine
@@ -116,15 +116,15 @@ def still(
     samples: int = SAMPLES,
     denoise: bool = True,
 ) -> np.ndarray:
-    """A photograph (size, size, 3) uint8 of an environment, or of physics, as it is now.
+    """Path-traces an image (size, size, 3) uint8 of the current state.
 
     Args:
-        env: what has `physics`, or is physics.
-        camera, size, samples, denoise: as those of `PhotoCamera`.
+        env: Environment with an attribute `physics`, or physics itself.
+        camera, size, samples, denoise: As in `PhotoCamera`.
 
     Raises:
-        InvalidArgumentError: for bad settings.
-        UnavailableError: if Mitsuba or the denoiser is missing.
+        InvalidArgumentError: If a setting is invalid.
+        UnavailableError: If Mitsuba or the denoiser is missing.
     """
     return PhotoCamera(camera, size, samples, denoise).rgb(getattr(env, "physics", env))
 
@@ -139,20 +139,20 @@ def film(
     every: int = 1,
     on_step: Callable[[], object] = lambda: None,
 ) -> Video:
-    """Plays an episode and photographs it; the video has the speed of what it shows.
+    """Plays an episode and path-traces a video in real time.
 
     Args:
-        env: an `Environment`.
-        act: gives an action for a time step, as what `policies.factory.make_policy` makes.
-        variation: as in `Environment.reset`.
-        camera: None for `PhotoCamera()`.
-        every: env steps from one picture to the next.
-        on_step: called after each env step, and its picture.
+        env: Environment.
+        act: Returns an action for a time step, such as a policy of `policies.factory.make_policy`.
+        variation: As in `Environment.reset`.
+        camera: Camera; None means `PhotoCamera()`.
+        every: Env steps per frame.
+        on_step: Called after each env step and its frame.
 
     Raises:
-        InvalidArgumentError: for bad settings.
-        SimulationError: if the episode diverges.
-        UnavailableError: if Mitsuba or the denoiser is missing.
+        InvalidArgumentError: If a setting is invalid.
+        SimulationError: If the episode diverges.
+        UnavailableError: If Mitsuba or the denoiser is missing.
     """
     check_count("every", every, 1)
     camera = PhotoCamera() if camera is None else camera

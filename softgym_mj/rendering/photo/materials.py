@@ -1,4 +1,4 @@
-"""What things are made of, as Mitsuba's BSDFs."""
+"""Materials as Mitsuba's BSDFs."""
 
 import dataclasses
 from typing import Any
@@ -14,11 +14,11 @@ Color = tuple[float, float, float]  # (r, g, b) in 0..1, in linear light.
 
 @dataclasses.dataclass(frozen=True)
 class Clear:
-    """What light passes through.
+    """Transparent material.
 
     Attributes:
-        index: of refraction.
-        tint: of what passes one of its surfaces.
+        index: Refractive index.
+        tint: Color of light that passes one surface.
     """
 
     index: float
@@ -27,9 +27,9 @@ class Clear:
 
 @dataclasses.dataclass(frozen=True)
 class Opaque:
-    """What light does not pass; attributes as those of Mitsuba's "principled".
+    """Opaque material with attributes of Mitsuba's "principled" BSDF.
 
-    Its colour is that of the model, and where these are None, so are its reflections.
+    Its color, and reflections that are None, are those of the model.
     """
 
     roughness: float | None = None
@@ -40,7 +40,7 @@ class Opaque:
 
 
 STEEL = Opaque(0.28, metallic=1.0)
-# By the last part of a material's name in the model; others are `Opaque()`.
+# Finishes by the last part of a material's name in the model; all others are `Opaque()`.
 FINISHES: dict[str, Clear | Opaque] = {
     "glass": Clear(1.5, (0.985, 0.995, 0.99)),
     "water": Clear(1.33, (0.70, 0.90, 0.98)),
@@ -57,26 +57,26 @@ FINISHES: dict[str, Clear | Opaque] = {
 
 
 def finish_of(model: mujoco.MjModel, material: int) -> Clear | Opaque:
-    """What a material of a model, -1 for none, is made of."""
+    """Returns the finish of a material id of a model; -1 means no material."""
     name = "" if material < 0 else model.material(material).name
     return FINISHES.get(name.rpartition("/")[2], Opaque())
 
 
 def linear(values: npt.ArrayLike) -> np.ndarray:
-    """Light (...) of sRGB's values (...) in 0..1."""
+    """Converts sRGB values (...) in 0..1 to linear light (...)."""
     values = np.asarray(values, float)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def pixels(light: np.ndarray) -> np.ndarray:
-    """sRGB's values (...), uint8, of light (...); what is brighter than 1 is white."""
+    """Converts linear light (...) to sRGB values (...) uint8; values above 1 are clipped."""
     light = np.clip(light, 0.0, 1.0)
     values = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.round(255.0 * values).astype(np.uint8)
 
 
 def bsdf(mi: Any, model: mujoco.MjModel, geom: mujoco.MjvGeom, has_texture: bool) -> Any:
-    """The BSDF of a geom of a scene; `mi` is Mitsuba."""
+    """Returns the BSDF of a geom of a scene; `mi` is Mitsuba."""
     finish = finish_of(model, geom.matid)
     if isinstance(finish, Clear):
         tint = {"type": "rgb", "value": list(finish.tint)}

@@ -1,4 +1,4 @@
-"""A scene of MuJoCo's as one of Mitsuba's: shapes, materials, lights."""
+"""Converts a MuJoCo scene to a Mitsuba scene: shapes, materials, lights."""
 
 import itertools
 from typing import Any
@@ -13,36 +13,35 @@ from softgym_mj.rendering.photo.materials import Clear, bsdf, finish_of, linear
 from softgym_mj.rendering.photo.shapes import Triangles
 from softgym_mj.rendering.surfaces import WaterSurface, find_surfaces
 
-# Factors to the colours of the sky, at the horizon, where it is as bright as the floor of the room,
-# and at the zenith; and to a lamp that casts shadows and to others.
+# Factors of the sky's color at the horizon, where it is as bright as the floor of the room, and at
+# the zenith; and factors of lights with shadows and of others.
 HORIZON_LIGHT, ZENITH_LIGHT, SUN_LIGHT, OTHER_LIGHT = 0.76, 0.25, 1.5, 0.6
-# Half the side of a softbox at the distance 1, and how far away they are [m]: they light all of the
-# room alike.
+# Half the side of a softbox at distance 1, and its distance [m], which lights the room evenly.
 LAMP_SIDE, LAMP_DISTANCE = 0.15, 300.0
-# The water: cells of the grid [rest distances], passes of the filter.
+# Water surface: cell size [rest distances], passes of the smoothing filter.
 WATER_CELL, WATER_PASSES = 0.4, 12
 _GEOM = mujoco.mjtGeom
 
 
 class Scene:
-    """What a camera sees of a model.
+    """Mitsuba scene of a model.
 
     Attributes:
-        contents: for Mitsuba's `load_dict`, without camera and light.
-        names: of the geoms and skins in the model, by the keys of `contents`.
-        is_clear: whether there is glass or water in it.
-        seen: MuJoCo's scene, with its camera and lights.
+        contents: Argument of Mitsuba's `load_dict`, without camera and light.
+        names: Names of the model's geoms and skins by key of `contents`.
+        is_clear: Whether it contains glass or water.
+        seen: MuJoCo's scene with its camera and lights.
     """
 
     def __init__(
         self, mi: Any, model: mujoco.MjModel, data: mujoco.MjData, camera: mujoco.MjvCamera
     ):
-        """Makes it.
+        """Converts the current state of a model.
 
         Args:
-            mi: Mitsuba.
-            model, data: what is seen.
-            camera: from where.
+            mi: Module of Mitsuba.
+            model, data: Simulation to render.
+            camera: Camera.
         """
         self._mi, self._model = mi, model
         self.seen = mujoco.MjvScene(model, MAX_GEOMS)
@@ -64,7 +63,7 @@ class Scene:
         self.is_clear = False
         self._materials: dict[tuple, Any] = {}
         for geom in itertools.islice(self.seen.geoms, self.seen.ngeom):
-            if geom.category != mujoco.mjtCatBit.mjCAT_DECOR:  # Such as what plugins draw.
+            if geom.category != mujoco.mjtCatBit.mjCAT_DECOR:  # Decoration, such as plugins draw.
                 self._add(geom)
 
     def _add(self, geom: mujoco.MjvGeom) -> None:
@@ -77,13 +76,13 @@ class Scene:
         self.contents[key] = self._mesh(key, triangles, self._material(geom, triangles))
 
     def _triangles(self, geom: mujoco.MjvGeom) -> Triangles | None:
-        """The surface of a geom in the world."""
+        """Returns the surface of a geom in the world frame."""
         if geom.type == _GEOM.mjGEOM_SKIN:
             return self._skin(geom.objid)
         if geom.type != _GEOM.mjGEOM_MESH:
             own = shapes.shape(geom.type, geom.size)
         else:
-            own = shapes.mesh(self._model, geom.dataid // 2)  # Odd ones are convex hulls.
+            own = shapes.mesh(self._model, geom.dataid // 2)  # Odd ids are convex hulls.
             if isinstance(finish_of(self._model, geom.matid), Clear):
                 own = shapes.weighted(own.vertices, own.faces)
         if own is None:
@@ -114,7 +113,7 @@ class Scene:
         return Triangles(vertices, normals, texcoords, faces)
 
     def _material(self, geom: mujoco.MjvGeom, triangles: Triangles) -> Any:
-        """The BSDF; parts of one material share it."""
+        """Returns the BSDF, shared by all parts of one material."""
         has_texture = triangles.texcoords is not None
         key = (geom.matid, *geom.rgba, geom.specular, geom.shininess, has_texture)
         if key not in self._materials:
@@ -135,14 +134,14 @@ class Scene:
         values["faces"] = np.ascontiguousarray(faces, np.uint32).ravel()
         if normals is not None:
             values["vertex_normals"] = np.ascontiguousarray(normals, np.float32).ravel()
-        if texcoords is not None:  # Mitsuba's begin below.
+        if texcoords is not None:  # Mitsuba's origin is at the bottom.
             upright = np.column_stack([texcoords[:, 0], 1.0 - texcoords[:, 1]])
             values["vertex_texcoords"] = np.ascontiguousarray(upright, np.float32).ravel()
         values.update()
         return mesh
 
     def lights(self) -> dict[str, Any]:
-        """A softbox for each lamp of the model, and a sky."""
+        """Returns a softbox for each light of the model, and a sky."""
         mi = self._mi
         found: dict[str, Any] = {"sky": self._sky()}
         for i, lamp in enumerate(itertools.islice(self.seen.lights, self.seen.nlight)):
@@ -164,7 +163,7 @@ class Scene:
         return found
 
     def _sky(self) -> dict[str, Any]:
-        """The gradient of the look, from the horizon to the zenith."""
+        """Returns the sky gradient of the look, from the horizon to the zenith."""
         mi, rows = self._mi, 32
         height = np.clip(np.linspace(1.0, -1.0, rows), 0.0, 1.0)[:, None]
         zenith, horizon = ZENITH_LIGHT * linear(SKY), HORIZON_LIGHT * linear(HORIZON)
@@ -174,7 +173,7 @@ class Scene:
         return {"type": "envmap", "bitmap": mi.Bitmap(picture), "to_world": upright}
 
     def sensor(self, size: int) -> dict[str, Any]:
-        """The camera of MuJoCo's scene, for square pictures."""
+        """Returns the camera of MuJoCo's scene for square images."""
         mi, (left, right) = self._mi, self.seen.camera
         place = (np.array(left.pos) + right.pos) / 2.0
         angle = 2.0 * np.degrees(
@@ -185,7 +184,7 @@ class Scene:
         )
         film = {
             "type": "hdrfilm", "width": size, "height": size, "pixel_format": "rgb",
-            # The denoiser wants pixels whose noise is their own; others leave the grain.
+            # A box filter keeps the noise of pixels independent, as the denoiser requires.
             "rfilter": {"type": "box"},
         }  # fmt: skip
         return {

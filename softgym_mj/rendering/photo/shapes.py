@@ -1,4 +1,4 @@
-"""Triangles of MuJoCo's shapes and meshes, with normals and texture coordinates."""
+"""Triangle meshes of MuJoCo's shapes, with normals and texture coordinates."""
 
 from typing import NamedTuple
 
@@ -8,19 +8,19 @@ from scipy import sparse
 
 from softgym_mj.native.meshes import Mesh
 
-SIDES = 96  # Of what is round.
-FARTHEST = 60.0  # [m] Half a side of a plane without end.
+SIDES = 96  # Corners of circles.
+FARTHEST = 60.0  # [m] Half side of an infinite plane.
 _GEOM = mujoco.mjtGeom
 
 
 class Triangles(NamedTuple):
-    """A surface.
+    """A triangle mesh.
 
     Attributes:
-        vertices: (v, 3) [m].
-        normals: (v, 3), of length 1; None to have flat faces.
-        texcoords: (v, 2), with (0, 0) at the upper left of a texture; None if there are none.
-        faces: (f, 3), counter-clockwise from outside.
+        vertices: Positions (v, 3) [m].
+        normals: Unit normals (v, 3); None means flat faces.
+        texcoords: Texture coordinates (v, 2), with (0, 0) at the upper left of a texture, or None.
+        faces: Vertex indices (f, 3), counterclockwise from outside.
     """
 
     vertices: np.ndarray
@@ -30,11 +30,11 @@ class Triangles(NamedTuple):
 
 
 def shape(kind: int, size: np.ndarray) -> Triangles | None:
-    """A shape in its own frame; None for what is none, such as lines and labels.
+    """Returns the mesh of a shape in its own frame; None for lines, labels and the like.
 
     Args:
-        kind: a value of `mujoco.mjtGeom`.
-        size: (3,) [m] as in `mujoco.MjvGeom`.
+        kind: Value of `mujoco.mjtGeom`.
+        size: Size (3,) [m] as in `mujoco.MjvGeom`.
     """
     if kind == _GEOM.mjGEOM_PLANE:
         x, y = np.where(size[:2] > 0.0, size[:2], FARTHEST)
@@ -55,7 +55,7 @@ def _box(size: np.ndarray) -> Triangles:
     for axis in range(3):
         for sign in (-1.0, 1.0):
             side = np.insert(square, axis, sign, axis=1)
-            # The order of axes turns Y's sides inside out, a negative sign turns any.
+            # The order of axes reverses the orientation of Y's sides, and so does a negative sign.
             vertices.append(side if (sign > 0.0) == (axis != 1) else side[::-1])
             normals.append(np.tile(sign * np.eye(3)[axis], (4, 1)))
     first = 4 * np.arange(6)[:, None]
@@ -65,7 +65,7 @@ def _box(size: np.ndarray) -> Triangles:
 
 
 def _arc(start: float, end: float) -> np.ndarray:
-    """Radius and height (n, 2) on a circle of radius 1, from one elevation to another [rad]."""
+    """Returns radius and height (n, 2) of a unit arc between two elevations [rad]."""
     angles = np.linspace(start, end, SIDES // 4 + 1)
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
@@ -88,7 +88,7 @@ def _cylinder(size):
     return np.array([*points, [0, half]]), np.array(normals, float)
 
 
-# Profiles from below upwards, radius and height [m], and their normals.
+# Profiles from bottom to top, radius and height [m], and their normals.
 _PROFILES = {
     _GEOM.mjGEOM_SPHERE: _sphere,
     _GEOM.mjGEOM_ELLIPSOID: _sphere,
@@ -98,9 +98,9 @@ _PROFILES = {
 
 
 def _revolved(points: np.ndarray, slopes: np.ndarray, widths: np.ndarray) -> Triangles:
-    """What a profile, points (n, 2) with normals (n, 2), makes when it turns about Z.
+    """Returns the surface of revolution about Z of a profile (n, 2) with normals (n, 2).
 
-    It is `widths` (2,) as wide along X and Y.
+    It is scaled by `widths` (2,) along X and Y.
     """
     angles = np.linspace(0.0, 2.0 * np.pi, SIDES + 1)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -122,7 +122,7 @@ def _revolved(points: np.ndarray, slopes: np.ndarray, widths: np.ndarray) -> Tri
 
 
 def mesh(model: mujoco.MjModel, number: int) -> Triangles:
-    """A mesh of a model: each triangle has vertices of its own."""
+    """Returns a mesh of a model with separate vertices for each triangle."""
 
     def part(values: np.ndarray, first: np.ndarray, count: np.ndarray) -> np.ndarray:
         return values[first[number] : first[number] + count[number]]
@@ -140,9 +140,9 @@ def mesh(model: mujoco.MjModel, number: int) -> Triangles:
 
 
 def weighted(vertices: np.ndarray, faces: np.ndarray) -> Triangles:
-    """A surface whose large faces stay flat: the normals of small ones, at edges, lead over.
+    """Returns a surface with area-weighted vertex normals, so that large faces look flat.
 
-    A normal is the mean of those of the faces around, as to their areas. Vertices may be double.
+    Vertices may be duplicated.
     """
     places, which = np.unique(np.round(vertices, 9), axis=0, return_inverse=True)
     joined = which.reshape(-1)[faces]
@@ -153,14 +153,14 @@ def weighted(vertices: np.ndarray, faces: np.ndarray) -> Triangles:
 
 
 def smooth(surface: Mesh, passes: int) -> Triangles:
-    """A closed surface without the bumps of what it was made of: Taubin's filter."""
+    """Smooths a closed surface by Taubin's filter."""
     ends = np.concatenate([surface.faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     number = len(surface.vertices)
     near = sparse.coo_matrix((np.ones(len(ends)), ends.T), (number, number)).tocsr()
     near = sparse.diags(1.0 / np.maximum(near.sum(axis=1).A1, 1.0)) @ near
     vertices = surface.vertices.astype(float)
     for _ in range(passes):
-        for step in (0.5, -0.53):  # The second undoes the shrinking of the first.
+        for step in (0.5, -0.53):  # The second step undoes the shrinkage of the first.
             vertices += step * (near @ vertices - vertices)
     return weighted(vertices, surface.faces)
 
