@@ -21,7 +21,7 @@ class Copy(Protocol):
     done: bool
 
     def wait(self) -> np.ndarray:
-        """Waits for the copy and returns it."""
+        """Waits for the copy and returns it (...)."""
 
 
 class Device(Protocol):
@@ -39,22 +39,22 @@ class Device(Protocol):
         """Returns the largest number of environments stepped at a time; arguments as in `step`."""
 
     def zeros(self, shape: tuple[int, ...], dtype: str) -> Any:
-        """Returns zeros of a dtype by name; their memory starts at a multiple of `ALIGNMENT`."""
+        """Returns zeros (...) of a dtype by name, whose memory is aligned to `ALIGNMENT`."""
 
     def put(self, array: np.ndarray) -> Any:
-        """Copies a NumPy array to the device."""
+        """Copies a NumPy array (...) to the device."""
 
     def get(self, array: Any) -> np.ndarray:
-        """Copies an array to NumPy."""
+        """Copies an array (...) to NumPy."""
 
     def copy(self, array: Any) -> Copy:
-        """Begins a copy of an array to NumPy without waiting."""
+        """Begins a copy of an array (...) to NumPy without waiting."""
 
     def address(self, array: Any) -> int:
         """Returns the address of an array's memory."""
 
     def repeat(self, key: Hashable, function: Callable[[], Any], name: str = "") -> Any:
-        """Runs a function, or replays it as a CUDA graph; returns copies of its results.
+        """Runs a function, or replays it as a CUDA graph; returns copies of its results (...).
 
         Args:
             key: Identifies arrays and operations: with an equal key the function would apply the

@@ -9,7 +9,7 @@ from softgym_mj.vector.base import VectorEnv
 
 
 def to_host(array: Any) -> np.ndarray:
-    """Returns a NumPy array, or a tensor on any device, as a NumPy array."""
+    """Returns an array or a tensor (...) on any device as a NumPy array (...)."""
     return np.asarray(array.cpu() if hasattr(array, "cpu") else array)
 
 

@@ -68,6 +68,7 @@ class ClothBatch(BatchPhysics):
 
     @property
     def changed(self) -> int:  # type: ignore[override]
+        """Number of times that arrays outside `state` have been replaced."""
         return len(self._ways) + self._solver.grown
 
     # ------------------------------------------------------------------ the environment

@@ -49,6 +49,7 @@ class FluidBatch(BatchPhysics):
 
     @property
     def changed(self) -> int:  # type: ignore[override]
+        """Number of times that arrays outside `state` have been replaced."""
         return self._solver.grown
 
     # ------------------------------------------------------------------ the environment
