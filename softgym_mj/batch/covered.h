@@ -1,4 +1,4 @@
-// The area that a triangle mesh covers in top view, layers counted once: `metrics.covered_area`, for many meshes.
+// Area that a triangle mesh covers in top view, layers counted once: `metrics.covered_area` for many meshes.
 
 #ifndef SOFTGYM_MJ_BATCH_COVERED_H_
 #define SOFTGYM_MJ_BATCH_COVERED_H_
@@ -11,14 +11,14 @@
 namespace softgym_mj {
 namespace {
 
-// (vertices, coordinates) of which the first two are X and Y [m]; (triangles, 3) corners.
+// Points (vertices, coordinates), of which the first two coordinates are X and Y [m], and corners (triangles, 3).
 struct TriangleMesh {
   long long coordinates, triangles;
   const double* points;
   const long long* corners;
 };
 
-// What a line of constant Y has in common with a triangle. Corners in the order of their Y, as they were if equal.
+// Intersection of a line of constant Y with a triangle.
 struct Crossing {
   double left, right;
   bool exists;
@@ -30,7 +30,7 @@ inline double CrossingAt(double level, double x0, double y0, double x1, double y
   return x0 + (x1 - x0) * (share < 0 ? 0.0 : share > 1 ? 1.0 : share);
 }
 
-// Lines are counted from 0; line k lies at bottom + (k + 1/2) pitch.
+// Intersects line `line` >= 0, at Y = bottom + (line + 1/2) pitch. Corners are sorted stably by Y.
 inline Crossing Cross(const TriangleMesh& mesh, long long triangle, double bottom, double pitch, long long line) {
   double x[3], y[3];
   for (int c = 0; c < 3; ++c) {
@@ -56,9 +56,9 @@ inline Crossing Cross(const TriangleMesh& mesh, long long triangle, double botto
   return found;
 }
 
-constexpr int kMostPieces = 96;  // That do not overlap, of one line; piles have a dozen.
+constexpr int kMostPieces = 96;  // Disjoint pieces of a line; piles have a dozen.
 
-// How much of a line a mesh covers, of any number of pieces: each counts as far as none before it reaches.
+// Covered length of a line for any number of pieces: each counts beyond the ends of all earlier ones.
 inline double CoveredOfMany(const TriangleMesh& mesh, double bottom, double pitch, long long line) {
   double covered = 0;
   for (long long t = 0; t < mesh.triangles; ++t) {
@@ -86,7 +86,7 @@ inline double Covered(const TriangleMesh& mesh, double bottom, double pitch, lon
         ++i;
         continue;
       }
-      // They become one, which those before may overlap.
+      // They merge into one piece, which may overlap earlier ones.
       own.left = own.left < left[i] ? own.left : left[i];
       own.right = own.right > right[i] ? own.right : right[i];
       --pieces;
@@ -101,7 +101,7 @@ inline double Covered(const TriangleMesh& mesh, double bottom, double pitch, lon
   return covered;
 }
 
-// A number whose order as a key is that of the doubles.
+// Integer key with the order of the doubles.
 inline Key KeyOf(double a) {
   Key bits;
   memcpy(&bits, &a, sizeof(bits));
@@ -114,7 +114,7 @@ inline double FromKey(Key key) {
   return a;
 }
 
-// Fills `area` [m^2]; `lengths`: memory for a number of each line.
+// Computes `area` [m^2]; `lengths`: memory for a number per line.
 inline void CoverMesh(const TriangleMesh& mesh, long long lines, double* lengths, double* area) {
   SGM_SHARED Key ends[2];
   Once([&] { ends[0] = ends[1] = ~Key{0}; });

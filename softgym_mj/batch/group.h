@@ -1,8 +1,7 @@
-// The threads that work on one environment of a batch: those of a block on a GPU, or one of a processor.
+// Thread group that steps one environment of a batch: a block on a GPU, or one CPU thread.
 //
-// A kernel for an environment is a sequence of loops; in none of them may what one turn does depend on another turn,
-// but by the functions below that say so. On a processor `Turns` makes the turns of each loop come in another order:
-// what comes out must have the same bits.
+// A kernel is a sequence of parallel loops. Iterations of a loop must be independent except through the atomic
+// functions below. On a CPU `Turns` changes the order of iterations: results must be bit-identical.
 
 #ifndef SOFTGYM_MJ_BATCH_GROUP_H_
 #define SOFTGYM_MJ_BATCH_GROUP_H_
@@ -16,19 +15,19 @@ using Key = unsigned long long;
 
 #ifdef __CUDACC__
 
-// Of what all threads of a group have together.
+// Memory shared by the threads of a group.
 #define SGM_SHARED __shared__
 
 inline void Wait() { __syncthreads(); }
 
-// Calls f(i) for 0 <= i < count. All have been called when it returns.
+// Calls f(i) for 0 <= i < count, and waits for all of them.
 template <class F>
 inline void Each(int count, F f) {
   for (int i = static_cast<int>(threadIdx.x); i < count; i += static_cast<int>(blockDim.x)) f(i);
   Wait();
 }
 
-// Calls f(i) for first <= i < end, each by eight threads, the lanes of `Lanes`.
+// Calls f(i) for first <= i < end, each by eight threads, which are the lanes of `Lanes`.
 template <class F>
 inline void EachBlock(int first, int end, F f) {
   const int threads = static_cast<int>(blockDim.x) / kLanes;
@@ -36,8 +35,8 @@ inline void EachBlock(int first, int end, F f) {
   Wait();
 }
 
-// Calls f(i), each by eight threads, for begin[0] <= i < begin[1]; when all have been called for the next such part,
-// and so on. Small parts that follow each other are for one warp, which waits for itself alone.
+// Calls f(i), each by eight threads, for begin[0] <= i < begin[1], waits, and goes on with the next part. One warp runs
+// consecutive small parts, because it need not wait for the other warps.
 template <class F>
 inline void EachBlockOf(const int* begin, int parts, F f) {
   constexpr int kWarp = 32, kSmall = kWarp / kLanes;
@@ -60,11 +59,11 @@ inline void EachBlockOf(const int* begin, int parts, F f) {
   }
 }
 
-// Adds, and returns what was there before. In which order the turns do so is not known.
+// Adds, and returns the old value. The order of iterations is undefined.
 inline int Add(int* p, int n) { return atomicAdd(p, n); }
 inline int Exchange(int* p, int n) { return atomicExch(p, n); }
 inline void TakeLeast(Key* p, Key key) { atomicMin(p, key); }
-// Of numbers that are not negative.
+// Numbers must not be negative.
 inline void TakeLargest(float* p, float a) { atomicMax(reinterpret_cast<int*>(p), __float_as_int(a)); }
 inline void TakeLargest(double* p, double a) { atomicMax(reinterpret_cast<long long*>(p), __double_as_longlong(a)); }
 inline void SetBits(int* p, int bits) { atomicOr(p, bits); }
@@ -74,7 +73,7 @@ inline int FirstBit(Key bits) { return __ffsll(static_cast<long long>(bits)) - 1
 
 #define SGM_SHARED
 
-// The order in which turns come: 0 as they are counted, 1 the other way round, else mixed, each number otherwise.
+// Order of iterations: 0 ascending, 1 descending, other numbers various permutations.
 inline int& Turns() {
   static thread_local int turns = 0;
   return turns;
@@ -88,7 +87,7 @@ inline void InTurns(int first, int end, F f) {
   } else if (turns == 1) {
     for (int i = end; i-- > first;) f(i);
   } else {
-    // Steps without a common divisor with the count come to every place once.
+    // A step that is coprime to the count visits every index once.
     const auto divisor = [](long long a, long long b) {
       while (b) {
         const long long rest = a % b;
@@ -133,11 +132,11 @@ inline int FirstBit(Key bits) { return __builtin_ctzll(bits); }
 
 #endif  // __CUDACC__
 
-constexpr int kMostThreads = 1024;  // Of a group.
+constexpr int kMostThreads = 1024;  // Largest group.
 
 #ifdef __CUDACC__
 
-// Sets each of `count` numbers to the sum of all up to it. `partial`: memory for one of each thread.
+// Replaces `count` numbers by their inclusive prefix sums. `partial`: memory for one number per thread.
 inline void SumUp(int* a, int count, int* partial) {
   const int threads = static_cast<int>(blockDim.x), own = static_cast<int>(threadIdx.x);
   const int share = (count + threads - 1) / threads, first = own * share;

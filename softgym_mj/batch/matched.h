@@ -1,4 +1,4 @@
-// The smallest mean distance of points to goals, one each: `metrics.matched_distance`, for many.
+// Smallest mean distance of a one-to-one matching of points to goals: `metrics.matched_distance` for many.
 
 #ifndef SOFTGYM_MJ_BATCH_MATCHED_H_
 #define SOFTGYM_MJ_BATCH_MATCHED_H_
@@ -10,10 +10,11 @@ namespace {
 
 constexpr int kMostMatched = 64;
 
-// By shortest augmenting paths (Jonker and Volgenant, 1987). `distance`: (count, count), at most `kMostMatched`.
+// Solves the assignment by shortest augmenting paths (Jonker and Volgenant, 1987). `distance`: (count, count), at most
+// `kMostMatched`.
 inline double MatchedDistance(int count, const double* distance) {
   double of_row[kMostMatched + 1], of_column[kMostMatched + 1], least[kMostMatched + 1];
-  int row_of[kMostMatched + 1], before[kMostMatched + 1];  // Of columns, counted from 1; 0 is none.
+  int row_of[kMostMatched + 1], before[kMostMatched + 1];  // For columns, which count from 1; 0 means none.
   bool seen[kMostMatched + 1];
   for (int i = 0; i <= count; ++i) of_row[i] = of_column[i] = 0, row_of[i] = 0;
   for (int row = 1; row <= count; ++row) {

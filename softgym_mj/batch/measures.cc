@@ -2,7 +2,7 @@
 
 #include "native/export.h"
 
-// See measures.cu; `number`: of meshes or matrices.
+// CPU versions of the kernels of measures.cu; `number`: number of meshes or matrices.
 SGM_EXPORT void softgym_mj_covered_areas(long long number, long long vertices, long long coordinates,
                                          long long triangles, long long lines, const double* points,
                                          const long long* corners, double* lengths, double* areas) {

@@ -1,4 +1,4 @@
-// Measures of many simulations on a GPU: a block for each.
+// Batched measures on a GPU, one block per simulation.
 
 #include "batch/measures.h"
 

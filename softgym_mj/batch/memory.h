@@ -1,11 +1,11 @@
-// Arrays in one piece of memory.
+// Arrays in one block of memory.
 
 #ifndef SOFTGYM_MJ_BATCH_MEMORY_H_
 #define SOFTGYM_MJ_BATCH_MEMORY_H_
 
 namespace softgym_mj {
 
-// Takes arrays from a piece of memory, or only counts how much of it they need.
+// Allocates arrays in a block of memory; without a block it only counts the size they need.
 class Memory {
  public:
   explicit Memory(char* start) : start_(start) {}

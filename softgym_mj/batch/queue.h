@@ -1,4 +1,4 @@
-// Blocks of a GPU that take environments of a batch one after the other: each has memory of its own, its slot.
+// Work queue of GPU blocks: each block has a slot of memory and steps one environment after the other.
 
 #ifndef SOFTGYM_MJ_BATCH_QUEUE_H_
 #define SOFTGYM_MJ_BATCH_QUEUE_H_
@@ -6,7 +6,8 @@
 namespace softgym_mj {
 namespace {
 
-// Calls f(env_index, slot) for all environments in the order of a batch, and notes what each cost. `begun` is 0 before.
+// Calls f(env_index, slot) for all environments in the order of the batch, and stores the cycles of each. `begun` must
+// be 0.
 template <class Batch, class F>
 __device__ void EachEnvironment(const Batch& batch, F f) {
   __shared__ int turn;

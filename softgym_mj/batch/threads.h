@@ -1,4 +1,4 @@
-// Environments that threads of a processor step.
+// Steps environments by CPU threads.
 
 #ifndef SOFTGYM_MJ_BATCH_THREADS_H_
 #define SOFTGYM_MJ_BATCH_THREADS_H_
@@ -10,7 +10,7 @@
 
 namespace softgym_mj {
 
-// Calls f(i, t) for 0 <= i < count, in any order, by some threads t at a time.
+// Calls f(i, t) for 0 <= i < count in any order, by threads t in parallel.
 template <class F>
 void InThreads(int count, int threads, const F& f) {
   std::atomic<int> next{0};

@@ -1,4 +1,4 @@
-// One environment of a batch: its state, what it is told in a step, and the memory that a step needs.
+// One environment of a batch: its state, the inputs of a step, and the memory of a step.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_ENVIRONMENT_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_ENVIRONMENT_H_
@@ -10,21 +10,21 @@
 
 namespace softgym_mj::cloth {
 
-// Of rows without a common vertex: of all kinds, and of those of a mesh, where each has few neighbours.
+// Limits of colors: of layer rows, and of rows of a mesh, whose vertices have few neighbors.
 constexpr int kMostColors = 384, kMeshColors = 128;
-constexpr int kKeptPairs = 2;  // Of each vertex, see Kept.
+constexpr int kKeptPairs = 2;  // Pairs that are stored per vertex for the next step (Kept).
 
-// What went wrong in a step, as bits. All but the first: some contacts were left out.
+// Failures of a step as bits: a state that is not finite, or too little room, so that contacts were left out.
 enum Flag { kNotFinite = 1, kCandidatesFull = 2, kPairsFull = 4, kRowsFull = 8, kColorsFull = 16 };
 
-// Rows in colors.
+// Rows by graph color: rows of one color have no vertex in common.
 struct Rows {
-  int count, blocks, colors;  // `blocks`: of eight places.
-  int room;                   // For colors.
-  Key* key;                   // Of each row: its order. Never two alike.
+  int count, blocks, colors;  // Numbers of rows, of blocks of eight rows, of colors.
+  int room;                   // Largest number of colors.
+  Key* key;                   // Sort key of each row; keys are unique.
   int* vertex;                // (count, corners)
-  int* color;                 // Of each row.
-  int* order;                 // The row of each place, or -1.
+  int* color;                 // Color of each row.
+  int* order;                 // Row of each lane of the blocks, or -1.
   int begin[kMostColors + 1], filled[kMostColors];
 };
 
@@ -37,14 +37,14 @@ struct Touch {
   SolidBlock *point_blocks, *triangle_blocks;
 };
 
-// Few numbers of a step.
+// Scalars of a step.
 struct Step {
   int flags, remaining, num_driven, num_kept, num_near;
   int num_candidates[2];  // Vertices and triangles, edges and edges.
   int num_found, num_pairs;
-  int covers;       // Whether there are candidates, for vertices that have not
-  int left;         // their boxes,
-  const Model* of;  // of this mesh.
+  int covers;       // Whether the candidates are valid,
+  int left;         // whether a vertex has left its box,
+  const Model* of;  // and the mesh of the candidates.
   int moves, changed, lifted;
   float furthest;
   double fastest, mean[3];
@@ -53,21 +53,21 @@ struct Step {
 
 struct Environment {
   const Model* model;
-  // What it is told: where grippers go (grippers, 3) [m], the vertex that each holds, or less than 0, and where these
-  // go (grippers, 3) [m].
+  // Inputs: targets of grippers (grippers, 3) [m], the vertex that each holds or a negative number, and goals of these
+  // vertices (grippers, 3) [m].
   const double *targets, *goals;
   const int* held;
 
-  // Its state: `valid` is 1 once the rest of it is; then as in Kept. Grippers (grippers, 3) [m], [m/s].
+  // State: `valid` is 1 once the other arrays are valid (Kept). Grippers (grippers, 3) [m], [m/s].
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers;
   double *gripper_qpos, *gripper_qvel;
 
-  // What is kept: vertices' boxes and candidates, while they suffice.
+  // Kept between steps: boxes of vertices, and candidates as long as these suffice.
   Step* step;
   float *low, *high;
   int *triangle_candidates, *edge_candidates;
 
-  // What follows is only memory.
+  // Scratch memory.
   Points points;
   float *with_layers, *position, *move, *end, *solid_position;
   double *start, *velocity, *acceleration, *drag, *later, *motion, *speed, *mass, *forces, *sum;
@@ -79,8 +79,8 @@ struct Environment {
   HingeBlock* hinges;
   float *chain_start, *chain_before, *chain_impulse, *chain_way;
   double *chain_lower, *chain_diagonal, *chain_right, *chain_normal;
-  Boxes *vertex_boxes, *triangle_boxes, *edge_boxes;     // In leaves of eight,
-  Boxes *vertex_leaves, *triangle_leaves, *edge_leaves;  // and around these.
+  Boxes *vertex_boxes, *triangle_boxes, *edge_boxes;     // Boxes of items in leaves of eight.
+  Boxes *vertex_leaves, *triangle_leaves, *edge_leaves;  // Boxes of leaves.
   float* normals;
   Pair *found, *pairs;
   LayerBlock* layers;
@@ -91,8 +91,8 @@ struct Environment {
 
 inline int Blocks(int rows, int colors) { return (rows + kBlock - 1) / kBlock + colors; }
 
-// Memory for at most so many rows, in at most so many colors; `rows`: null if it is only counted. What is taken is
-// written by itself: NVRTC 13.0 loses what is written through a pointer to either of two places.
+// Allocates memory for at most `most` rows of at most `colors` colors; `rows` is null if memory is only counted.
+// Pointers are written one by one: NVRTC 13.0 loses writes through a pointer to either of two places.
 inline void TakeRows(Memory* memory, int most, int corners, int colors, Rows* rows) {
   Key* key;
   int *vertex, *color, *order;
@@ -105,7 +105,7 @@ inline void TakeRows(Memory* memory, int most, int corners, int colors, Rows* ro
   rows->key = key, rows->vertex = vertex, rows->color = color, rows->order = order;
 }
 
-// What is kept from a step to the next.
+// Allocates memory that is kept from a step to the next.
 inline void TakeKept(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->step, 1);
   memory->Take(&w->low, 4 * model.padded);
@@ -114,7 +114,7 @@ inline void TakeKept(const Model& model, Memory* memory, Environment* w) {
   memory->Take(&w->edge_candidates, 2 * model.candidates);
 }
 
-// The rest. Rows lie in the memory themselves, if there is any.
+// Allocates scratch memory, which contains `Rows` themselves, too.
 inline void TakeMemory(const Model& model, Memory* memory, Environment* w) {
   const int n = model.vertices, p = 4 * model.padded, e = model.chain_edges;
   memory->Take(&w->touch, model.grippers);

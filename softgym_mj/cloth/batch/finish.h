@@ -1,4 +1,4 @@
-// The end of a step: nothing passes through anything, as `Solver::Finish` and `ImpactZones` see to it.
+// End of a step: prevents penetration, as `Solver::Finish` and `ImpactZones`.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_FINISH_H_
@@ -12,13 +12,13 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// The zone that a vertex is in: the lowest of its vertices.
+// Zone of a vertex, identified by its lowest vertex.
 inline int ZoneOf(const Environment& w, int v) {
   while (w.zone[v] != v) v = w.zone[v];
   return v;
 }
 
-// See `ImpactZones::Prevent`; zones stand still if `stand`.
+// Moves impact zones rigidly, or stops them if `stand`, as `ImpactZones::Prevent`.
 inline int PreventImpacts(const Environment& w, bool stand) {
   const Model& m = *w.model;
   Step* step = w.step;
@@ -76,7 +76,7 @@ inline int PreventImpacts(const Environment& w, bool stand) {
   return changed;
 }
 
-// See `Solver::Prevent`.
+// Alternates impact zones and rope constraints, as `Solver::Prevent`.
 inline int Prevent(const Environment& w) {
   const int n = w.model->vertices;
   int more = PreventImpacts(w, false), changed = more;
@@ -95,7 +95,7 @@ inline int Prevent(const Environment& w) {
   return changed;
 }
 
-// See `Planes::LiftOut`. Whether there was anything.
+// Lifts vertices out of the plane, as `Planes::LiftOut`; returns whether there were any.
 inline bool LiftOut(const Environment& w) {
   const Model& m = *w.model;
   Once([&] { w.step->lifted = 0; });
@@ -119,7 +119,7 @@ inline bool LiftOut(const Environment& w) {
   return w.step->lifted;
 }
 
-// Displacements and final velocities of the step.
+// Computes displacements and final velocities of the step.
 inline void FinishMotion(const Environment& w) {
   const Model& m = *w.model;
   Step* step = w.step;
@@ -142,7 +142,7 @@ inline void FinishMotion(const Environment& w) {
     }
   });
   int changed = Prevent(w);
-  // Pairs that were not of interest may be by now.
+  // Pairs beyond the search margin may be close by now.
   const float most = kSearchMargin * m.thickness;
   for (int search = 0; search < kMaxSearches; ++search) {
     Each(3, [&](int k) {
@@ -169,7 +169,7 @@ inline void FinishMotion(const Environment& w) {
     changed += more;
     if (!more) break;
   }
-  // What is squeezed against a plane has nowhere to go.
+  // Zones that are squeezed against a plane stop.
   if (changed && LiftOut(w)) PreventImpacts(w, true);
 }
 

@@ -19,7 +19,7 @@ auto ChooseStepOne() {
 }  // namespace
 }  // namespace softgym_mj::cloth
 
-// Bytes that an environment of a model keeps, and those of the memory of a slot.
+// Returns bytes kept by an environment of a model, and bytes of scratch memory of a slot.
 SGM_EXPORT void softgym_mj_cloth_batch_memory(const char* model, long long* sizes) {
   using namespace softgym_mj::cloth;
   const auto& description = *reinterpret_cast<const Model*>(model);
@@ -30,13 +30,13 @@ SGM_EXPORT void softgym_mj_cloth_batch_memory(const char* model, long long* size
   sizes[0] = kept.size(), sizes[1] = memory.size();
 }
 
-// How many of these a model has: vertices, edges, grippers.
+// Returns the numbers of vertices, edges and grippers of a model.
 SGM_EXPORT void softgym_mj_cloth_batch_counts(const char* bytes, int* counts) {
   const auto& model = *reinterpret_cast<const softgym_mj::cloth::Model*>(bytes);
   counts[0] = model.vertices, counts[1] = model.edges, counts[2] = model.grippers;
 }
 
-// A step of all environments by some threads, no more than slots; `turns`: see group.h.
+// Steps all environments by at most as many threads as slots; `turns`: order of iterations (group.h).
 SGM_EXPORT void softgym_mj_cloth_batch_step(const softgym_mj::cloth::Batch* batch, int threads, int turns) {
   using namespace softgym_mj::cloth;
   const auto step = ChooseStepOne();

@@ -1,28 +1,28 @@
-// Environments of a batch, and steps of them on a processor.
+// Batch of environments and its steps on a CPU.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_HOST_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_HOST_H_
 
 namespace softgym_mj::cloth {
 
-constexpr int kQuickBytes = 48;  // Of each vertex, of what is read and written most: see StepEnvironmentOf.
+constexpr int kQuickBytes = 48;  // Bytes per vertex in fast memory (StepEnvironmentOf).
 
-// Arrays of all environments, with room in each row for the largest model. See Environment.
+// Arrays of all environments; each row has room for the largest model.
 struct Batch {
   long long num_envs, most_vertices, most_edges, num_grippers, kept_size, num_slots, memory_size;
-  const char* const* models;  // (num_envs,) a Model each, or null: of an environment that stands still.
-  char* kept;                 // (num_envs, kept_size) zeros at first.
-  char* memory;               // (num_slots, memory_size) of whoever makes a step.
+  const char* const* models;  // (num_envs,) Models; environments with null are not stepped.
+  char* kept;                 // (num_envs, kept_size) Initially zero.
+  char* memory;               // (num_slots, memory_size) Scratch memory.
   double *valid, *qpos, *qvel, *reference, *after_edge, *holding_force, *after_layers, *gripper_qpos, *gripper_qvel;
   const double *targets, *goals;
   const int* held;
-  int* begun;        // How many have been begun on a GPU,
-  const int* order;  // (num_envs,) in which order,
-  long long* cost;   // and what each took there, in cycles.
-  int* flags;        // (num_envs,) what went wrong: bits of `Flag`, added to what is there.
+  int* begun;        // Number of environments begun on a GPU.
+  const int* order;  // (num_envs,) Their order.
+  long long* cost;   // (num_envs,) GPU cycles of the last step.
+  int* flags;        // (num_envs,) Bits of `Flag`, which accumulate.
 };
 
-// A step of environment `i` in a slot; `turns`: see group.h.
+// Steps environment `i` in a slot; `turns`: order of iterations (group.h).
 void StepOnePortable(const Batch& batch, int i, int slot, int turns);
 #ifdef SOFTGYM_MJ_X86
 void StepOneAvx2(const Batch& batch, int i, int slot, int turns);

@@ -1,4 +1,4 @@
-// Rows of layers in a step: what `Layers` makes of the pairs.
+// Rows of layer contacts from pairs, as in `Layers`.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_LAYERS_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_LAYERS_H_
@@ -10,13 +10,13 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// A number for each pair but 0: above it if it is a vertex and a triangle, below it if it is two edges.
+// Key of a pair, never 0: positive for a vertex and a triangle, negative for two edges.
 inline double KeptKey(const Model& m, const Pair& pair) {
   if (pair.edges) return -1.0 - static_cast<double>(pair.first) * m.edges - pair.second;
   return 1.0 + static_cast<double>(pair.first) * m.triangles + pair.second;
 }
 
-// Number of the first of a pair among all vertices and edges; -1 of a number that is no key.
+// Index of the first item of a pair among all vertices and edges; -1 if the number is not a key.
 inline int FirstOf(const Model& m, double key) {
   const bool edges = key < 0;
   const double first = ((edges ? -key : key) - 1) / (edges ? m.edges : m.triangles);
@@ -24,7 +24,7 @@ inline int FirstOf(const Model& m, double key) {
   return (edges ? m.vertices : 0) + static_cast<int>(first);
 }
 
-// Positions for the search, which follow vertices that have moved, and displacements of those that do not stand.
+// Updates reference positions of vertices that have moved, and displacements of moving vertices.
 inline void FollowReference(const Environment& w) {
   const Model& m = *w.model;
   const double dt = m.timestep;
@@ -49,7 +49,7 @@ inline void FollowReference(const Environment& w) {
       w.move[4 * v + k] = stands ? 0 : static_cast<float>(dt * w.velocity[3 * v + k]);
     }
   });
-  // A cloth that is carried as a whole closes nothing.
+  // Rigid motion of a whole cloth brings no layers together.
   Each(w.step->moves ? m.vertices : 0, [&](int v) {
     for (int k = 0; k < 3; ++k) w.move[4 * v + k] -= static_cast<float>(w.step->mean[k]);
   });
@@ -67,7 +67,7 @@ inline void MakeLayerRows(const Environment& w) {
     rows->key[i] = RowKey(pair.vertex, 4, number);
   });
   ColorRows(w, 4, false, rows, [&](int v) { return w.yielding[v] > 0; });
-  // What was kept, by the first of a pair.
+  // Kept pairs, linked by their first item.
   Each(m.vertices + m.edges, [&](int i) { w.head[i] = -1; });
   const int kept = kKeptPairs * m.vertices;
   Each(kept, [&](int i) {
@@ -107,7 +107,7 @@ inline void MakeLayerRows(const Environment& w) {
   });
 }
 
-// See `Layers::Keep`.
+// Stores the pairs that the next step needs, as `Layers::Keep`.
 inline void KeepLayers(const Environment& w) {
   const Model& m = *w.model;
   const Rows& rows = w.step->layers;

@@ -1,4 +1,4 @@
-// Makes a `Model` of a compiled mjModel.
+// Converts a compiled mjModel to a `Model`.
 
 #include "cloth/batch/model.h"
 
@@ -17,9 +17,9 @@ namespace softgym_mj::cloth {
 namespace {
 
 constexpr int kAlign = 32;
-// Places for pairs and rows: those of a pile of 20 x 20 vertices are 7 and 3 a vertex.
+// Room for pairs and rows per vertex; a pile of 20 x 20 vertices has 7 and 3.
 constexpr int kCandidatesOfVertex = 64, kFoundOfVertex = 48, kRowsOfVertex = 12;
-constexpr int kMostVertices = 1 << 13;  // Keys of pairs have 15 and 16 bits for what they are of.
+constexpr int kMostVertices = 1 << 13;  // Keys of pairs have 15 and 16 bits for their items.
 
 class Writer {
  public:
@@ -36,8 +36,8 @@ class Writer {
   std::string* out_;
 };
 
-// Where colors begin: a block is of the next one if it has a vertex in common with those before in its own, but for
-// `shared`, which fills empty lanes.
+// Returns the first block of each color: a block that shares a vertex with an earlier one of its color begins the next
+// color. `shared` is the vertex that fills empty lanes.
 template <class Block, int corners>
 std::vector<int> Coloring(const Aligned<Block>& blocks, int vertices, int shared) {
   std::vector<int> begins = {0}, color_of(vertices + 1, -1);
@@ -59,7 +59,7 @@ std::vector<int> Coloring(const Aligned<Block>& blocks, int vertices, int shared
   return begins;
 }
 
-// Of each vertex, in order, which items it is a corner of.
+// Lists for each vertex the items of which it is a corner, in order.
 void Invert(const std::vector<int>& corners, int of_item, int vertices, std::vector<int>* first,
             std::vector<int>* items) {
   first->assign(vertices + 1, 0);
@@ -213,9 +213,8 @@ std::string Write(const mjModel* m, const Workspace& w, const std::vector<int>& 
 }  // namespace
 }  // namespace softgym_mj::cloth
 
-// Writes the Model of a compiled mjModel of which mjData has made a step, with these geoms as grippers and `room` times
-// as many places for contacts as usual: as many bytes as `capacity` says. Returns how many there are; what is wrong is
-// written into `error` instead, and 0 returned.
+// Writes the Model of a compiled mjModel, up to `capacity` bytes; mjData must have made a step. `grippers` are geom
+// ids, `room` scales the room for contacts. Returns the size in bytes, or 0 after writing a message to `error`.
 SGM_EXPORT int softgym_mj_cloth_batch_model(const mjModel* m, const mjData* d, const int* grippers, int num_grippers,
                                             double room, char* out, int capacity, char* error, int error_size) {
   using namespace softgym_mj::cloth;

@@ -1,4 +1,4 @@
-// A step of one environment of a `Batch`, for whoever has the memory at hand: a processor or a block of a GPU.
+// Step of one environment of a `Batch`, by a CPU thread or a block of a GPU.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_ONE_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_ONE_H_
@@ -9,7 +9,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// `quick`: memory that is quicker than others, of `size` bytes; null if there is none.
+// Steps environment `i`. `quick`: fast memory of `size` bytes, or null.
 inline void StepEnvironmentOf(const Batch& batch, int i, int slot, float* quick = nullptr, int size = 0) {
   if (!batch.models[i]) return;
   SGM_SHARED Environment w;

@@ -1,4 +1,4 @@
-// Puts rows in colors without a common vertex, as `Coloring` does: what comes out is the same.
+// Colors rows so that rows of a color have no common vertex, with the same result as `Coloring`.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_ROWS_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_ROWS_H_
@@ -11,14 +11,14 @@ namespace {
 
 constexpr Key kNoKey = ~Key{0};
 
-// A row's key: by the hash of its vertices, then by a number that no other with the same vertices has.
+// Key of a row: the hash of its vertices, then a number that is unique among rows with the same vertices.
 inline Key RowKey(const int* vertex, int corners, unsigned number) {
   return static_cast<Key>(RowHash(vertex, corners)) << 32 | number;
 }
 
-// Coloring of the rows, of which `key` and `vertex` are filled in: each has the first one on which it shares no vertex
-// that `counts` with a row of a lower key (Jones and Plassmann, 1993). Fills `order`, where rows of a color come in the
-// order of their keys if they are `ranked`. Beyond the last color rows are left out.
+// Colors rows with given `key` and `vertex`: each row gets the first color in which it shares no vertex that `counts`
+// with a row of lower key (Jones and Plassmann, 1993). Fills `order`, sorted by key within a color if `ranked`. Rows
+// beyond the last color are left out.
 template <class F>
 inline void ColorRows(const Environment& w, int corners, bool ranked, Rows* rows, F counts) {
   const int colors = rows->room, words = (colors + 63) / 64, count = rows->count;

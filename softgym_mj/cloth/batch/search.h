@@ -1,4 +1,4 @@
-// Pairs of layers that may touch in a step: the same as `Layers` finds.
+// Search for pairs of layers that may touch in a step, with the same result as `Layers`.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_SEARCH_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_SEARCH_H_
@@ -11,11 +11,11 @@
 namespace softgym_mj::cloth {
 namespace {
 
-constexpr float kFar = 3e38f;  // [m] Boxes of empty places overlap nothing.
+constexpr float kFar = 3e38f;  // [m] Boxes of unused lanes overlap nothing.
 
-// Items in the order of their places, with boxes around each, eight together, and around eight of these.
+// Items in spatial order, with boxes of items in leaves of eight, and boxes of leaves.
 struct Items {
-  const int *order, *vertex;  // Corners of each item; null of vertices themselves.
+  const int *order, *vertex;  // Corners of each item; null if the items are vertices.
   int corners, leaves;
   Boxes *boxes, *nodes;
 
@@ -44,7 +44,7 @@ inline void BoundBoxes(const Environment& w, const Items& items) {
   });
 }
 
-// Appends the pairs of items whose boxes overlap and that have no corner in common; of the same items once each.
+// Appends pairs of items with overlapping boxes and no common corner; each pair once if `same`.
 inline void Collect(const Environment& w, const Items& a, const Items& b, bool same, int* count, int* out) {
   EachBlock(0, a.leaves * kBlock, [&](int place) {
     const int item = a.order[place], own = place / kBlock;
@@ -78,7 +78,7 @@ inline void Collect(const Environment& w, const Items& a, const Items& b, bool s
   });
 }
 
-// Candidates for vertices at `position` that move by `move`; those of earlier steps suffice while vertices stay within
+// Finds candidates for vertices at `position` that move by `move`; earlier candidates suffice while vertices stay in
 // their boxes.
 inline void FindCandidates(const Environment& w) {
   const Model& m = *w.model;
@@ -127,12 +127,12 @@ inline void FindCandidates(const Environment& w) {
   });
 }
 
-// See `Layers::Thickness`.
+// Thickness of a pair [m], as `Layers::Thickness`.
 inline float ThicknessOf(const Model& m, const Pair& pair) {
   return m.has_slim ? Thickness(m.At<float>(m.vertex_thickness_at), pair) : m.thickness;
 }
 
-// Fills `found`, those that must not pass through each other, and `pairs`, those that push.
+// Fills `found`, pairs that must not pass through each other, and `pairs`, pairs that push.
 inline void FindPairs(const Environment& w) {
   const Model& m = *w.model;
   FindCandidates(w);

@@ -1,4 +1,4 @@
-// Edges, hinges and ropes of a step, as `EdgeRows`, `HingeRows` and `ChainRows` solve them.
+// Rows of edges, hinges and ropes, solved as in `EdgeRows`, `HingeRows` and `ChainRows`.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_SPRINGS_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_SPRINGS_H_
@@ -86,7 +86,7 @@ inline ChainRow ChainOf(const Environment& w, int c) {
           w.chain_normal + 3 * first};
 }
 
-// See `ChainRows::Solve`.
+// Solves ropes, as `ChainRows::Solve`.
 inline void SolveChains(const Environment& w, bool settles) {
   for (int c = 0; c < w.model->chains; ++c) {
     const ChainRow chain = ChainOf(w, c);
@@ -98,7 +98,7 @@ inline void SolveChains(const Environment& w, bool settles) {
   }
 }
 
-// See `ChainRows::End`.
+// Ends a sweep of ropes, as `ChainRows::End`.
 inline void EndChains(const Environment& w) {
   for (int c = 0; c < w.model->chains; ++c) {
     const ChainRow chain = ChainOf(w, c);
@@ -113,10 +113,10 @@ inline void SweepSprings(const Environment& w) {
   EndChains(w);
 }
 
-// Adds with which force edges pull what is held: `share` times their impulses.
+// Adds `share` times the impulses of edges to the forces on held vertices.
 inline void AddHoldingForces(const Environment& w, double share) {
   const Model& m = *w.model;
-  // In memory: GCC 12 keeps some of what is rounded only in between as it was.
+  // A separate loop through memory: GCC 12 would keep intermediate values unrounded.
   Each(3 * m.chain_edges, [&](int i) { w.chain_way[i] = static_cast<float>(w.chain_normal[i]); });
   Each(m.grippers, [&](int g) {
     const int v = w.held[g];

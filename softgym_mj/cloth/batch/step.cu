@@ -1,4 +1,4 @@
-// A step of all environments of a batch on a GPU: by a block of `SGM_THREADS` each, with `size` bytes of shared memory.
+// Steps all environments of a batch on a GPU, by blocks of `SGM_THREADS` with `size` bytes of shared memory.
 
 #include "batch/queue.h"
 #include "cloth/batch/one.h"

@@ -1,4 +1,4 @@
-// A step of one environment, as `Solver` makes it: the same bits.
+// Step of one environment, bit-identical to that of `Solver`.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_STEP_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_STEP_H_
@@ -14,7 +14,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Where everything is and how it moves, and what it weighs.
+// Gathers positions, velocities and masses.
 inline void Gather(const Environment& w) {
   const Model& m = *w.model;
   const double dt = m.timestep;
@@ -35,7 +35,7 @@ inline void Gather(const Environment& w) {
     w.inverse_mass[v] = w.yielding[v] = inverse_mass[v];
     w.plane_gap[v] = 1e3f;
     w.plane_friction[v] = 0;
-    // Those of elements with two corners read a third one, which does not exist.
+    // Elements with two corners read a third, unused one.
     for (int k = 0; k < 4; ++k) w.solid_position[4 * v + k] = 0;
   });
   Each(m.grippers, [&](int g) {
@@ -122,7 +122,7 @@ inline void StartPlane(const Environment& w) {
   });
 }
 
-// See `StartAir`.
+// Starts air drag, as `StartAir`.
 inline void StartAirOf(const Environment& w) {
   const Model& m = *w.model;
   if (!m.takes_air) return;
@@ -164,7 +164,7 @@ inline void StartAirOf(const Environment& w) {
   });
 }
 
-// Calls `sweep` with what is held of a surface as if it were free, see `Driven`.
+// Calls `sweep` with held vertices of a surface released, so that both sides are pushed, as `Driven::TwoWayPass`.
 template <class F>
 inline void TwoWayPass(const Environment& w, F sweep) {
   Each(w.step->num_driven, [&](int i) {

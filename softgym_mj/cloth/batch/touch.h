@@ -1,4 +1,4 @@
-// Contact with grippers: spheres that are told where to go, as `Solids` treats them.
+// Contact with grippers, spheres with prescribed motion, as in `Solids`.
 
 #ifndef SOFTGYM_MJ_CLOTH_BATCH_TOUCH_H_
 #define SOFTGYM_MJ_CLOTH_BATCH_TOUCH_H_
@@ -12,7 +12,7 @@
 namespace softgym_mj::cloth {
 namespace {
 
-// Empty rows of vertices or of elements. `third`: of an element without a third vertex.
+// Fills blocks with empty rows of vertices or elements.
 inline void FillBlocks(const Environment& w, const Rows& rows, bool elements, SolidBlock* blocks) {
   const Model& m = *w.model;
   Each(kBlock * rows.blocks, [&](int i) {
@@ -32,7 +32,7 @@ inline void FillBlocks(const Environment& w, const Rows& rows, bool elements, So
   });
 }
 
-// Rows of what may touch a gripper in the step.
+// Makes rows of vertices and elements that may touch a gripper in the step.
 inline void StartTouch(const Environment& w, int gripper) {
   const Model& m = *w.model;
   Touch* touch = w.touch + gripper;
