@@ -167,12 +167,12 @@ def test_actions_are_clipped_as_softgym_does(name):
     low, high = raw.action_space.low.astype(float), raw.action_space.high.astype(float)
     for action in (np.full(size, 1.5), np.linspace(-7.0, 7.0, size)):
         env.set_state(start)
-        found = env.step(action)
+        result = env.step(action)
         # Its NormalizedEnv: on the raw box, then clipped to it (docs/softgym.md 1.7).
         raw.set_state(start)
         expected = raw.step(np.clip(low + (action + 1) * 0.5 * (high - low), low, high))
-        np.testing.assert_allclose(found[0], expected[0], atol=1e-6)
-        assert found[1] == pytest.approx(expected[1], abs=1e-6)
+        np.testing.assert_allclose(result[0], expected[0], atol=1e-6)
+        assert result[1] == pytest.approx(expected[1], abs=1e-6)
     for action in (
         np.full(size, np.nan),
         np.full(size, np.inf),
@@ -198,8 +198,8 @@ def test_normalize_scales_rewards_and_clips_observations():
     scaled = normalize(scaled, scale_reward=50.0, clip_obs=(-0.05, 0.05))
     assert plain.reset().max() > 0.05 and scaled.reset().max() == pytest.approx(0.05)
     reward = plain.step(np.zeros(8))[1]
-    observation, found, *_ = scaled.step([0, 0, 0, -1] * 2)
-    assert found == pytest.approx(50.0 * reward) and observation.max() == pytest.approx(0.05)
+    observation, result, *_ = scaled.step([0, 0, 0, -1] * 2)
+    assert result == pytest.approx(50.0 * reward) and observation.max() == pytest.approx(0.05)
 
 
 def test_a_snapshot_and_an_image():

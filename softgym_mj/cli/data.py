@@ -172,7 +172,7 @@ def _record(task: str, variations: Sequence[int], **how: Any) -> None:
             f"{len(finished)} episodes of {task} are kept: the same command goes on from them; "
             f"with --episodes {len(finished)} it makes a dataset of as many"
         ) from None
-    episodes, steps, call = recording.make_format(how["format"]).told(made)
+    episodes, steps, call = recording.make_format(how["format"]).summary(made)
     dropped = f"; dropped {len(variations) - episodes} without success"
     console.print(
         f"{'recorded' if finished else 'is there already:'} {episodes} episodes, {steps} steps"

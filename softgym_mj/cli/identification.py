@@ -123,14 +123,14 @@ def _identify(
     store = open_store(out / "searches", settings)
     try:
         with _progress(seeds * evaluations) as progress, make_executor(jobs, ray) as executor:
-            found = identify(task, executor, tuple(range(seeds)), evaluations, store, progress)
+            result = identify(task, executor, tuple(range(seeds)), evaluations, store, progress)
     except KeyboardInterrupt:
         message = f"{out} keeps what is done: the same command goes on from it"
         raise KeyboardInterrupt(message) from None
-    write_json(out / "identification.json", {**found, "settings": {**settings, "seeds": seeds}})
-    values = {name: entry["value"] for name, entry in found["parameters"].items()}
+    write_json(out / "identification.json", {**result, "settings": {**settings, "seeds": seeds}})
+    values = {name: entry["value"] for name, entry in result["parameters"].items()}
     write_json(out / "fabric.json", dataclasses.asdict(fabric_of(values, task.base)))
-    _show(found)
+    _show(result)
     console.print(f"wrote {out / 'identification.json'} and {out / 'fabric.json'}")
 
 

@@ -179,8 +179,8 @@ def status(
 
 def _env_steps(card: pathlib.Path) -> int | None:
     """Of a whole training, by its card; None without one."""
-    found = read_json(card).get("training") if card.exists() else None
-    number = found.get("env_steps") if isinstance(found, dict) else None
+    result = read_json(card).get("training") if card.exists() else None
+    number = result.get("env_steps") if isinstance(result, dict) else None
     if not isinstance(number, int | None):
         raise StoreError(f"{card}: training.env_steps={number!r} is no whole number")
     return number

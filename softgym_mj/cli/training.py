@@ -99,19 +99,19 @@ def train(
         chosen |= _teacher(teacher, trust)
     if arguments := parsed_settings(task_settings):
         chosen["arguments"] = arguments
-    training, found = find_preset(method, preset, find(task).name, **chosen)
+    training, result = find_preset(method, preset, find(task).name, **chosen)
     try:
         if jobs == 1 and ray is None:
             reports.line(
                 f"{method} {training.task}: makes {training.num_envs * seeds} environments"
             )
-            run = Training(training, found, chosen_seeds, out, device, learner_device)
+            run = Training(training, result, chosen_seeds, out, device, learner_device)
             rows = _side_by_side(run, log)
         else:
             check_name("log", log, ("none",))  # Of seeds side by side only.
             with make_executor(jobs, ray) as executor:
                 rows = train_each(
-                    training, found, chosen_seeds, out, device, learner_device, executor,
+                    training, result, chosen_seeds, out, device, learner_device, executor,
                     lambda seed, own: print(f"seed {seed} has ended", flush=True),
                 )  # fmt: skip
     except KeyboardInterrupt:

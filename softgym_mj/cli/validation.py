@@ -50,16 +50,16 @@ def lab(
     if out is not None:
         make_folder(out)
     typer.echo(_LINE.format("experiment, mesh, cells, load", "fabric", *_TITLES))
-    found = []
+    result = []
     for m in run(fabric or list(FABRICS), experiment or list(BOUNDS), thorough):
-        found.append(m)
+        result.append(m)
         how = [m.experiment, m.mesh, *(f"{m.settings[k]:g}" for k in _TOLD if k in m.settings)]
         numbers = f"{m.value:.4g}", f"{m.expected:.4g}", f"{100 * m.error:+.1f}"
         bound = f"{100 * m.bound:.0f}{'' if m.passed else ' FAILED'}"
         typer.echo(_LINE.format(" ".join(how), m.fabric, *numbers, bound))
-    failed = sum(not m.passed for m in found)
-    console.print(f"{len(found) - failed} of {len(found)} within their bounds")
+    failed = sum(not m.passed for m in result)
+    console.print(f"{len(result) - failed} of {len(result)} within their bounds")
     if out is not None:
-        console.print(f"wrote {' and '.join(map(str, write(found, out)))}")
+        console.print(f"wrote {' and '.join(map(str, write(result, out)))}")
     if failed:
         raise typer.Exit(1)

@@ -31,11 +31,11 @@ def _of_cloth(task: Any) -> dict[str, Any]:
 
 
 def _of_rope(task: Any) -> dict[str, Any]:
-    found: dict[str, Any] = {"segment": task.rope.num_points - 1}
+    result: dict[str, Any] = {"segment": task.rope.num_points - 1}
     for points in task.episode.goal.values():
-        found["goal_character"] = goal_name(task.variation)
-        found["goal_character_pos"] = to_flex(points)
-    return found
+        result["goal_character"] = goal_name(task.variation)
+        result["goal_character_pos"] = to_flex(points)
+    return result
 
 
 def _of_water(task: Any) -> dict[str, Any]:

@@ -28,12 +28,12 @@ def read_results(files: Sequence[pathlib.Path]) -> list[dict]:
     """
     if not files:
         raise StoreError("there are no results to plot; name the result.json of evaluations")
-    found: list[dict] = []
+    output: list[dict] = []
     for file in files:
         result = _read_result(file / "result.json" if os.path.isdir(file) else file)
-        if result not in found:
-            found.append(result)
-    return found
+        if result not in output:
+            output.append(result)
+    return output
 
 
 def _read_result(file: pathlib.Path) -> dict:
@@ -47,8 +47,8 @@ def _read_result(file: pathlib.Path) -> dict:
                 f"{file} is of protocol version {result['protocol']!r}, which cannot be compared "
                 f"with this one, {PROTOCOL}; evaluate again"
             )
-        found = [(episode["seed"], episode["variation"]) for episode in result["episodes"]]
-        if found != list(itertools.product(result["seeds"], result["variations"])):
+        output = [(episode["seed"], episode["variation"]) for episode in result["episodes"]]
+        if output != list(itertools.product(result["seeds"], result["variations"])):
             raise ValueError("its episodes are not those of its seeds and variations")
         _details(result)
         return {**result, "summary": summary(result["episodes"])}

@@ -33,10 +33,10 @@ def open_folder(
     store = Store(path / "episodes", fixed, JSON)
     file = path / "provenance.json"
     differ = store.differences()
-    found = {} if store.is_empty() or not file.exists() else read_json(file)
-    if not differ and found.get("specification", store.digest) != store.digest:
+    result = {} if store.is_empty() or not file.exists() else read_json(file)
+    if not differ and result.get("specification", store.digest) != store.digest:
         raise StoreError(f"{file} is of another evaluation; delete it")
-    known, hashes = found.get("policy_sha256", {}), configuration["policy_sha256"]
+    known, hashes = result.get("policy_sha256", {}), configuration["policy_sha256"]
     changed = [name for name, value in hashes.items() if known.get(name, value) != value]
     if changed:
         differ.append(f"content of {', '.join(changed)}")
@@ -45,7 +45,7 @@ def open_folder(
             f"{path} holds an evaluation with another {', '.join(differ)}; choose "
             "another folder or delete it"
         )
-    machines = found.get("machines", [])
+    machines = result.get("machines", [])
     if (own := machine()) not in machines:
         machines = [*machines, own]
     store.claim()

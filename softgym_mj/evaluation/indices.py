@@ -15,7 +15,7 @@ def parsed(argument: str, text: str) -> tuple[int, ...]:
     Raises:
         InvalidArgumentError: naming `argument`, for another text, or an index above 999.
     """
-    found: list[int] = []
+    result: list[int] = []
     for part in text.split(","):
         match = _PART.fullmatch(part.strip())
         if match is None:
@@ -23,8 +23,8 @@ def parsed(argument: str, text: str) -> tuple[int, ...]:
         first, last = (int(end or match[1]) for end in match.groups())
         if max(first, last) >= NUM_VARIATIONS:
             raise InvalidArgumentError(argument, text, f"indices in 0..{NUM_VARIATIONS - 1}")
-        found += range(first, last + 1)
-    return tuple(found)
+        result += range(first, last + 1)
+    return tuple(result)
 
 
 def as_text(indices: Iterable[int]) -> str:

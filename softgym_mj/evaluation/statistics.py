@@ -25,9 +25,9 @@ def summary(episodes: Sequence[Mapping]) -> dict[str, float]:
         (Agarwal et al. 2021), with the ends of their bootstrap intervals; the least and the
         largest score, and the share of successes.
     """
-    found = {(e["seed"], e["variation"]): e["normalized_performance"] for e in episodes}
-    seeds, variations = (list(dict.fromkeys(names)) for names in zip(*found, strict=True))
-    scores = np.array([[found[seed, variation] for variation in variations] for seed in seeds])
+    result = {(e["seed"], e["variation"]): e["normalized_performance"] for e in episodes}
+    seeds, variations = (list(dict.fromkeys(names)) for names in zip(*result, strict=True))
+    scores = np.array([[result[seed, variation] for variation in variations] for seed in seeds])
     spread = scores.mean(1) if len(seeds) > 1 else scores[0]
     low, median, high = np.percentile(spread, [25, 50, 75]).tolist()
     mean_low, mean_high, iqm_low, iqm_high = _intervals(scores)
@@ -78,11 +78,11 @@ def _intervals(scores: np.ndarray) -> list[float]:
     would differ in both (the pigeonhole bootstrap, Owen 2007). With one seed, variations differ.
     """
     random, (seeds, variations) = np.random.default_rng(_SEED), scores.shape
-    found = []
+    result = []
     for _ in range(RESAMPLES // _AT_ONCE):
         rows = random.integers(seeds, size=(_AT_ONCE, seeds, 1))
         columns = random.integers(variations, size=(_AT_ONCE, 1, variations))
         drawn = scores[rows, columns].reshape(_AT_ONCE, -1)
-        found.append((drawn.mean(1), stats.trim_mean(drawn, _CUT, axis=1)))
+        result.append((drawn.mean(1), stats.trim_mean(drawn, _CUT, axis=1)))
     ends = [50 * (1 - LEVEL), 50 * (1 + LEVEL)]
-    return np.percentile(np.concatenate(found, axis=1), ends, axis=1).T.ravel().tolist()
+    return np.percentile(np.concatenate(result, axis=1), ends, axis=1).T.ravel().tolist()

@@ -91,17 +91,17 @@ def as_longer(owner: Mapping[str, Any], env_steps: int) -> Mapping[str, Any]:
     return {**owner, "training": {**training, "env_steps": env_steps}}
 
 
-def differences(kept: Mapping[str, Any], own: Mapping[str, Any]) -> str:
+def differences(saved: Mapping[str, Any], own: Mapping[str, Any]) -> str:
     """The settings that differ from a checkpoint's, in words; nothing if none does."""
-    found = []
+    result = []
     for name, value in own.items():
-        other = kept.get(name)
+        other = saved.get(name)
         if isinstance(value, Mapping) and isinstance(other, Mapping):
             names = {*value, *other}
-            found += sorted(each for each in names if value.get(each) != other.get(each))
+            result += sorted(each for each in names if value.get(each) != other.get(each))
         elif value != other:
-            found.append(name)
-    return ", ".join(found)
+            result.append(name)
+    return ", ".join(result)
 
 
 def moved(value: Any, device: str) -> Any:
@@ -141,5 +141,5 @@ def _holder(folder: pathlib.Path) -> str:
     """The process that holds the lock, in words; nothing if it has just begun."""
     if not (folder / HOLDER).exists():
         return ""
-    found = read_json(folder / HOLDER)
-    return f", process {found.get('pid')} on {found.get('host')}"
+    result = read_json(folder / HOLDER)
+    return f", process {result.get('pid')} on {result.get('host')}"

@@ -30,7 +30,7 @@ class CudaGraph:
         self._on_gpu = sources[0].device.type == "cuda"
         self._calls = 0
         self._graph: torch.cuda.CUDAGraph | None = None
-        self._found: dict[str, Tensor] = {}
+        self._result: dict[str, Tensor] = {}
 
     def __call__(self) -> dict[str, Tensor]:
         """What the function returns."""
@@ -42,14 +42,14 @@ class CudaGraph:
             side = torch.cuda.Stream()
             side.wait_stream(torch.cuda.current_stream())
             with torch.cuda.stream(side):
-                found = self._function()
+                result = self._function()
             torch.cuda.current_stream().wait_stream(side)
-            return found
+            return result
         if self._graph is None:
             self._graph = torch.cuda.CUDAGraph()
             for source in self._sources:
                 self._graph.register_generator_state(source)
             with torch.cuda.graph(self._graph, capture_error_mode="thread_local"):
-                self._found = self._function()
+                self._result = self._function()
         self._graph.replay()
-        return self._found
+        return self._result

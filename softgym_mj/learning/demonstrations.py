@@ -81,12 +81,12 @@ def collect(
         StoreError: if the cache cannot be written.
     """
     check_name("observation", problem.observed, OBSERVATIONS)
-    found = _collected(problem, {"observation": problem.observed}, episodes, jobs, progress, noise)
-    seen, terminated = found["observations"], found["terminations"]
+    result = _collected(problem, {"observation": problem.observed}, episodes, jobs, progress, noise)
+    seen, terminated = result["observations"], result["terminations"]
     ended = terminated.clone()
     ended[:, -1] = True
-    rewards = problem.reward_scale * found["rewards"].float()
-    return Step(seen[:, :-1], found[_shown(noise)], rewards, seen[:, 1:], terminated, ended)
+    rewards = problem.reward_scale * result["rewards"].float()
+    return Step(seen[:, :-1], result[_shown(noise)], rewards, seen[:, 1:], terminated, ended)
 
 
 def collect_images(
@@ -107,11 +107,11 @@ def collect_images(
     seen: dict[str, Any] = {"observation": [*problem.shapes]}
     if sizes := [shape for shape in problem.shapes.values() if len(shape) > 1]:
         seen["image_size"] = sizes[0][-3:-1] if len(sizes[0]) > 2 else sizes[0]
-    found = _collected(problem, seen, episodes, jobs, _tell, noise)
+    result = _collected(problem, seen, episodes, jobs, _tell, noise)
     names = seen["observation"]
     keys = [f"observations/{name}" for name in names] if len(names) > 1 else ["observations"]
-    observations = {name: found[key][:, :-1] for name, key in zip(names, keys, strict=True)}
-    return observations, found[_shown(noise)]
+    observations = {name: result[key][:, :-1] for name, key in zip(names, keys, strict=True)}
+    return observations, result[_shown(noise)]
 
 
 def _collected(
@@ -141,11 +141,11 @@ def _collected(
     }
     store = Store(cache_folder() / "demonstrations", specification, ARRAYS)
     store.folder /= f"{problem.task}-{store.digest[:12]}"
-    found: dict[int, dict[str, np.ndarray]] = {}
+    result: dict[int, dict[str, np.ndarray]] = {}
 
     def add(variation: int, arrays: dict[str, np.ndarray]) -> None:
-        found[variation] = arrays
-        progress(len(found), episodes)
+        result[variation] = arrays
+        progress(len(result), episodes)
 
     with make_executor(jobs or num_cores()) as executor:
         if missing := sum(not store.has(variation) for variation in range(episodes)):
@@ -155,10 +155,10 @@ def _collected(
         store.run(range(episodes), play_one, executor, add, replace=True)
     return {
         name: torch.as_tensor(
-            np.stack([found[variation][name] for variation in range(episodes)]),
+            np.stack([result[variation][name] for variation in range(episodes)]),
             device=problem.device,
         )
-        for name in found[0]
+        for name in result[0]
     }
 
 

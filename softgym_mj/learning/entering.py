@@ -72,9 +72,9 @@ def _of_training(
         "observation": named(training.get("observation")),
     }  # fmt: skip
     for name, value in own.items():
-        found = sorted({getattr(row, name) for row in rows})
-        if found != [value]:
-            yield f"{name} is {', '.join(found)} in {FILE} and {value!r} in {CARD}"
+        result = sorted({getattr(row, name) for row in rows})
+        if result != [value]:
+            yield f"{name} is {', '.join(result)} in {FILE} and {value!r} in {CARD}"
     yield from _bad_task(training, card.get("preset"))
     seeds, points = sorted({row.seed for row in rows}), card.get("evaluations")
     if seeds != card.get("seeds"):
@@ -95,8 +95,8 @@ def _bad_task(training: Mapping[str, Any], preset: object) -> Iterator[str]:
     if preset == "custom":  # Presets may need an actor.
         usual["actor"] = None
     for name, value in usual.items():
-        if (found := training.get(name, value)) != value:
-            yield f"the task is not the table's: {name} is {found!r}"
+        if (result := training.get(name, value)) != value:
+            yield f"the task is not the table's: {name} is {result!r}"
 
 
 def _bad_seeds(seeds: Sequence[int], card: Mapping[str, Any]) -> Iterator[str]:
@@ -134,15 +134,15 @@ def _bad_length(
 
 def _missing(rows: Sequence[Row], seeds: Sequence[int], points: Sequence[int]) -> Iterator[str]:
     """Whether evaluations are missing, or are others than planned."""
-    found = {(row.env_steps, row.seed, row.split) for row in rows}
-    wanted = {(at, seed, split) for at in points for seed in seeds for split in _SPLITS}
-    if missing := sorted(wanted - found):
+    result = {(row.env_steps, row.seed, row.split) for row in rows}
+    expected = {(at, seed, split) for at in points for seed in seeds for split in _SPLITS}
+    if missing := sorted(expected - result):
         at, seed, split = missing[0]
         yield (
-            f"the curve is not whole: {len(missing)} of {len(wanted)} rows are missing, such as "
+            f"the curve is not whole: {len(missing)} of {len(expected)} rows are missing, such as "
             f"that of seed {seed}, {at:,} env steps, {split}"
         )
-    if more := sorted(found - wanted):
+    if more := sorted(result - expected):
         yield f"{len(more)} rows are of evaluations that {CARD} does not list, such as {more[0]}"
     for row in rows:
         if row.final != (row.env_steps == points[-1]):

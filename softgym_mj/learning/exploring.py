@@ -65,7 +65,7 @@ class Explorer:
         observation = split_by_seed(self._problem, seen)
         first = torch.ones(len(seeds), number, dtype=torch.bool, device=self._problem.device)
         for action in actions:
-            seen, _, terminated, truncated, _ = self._envs.step(self.told(action))
+            seen, _, terminated, truncated, _ = self._envs.step(self.env_actions(action))
             observation = split_by_seed(self._problem, seen)
             first = split_by_seed(self._problem, terminated) | split_by_seed(
                 self._problem, truncated
@@ -86,7 +86,7 @@ class Explorer:
             What is learned from, the next observations, and whether each is the first of an episode
             (seeds, num_envs).
         """
-        seen, rewards, terminated, truncated, infos = self._envs.step(self.told(action))
+        seen, rewards, terminated, truncated, infos = self._envs.step(self.env_actions(action))
         self._note_scores(infos)
         following = split_by_seed(self._problem, seen)
         terminated, truncated = (
@@ -107,7 +107,7 @@ class Explorer:
         (total, number), self._scores = self._scores, None
         return {"explored/normalized_performance": total / number}  # Not a number without any.
 
-    def told(self, action: Tensor) -> Any:
+    def env_actions(self, action: Tensor) -> Any:
         """Actions (seeds, num_envs, n) as environments take them."""
         flat = action.flatten(0, 1)
         return flat if self._device == "cuda" else flat.cpu().numpy()
@@ -141,7 +141,7 @@ class Explorer:
             mask = split_by_seed(self._problem, ended)
             mask = mask.reshape(*mask.shape, *[1] * (following.ndim - 2))
             return torch.where(mask, split_by_seed(self._problem, final), following)
-        found = following.clone().flatten(0, 1)
+        result = following.clone().flatten(0, 1)
         for i in np.flatnonzero(ended).tolist():
-            found[i] = torch.as_tensor(final[i])
-        return found.reshape(following.shape)
+            result[i] = torch.as_tensor(final[i])
+        return result.reshape(following.shape)

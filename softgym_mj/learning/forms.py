@@ -13,15 +13,15 @@ def signed_orders(
     symmetries: Sequence[Symmetry], device: torch.device | str
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Order and sign (symmetries, n) by which numbers are taken: of observations, of actions."""
-    found: list[Tensor] = []
+    result: list[Tensor] = []
     for name in ("observation", "action"):
         matrices = np.stack([getattr(symmetry, name) for symmetry in symmetries])
         # Turns by right angles and mirrors: one entry of 1 or -1 in a row.
         assert (np.count_nonzero(matrices, axis=-1) == 1).all() and (abs(matrices) <= 1.0).all()
         orders = np.abs(matrices).argmax(-1)
         signs = np.take_along_axis(matrices, orders[..., None], -1)[..., 0]
-        found += [torch.tensor(orders, device=device), torch.tensor(signs, device=device).float()]
-    return found[0], found[1], found[2], found[3]
+        result += [torch.tensor(orders, device=device), torch.tensor(signs, device=device).float()]
+    return result[0], result[1], result[2], result[3]
 
 
 class SymmetrizedPolicy(nn.Module):
@@ -56,10 +56,10 @@ class SymmetrizedPolicy(nn.Module):
 
     def forward(self, observation: Tensor) -> Tensor:
         """Actions (..., n, action) of observations (..., n, observation)."""
-        found = [
+        result = [
             self.policy(observation[..., order] * sign)[..., back] * turn
             for order, sign, back, turn in zip(
                 self.orders, self.signs, self.back, self.turns, strict=True
             )
         ]
-        return torch.stack(found).mean(0)
+        return torch.stack(result).mean(0)

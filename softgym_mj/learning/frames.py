@@ -53,7 +53,7 @@ class Frames:
         self._capacity, self._size, self._next = max(capacity, frames), 0, 0
         self._is_cut = False  # Whether steps before the oldest were left out of a state.
         lead = self._capacity, len(seeds), num_envs
-        self._kept = {
+        self._arrays = {
             name: torch.zeros(*lead, *shape, dtype=_kind(name, shape), device=device)
             for name, shape in shapes.items()
         }
@@ -71,8 +71,8 @@ class Frames:
             values: (seeds, num_envs, ...) by name.
             first: whether each is the first of an episode (seeds, num_envs).
         """
-        for name, kept in self._kept.items():
-            kept[self._next] = values[name]
+        for name, array in self._arrays.items():
+            array[self._next] = values[name]
         self._age[self._next] = (self._age[self._next - 1] + 1).masked_fill(first, 0)
         self._next = (self._next + 1) % self._capacity
         self._size = min(self._size + 1, self._capacity)
@@ -99,25 +99,25 @@ class Frames:
         age = self._age[at, k, env_index, None]
         past = (at[:, None] - torch.minimum(back, age)) % self._capacity
         return {
-            name: self._moved(kept[:, k], past, env_index[:, None], shares[2:])
+            name: self._moved(array[:, k], past, env_index[:, None], shares[2:])
             if name in self._images
-            else kept[at, k, env_index]
-            for name, kept in self._kept.items()
+            else array[at, k, env_index]
+            for name, array in self._arrays.items()
         }
 
-    def _moved(self, kept: Tensor, at: Tensor, env_index: Tensor, shares: Tensor) -> Tensor:
+    def _moved(self, array: Tensor, at: Tensor, env_index: Tensor, shares: Tensor) -> Tensor:
         """Returns images of places (n, frames), each stack shifted by shares (2, n) in 0..1."""
-        is_several = kept.ndim == 6
-        sides = kept.shape[3:5] if is_several else kept.shape[2:4]
+        is_several = array.ndim == 6
+        sides = array.shape[3:5] if is_several else array.shape[2:4]
         rows, columns = (
             lines(own, side, side, self._shift) for own, side in zip(shares, sides, strict=True)
         )
         rows, columns = rows[:, None, :, None], columns[:, None, None, :]
         if not is_several:
-            return kept[at[..., None, None], env_index[..., None, None], rows, columns]
-        cameras = torch.arange(kept.shape[2], device=at.device)[:, None, None]
+            return array[at[..., None, None], env_index[..., None, None], rows, columns]
+        cameras = torch.arange(array.shape[2], device=at.device)[:, None, None]
         lead = at[..., None, None, None], env_index[..., None, None, None]
-        return kept[*lead, cameras, rows[:, None], columns[:, None]]
+        return array[*lead, cameras, rows[:, None], columns[:, None]]
 
     def get_state(self) -> dict[str, Any]:
         """Returns what `set_state` needs to continue: with the same numbers, if all fits.
@@ -127,9 +127,9 @@ class Frames:
         """
         number = min(self._size, max(NEWEST_IMAGES // math.prod(self._age.shape[1:]), self._frames))
         newest = (torch.arange(number) + self._next - number) % self._capacity
-        arrays = {**self._kept, "_age": self._age}
+        arrays = {**self._arrays, "_age": self._age}
         return {
-            "kept": {name: array[newest.to(array.device)] for name, array in arrays.items()},
+            "arrays": {name: array[newest.to(array.device)] for name, array in arrays.items()},
             "whole": self._size,
             "is_cut": self._is_cut or number < self._size,
             "random": [source.get_state() for source in self.sources],
@@ -137,14 +137,14 @@ class Frames:
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Continues from what `get_state` returned."""
-        self._size, self._is_cut = len(state["kept"]["_age"]), state["is_cut"]
+        self._size, self._is_cut = len(state["arrays"]["_age"]), state["is_cut"]
         self._next = self._size % self._capacity
         if self._size < state["whole"]:
             _log.warning("Continues with the newest %d of %d steps", self._size, state["whole"])
-        for name, array in {**self._kept, "_age": self._age}.items():
-            array[: self._size] = state["kept"][name]
-        for source, kept in zip(self.sources, state["random"], strict=True):
-            source.set_state(kept)
+        for name, array in {**self._arrays, "_age": self._age}.items():
+            array[: self._size] = state["arrays"][name]
+        for source, saved in zip(self.sources, state["random"], strict=True):
+            source.set_state(saved)
         self._note()
 
 

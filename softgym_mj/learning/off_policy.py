@@ -182,24 +182,24 @@ class OffPolicy:
         self.replay.add(step)
         learns = self._seen >= self._settings.random_steps
         self._seen += self._problem.num_envs
-        found: dict[str, Tensor] = {}
+        result: dict[str, Tensor] = {}
         if learns and self.replay.size >= self._settings.n_step:
             if not self.updates:
                 self.algorithm.begin(self.replay.sample)
             if self._settings.final_discount is not None:
                 self.replay.discount.fill_(self._settings.discount_at(self._seen))
-            wanted = self.updates + self._settings.updates
+            total = self.updates + self._settings.updates
             for _ in range(self._settings.updates // self.algorithm.period):
-                found = self._few()
-            self.algorithm.updates = wanted  # A graph does not count.
-        return found
+                result = self._few()
+            self.algorithm.updates = total  # A graph does not count.
+        return result
 
     def _update(self) -> dict[str, Tensor]:
         """A period of updates."""
-        found: dict[str, Tensor] = {}
+        result: dict[str, Tensor] = {}
         for _ in range(self.algorithm.period):
-            found |= self.algorithm.update(self.replay.sample(self._settings.batch))
-        return found
+            result |= self.algorithm.update(self.replay.sample(self._settings.batch))
+        return result
 
     def policy(self, seed: int) -> nn.Module:
         """See `Learner`."""
@@ -223,6 +223,6 @@ class OffPolicy:
         """See `Learner`."""
         self.algorithm.set_state(state["algorithm"])
         self.replay.set_state(state["replay"])
-        for source, kept in zip(self._noise, state["noise"], strict=True):
-            source.set_state(kept)
+        for source, saved in zip(self._noise, state["noise"], strict=True):
+            source.set_state(saved)
         self._seen = state["seen"]

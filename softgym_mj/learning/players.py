@@ -15,15 +15,17 @@ Act = Callable[[Any, Tensor, Any], tuple[Tensor, Any]]
 class Players:
     """Environments by their number, made when they are first needed."""
 
-    def __init__(self, problem: Problem, make: Callable[[int], Any], told: Callable[[Tensor], Any]):
+    def __init__(
+        self, problem: Problem, make: Callable[[int], Any], env_actions: Callable[[Tensor], Any]
+    ):
         """Notes how environments are made.
 
         Args:
             problem: what is learned.
             make: makes a number of environments, which reset only when they are told to.
-            told: makes of actions (seeds, n, action) what environments take.
+            env_actions: makes of actions (seeds, n, action) what environments take.
         """
-        self._problem, self._make, self._told = problem, make, told
+        self._problem, self._make, self._env_actions = problem, make, env_actions
         self._made: dict[int, Any] = {}
 
     def play(self, variations: Sequence[int], act: Act) -> dict[str, np.ndarray]:
@@ -48,10 +50,10 @@ class Players:
             action, memory = act(
                 split_by_seed(self._problem, seen), split_by_seed(self._problem, first), memory
             )
-            return self._told(action)
+            return self._env_actions(action)
 
-        found = play_each(self._made[number], chosen, [*variations] * seeds)
-        return {name: values.astype(float).reshape(seeds, -1) for name, values in found.items()}
+        result = play_each(self._made[number], chosen, [*variations] * seeds)
+        return {name: values.astype(float).reshape(seeds, -1) for name, values in result.items()}
 
     def close(self) -> None:
         """Closes all environments."""

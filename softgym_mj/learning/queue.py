@@ -108,18 +108,18 @@ class QueuedRun:
         """
         replaced = "small" if self.plans else "custom"
         preset = self.preset if LABELLED.issuperset(self.settings) else replaced
-        wanted = self.task, self.method, self.observation, preset, self.replay
+        name = self.task, self.method, self.observation, preset, self.replay
         env_steps = self.env_steps
         if preset == "custom":
             training, _ = find_preset(self.method, self.preset, self.task, **self.settings)
             env_steps = training.env_steps
-        found = {
+        result = {
             row.seed
             for row in rows
-            if row.final and row.split == "evaluate" and row.name == wanted
+            if row.final and row.split == "evaluate" and row.name == name
             if env_steps in (None, row.env_steps) and row.episodes >= self.episodes
         }
-        return found >= set(range(self.seeds))
+        return result >= set(range(self.seeds))
 
 
 def read_queue(file: pathlib.Path) -> list[QueuedRun]:

@@ -55,10 +55,10 @@ def find_method(name: str, /, **settings: Any) -> Method:
     Raises:
         InvalidArgumentError: for a name that there is not, or a bad value.
     """
-    found = _find(name)
-    made = found.settings(**settings)
+    result = _find(name)
+    made = result.settings(**settings)
     _check_sizes(made)
-    return Method(name, "custom", made, found.make)
+    return Method(name, "custom", made, result.make)
 
 
 class _Found(NamedTuple):
@@ -74,9 +74,9 @@ def _find(name: str) -> _Found:
         return _imported(name)
     check_name("method", name, (*METHODS, "MODULE:FUNCTION"))
     module, kind = METHODS[name]
-    found = importlib.import_module(f"{_ROOM}.{module}")
+    result = importlib.import_module(f"{_ROOM}.{module}")
     presets = tomllib.loads((PRESETS / f"{name}.toml").read_text())
-    return _Found(getattr(found, kind), found.make, presets)
+    return _Found(getattr(result, kind), result.make, presets)
 
 
 def _imported(name: str) -> _Found:
@@ -116,7 +116,7 @@ def find_preset(
     """
     method_class, _, presets = _find(name)
     layers = _layers(presets, preset, task, str(replaced.get("observation")))
-    found = {
+    result = {
         part: {key: value for layer in layers for key, value in layer.get(part, {}).items()}
         for part in ("training", "method")
     }
@@ -128,10 +128,10 @@ def find_preset(
         parts = [part for part in names if key in names[part]]
         if not parts:
             raise InvalidArgumentError("settings", key, sorted(names["training"] | names["method"]))
-        found[parts[0]][key] = value
-    method = find_method(name, **{key: _tuples(value) for key, value in found["method"].items()})
+        result[parts[0]][key] = value
+    method = find_method(name, **{key: _tuples(value) for key, value in result["method"].items()})
     named = preset if LABELLED.issuperset(replaced) else "custom"
-    return TrainingSettings(task, **found["training"]), dataclasses.replace(method, preset=named)
+    return TrainingSettings(task, **result["training"]), dataclasses.replace(method, preset=named)
 
 
 def _check_sizes(settings: Any) -> None:

@@ -80,7 +80,7 @@ class Replay:
         self._sources = generators(seeds, device)
         lead = capacity, len(seeds), num_envs
         kind = torch.uint8 if len(observation) == 3 else torch.float32
-        self.kept = {
+        self.arrays = {
             "observation": torch.zeros(*lead, *observation, dtype=kind, device=device),
             "action": torch.zeros(*lead, action, device=device),
             "reward": torch.zeros(lead, device=device),
@@ -99,8 +99,8 @@ class Replay:
 
     def add(self, step: Step) -> None:
         """Keeps a vector step."""
-        for name, kept in self.kept.items():
-            kept[self._next] = getattr(step, name).reshape(kept.shape[1:]).to(kept.dtype)
+        for name, array in self.arrays.items():
+            array[self._next] = getattr(step, name).reshape(array.shape[1:]).to(array.dtype)
         self._next = (self._next + 1) % self._capacity
         self.size = min(self.size + 1, self._capacity)
         self._note()
@@ -140,28 +140,28 @@ class Replay:
         seed = torch.arange(self._seeds, device=first.device)[:, None, None]
         at = (first + torch.arange(length, device=first.device)) % self._capacity
         env_index = whole_numbers(shares[:, 1], self._num_envs)[..., None]
-        return Step(*(self.kept[name][at, seed, env_index] for name in Step._fields))
+        return Step(*(self.arrays[name][at, seed, env_index] for name in Step._fields))
 
     def _added_up(self, first: Tensor, env_index: Tensor) -> Batch:
         """The batch that begins in these vector steps and environments (seeds, number)."""
         seed = torch.arange(self._seeds, device=first.device)[:, None]
-        kept = self.kept
-        observation = kept["observation"][first, seed, env_index]
-        action = kept["action"][first, seed, env_index]
+        arrays = self.arrays
+        observation = arrays["observation"][first, seed, env_index]
+        action = arrays["action"][first, seed, env_index]
         reward = torch.zeros(first.shape, device=first.device)
         factor = torch.ones((), device=first.device)
         going = torch.ones_like(reward)  # Whether the episode still goes on.
         last, discount = first, torch.zeros_like(reward)
         for k in range(self._steps):
             at = (first + k) % self._capacity
-            reward = reward + going * factor * kept["reward"][at, seed, env_index]
+            reward = reward + going * factor * arrays["reward"][at, seed, env_index]
             last = torch.where(going > 0, at, last)
             factor = factor * self.discount
             # Of an episode that has come to its horizon the value goes on.
-            lives = (~kept["terminated"][at, seed, env_index]).float()
+            lives = (~arrays["terminated"][at, seed, env_index]).float()
             discount = torch.where(going > 0, factor * lives, discount)
-            going = going * (~kept["ended"][at, seed, env_index]).float()
-        following = kept["next_observation"][last, seed, env_index]
+            going = going * (~arrays["ended"][at, seed, env_index]).float()
+        following = arrays["next_observation"][last, seed, env_index]
         return Batch(observation, action, reward, following, discount)
 
     # ------------------------------------------------------------------ state
@@ -169,13 +169,13 @@ class Replay:
     def get_state(self) -> dict[str, Any]:
         """All that `set_state` needs to go on with the same numbers; of images the newest ones."""
         number, following, which = self.size, self._next, slice(0, self.size)
-        if self.kept["observation"].dtype == torch.uint8:
+        if self.arrays["observation"].dtype == torch.uint8:
             number = min(self.size, -(-NEWEST_IMAGES // self._num_envs))
         if number < self.size:
             which = (torch.arange(number) + self._next - number) % self._capacity
             following = number % self._capacity
         return {
-            "kept": {name: array[which].clone() for name, array in self.kept.items()},
+            "arrays": {name: array[which].clone() for name, array in self.arrays.items()},
             "size": number,
             "whole": self.size,
             "next": following,
@@ -187,10 +187,10 @@ class Replay:
         self.size, self._next = state["size"], state["next"]
         if self.size < state["whole"]:
             _log.warning("Goes on with the newest %d of %d steps", self.size, state["whole"])
-        for name, array in state["kept"].items():
-            self.kept[name][: self.size] = array
-        for source, kept in zip(self._sources, state["random"], strict=True):
-            source.set_state(kept)
+        for name, array in state["arrays"].items():
+            self.arrays[name][: self.size] = array
+        for source, saved in zip(self._sources, state["random"], strict=True):
+            source.set_state(saved)
         self._note()
 
 

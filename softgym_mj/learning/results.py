@@ -143,7 +143,7 @@ _PARSERS: dict[str, _Parser] = {
 def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
     """A file of comma-separated values as objects of a dataclass, whose fields are its columns."""
     fields: Sequence[dataclasses.Field] = dataclasses.fields(kind)  # type: ignore[arg-type]
-    columns, found = [field.name for field in fields], []
+    columns, result = [field.name for field in fields], []
     with naming(file, "read"):
         lines = csv.reader(io.StringIO(read_whole(file).decode(), newline=""))
         table = _cells(lines)
@@ -162,8 +162,8 @@ def _read(file: pathlib.Path, kind: type[_T]) -> list[_T]:
             except (LookupError, ValueError):
                 message = f"{where}: {field.name}={cell!r} is refused; valid: {valid}"
                 raise StoreError(message) from None
-        found.append(kind(*values))
-    return found
+        result.append(kind(*values))
+    return result
 
 
 def _cells(lines: Any) -> list[tuple[int, list[str]]]:
@@ -239,12 +239,12 @@ def merged(*several: Iterable[Row]) -> list[Row]:
         StoreError: for two rows of the same evaluation that differ: what is published is not
             replaced in passing.
     """
-    found: dict[tuple, Row] = {}
+    result: dict[tuple, Row] = {}
     for row in (row for rows in several for row in rows):
-        old = found.setdefault(row.key, row)
+        old = result.setdefault(row.key, row)
         if old != row:
             raise StoreError(f"two results of one evaluation, remove one: {old} and {row}")
-    return [found[key] for key in sorted(found)]
+    return [result[key] for key in sorted(result)]
 
 
 def write_rows(rows: Iterable[Row], file: pathlib.Path) -> None:

@@ -110,7 +110,7 @@ class TrainingSettings:
     def task_settings(self) -> dict[str, Any]:
         """Keyword arguments of the task."""
         named = {"horizon": self.episode_steps, "actor": self.actor}
-        found = {name: value for name, value in named.items() if value is not None}
+        result = {name: value for name, value in named.items() if value is not None}
         if "fidelity" in find(self.task).arguments:
-            found["fidelity"] = self.fidelity
-        return {**found, **self.arguments}
+            result["fidelity"] = self.fidelity
+        return {**result, **self.arguments}

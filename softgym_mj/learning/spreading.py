@@ -41,18 +41,18 @@ def train_each(
     Returns:
         The curve of all seeds.
     """
-    found: dict[int, list[Row]] = {}
+    result: dict[int, list[Row]] = {}
     where = device, learner_device
     calls = [(settings, method, seed, folder / f"seed_{seed}", *where) for seed in seeds]
     rows: list[Row] = []
     with alone(folder):
         for i, own in executor.results(_trained, calls):
-            found[seeds[i]] = own
-            rows = [row for seed in sorted(found) for row in found[seed]]
+            result[seeds[i]] = own
+            rows = [row for seed in sorted(result) for row in result[seed]]
             rows.sort(key=lambda row: (row["env_steps"], row["split"] != "train"))
             write_curve(folder, rows)
             progress(seeds[i], own)
-        join([folder / f"seed_{seed}" for seed in sorted(found)], folder)
+        join([folder / f"seed_{seed}" for seed in sorted(result)], folder)
     return rows
 
 

@@ -125,19 +125,19 @@ def submit(
     scores = {(e["seed"], e["variation"]): e for e in result["episodes"]}
     rows = []
     for split, own in variations().items():
-        found = {
+        output = {
             name: np.array([[scores[k, i][name] for i in own] for k in submission.seeds], float)
             for name in ("normalized_performance", "performance", "success")
         }
         if split == "evaluate":
-            write_episodes(folder, submission.seeds, own, found)
+            write_episodes(folder, submission.seeds, own, output)
         for k, seed in enumerate(submission.seeds):
             rows.append(
                 Row(
                     *submission.name, seed, submission.env_steps, submission.updates,
                     submission.seconds, split, len(own),
-                    float(found["normalized_performance"][k].mean()),
-                    float(found["success"][k].mean()), True,
+                    float(output["normalized_performance"][k].mean()),
+                    float(output["success"][k].mean()), True,
                 )
             )  # fmt: skip
     write_rows([*earlier, *rows], folder / FILE)

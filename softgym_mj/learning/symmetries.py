@@ -61,11 +61,11 @@ def symmetries(env: Environment) -> list[Symmetry]:
     remembers = "markov" in env.observation_spec()
 
     def of_observation(turn: np.ndarray, order: str, pickers: Sequence[int]) -> np.ndarray:
-        found = _of_observation(entries, turn, order, pickers)
+        result = _of_observation(entries, turn, order, pickers)
         if not remembers:
-            return found
+            return result
         # Of each picker whether it holds something, and where that is from it.
-        return block_diag(found, _blocks([block_diag(1.0, turn)] * number, pickers))
+        return block_diag(result, _blocks([block_diag(1.0, turn)] * number, pickers))
 
     return [
         Symmetry(
@@ -104,7 +104,7 @@ def _of_observation(
 def _blocks(parts: Sequence[np.ndarray], order: Sequence[int]) -> np.ndarray:
     """Blocks (k, k) of a matrix (n k, n k): part i is that of row i and column order[i]."""
     size = len(parts[0])
-    found = np.zeros((len(parts) * size,) * 2)
+    result = np.zeros((len(parts) * size,) * 2)
     for i, (part, k) in enumerate(zip(parts, order, strict=True)):
-        found[i * size : (i + 1) * size, k * size : (k + 1) * size] = part
-    return found
+        result[i * size : (i + 1) * size, k * size : (k + 1) * size] = part
+    return result

@@ -26,12 +26,12 @@ def table(rows: Iterable[Row], references: Sequence[Reference] = ()) -> list[dic
         method and observation, at the number of env steps next to this one. None where unknown,
         as quartiles and intervals of one seed are.
     """
-    found: dict[tuple, dict[str, list[Row]]] = {}
+    result: dict[tuple, dict[str, list[Row]]] = {}
     for row in (row for row in rows if row.final):
-        splits = found.setdefault((row.name, row.env_steps), {"train": [], "evaluate": []})
+        splits = result.setdefault((row.name, row.env_steps), {"train": [], "evaluate": []})
         splits[row.split].append(row)
     lines = []
-    for (name, env_steps), splits in found.items():
+    for (name, env_steps), splits in result.items():
         if not (held_out := splits["evaluate"]):
             continue
         trained = {row.seed: row.normalized_performance for row in splits["train"]}

@@ -102,7 +102,7 @@ class Training:
         self._players = Players(
             self._problem,
             lambda number: self._make(number, autoreset_mode="Disabled", split="all"),
-            self._explorer.told,
+            self._explorer.env_actions,
         )
         try:
             self.learner = self.method.make(self.method.settings, self._problem)
@@ -219,8 +219,8 @@ class Training:
 
     def _told_of(self, news: Mapping[str, Tensor]) -> dict[str, list[float]]:
         """Losses and the like as lists, with scores of episodes since the last call."""
-        found = {**news, **self._explorer.scores()}
-        return {name: value.tolist() for name, value in found.items()}
+        result = {**news, **self._explorer.scores()}
+        return {name: value.tolist() for name, value in result.items()}
 
     # ------------------------------------------------------------------ evaluation
 
@@ -242,9 +242,9 @@ class Training:
         scores = self.play([index for each in chosen.values() for index in each])
         for split, indices in chosen.items():
             first = len(chosen["train"]) if split == "evaluate" else 0
-            found = {name: each[:, first : first + len(indices)] for name, each in scores.items()}
+            result = {name: each[:, first : first + len(indices)] for name, each in scores.items()}
             if final and split == "evaluate":
-                write_episodes(self.folder, self.seeds, indices, found)
+                write_episodes(self.folder, self.seeds, indices, result)
             common = {
                 "task": settings.task, "method": self.method.name,
                 "observation": named(settings.observations), "preset": self.method.preset,
@@ -252,7 +252,7 @@ class Training:
                 "env_steps": self.env_steps, "updates": self.learner.updates,
                 "seconds": round(self.seconds, 1), "split": split, "final": int(final),
             }  # fmt: skip
-            self.rows += curve_rows(common, self.seeds, found)
+            self.rows += curve_rows(common, self.seeds, result)
 
     def play(self, variations: Sequence[int]) -> dict[str, np.ndarray]:
         """Plays an episode of each variation with the best actions of each seed.
@@ -326,9 +326,9 @@ class Training:
         if state is None:
             return
         longer = as_longer(state["owner"], self.settings.env_steps)
-        if found := differences(longer, self._owner()):
+        if result := differences(longer, self._owner()):
             raise StoreError(
-                f"{self.folder} has a training of other settings ({found}): choose another folder"
+                f"{self.folder} has a training of other settings ({result}): choose another folder"
             )
         part, device = state["part"], self._problem.device
         try:

@@ -52,8 +52,8 @@ class Executor(contextlib.AbstractContextManager["Executor"]):
 
     def all(self, function: Callable, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
         """The results of calls, in their order."""
-        found = dict(self.results(function, calls))
-        return [found[index] for index in range(len(calls))]
+        result = dict(self.results(function, calls))
+        return [result[index] for index in range(len(calls))]
 
     @abc.abstractmethod
     def close(self) -> None:

@@ -91,18 +91,18 @@ def _note(name: str) -> dict[str, Any]:
     if not name.endswith(SUFFIX) or not os.path.isfile(file):  # False for impossible names.
         return {}
     try:
-        found: Any = None
+        result: Any = None
         if zipfile.is_zipfile(file):
             with zipfile.ZipFile(file) as archive:
                 notes = [each for each in archive.namelist() if each.endswith(f"/extra/{NOTE}")]
-                found = json.loads(archive.read(notes[0])) if notes else None
-        if found is None and os.path.isfile(card):
-            found = json.loads(read_whole(card)).get("training")
-        if found is None:
+                result = json.loads(archive.read(notes[0])) if notes else None
+        if result is None and os.path.isfile(card):
+            result = json.loads(read_whole(card)).get("training")
+        if result is None:
             return {}
-        observation, frames = found["observation"], int(found.get("frames", 1))
+        observation, frames = result["observation"], int(result.get("frames", 1))
         seen = observation if isinstance(observation, str) else [*map(str, observation)]
-        sized = {"image_size": [*found["image_size"]]} if has_images(seen) else {}
+        sized = {"image_size": [*result["image_size"]]} if has_images(seen) else {}
     except (ValueError, LookupError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         message = f"policy={name!r}: what it observes cannot be read from it or {card}: {error!r}"
         raise InvalidArgumentError(message) from error

@@ -121,12 +121,12 @@ class CEM:
         """
         mean, variance = guess, np.full_like(guess, self.variance)
         best, best_return, steps = guess, -np.inf, 0
-        kept = np.empty((0, *guess.shape))
+        kept_elites = np.empty((0, *guess.shape))
         count = max(1, int(ELITES * self.population))
         for iteration in range(self.iterations):
-            noise = self._noise((self.population - len(kept), *guess.shape), random)
+            noise = self._noise((self.population - len(kept_elites), *guess.shape), random)
             samples = np.clip(mean + np.sqrt(variance) * noise, -1.0, 1.0)
-            samples = self._population(samples, kept, mean, iteration)
+            samples = self._population(samples, kept_elites, mean, iteration)
             returns = yield samples
             steps += samples.shape[0] * self.horizon
             # A stable sort of the negated returns: the first of equals is the better one.
@@ -134,7 +134,7 @@ class CEM:
             if returns.max() > best_return:
                 best, best_return = elites[0], float(returns.max())
             mean, variance = elites.mean(axis=0), np.maximum(elites.var(axis=0), VARIANCE_FLOOR)
-            kept = self._kept(elites)
+            kept_elites = self._kept_elites(elites)
         return Plan(self._chosen(mean, best), best_return, steps)
 
     def _noise(self, shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
@@ -142,12 +142,12 @@ class CEM:
         return random.standard_normal(shape)
 
     def _population(
-        self, samples: np.ndarray, kept: np.ndarray, mean: np.ndarray, iteration: int
+        self, samples: np.ndarray, kept_elites: np.ndarray, mean: np.ndarray, iteration: int
     ) -> np.ndarray:
         """What is tried in an iteration."""
         return samples
 
-    def _kept(self, elites: np.ndarray) -> np.ndarray:
+    def _kept_elites(self, elites: np.ndarray) -> np.ndarray:
         """Which of the elites go on to the next iteration."""
         return elites[:0]
 
@@ -162,13 +162,13 @@ class ICEM(CEM):
     def _noise(self, shape, random):
         return coloured_noise(shape, random)
 
-    def _population(self, samples, kept, mean, iteration):
-        samples = np.concatenate([kept, samples])
+    def _population(self, samples, kept_elites, mean, iteration):
+        samples = np.concatenate([kept_elites, samples])
         if iteration == self.iterations - 1:
             samples[-1] = mean
         return samples
 
-    def _kept(self, elites):
+    def _kept_elites(self, elites):
         return elites[: max(1, int(KEPT * len(elites)))]
 
     def _chosen(self, mean, best):

@@ -65,7 +65,7 @@ class ExecutorRollouts(Rollouts):
 
 def answered(askers: Sequence[Asking[T]], rollouts: Rollouts) -> list[T]:
     """What generators return whose trials are played, those of all together."""
-    found: dict[int, T] = {}
+    result: dict[int, T] = {}
     answers: dict[int, Any] = dict.fromkeys(range(len(askers)))  # None starts a generator.
     while True:
         trials: dict[int, Trial] = {}
@@ -73,9 +73,9 @@ def answered(askers: Sequence[Asking[T]], rollouts: Rollouts) -> list[T]:
             try:
                 trials[i] = askers[i].send(answer)
             except StopIteration as end:
-                found[i] = end.value
+                result[i] = end.value
         if not trials:
-            return [found[i] for i in range(len(askers))]
+            return [result[i] for i in range(len(askers))]
         answers = dict(zip(trials, rollouts.all([*trials.values()]), strict=True))
 
 

@@ -91,7 +91,7 @@ class Format(abc.ABC):
         """A dataset, as the library reads it."""
 
     @abc.abstractmethod
-    def told(self, dataset: Any) -> tuple[int, int, str]:
+    def summary(self, dataset: Any) -> tuple[int, int, str]:
         """Of what `load` returned: numbers of episodes and env steps, the call that loads it."""
 
     @abc.abstractmethod
@@ -139,9 +139,9 @@ class Format(abc.ABC):
         if not os.path.lexists(place) or (place / EPISODES).exists():
             return False
         file = place / MADE_OF
-        found = read_json(file) if file.exists() else {}
+        result = read_json(file) if file.exists() else {}
         own = json.loads(json.dumps(made_of))  # Tuples are lists there.
-        if differ := [name for name in {**own, **found} if found.get(name) != own.get(name)]:
+        if differ := [name for name in {**own, **result} if result.get(name) != own.get(name)]:
             raise StoreError(
                 f"dataset={dataset!r} exists, with another {', '.join(differ)}; choose another "
                 f"id, or delete {place}"

@@ -126,7 +126,7 @@ class LeRobot(Format):
         datasets = import_extra("lerobot.datasets.lerobot_dataset", "LeRobot", "lerobot")
         return datasets.LeRobotDataset(dataset, root=self.place(dataset))
 
-    def told(self, dataset: Any) -> tuple[int, int, str]:
+    def summary(self, dataset: Any) -> tuple[int, int, str]:
         """See `Format`."""
         return dataset.num_episodes, dataset.num_frames, f"LeRobotDataset({dataset.repo_id!r})"
 
@@ -145,17 +145,17 @@ class LeRobot(Format):
         words = about.task.summary or about.task.name
         with _quietly():
             for episode in episodes:
-                found = columns(episode, names, actor)
+                result = columns(episode, names, actor)
                 writer = writer or datasets.LeRobotDataset.create(
                     dataset,
                     _Rate(1.0 / played.control_timestep()),
-                    {key: _feature(column) for key, column in found.items()},
+                    {key: _feature(column) for key, column in result.items()},
                     root=made,  # It wants a folder that is not there.
                     robot_type=actor.name,
                     vcodec=self._codec,
                 )
                 for k in range(len(episode["actions"])):
-                    step = {key: column.values[k] for key, column in found.items()}
+                    step = {key: column.values[k] for key, column in result.items()}
                     writer.add_frame({**step, "task": words})
                 writer.save_episode(parallel_encoding=False)
             assert writer is not None  # There is no dataset without an episode.
@@ -188,24 +188,24 @@ def columns(episode: Mapping[str, Any], names: Sequence[str], actor: Actor) -> d
     """
     count, infos, seen = len(episode["actions"]), episode["infos"], episode["observations"]
     entries = [f"{name} [{unit}]" if unit else name for name, unit, _ in actor.actions.entries]
-    found = _seen(seen if isinstance(seen, Mapping) else {names[0]: seen}, actor)
-    found["action"] = Column(infos.get(LABEL, episode["actions"]), entries)
+    result = _seen(seen if isinstance(seen, Mapping) else {names[0]: seen}, actor)
+    result["action"] = Column(infos.get(LABEL, episode["actions"]), entries)
     if LABEL in infos:
-        found["executed_action"] = Column(episode["actions"], entries)
+        result["executed_action"] = Column(episode["actions"], entries)
     after = {
         "next.reward": episode["rewards"].astype(np.float32),
         "next.done": episode["terminations"] | episode["truncations"],
         "next.success": np.asarray(infos["success"][1:], bool),
         "variation": np.asarray(infos["variation"][1:], np.int64),
     }
-    found |= {key: Column(values[:, None]) for key, values in after.items()}
-    return {key: column._replace(values=column.values[:count]) for key, column in found.items()}
+    result |= {key: Column(values[:, None]) for key, values in after.items()}
+    return {key: column._replace(values=column.values[:count]) for key, column in result.items()}
 
 
 def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Column]:
     """Observations over time as features."""
     states = [name for name in _STATES if name in observations]
-    found = {
+    result = {
         place: Column(observations[name], _sensed(actor) if name == _STATES[0] else None)
         for place, name in zip(_PLACES, states, strict=False)
     }
@@ -214,13 +214,13 @@ def _seen(observations: Mapping[str, np.ndarray], actor: Actor) -> dict[str, Col
     for name in observations.keys() - set(states):
         values = observations[name]
         if not _is_seen(values.dtype, values.ndim - 1):
-            found[f"observation.{name}"] = Column(values)
+            result[f"observation.{name}"] = Column(values)
             continue
         views = values[:, None] if values.ndim == 1 + _PICTURE else values
         for k, camera in enumerate(cameras.get(name, (name,))):
             key = f"observation.images.{camera}"
-            found[key] = Column(views[:, k], ["height", "width", "channels"], is_film=True)
-    return dict(sorted(found.items()))
+            result[key] = Column(views[:, k], ["height", "width", "channels"], is_film=True)
+    return dict(sorted(result.items()))
 
 
 def _is_seen(kind: np.dtype, dimensions: int) -> bool:

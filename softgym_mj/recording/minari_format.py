@@ -55,7 +55,7 @@ class Minari(Format):
         """See `Format`."""
         return import_extra("minari", "Minari", "datasets").load_dataset(dataset)
 
-    def told(self, dataset: Any) -> tuple[int, int, str]:
+    def summary(self, dataset: Any) -> tuple[int, int, str]:
         """See `Format`."""
         call = f"minari.load_dataset({dataset.spec.dataset_id!r})"
         return dataset.total_episodes, dataset.total_steps, call

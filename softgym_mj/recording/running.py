@@ -100,7 +100,7 @@ def record(
             `noise` or `jobs` are out of range; for settings that JSON cannot hold; if no episode is
             left; for a bad task or policy; if the policy is "scripted" and the task has no expert.
     """
-    found = registry.find(task)
+    result = registry.find(task)
     variations = [check_variation(variation) for variation in variations]
     check_name("idle", idle, IDLE)
     if idle == "drop" and policy != "scripted":
@@ -114,17 +114,17 @@ def record(
     kind.check_signed(*signed)
     if dataset is None:
         acts = settings.get("actor"), settings.get("grasp"), settings.get("action")
-        dataset = dataset_name(found.name, policy, *acts, noise=noise, format=format)
+        dataset = dataset_name(result.name, policy, *acts, noise=noise, format=format)
     kind.check_id(dataset)
-    named = task if isinstance(task, str) and ":" in task else _with_module(found)
+    named = task if isinstance(task, str) and ":" in task else _with_module(result)
     split = next(name for name, own in SPLITS.items() if set(variations) <= set(own))
-    with gymnasium.make(found.gymnasium_id, task=named, split=split, **settings) as env:
+    with gymnasium.make(result.gymnasium_id, task=named, split=split, **settings) as env:
         evaluation = _evaluation_spec(env, settings)
         kind.check_observed(env)
         configuration = {
             "task": named,
             "policy": policy,
-            "policy_sha256": _sources(policy, seed, found),
+            "policy_sha256": _sources(policy, seed, result),
             "seed": seed,
             "settings": settings,
             "idle": idle,
@@ -156,10 +156,10 @@ def record(
             on_episode(last)
 
         with make_executor(jobs) as executor:
-            sent = sent_to(executor, found), json.dumps(settings, sort_keys=True)
+            sent = sent_to(executor, result), json.dumps(settings, sort_keys=True)
             play_one = functools.partial(played, *sent, policy, seed, trust, idle, noise)
             store.run(variations, play_one, executor, add)
-        description = found.summary
+        description = result.summary
         if successful_only:
             count, variations = len(variations), [v for v in variations if v in successful]
             if not variations:
@@ -171,7 +171,7 @@ def record(
             {"seed": seed, "options": {"variation": variation}, **nested(store.get(variation))}
             for variation in variations
         )
-        about = About(found, policy, description, evaluation, *signed)
+        about = About(result, policy, description, evaluation, *signed)
         return kind.write(dataset, made_of, env, buffers, about)
 
 
@@ -205,7 +205,7 @@ def _with_module(record: registry.TaskRecord) -> str:
     """
     task_class = record.resolve()
     module, name = task_class.__module__, task_class.__qualname__
-    found = getattr(sys.modules.get(module), name, None) is task_class
-    if not record.is_custom or module == "__main__" or not found:
+    result = getattr(sys.modules.get(module), name, None) is task_class
+    if not record.is_custom or module == "__main__" or not result:
         return record.name
     return f"{module}:{record.name}"

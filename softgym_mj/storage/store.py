@@ -97,8 +97,8 @@ class Store:
         """
         if self.is_empty() or not self._claim.exists():
             return []
-        found, own = read_json(self._claim), self._specification
-        return [name for name in {**own, **found} if found.get(name) != own.get(name)]
+        result, own = read_json(self._claim), self._specification
+        return [name for name in {**own, **result} if result.get(name) != own.get(name)]
 
     def claim(self) -> None:
         """Writes the specification into the folder, as the first `put` does."""

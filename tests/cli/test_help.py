@@ -23,11 +23,11 @@ COMMANDS = dict(_commands(typer.main.get_command(app)))
 
 @pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
 def test_units_are_shown(path):
-    wanted = [
+    target = [
         word for o in COMMANDS[path].params for word in (getattr(o, "help", "") or "").split()
     ]
     shown = CliRunner().invoke(app, [*path, "--help"], env={"COLUMNS": "200"}).stdout
-    assert [word for word in wanted if word.startswith("[") and word not in shown] == []
+    assert [word for word in target if word.startswith("[") and word not in shown] == []
 
 
 def test_the_version_is_the_package_s():

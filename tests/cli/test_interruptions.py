@@ -50,8 +50,8 @@ def start(command, folder):
 
 def files(folder):
     """Contents of all files below a folder by path."""
-    found = (path for path in folder.rglob("*") if path.is_file())
-    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
+    result = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in result}
 
 
 @pytest.mark.parametrize(
@@ -102,9 +102,9 @@ def sweep(command, folder, moments):
         if process.returncode == 0 or "exists; choose another id" in error:
             break  # The latter if the dataset was whole and only its process was not over.
         assert process.returncode == -signum, error
-    found = files(folder)
-    assert not [path for path in found if ".partial" in path or ".unfinished" in path]
-    return found
+    result = files(folder)
+    assert not [path for path in result if ".partial" in path or ".unfinished" in path]
+    return result
 
 
 SHORT = {

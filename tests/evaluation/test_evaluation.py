@@ -93,10 +93,10 @@ def test_an_episode_goes_on_from_its_plans(tmp_path, planned):
         process.kill()
     assert process.returncode == -signal.SIGKILL
     assert not (killed / "result.json").exists()
-    told = []
-    evaluate(PLANNED, killed, None, evaluation.Progress(told.append, told.append))
+    calls = []
+    evaluate(PLANNED, killed, None, evaluation.Progress(calls.append, calls.append))
     assert (killed / "result.json").read_bytes() == (planned / "result.json").read_bytes()
-    assert len(told) == 4  # The finished episode, two decisions, and the other one.
+    assert len(calls) == 4  # The finished episode, two decisions, and the other one.
 
 
 def brightness(env):
@@ -142,9 +142,9 @@ def test_bad_configurations(settings, message):
 
 def test_planners_try_actions_on_a_device(tmp_path, planned):
     here = json.loads((planned / "result.json").read_text())
-    found = [here, evaluate(PLANNED, tmp_path, device="host")]
+    output = [here, evaluate(PLANNED, tmp_path, device="host")]
     scores = [
-        [episode["normalized_performance"] for episode in result["episodes"]] for result in found
+        [episode["normalized_performance"] for episode in result["episodes"]] for result in output
     ]
     assert scores[0] == pytest.approx(scores[1], abs=1e-9)
 
@@ -176,11 +176,11 @@ def _lockstep(tmp_path_factory):
 
 def _replayed(patch):
     """Filled with how many episodes are tried at once, each time."""
-    found, replay = [], BatchBackend.replay
+    result, replay = [], BatchBackend.replay
     patch.setattr(
-        BatchBackend, "replay", lambda *args: (found.append(len(args[1])), replay(*args))[1]
+        BatchBackend, "replay", lambda *args: (result.append(len(args[1])), replay(*args))[1]
     )
-    return found
+    return result
 
 
 def test_episodes_are_planned_together_as_alone(tmp_path, lockstep, monkeypatch):
@@ -194,11 +194,11 @@ def test_episodes_are_planned_together_as_alone(tmp_path, lockstep, monkeypatch)
 # All three together; one after the other where there is room for less than one.
 @pytest.mark.parametrize("num_envs", [30, 5])
 def test_episodes_together_go_on_from_their_plans(tmp_path, lockstep, num_envs, monkeypatch):
-    random, told = np.random.default_rng(num_envs), []
+    random, calls = np.random.default_rng(num_envs), []
 
     def interrupt(plan):
-        told.append(plan)
-        if len(told) == last:
+        calls.append(plan)
+        if len(calls) == last:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(running, "MOST_ENVS", num_envs)
@@ -208,10 +208,10 @@ def test_episodes_together_go_on_from_their_plans(tmp_path, lockstep, num_envs, 
             LOCKSTEP, tmp_path, None, evaluation.Progress(on_decision=interrupt), device="host"
         )
     monkeypatch.undo()
-    told.clear()
+    calls.clear()
     before, last = last, None
     evaluate(LOCKSTEP, tmp_path, None, evaluation.Progress(on_decision=interrupt), device="host")
-    assert len(told) == 6 - before
+    assert len(calls) == 6 - before
     assert kept(tmp_path) == kept(lockstep)
 
 
@@ -219,8 +219,8 @@ def test_episodes_together_go_on_from_their_plans(tmp_path, lockstep, num_envs, 
 def test_episodes_side_by_side_are_those_of_one_after_the_other(tmp_path, policy):
     seeds = (0, 1) if policy == "random" else (0,)
     configuration = dataclasses.replace(SIMPLE, policy=policy, seeds=seeds)
-    found = [evaluate(configuration, tmp_path / name, device=name) for name in ("cpu", "host")]
-    for ours, theirs in zip(*(result["episodes"] for result in found), strict=True):
+    output = [evaluate(configuration, tmp_path / name, device=name) for name in ("cpu", "host")]
+    for ours, theirs in zip(*(result["episodes"] for result in output), strict=True):
         assert (
             ours.keys() == theirs.keys()
             and ours["secondary_metrics"].keys() == theirs["secondary_metrics"].keys()
@@ -230,7 +230,7 @@ def test_episodes_side_by_side_are_those_of_one_after_the_other(tmp_path, policy
         for name in ("normalized_performance", "performance", "return"):
             assert theirs[name] == pytest.approx(ours[name], abs=1e-12)
         assert theirs["secondary_metrics"] == pytest.approx(ours["secondary_metrics"], abs=1e-12)
-    assert evaluate(configuration, tmp_path / "host", device="cpu") == found[1]  # It is all there.
+    assert evaluate(configuration, tmp_path / "host", device="cpu") == output[1]  # It is all there.
 
 
 def test_saved_policies_act_side_by_side(tmp_path):
@@ -241,11 +241,11 @@ def test_saved_policies_act_side_by_side(tmp_path):
     file = tmp_path / "policy.pt2"
     torch.export.save(torch.export.export(module, (torch.zeros(1, 36),)), file)
     configuration = dataclasses.replace(SIMPLE, policy=str(file), seeds=(0,))
-    found = [
+    output = [
         evaluate(configuration, tmp_path / name, device=name, trust=True)
         for name in ("cpu", "host")
     ]
-    scores = [[e["return"] for e in result["episodes"]] for result in found]
+    scores = [[e["return"] for e in result["episodes"]] for result in output]
     assert scores[0] == pytest.approx(scores[1], abs=1e-12) and len(set(scores[0])) == 3
 
 

@@ -37,7 +37,7 @@ def test_the_loss_is_that_of_a_loop():
     batch = bc._replay.sample(5)
     center = shown.observation.reshape(-1, 2).numpy().mean(0)
     scale = shown.observation.reshape(-1, 2).numpy().std(0, ddof=1)
-    for k, found in enumerate(bc.loss(batch)):
+    for k, result in enumerate(bc.loss(batch)):
         expected = 0.0
         for i in range(5):
             x = torch.tensor((batch.observation[k, i].numpy() - center) / scale)
@@ -45,7 +45,7 @@ def test_the_loss_is_that_of_a_loop():
                 is_linear = hasattr(layer, "weight")
                 x = x @ layer.weight[k] + layer.bias[k, 0] if is_linear else x.clamp(min=0.0)
             expected += (torch.tanh(x) - batch.action[k, i]).square().item() / 5
-        assert found.item() == pytest.approx(expected, rel=1e-4)
+        assert result.item() == pytest.approx(expected, rel=1e-4)
 
 
 def test_what_never_changes_is_not_blown_up():
@@ -63,8 +63,8 @@ def test_it_does_what_the_expert_does():
         last = bc.update_offline()["loss"]
     assert (last < 0.05 * first).all() and bc.updates == 401 and bc.demonstrated == 120
     place = torch.rand(2, 50, 2, generator=torch.Generator().manual_seed(1)) * 2.0 - 1.0
-    found, _ = bc.act(place, torch.ones(2, 50, dtype=torch.bool), None, explore=False)
-    assert (found - _expert(place)).abs().mean() < 0.06
+    result, _ = bc.act(place, torch.ones(2, 50, dtype=torch.bool), None, explore=False)
+    assert (result - _expert(place)).abs().mean() < 0.06
 
 
 def test_symmetries_teach_what_was_not_shown():

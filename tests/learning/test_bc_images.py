@@ -54,7 +54,7 @@ def test_frames_are_of_one_episode_and_labels_of_their_step():
     torch.testing.assert_close(-0.8 * places[:, 1:], batch[LABEL], atol=0.03, rtol=0.0)
     kept = {
         tuple(pair)
-        for episode in learner.frames._kept[LABEL][:, 0].transpose(0, 1)[..., 0].tolist()
+        for episode in learner.frames._arrays[LABEL][:, 0].transpose(0, 1)[..., 0].tolist()
         for pair in zip([episode[0], *episode[:-1]], episode, strict=True)
     }
     befores = torch.tensor(sorted(kept)) / -0.8
@@ -68,8 +68,8 @@ def test_a_state_has_no_images():
     state = copy.deepcopy(first.get_state())
     assert state["frames"].keys() == {"random"}
     second.set_state(state)
-    found = [learner.update_offline()["loss"] for learner in (first, second)]
-    assert torch.equal(*found)
+    result = [learner.update_offline()["loss"] for learner in (first, second)]
+    assert torch.equal(*result)
 
 
 def test_presets_see_what_the_actor_has():

@@ -147,8 +147,8 @@ def test_a_folder_has_one_training_at_a_time(tmp_path):
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout.readline() == "locked\n"
-    said = f"{tmp_path.name} is in use by another training, process {process.pid} on "
-    with pytest.raises(StoreError, match=said):
+    message = f"{tmp_path.name} is in use by another training, process {process.pid} on "
+    with pytest.raises(StoreError, match=message):
         _training(tmp_path).run()
     process.kill()  # The lock ends with its process.
     process.communicate()

@@ -33,7 +33,7 @@ def test_the_contrastive_loss_is_that_of_the_paper():
     curl.update(batch_of_images(2, size=SIZE))
     curl.update(batch_of_images(2, size=SIZE, seed=1))  # So that targets are no copies.
     anchors, others = pictures(2, 4, (CROP, CROP)), pictures(2, 4, (CROP, CROP), seed=1)
-    found = curl.contrastive_loss(anchors, others)
+    result = curl.contrastive_loss(anchors, others)
     z_a, z_p = curl.critics.encoder(anchors).detach(), curl.targets.encoder(others)
     for seed in range(2):
         expected = 0.0
@@ -43,8 +43,8 @@ def test_the_contrastive_loss_is_that_of_the_paper():
             )
             logits = logits - logits.max()
             expected -= (logits[i] - logits.exp().sum().log()).item() / 4
-        assert found[seed].item() == pytest.approx(expected, rel=1e-4)
-    found.sum().backward()
+        assert result[seed].item() == pytest.approx(expected, rel=1e-4)
+    result.sum().backward()
     assert all(weight.grad is None for weight in curl.targets.parameters())
 
 
@@ -79,8 +79,8 @@ def test_an_update_is_that_of_the_paper():
             loss().sum().backward()
         for rate in rates:
             torch.optim.Adam(weights, rate).step()
-    found = curl.update(batch)
-    assert found.keys() == {"critic_loss", "alpha", "contrastive_loss"}
+    result = curl.update(batch)
+    assert result.keys() == {"critic_loss", "alpha", "contrastive_loss"}
     for name in ("critics", "contrast"):
         pairs = (getattr(sac, name).parameters() for sac in (curl, alike))
         for mine, expected in zip(*pairs, strict=True):

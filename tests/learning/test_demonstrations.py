@@ -89,7 +89,7 @@ def test_what_was_killed_goes_on_from_what_is_there(cache):
     whole = collect(PROBLEM, 3, 1)
     for file in cache.glob("demonstrations/*/000[12].value"):
         file.unlink()
-    told = []
+    calls = []
 
     def written():
         """When the files were written, by the episodes' numbers."""
@@ -98,14 +98,14 @@ def test_what_was_killed_goes_on_from_what_is_there(cache):
     (first,) = written().items()
 
     def kill(done, episodes):
-        told.append((done, episodes))
+        calls.append((done, episodes))
         if done == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         collect(PROBLEM, 3, 1, kill)
     before = written()
-    assert told == [(1, 3), (2, 3)] and {*before} == {0, 1} and first in before.items()
+    assert calls == [(1, 3), (2, 3)] and {*before} == {0, 1} and first in before.items()
     assert _equal(collect(PROBLEM, 3, 1), whole)
     assert {*written()} == {0, 1, 2} and before.items() < written().items()
     # Other settings have other files; fewer episodes are the first ones.
@@ -152,13 +152,13 @@ class _Elsewhere(Executor):
 def test_processes_change_nothing(cache, monkeypatch):
     here = collect(PROBLEM, 2, 1)
     monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(cache / "other"))
-    wanted = []
+    workers = []
     monkeypatch.setattr(
-        demonstrations, "make_executor", lambda jobs: wanted.append(jobs) or _Elsewhere()
+        demonstrations, "make_executor", lambda jobs: workers.append(jobs) or _Elsewhere()
     )
     assert _equal(collect(PROBLEM, 2, 3), here)
     collect(PROBLEM, 2)
-    assert wanted == [3, demonstrations.num_cores()]
+    assert workers == [3, demonstrations.num_cores()]
 
 
 def _toy(episodes=3, steps=4):

@@ -104,14 +104,14 @@ def test_the_teacher_acts_in_fewer_and_fewer_environments():
     )
     learner = Distill(settings, problem(env_steps=16 * 8), _teacher)
     places, first = torch.linspace(-1.0, 1.0, 16)[None, :, None], torch.ones(1, 16, dtype=bool)
-    found = []
+    result = []
     for _ in range(6):
         action = _step(learner, places, first)
-        found.append((action - _teacher(places)).abs().flatten() < 1e-6)
+        result.append((action - _teacher(places)).abs().flatten() < 1e-6)
         first = torch.zeros(1, 16, dtype=bool)
     # 12 environments, then 12 (1 - k / 4), none after half of the eight steps.
-    assert [int(each.sum()) for each in found] == [12, 9, 6, 3, 0, 0]
-    assert found[0][:12].all()
+    assert [int(each.sum()) for each in result] == [12, 9, 6, 3, 0, 0]
+    assert result[0][:12].all()
 
 
 def test_the_rate_rises_then_falls():
@@ -175,10 +175,10 @@ def _saved_teacher(tmp_path_factory):
 
 def test_a_saved_teacher_labels_batches(teacher):
     module, file = teacher
-    found = find_method("distill", teacher=str(file), **SMALL)
+    result = find_method("distill", teacher=str(file), **SMALL)
     shapes = {"markov": (44,), "rgb": (SIZE, SIZE, 3)}
-    learner = found.make(
-        found.settings,
+    learner = result.make(
+        result.settings,
         Problem("straighten_rope", {}, [0], 4, (), 8, 1.0, "cpu", "rgb", shapes, 100),
     )
     states = torch.randn(9, 44)

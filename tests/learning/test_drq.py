@@ -40,7 +40,7 @@ def test_losses_are_those_of_the_paper():
     both = drq._shifted(batch_of_images(2, seed=2))
     first, second = _halves(both)
     noise = drawn(drq.sources, 2 * NUMBER, ACTION)
-    found = drq.critic_loss(both, noise)
+    result = drq.critic_loss(both, noise)
     with torch.no_grad():
         targets = []
         for part, own in zip((first, second), noise.split(NUMBER, 1), strict=True):
@@ -48,22 +48,22 @@ def test_losses_are_those_of_the_paper():
             values = drq.targets(part.next_observation, action)
             value = torch.minimum(values[0], values[1]) - drq.alpha[:, None] * density
             targets.append(part.reward + 0.9 * value)
-        wanted = (targets[0] + targets[1]) / 2.0
+        target = (targets[0] + targets[1]) / 2.0
         terms = []
         for part in (first, second):
             for critic in drq.critics(part.observation, part.action):
-                terms.append(((critic - wanted) ** 2).mean(1))
+                terms.append(((critic - target) ** 2).mean(1))
         assert len(terms) == 4
-        torch.testing.assert_close(found, sum(terms), rtol=1e-4, atol=1e-5)
+        torch.testing.assert_close(result, sum(terms), rtol=1e-4, atol=1e-5)
         assert not torch.allclose(*targets)  # Shifts differ.
         # The actor learns from the first ones.
         action, density = drq.actor.sample(first.observation, noise[:, :NUMBER])
         values = drq.critics(first.observation, action)
         actor = (drq.alpha[:, None] * density - torch.minimum(values[0], values[1])).mean(1)
         surplus = (-density + ACTION).mean(1)
-    found = drq.actor_losses(both, noise)
-    torch.testing.assert_close(found[0].detach(), actor, rtol=1e-4, atol=1e-5)
-    torch.testing.assert_close(found[1].detach(), drq.alpha * surplus, rtol=1e-4, atol=1e-5)
+    result = drq.actor_losses(both, noise)
+    torch.testing.assert_close(result[0].detach(), actor, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(result[1].detach(), drq.alpha * surplus, rtol=1e-4, atol=1e-5)
 
 
 def test_images_are_shifted_and_all_else_stays():

@@ -27,8 +27,8 @@ def _policy(own):
 
 
 def _averaged(own, policy):
-    found = SymmetrizedPolicy(policy, own, "cpu").double()
-    return lambda seen: found(torch.as_tensor(seen)).detach().numpy()
+    result = SymmetrizedPolicy(policy, own, "cpu").double()
+    return lambda seen: result(torch.as_tensor(seen)).detach().numpy()
 
 
 def test_it_is_the_mean_over_forms_that_leave_pickers_theirs(own):

@@ -34,11 +34,11 @@ def _played(frames, steps, ends=0.2):
 
 def _stack(history, k, step, env_index, name, count):
     """A stack by going back in the history until the episode starts."""
-    found = [step]
-    while len(found) < count:
-        earlier = found[0] if history[found[0]][1][k, env_index] else found[0] - 1
-        found.insert(0, earlier)
-    return np.stack([history[i][0][name][k, env_index].numpy() for i in found])
+    result = [step]
+    while len(result) < count:
+        earlier = result[0] if history[result[0]][1][k, env_index] else result[0] - 1
+        result.insert(0, earlier)
+    return np.stack([history[i][0][name][k, env_index].numpy() for i in result])
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])

@@ -37,14 +37,14 @@ def _rope():
 
 def _numbers(rope, seed, number, *shape):
     """Full states whose pickers say which they are."""
-    found = np.random.default_rng(seed).normal(size=(*shape, number)).astype(np.float32)
-    return torch.from_numpy(found)
+    result = np.random.default_rng(seed).normal(size=(*shape, number)).astype(np.float32)
+    return torch.from_numpy(result)
 
 
 def _steps(rope, seeds=SEEDS):
     """Vector steps; the rope of each is elsewhere, and the goal is the episode's."""
     size = 3 * rope.task.max_points
-    found, episode = [], 0
+    result, episode = [], 0
     for t in range(STEPS):
         ended, terminated = ENDS.get(t, (False, False))
         each = []
@@ -59,9 +59,9 @@ def _steps(rope, seeds=SEEDS):
         step = Step(
             seen, torch.zeros(*lead, 8), zeros, following, flags & terminated, flags & ended
         )
-        found.append(step)
+        result.append(step)
         episode += ended
-    return found
+    return result
 
 
 def _replay(rope, seeds=SEEDS, **settings):

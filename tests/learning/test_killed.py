@@ -66,7 +66,7 @@ def test_kills_at_random_moments_change_nothing(tmp_path):
     chance = random.Random(1)
     part = seconds * SETTINGS["part"] / SETTINGS["env_steps"]  # However fast the machine is.
     caught = sum(_killed(tmp_path / "killed", chance.uniform(0.0, part)) for _ in range(KILLS))
-    again, found, _ = _ended(tmp_path / "killed")
+    again, result, _ = _ended(tmp_path / "killed")
     assert caught >= 2  # Some were not through.
     assert again == rows and len(rows) == 10 * 2 * 2
-    assert _same(found, weights)
+    assert _same(result, weights)

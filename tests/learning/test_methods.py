@@ -169,16 +169,16 @@ def test_a_policy_file_acts_as_the_learner(whole):
         return
     seen, policy = _observations(whole._problem, 3), torch.export.load(file).module()
     for k, expected in enumerate(_best(whole, seen)[1]):
-        found = policy(seen[0, k : k + 1])
-        torch.testing.assert_close(found[0], expected, rtol=1e-4, atol=1e-5)
+        result = policy(seen[0, k : k + 1])
+        torch.testing.assert_close(result[0], expected, rtol=1e-4, atol=1e-5)
 
 
 def test_seeds_together_learn_what_each_learns_alone(train, whole, no_policies):
     alone = train("alone", SEEDS[1:])
     alone.run()
     seen = _observations(alone._problem, 3)
-    expected, found = _best(whole, seen), _best(alone, seen)
-    torch.testing.assert_close(found[0], expected[1], rtol=0, atol=1e-5)
+    expected, result = _best(whole, seen), _best(alone, seen)
+    torch.testing.assert_close(result[0], expected[1], rtol=0, atol=1e-5)
     assert (expected[0] - expected[1]).abs().max() > 1e-2
 
 

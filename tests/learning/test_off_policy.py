@@ -23,12 +23,12 @@ def test_batches_are_of_the_discount_of_their_time():
     method = find_method("sac", hidden=(8,), random_steps=0, updates=2, replay=32, **settings)
     problem = Problem("straighten_rope", {}, [0], 2, (3,), 2, 1.0, "cpu")
     learner, no = method.make(method.settings, problem), torch.zeros(1, 2, dtype=torch.bool)
-    found = []
+    result = []
     for _ in range(5):
         seen, reward = torch.randn(1, 2, 3), torch.zeros(1, 2)
         learner.learn(Step(seen, torch.zeros(1, 2, 2), reward, seen, no, no))
-        found.append(learner.replay.sample(1).discount.item())
-    assert found == pytest.approx([0.95, 0.95, 1.0 - 0.05 / 2.0, 0.9875, 0.9875])
+        result.append(learner.replay.sample(1).discount.item())
+    assert result == pytest.approx([0.95, 0.95, 1.0 - 0.05 / 2.0, 0.9875, 0.9875])
 
 
 def test_bad_settings_are_refused():

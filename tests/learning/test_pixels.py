@@ -72,7 +72,7 @@ def check_it_learns(sac, size, steps):
 @pytest.mark.parametrize(("size", "pad"), [((6, 4), 0), ((9, 8), 2), ((5, 8), 3)])
 def test_crops_are_those_of_padded_pictures(size, pad):
     whole, shares = pictures(2, 40, (9, 8)), drawn(generators([0, 1], "cpu"), 2, 40, normal=False)
-    found = cropped(whole, size, shares, pad).numpy()
+    result = cropped(whole, size, shares, pad).numpy()
     places = [whole.shape[2 + k] + 2 * pad - size[k] + 1 for k in range(2)]
     begins = set()
     for seed in range(2):
@@ -80,7 +80,7 @@ def test_crops_are_those_of_padded_pictures(size, pad):
             wide = np.pad(whole[seed, n].numpy(), ((pad, pad), (pad, pad), (0, 0)), "edge")
             row, column = (int(shares[seed, k, n] * places[k]) for k in range(2))
             part = wide[row : row + size[0], column : column + size[1]]
-            np.testing.assert_array_equal(found[seed, n], part)
+            np.testing.assert_array_equal(result[seed, n], part)
             begins.add((row, column))
     assert len(begins) > 10  # Each picture has a place of its own.
     assert {row for row, _ in begins} == set(range(places[0]))
@@ -98,8 +98,8 @@ def test_convolutions_are_those_of_pytorch():
         for weight in net.parameters():
             weight.normal_(0.0, 0.3)
     larger = pictures(2, 3, (SIZE[0] + 4, SIZE[1] + 2))
-    found = net(larger)
-    assert found.shape == (2, 3, net.outputs)
+    result = net(larger)
+    assert result.shape == (2, 3, net.outputs)
     for seed in range(2):
         own = nn.Sequential()
         for k, (weight, bias) in enumerate(zip(net.weights, net.biases, strict=True)):
@@ -108,19 +108,19 @@ def test_convolutions_are_those_of_pytorch():
             own.extend([layer, nn.ReLU()])
         middle = larger[seed, :, 2:-2, 1:-1].permute(0, 3, 1, 2) / 255.0
         expected = own(middle).permute(0, 2, 3, 1).flatten(1)
-        torch.testing.assert_close(found[seed], expected, rtol=1e-4, atol=1e-5)
+        torch.testing.assert_close(result[seed], expected, rtol=1e-4, atol=1e-5)
 
 
 def test_convolutions_of_bfloat16_have_its_digits():
     """Eight bits: relative errors of four layers below 2 %, weights and gradients of 32 bits."""
-    found = []
+    result = []
     for kind in (torch.float32, torch.bfloat16):
         own = Convolutions(generators([3], "cpu"), 8, SIZE, kind)
         outputs = own(pictures(1, 6))
         outputs.square().sum().backward()
         assert outputs.dtype == own.weights[0].dtype == own.weights[0].grad.dtype == torch.float32
-        found.append((outputs.detach(), *(weight.grad for weight in own.weights)))
-    for exact, rough in zip(*found, strict=True):
+        result.append((outputs.detach(), *(weight.grad for weight in own.weights)))
+    for exact, rough in zip(*result, strict=True):
         assert 0 < (exact - rough).norm() < 0.02 * exact.norm()
 
 
@@ -170,7 +170,7 @@ def test_rates_are_halved_and_stay_so():
         return [adam.param_groups[0]["lr"].item() for adam in sac._adams[:2]]
 
     expected = [[0.1, 0.2], [0.1, 0.2], [0.05, 0.1], [0.05, 0.1], [0.025, 0.05]]
-    for step, wanted in enumerate(expected):
+    for step, target in enumerate(expected):
         if step == 3:
             own = [adam.param_groups[0]["lr"] for adam in second._adams[:2]]
             second.set_state(first.get_state())
@@ -181,7 +181,7 @@ def test_rates_are_halved_and_stay_so():
             )
         for sac in (first, second)[: 1 + (step >= 3)]:
             sac.update(batch_of_images(2, seed=step))
-            assert rate(sac) == pytest.approx(wanted)
+            assert rate(sac) == pytest.approx(target)
     assert all(map(torch.equal, first.actor.parameters(), second.actor.parameters()))
 
 
@@ -192,8 +192,8 @@ def test_a_policy_is_a_file_that_takes_images(tmp_path):
     program = torch.export.export(sac.policy(1), (example,))
     torch.export.save(program, tmp_path / "policy.pt2")
     seen = pictures(2, 1, larger, seed=3)
-    found = torch.export.load(tmp_path / "policy.pt2").module()(seen[1])
-    torch.testing.assert_close(found, sac.act(seen, explore=False)[1], rtol=1e-5, atol=1e-6)
+    result = torch.export.load(tmp_path / "policy.pt2").module()(seen[1])
+    torch.testing.assert_close(result, sac.act(seen, explore=False)[1], rtol=1e-5, atol=1e-6)
 
 
 def test_bad_settings_are_refused():

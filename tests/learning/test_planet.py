@@ -62,7 +62,10 @@ def test_the_recurrent_unit_is_pytorchs():
     for k in range(2):
         own = nn.GRUCell(5, 7)
         own.weight_ih.data, own.bias_ih.data = ours.seen.weight[k].T, ours.seen.bias[k, 0]
-        own.weight_hh.data, own.bias_hh.data = ours.kept.weight[k].T, ours.kept.bias[k, 0]
+        own.weight_hh.data, own.bias_hh.data = (
+            ours.state_gates.weight[k].T,
+            ours.state_gates.bias[k, 0],
+        )
         torch.testing.assert_close(ours(x, state)[k], own(x[k], state[k]))
 
 
@@ -82,8 +85,8 @@ def test_images_go_through_pytorchs_convolutions(size, kernels):
         for i, layer in enumerate(decoder.layers):
             x = nn.functional.conv_transpose2d(x, layer.weight[k], layer.bias[k], stride=2)
             x = x.relu() if i < len(kernels) - 1 else x
-        found = decoder(features)[k].permute(0, 3, 1, 2)
-        torch.testing.assert_close(found, x, rtol=1e-4, atol=1e-5)
+        result = decoder(features)[k].permute(0, 3, 1, 2)
+        torch.testing.assert_close(result, x, rtol=1e-4, atol=1e-5)
 
 
 def test_first_weights_are_spread_as_pytorchs_and_of_their_seed_alone():
@@ -109,7 +112,10 @@ def test_states_are_those_of_torchrl():
     joined, cell = model._join, model._cell
     prior.action_state_projector = nn.Sequential(_single(joined, k), nn.ReLU())
     prior.rnn.weight_ih.data, prior.rnn.bias_ih.data = cell.seen.weight[k].T, cell.seen.bias[k, 0]
-    prior.rnn.weight_hh.data, prior.rnn.bias_hh.data = cell.kept.weight[k].T, cell.kept.bias[k, 0]
+    prior.rnn.weight_hh.data, prior.rnn.bias_hh.data = (
+        cell.state_gates.weight[k].T,
+        cell.state_gates.bias[k, 0],
+    )
     for network, ours in (
         (prior.rnn_to_prior_projector, model._prior),
         (posterior.obs_rnn_to_post_projector, model._posterior),
@@ -118,13 +124,13 @@ def test_states_are_those_of_torchrl():
     after = model.advance(belief, latent, action)
     mean, deviation, _, expected = prior(latent[k], belief[k], action[k], noise)
     torch.testing.assert_close(after[k], expected)
-    found = model.prior(after)
-    torch.testing.assert_close(found.mean[k], mean)
-    torch.testing.assert_close(found.deviation[k], deviation + 0.1)
+    result = model.prior(after)
+    torch.testing.assert_close(result.mean[k], mean)
+    torch.testing.assert_close(result.deviation[k], deviation + 0.1)
     mean, deviation, _ = posterior(expected, seen[k], noise)
-    found = model.posterior(after, seen)
-    torch.testing.assert_close(found.mean[k], mean)
-    torch.testing.assert_close(found.deviation[k], deviation + 0.1)
+    result = model.posterior(after, seen)
+    torch.testing.assert_close(result.mean[k], mean)
+    torch.testing.assert_close(result.deviation[k], deviation + 0.1)
 
 
 # ---------------------------------------------------------------------- losses
@@ -148,7 +154,7 @@ def _stretches(seeds, number=3, length=6, ended=()):
 def test_losses_are_those_of_torchrl():
     """Its `DreamerModelLoss` of what the model of one seed predicts."""
     model, (step, image, noise) = _model([3, 4]), _stretches([1, 2])
-    found = losses(model, step, image, noise, 3.0)
+    result = losses(model, step, image, noise, 3.0)
     path = model.observe(image, step.action, step.ended, noise)
     flat = path.belief.flatten(1, 2), path.latent.flatten(1, 2)
     images, rewards = model.image(*flat), model.reward(*flat)
@@ -170,17 +176,17 @@ def test_losses_are_those_of_torchrl():
             [3, 6],
         )  # fmt: skip
         both = TensorDict({"next": following}, [3, 6])
-        wanted, _ = DreamerModelLoss(world, free_nats=3.0)(both)
+        target, _ = DreamerModelLoss(world, free_nats=3.0)(both)
         for name, other in (
             ("image_loss", "reco"),
             ("reward_loss", "reward"),
             ("divergence", "kl"),
         ):
-            torch.testing.assert_close(found[name][k], wanted[f"loss_model_{other}"][0])
+            torch.testing.assert_close(result[name][k], target[f"loss_model_{other}"][0])
         bare, _ = DreamerModelLoss(world, free_nats=0.0)(both)
         expected = losses(model, step, image, noise, 0.0)["divergence"][k]
         torch.testing.assert_close(expected, bare["loss_model_kl"][0])
-        assert not torch.isclose(expected, found["divergence"][k])
+        assert not torch.isclose(expected, result["divergence"][k])
 
 
 def test_stretches_never_cross_episodes():
@@ -199,16 +205,16 @@ def test_stretches_never_cross_episodes():
 
 def test_bfloat16_changes_little_but_the_speed():
     step, image, noise = _stretches([1, 2])
-    found = []
+    result = []
     for kind in (torch.float32, torch.bfloat16):
         model = _model([3, 4], kind=kind)
-        found.append(losses(model, step, image, noise, 0.0))
-        sum(loss.sum() for loss in found[-1].values()).backward()
+        result.append(losses(model, step, image, noise, 0.0))
+        sum(loss.sum() for loss in result[-1].values()).backward()
         assert all(weight.dtype == weight.grad.dtype for weight in model.parameters())
         assert {weight.dtype for weight in model.parameters()} == {torch.float32}
-    for name, loss in found[0].items():
-        assert not torch.equal(loss, found[1][name]) or name == "reward_loss"
-        torch.testing.assert_close(loss, found[1][name], rtol=0.02, atol=0.02)
+    for name, loss in result[0].items():
+        assert not torch.equal(loss, result[1][name]) or name == "reward_loss"
+        torch.testing.assert_close(loss, result[1][name], rtol=0.02, atol=0.02)
 
 
 def test_frames_are_centred_by_their_bits():
@@ -228,7 +234,7 @@ def test_plans_are_those_of_a_slow_planner():
     sources = generators([8], "cpu")
     belief, latent = drawn(sources, number, 24), drawn(sources, number, 4)
     with torch.no_grad():
-        found = plan(model, belief, latent, generators(seeds, "cpu"), TINY)
+        result = plan(model, belief, latent, generators(seeds, "cpu"), TINY)
         (source,) = generators(seeds, "cpu")
         mean, deviation = np.zeros((number, 3, 1)), np.ones((number, 3, 1))
         for _ in range(TINY.iterations):
@@ -240,15 +246,15 @@ def test_plans_are_those_of_a_slow_planner():
                     actions.append(mean[env_index] + deviation[env_index] * noise[env_index, i])
                     state, total = (belief[:, [env_index]], latent[:, [env_index]]), 0.0
                     for t in range(3):
-                        told = torch.tensor(actions[-1][t], dtype=torch.float32)[None, None]
-                        after = model.advance(*state, told)
+                        action = torch.tensor(actions[-1][t], dtype=torch.float32)[None, None]
+                        after = model.advance(*state, action)
                         drawn_latent = model.prior(after).sample(chances[t][env_index * 8 + i])
                         state = after, drawn_latent
                         total += model.reward(*state).item()
                     returns.append(total)
                 best = np.array(actions)[np.argsort(returns)[-3:]]
                 mean[env_index], deviation[env_index] = best.mean(0), best.std(0)
-    np.testing.assert_allclose(found[0], mean[:, 0], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(result[0], mean[:, 0], rtol=1e-4, atol=1e-4)
 
 
 def test_what_is_remembered_is_forgotten_where_episodes_begin():
@@ -259,13 +265,13 @@ def test_what_is_remembered_is_forgotten_where_episodes_begin():
     action, memory = learner.act(frames, first, None, explore=False)
     assert action.shape == (2, 3, ACTION) and action.abs().max() <= 1.0
     changed = memory._replace(belief=memory.belief + 4.0, latent=-memory.latent, action=-action)
-    found = []
+    result = []
     for kept in (memory, changed):
         own = kept._replace(sources=generators([1, 2], "cpu"))
-        found.append(learner.act(frames, again, own, explore=False)[1])
-    assert torch.equal(found[0].belief[:, 1], found[1].belief[:, 1])
-    assert torch.equal(found[0].latent[:, 1], found[1].latent[:, 1])
-    assert not torch.isclose(found[0].belief[:, [0, 2]], found[1].belief[:, [0, 2]]).all()
+        result.append(learner.act(frames, again, own, explore=False)[1])
+    assert torch.equal(result[0].belief[:, 1], result[1].belief[:, 1])
+    assert torch.equal(result[0].latent[:, 1], result[1].latent[:, 1])
+    assert not torch.isclose(result[0].belief[:, [0, 2]], result[1].belief[:, [0, 2]]).all()
     torch.testing.assert_close(learner.act(frames, first, None, explore=False)[0], action)
 
 
@@ -356,17 +362,17 @@ def test_it_predicts_rewards_and_images_from_actions_alone(trained):
             before = actions[:, :, t]
         states = model.imagine(belief, latent, actions[:, :, 2:].unbind(2))
         expected = torch.stack([model.reward(*state) for state in states], 2)
-    wanted = rewards[:, :, 2:]
-    error, spread = ((expected - wanted) ** 2).mean(), wanted.var()
+    target = rewards[:, :, 2:]
+    error, spread = ((expected - target) ** 2).mean(), target.var()
     assert error < 0.5 * spread
-    found = open_loop.predict(trained, frames, actions, context=3)
-    assert found.psnr.shape == (1, 40, 11)
+    result = open_loop.predict(trained, frames, actions, context=3)
+    assert result.psnr.shape == (1, 40, 11)
     # Images, too, are told better than by their mean or by the last that was seen.
     mean = frames[:, :, 3:].float().mean((1, 2), keepdim=True).byte().numpy()
     still = frames[:, :, [2] * 10].numpy()
     for other in (mean, still):
-        others_psnr = open_loop.psnr(found.frames[:, :, 1:], other)
-        assert np.median(found.psnr[..., 1:]) > np.median(others_psnr) + 1.0
+        others_psnr = open_loop.psnr(result.frames[:, :, 1:], other)
+        assert np.median(result.psnr[..., 1:]) > np.median(others_psnr) + 1.0
 
 
 @pytest.mark.long
@@ -406,11 +412,11 @@ def test_a_figure_of_a_training(tmp_path):
     pytest.importorskip("matplotlib")
     settings = dataclasses.replace(SETTINGS, episode_steps=None)  # As long as what is predicted.
     training = Training(settings, METHOD, [4, 9], tmp_path, "host")
-    found = open_loop.predict_task(training, [800, 801], tmp_path / "figure.png")
-    assert found.frames.shape == found.predicted.shape == (2, 2, 31, SIZE, SIZE, 3)
-    assert np.isfinite(found.psnr).all()
-    assert (found.frames[:, 0] != found.frames[:, 1]).any()
-    assert (found.frames[:, :, 0] != found.frames[:, :, -1]).any()
+    result = open_loop.predict_task(training, [800, 801], tmp_path / "figure.png")
+    assert result.frames.shape == result.predicted.shape == (2, 2, 31, SIZE, SIZE, 3)
+    assert np.isfinite(result.psnr).all()
+    assert (result.frames[:, 0] != result.frames[:, 1]).any()
+    assert (result.frames[:, :, 0] != result.frames[:, :, -1]).any()
     assert (tmp_path / "figure.png").read_bytes()[1:4] == b"PNG"
     frames, actions = torch.zeros(1, 1, 4, SIZE, SIZE, 3), torch.zeros(1, 1, 3, ACTION)
     with pytest.raises(InvalidArgumentError, match="context=4"):

@@ -108,7 +108,7 @@ def test_a_preset_replaces_some_settings_of_another():
 
 
 @pytest.mark.parametrize(
-    "name, said",
+    "name, message",
     [
         ("no_such_module:make", "ModuleNotFoundError"),
         (f"{__name__}:nothing", "AttributeError"),
@@ -117,6 +117,6 @@ def test_a_preset_replaces_some_settings_of_another():
         ("sacc", "'sac_hindsight'.*'MODULE:FUNCTION'"),
     ],
 )
-def test_what_is_no_method_is_refused(name, said):
-    with pytest.raises(InvalidArgumentError, match=f"(?s)method=.*{said}"):
+def test_what_is_no_method_is_refused(name, message):
+    with pytest.raises(InvalidArgumentError, match=f"(?s)method=.*{message}"):
         find_method(name)

@@ -45,8 +45,8 @@ def _batch(seeds, seed=0):
 def test_features_are_those_of_a_loop_over_points():
     seeds = [3, 4]
     sets, full = PointSets(generators(seeds, "cpu"), WHERE, (8, 4), norm=False), _full(seeds)
-    found = sets(full)
-    assert found.shape == (2, NUMBER, sets.size) == (2, NUMBER, 3 + 2 * 2 * 4)
+    result = sets(full)
+    assert result.shape == (2, NUMBER, sets.size) == (2, NUMBER, 3 + 2 * 2 * 4)
     for k, i in np.ndindex(2, NUMBER):
         row = full[k, i]
         rest = torch.stack([row[15], row[22], row[23]])
@@ -60,7 +60,7 @@ def test_features_are_those_of_a_loop_over_points():
                 each.append(seen.relu() @ last.weight[k] + last.bias[k, 0])
             each = torch.stack(each)
             expected += [each.max(0).values, each.mean(0)]
-        torch.testing.assert_close(found[k, i], torch.cat(expected), atol=1e-5, rtol=1e-5)
+        torch.testing.assert_close(result[k, i], torch.cat(expected), atol=1e-5, rtol=1e-5)
 
 
 def test_neither_order_nor_padding_matters():
@@ -82,11 +82,11 @@ def test_layouts_are_those_of_tasks(task, number, rest):
     where, full = layout(env), env.task.observe("full")
     assert (len(where.sets), len(where.rest)) == (number, rest)
     points = np.concatenate([*env.task.state().points.values()])
-    found = [full[start : start + 3 * count].reshape(-1, 3) for start, count in where.sets]
-    np.testing.assert_array_equal(found[0][: len(points)], points)
-    assert not found[0][len(points) :].any()
+    result = [full[start : start + 3 * count].reshape(-1, 3) for start, count in where.sets]
+    np.testing.assert_array_equal(result[0][: len(points)], points)
+    assert not result[0][len(points) :].any()
     if number == 2:
-        np.testing.assert_array_equal(found[1], env.task.episode.goal["rope"])
+        np.testing.assert_array_equal(result[1], env.task.episode.goal["rope"])
         np.testing.assert_array_equal(full[[*where.rest]], env.task.observe("proprioception"))
     env.close()
 
@@ -96,9 +96,9 @@ def test_symmetries_turn_full_states_as_reduced_ones():
     env.reset(5)
     of, full = goals("rope_configuration", env.task), env.task.observe("full")
     own = [symmetry for symmetry in symmetries(env) if symmetry.order == "same"]
-    found = full_symmetries(env)
-    assert len(found) == len(own) == 16
-    for symmetry, expected in zip(found, own, strict=True):
+    result = full_symmetries(env)
+    assert len(result) == len(own) == 16
+    for symmetry, expected in zip(result, own, strict=True):
         state, episode = of.read(symmetry.observation @ full)
         entries = env.task.reduced(state, episode).values()
         reduced = [*(entry.values for entry in entries), state.sensed]

@@ -33,15 +33,15 @@ def _normal(source, *shape):
 
 def _walk(learner, seeds, steps, source):
     """Has a learner act and learn in a random environment; what it last found."""
-    found = {}
+    result = {}
     for _ in range(steps):
         lead = 3, NUM_ENVS  # The same for each number of seeds.
         seen, following = (_normal(source, *lead, OBSERVATION)[seeds] for _ in range(2))
         reward, share = _normal(source, *lead)[seeds], torch.rand(lead, generator=source)[seeds]
         action, _ = learner.act(seen, torch.zeros(lead)[seeds] > 0, None, explore=True)
         step = Step(seen, action, reward, following, share < 0.1, share < 0.3)
-        found = learner.learn(step) or found
-    return found
+        result = learner.learn(step) or result
+    return result
 
 
 def _weights(learner):
@@ -53,7 +53,7 @@ def _weights(learner):
 
 def test_advantages_by_hand():
     # Two steps of an episode, then its horizon; a step of the next one, which diverges.
-    found = advantages(
+    result = advantages(
         torch.tensor([1.0, 2.0, 3.0, 4.0]),
         torch.tensor([10.0, 20.0, 30.0, 40.0]),
         torch.tensor([20.0, 30.0, 50.0, torch.nan]),
@@ -64,7 +64,7 @@ def test_advantages_by_hand():
     third = 3.0 + 0.5 * 50.0 - 30.0  # The value of what was seen last counts.
     second = 2.0 + 0.5 * 30.0 - 20.0 + 0.25 * third
     first = 1.0 + 0.5 * 20.0 - 10.0 + 0.25 * second
-    torch.testing.assert_close(found, torch.tensor([first, second, third, 4.0 - 40.0]))
+    torch.testing.assert_close(result, torch.tensor([first, second, third, 4.0 - 40.0]))
 
 
 def test_advantages_are_torchrls():
@@ -72,11 +72,11 @@ def test_advantages_are_torchrls():
     reward, value, following = (_normal(source, *shape) for _ in range(3))
     ended = torch.rand(shape, generator=source) < 0.3
     terminated = ended & (torch.rand(shape, generator=source) < 0.5)
-    found = advantages(reward, value, following, terminated, ended, discount=0.9, trace=0.8)
+    result = advantages(reward, value, following, terminated, ended, discount=0.9, trace=0.8)
     expected, _ = generalized_advantage_estimate(
         0.9, 0.8, value, following, reward, ended, terminated, time_dim=0
     )
-    torch.testing.assert_close(found, expected)
+    torch.testing.assert_close(result, expected)
 
 
 def _single(body, k):
@@ -130,7 +130,7 @@ def test_losses_are_torchrls():
         oracle.set_keys(sample_log_prob="action_log_prob")
         batch = {
             "observation": observation[k], "action": action[k], "action_log_prob": old[k],
-            "advantage": part.advantage[k][:, None], "value_target": part.wanted[k][:, None],
+            "advantage": part.advantage[k][:, None], "value_target": part.value_target[k][:, None],
         }  # fmt: skip
         expected = oracle(TensorDict(batch, [12]))
         assert 0.0 < expected["clip_fraction"] < 1.0
@@ -173,14 +173,14 @@ def test_adam_is_pytorchs_and_stops_for_each_seed():
 def test_a_seed_stops_when_its_policy_is_too_far_away():
     settings = PPOSettings(**{**vars(SMALL), "target_divergence": 1e-9})
     learner = PPO(settings, _problem([0, 1]))
-    found = _walk(learner, [0, 1], 4, torch.Generator().manual_seed(3))
+    result = _walk(learner, [0, 1], 4, torch.Generator().manual_seed(3))
     # The first minibatch is that of the policy itself.
     assert learner.get_state()["adam"]["count"].tolist() == [1.0, 1.0]
-    assert found["going"].tolist() == [0.0, 0.0]
+    assert result["going"].tolist() == [0.0, 0.0]
     going = PPO(PPOSettings(**{**vars(SMALL), "target_divergence": 1e9}), _problem([0, 1]))
-    found = _walk(going, [0, 1], 4, torch.Generator().manual_seed(3))
+    result = _walk(going, [0, 1], 4, torch.Generator().manual_seed(3))
     assert going.get_state()["adam"]["count"].tolist() == [6.0, 6.0]
-    assert going.updates == 6 and found["going"].tolist() == [1.0, 1.0]
+    assert going.updates == 6 and result["going"].tolist() == [1.0, 1.0]
 
 
 def test_what_is_learned_is_what_was_drawn():
@@ -191,7 +191,7 @@ def test_what_is_learned_is_what_was_drawn():
     action, _ = learner.act(seen, seen[..., 0] > 0, None, explore=True)
     zeros = torch.zeros(2, NUM_ENVS)
     learner.learn(Step(seen, action, zeros, seen, zeros > 0, zeros > 0))
-    drawn_ones = learner.get_state()["steps"]["kept"]["action"][0]
+    drawn_ones = learner.get_state()["steps"]["arrays"]["action"][0]
     assert action.abs().max() == 1.0 < drawn_ones.abs().max()
     torch.testing.assert_close(drawn_ones.clamp(-1.0, 1.0), action)
 

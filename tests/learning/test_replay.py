@@ -17,8 +17,8 @@ def _step(t, ended=False, terminated=False):
     at = torch.arange(len(SEEDS) * NUM_ENVS, dtype=torch.float32)
     seen = torch.stack([torch.full_like(at, t), at], -1)
     following = torch.stack([torch.full_like(at, t + 0.5), at], -1)
-    told = (torch.full_like(at, said, dtype=torch.bool) for said in (terminated, ended))
-    arrays = seen, (100.0 * at + t)[:, None], torch.full_like(at, 2.0**t), following, *told
+    flags = (torch.full_like(at, flag, dtype=torch.bool) for flag in (terminated, ended))
+    arrays = seen, (100.0 * at + t)[:, None], torch.full_like(at, 2.0**t), following, *flags
     return Step(*(array.reshape(len(SEEDS), NUM_ENVS, *array.shape[1:]) for array in arrays))
 
 
@@ -58,22 +58,22 @@ def test_stretches_are_of_one_environment_and_in_order():
     replay = _replay(capacity=6)
     for t in range(9):
         replay.add(_step(t, ended=t == 5))
-    found = replay.slices(200, 3)
-    times, places = found.observation[..., 0], found.observation[..., 1]
+    result = replay.slices(200, 3)
+    times, places = result.observation[..., 0], result.observation[..., 1]
     assert set(times[..., 0].ravel().tolist()) == {3.0, 4.0, 5.0, 6.0}
     assert torch.equal(times, times[..., :1] + torch.arange(3.0))
     assert torch.equal(places, places[..., :1].expand(2, 200, 3))
     assert torch.equal(places[..., 0] // NUM_ENVS, torch.arange(2.0)[:, None].expand(2, 200))
-    assert torch.equal(found.ended, times == 5.0)
-    assert torch.equal(found.action[..., 0], 100.0 * places + times)
+    assert torch.equal(result.ended, times == 5.0)
+    assert torch.equal(result.action[..., 0], 100.0 * places + times)
 
 
 def test_the_oldest_make_way():
     replay = _replay(capacity=4, steps=2)
     for t in range(11):
         replay.add(_step(t))
-    found = replay.sample(200).observation[..., 0]
-    assert set(found.ravel().tolist()) == {7.0, 8.0, 9.0}
+    result = replay.sample(200).observation[..., 0]
+    assert set(result.ravel().tolist()) == {7.0, 8.0, 9.0}
     assert replay.size == 4
 
 
@@ -96,9 +96,9 @@ def test_a_state_has_the_newest_images(monkeypatch, caplog):
 def test_steps_are_shown_by_symmetries():
     env = softgym_mj.load("straighten_rope", split="all", fidelity="fast")
     env.reset(3)
-    found = symmetries(env)
-    sizes = len(found[0].observation), len(found[0].action)
-    replay = Replay(4, [0], 1, sizes[:1], sizes[1], discount=0.9, symmetries=found)
+    result = symmetries(env)
+    sizes = len(result[0].observation), len(result[0].action)
+    replay = Replay(4, [0], 1, sizes[:1], sizes[1], discount=0.9, symmetries=result)
     source = np.random.default_rng(0)
     observation, following, action = (source.normal(size=n) for n in (sizes[0], *sizes))
     seen, done, later = (
@@ -111,14 +111,14 @@ def test_steps_are_shown_by_symmetries():
     for i in range(300):
         away = [
             np.abs(s.observation @ observation - batch.observation[0, i].numpy()).max()
-            for s in found
+            for s in result
         ]
         k = int(np.argmin(away))
         shown.add(k)
         for value, own, matrix in (
-            (observation, batch.observation, found[k].observation),
-            (following, batch.next_observation, found[k].observation),
-            (action, batch.action, found[k].action),
+            (observation, batch.observation, result[k].observation),
+            (following, batch.next_observation, result[k].observation),
+            (action, batch.action, result[k].action),
         ):
             np.testing.assert_allclose(own[0, i].numpy(), matrix @ value, atol=1e-5)
-    assert len(shown) == len(found)
+    assert len(shown) == len(result)

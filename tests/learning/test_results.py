@@ -214,7 +214,7 @@ def test_merging_twice_changes_nothing_and_other_results_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("", "line 1: columns"),
         (HEAD.replace("seed", "sead"), "line 1: columns.*'sead'"),
@@ -233,9 +233,9 @@ def test_merging_twice_changes_nothing_and_other_results_are_refused():
         (f"{HEAD}\n{LINE}\n{LINE.replace('0.5', '0.6')}", "two results of one evaluation"),
     ],
 )
-def test_bad_files_are_refused_by_line_and_column(tmp_path, text, said):
+def test_bad_files_are_refused_by_line_and_column(tmp_path, text, message):
     (tmp_path / "curve.csv").write_text(text)
-    with pytest.raises(StoreError, match=said):
+    with pytest.raises(StoreError, match=message):
         results.read_folder(tmp_path)
     (tmp_path / "curve.csv").write_bytes(b"\xff")
     with pytest.raises(StoreError, match=r"curve\.csv cannot be read"):
@@ -281,7 +281,7 @@ def _changed(rows, change, which=lambda row: True):
 
 
 @pytest.mark.parametrize(
-    ("rows", "card", "said"),
+    ("rows", "card", "message"),
     [
         (lambda rows: _changed(rows, {"normalized_performance": 7.5}), {}, "score 7.5.*above 1"),
         (lambda rows: [row for row in rows if not row.seed], {"seeds": [0]}, r"seeds \[0\], not 0"),
@@ -316,12 +316,12 @@ def _changed(rows, change, which=lambda row: True):
         (lambda rows: _changed(rows, {"method": "sac"}), {"method": "sac"}, "512000 in the preset"),
     ],
 )
-def test_results_that_break_rules_are_not_merged(folder, rows, card, said):
+def test_results_that_break_rules_are_not_merged(folder, rows, card, message):
     training = folder / "training"
     results.write_rows(rows(_own()), training / "curve.csv")
     content = json.loads((training / "card.json").read_text())
     (training / "card.json").write_text(json.dumps({**content, **card}))
-    with pytest.raises(StoreError, match=rf"(?s)training is not merged: .*{said}"):
+    with pytest.raises(StoreError, match=rf"(?s)training is not merged: .*{message}"):
         enter(training)
     done = CliRunner().invoke(
         commands.app, ["learning", "table", str(training), "--merge", "--results", str(folder)]
@@ -418,7 +418,7 @@ def test_commands_have_what_settings_replace(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ("gpu_minutes = 2\ncolour = 3", "run 1: .*colour"),
         ("core_hours = 2\ngpu_minutes = 2", "run 1: gpu_minutes"),
@@ -427,12 +427,12 @@ def test_commands_have_what_settings_replace(tmp_path):
         ('gpu_minutes = 2\nmethod = "sacc"', "run 1: method='sacc'.*'sac_hindsight'"),
     ],
 )
-def test_bad_queues_are_refused(tmp_path, change, said):
+def test_bad_queues_are_refused(tmp_path, change, message):
     entry = 'task = "fold_cloth"\npreset = "fast"\nseeds = 1\n'
     if "method" not in change:
         entry += 'method = "sac"\n'
     (tmp_path / "queue.toml").write_text(f'[[run]]\n{entry}why = "w"\n{change}\n')
-    with pytest.raises(StoreError, match=said):
+    with pytest.raises(StoreError, match=message):
         read_queue(tmp_path / "queue.toml")
 
 

@@ -63,14 +63,14 @@ def _single(ensemble, k, c):
 
 def test_an_ensemble_is_so_many_critics():
     rlpd, batch = _made([0, 1]), _batch([0, 1])
-    found = rlpd.critics(batch.observation, batch.action)
-    assert found.shape == (4, 2, NUMBER)
+    result = rlpd.critics(batch.observation, batch.action)
+    assert result.shape == (4, 2, NUMBER)
     both = torch.cat([batch.observation, batch.action], dim=-1)
     for k in range(2):
         for c in range(4):
             expected = _single(rlpd.critics, k, c)(both[k])[..., 0]
-            torch.testing.assert_close(found[c, k], expected, rtol=1e-4, atol=1e-5)
-    assert found.std(0).min() > 1e-3  # Each has weights of its own.
+            torch.testing.assert_close(result[c, k], expected, rtol=1e-4, atol=1e-5)
+    assert result.std(0).min() > 1e-3  # Each has weights of its own.
 
 
 def test_the_least_is_of_those_that_are_drawn():
@@ -112,9 +112,9 @@ def test_losses_are_those_of_the_authors(backup_entropy):
             after = torch.cat([batch.next_observation[k, i], following[k, i]])
             value = min(targets[c](after).item() for c in taken)
             value -= weight * later[k, i].item() * backup_entropy
-            wanted = batch.reward[k, i].item() + 0.9 * value
+            target = batch.reward[k, i].item() + 0.9 * value
             own = torch.cat([batch.observation[k, i], batch.action[k, i]])
-            expected += sum((c(own).item() - wanted) ** 2 for c in critics) / NUMBER
+            expected += sum((c(own).item() - target) ** 2 for c in critics) / NUMBER
             own = torch.cat([batch.observation[k, i], chosen[k, i]])
             mean = sum(c(own).item() for c in critics) / 4
             of_actor += (weight * density[k, i].item() - mean) / NUMBER
@@ -130,11 +130,11 @@ def test_half_of_what_it_learns_from_is_demonstrated(monkeypatch):
     rlpd, batch = _made([0, 1]), _batch([0, 1])
     rlpd.update(batch)
     rlpd.update(batch)
-    for found in learned:
-        assert found.reward.shape == (2, 2 * NUMBER)
+    for result in learned:
+        assert result.reward.shape == (2, 2 * NUMBER)
         for name, value in vars(batch).items():
-            assert torch.equal(getattr(found, name)[:, :NUMBER], value)
-        assert (found.reward[:, NUMBER:] == 7.0).all()
+            assert torch.equal(getattr(result, name)[:, :NUMBER], value)
+        assert (result.reward[:, NUMBER:] == 7.0).all()
     assert not torch.equal(learned[0].action, learned[1].action)
 
 

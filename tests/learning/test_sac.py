@@ -98,9 +98,9 @@ def test_losses_are_those_of_the_paper(entropy, min_q_weight):  # Which has the 
         for i in range(NUMBER):
             next_input = torch.cat([batch.next_observation[k, i], following[k, i]])
             value = judged([t(next_input).item() for t in targets]) - weight * later[k, i].item()
-            wanted = batch.reward[k, i].item() + 0.9 * value
+            target = batch.reward[k, i].item() + 0.9 * value
             own_input = torch.cat([batch.observation[k, i], batch.action[k, i]])
-            expected += sum((c(own_input).item() - wanted) ** 2 for c in pair) / NUMBER
+            expected += sum((c(own_input).item() - target) ** 2 for c in pair) / NUMBER
             chosen_input = torch.cat([batch.observation[k, i], chosen[k, i]])
             best = judged([c(chosen_input).item() for c in pair])
             of_actor += (weight * density[k, i].item() - best) / NUMBER
@@ -119,9 +119,9 @@ def test_losses_that_are_compiled_teach_the_same():
         for loss in (fused.critic_loss, fused.actor_losses)
     )
     for k in range(4):
-        found = [sac.update(_batch(seeds, seed=k)) for sac in (eager, fused)]
-        for name, losses in found[0].items():
-            torch.testing.assert_close(found[1][name], losses, rtol=1e-4, atol=1e-5)
+        result = [sac.update(_batch(seeds, seed=k)) for sac in (eager, fused)]
+        for name, losses in result[0].items():
+            torch.testing.assert_close(result[1][name], losses, rtol=1e-4, atol=1e-5)
     for one, other in zip(eager.actor.parameters(), fused.actor.parameters(), strict=True):
         torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-5)
 
@@ -149,8 +149,8 @@ def test_standard_observations_are_those_by_mean_and_deviation():
     restored.set_state(sac.get_state())
     for one in (sac, restored):
         for k in ("critics", "targets"):
-            found = getattr(one, k)(seen, batch.action)
-            torch.testing.assert_close(found, getattr(plain, k)(scaled, batch.action))
+            result = getattr(one, k)(seen, batch.action)
+            torch.testing.assert_close(result, getattr(plain, k)(scaled, batch.action))
         best = plain.act(scaled, explore=False)
         torch.testing.assert_close(one.act(seen, explore=False), best)
         torch.testing.assert_close(one.policy(1)(seen[1]), best[1])

@@ -104,7 +104,7 @@ def test_earlier_rows_stay_and_final_ones_are_replaced(folder):
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"seeds": []}, r"seeds=\[\] is refused"),
         ({"seeds": [0, 7]}, r"no policy_7\.pt2"),
@@ -114,9 +114,9 @@ def test_earlier_rows_stay_and_final_ones_are_replaced(folder):
         ({"training": {"task": "straighten_rope"}}, "training lacks observation"),
     ],
 )
-def test_cards_that_lack_something_are_refused(folder, changes, said):
+def test_cards_that_lack_something_are_refused(folder, changes, message):
     _write_card(folder, **changes)
-    with pytest.raises(StoreError, match=said):
+    with pytest.raises(StoreError, match=message):
         submission.read_submission(folder)
 
 

@@ -48,9 +48,9 @@ def _ordered(env, order):
     grid = thing.arrays["grid"]
     flipped = grid[::-1] if order in ("rows", "both") else grid
     flipped = flipped[:, ::-1] if order in ("columns", "both") else flipped
-    found = np.empty(thing.num_points, int)
-    found[grid.ravel()] = flipped.ravel()
-    return found
+    result = np.empty(thing.num_points, int)
+    result[grid.ravel()] = flipped.ravel()
+    return result
 
 
 def _moved(env, symmetry):
@@ -76,17 +76,17 @@ def _moved(env, symmetry):
 @pytest.mark.parametrize("task", NUMBERS)
 def test_measures_and_observations_follow(task):
     env = _env(task)
-    found = symmetries(env)
-    assert len(found) == NUMBERS[task]
+    result = symmetries(env)
+    assert len(result) == NUMBERS[task]
     seen = reduced(env.task, env.task.scene.state(), env.task.episode)
     reward = env.task.measure(env.task.scene.state(), env.task.episode).reward
-    for symmetry in found:
+    for symmetry in result:
         state, episode = _moved(env, symmetry)
         expected = reduced(env.task, state, episode)
         np.testing.assert_allclose(symmetry.observation @ seen, expected, atol=1e-12)
         assert env.task.measure(state, episode).reward == pytest.approx(reward, rel=5e-3, abs=1e-9)
-    np.testing.assert_array_equal(found[0].observation, np.eye(len(seen)))
-    np.testing.assert_array_equal(found[0].action, np.eye(len(found[0].action)))
+    np.testing.assert_array_equal(result[0].observation, np.eye(len(seen)))
+    np.testing.assert_array_equal(result[0].action, np.eye(len(result[0].action)))
 
 
 def test_what_pickers_remember_follows_them():
@@ -96,25 +96,25 @@ def test_what_pickers_remember_follows_them():
     assert remembered[::4].tolist() == [1.0, 1.0]  # Two corners are held from the start.
     seen = np.concatenate([np.arange(18.0), [1.0, 0.1, 0.2, 0.3, 0.0, 0.4, 0.5, 0.6]])
     for symmetry, own in zip(symmetries(env), alone, strict=True):
-        found = symmetry.observation @ seen
-        np.testing.assert_array_equal(found[:18], own.observation @ seen[:18])
+        result = symmetry.observation @ seen
+        np.testing.assert_array_equal(result[:18], own.observation @ seen[:18])
         held, places = seen[18::4], np.array([seen[19:22], seen[23:26]]) @ symmetry.turn.T
         for k, picker in enumerate(symmetry.pickers):
-            np.testing.assert_array_equal(found[18 + 4 * k], held[picker])
-            np.testing.assert_allclose(found[19 + 4 * k :][:3], places[picker], atol=1e-15)
+            np.testing.assert_array_equal(result[18 + 4 * k], held[picker])
+            np.testing.assert_allclose(result[19 + 4 * k :][:3], places[picker], atol=1e-15)
 
 
 @pytest.mark.parametrize("task", ["straighten_rope", "fold_cloth"])
 def test_dynamics_follow(task):
     env = _env(task)
-    found = symmetries(env)
+    result = symmetries(env)
     (thing,) = env.task.scene.materials.values()
     snapshot, workspace = env.get_state(), env.task.workspace
     action = np.random.default_rng(1).uniform(-1.0, 1.0, env.action_spec().shape)
     action[3::4] = -1.0  # Let go: who takes what depends on the order of vertices.
     env.step(action)
     expected = env.task.observe("reduced")
-    for symmetry in found[:: len(found) // 8]:
+    for symmetry in result[:: len(result) // 8]:
         env.set_state(snapshot)
         state, _ = _moved(env, symmetry)
         velocities = thing.velocities()[_ordered(env, symmetry.order)] @ symmetry.turn.T
@@ -127,11 +127,11 @@ def test_dynamics_follow(task):
 
 
 def test_symmetries_make_a_group():
-    found = symmetries(_env("straighten_rope"))
-    matrices = {np.round(s.observation).astype(int).tobytes() for s in found}
-    assert len(matrices) == len(found)
-    for a in found[::5]:
-        for b in found[::3]:
+    result = symmetries(_env("straighten_rope"))
+    matrices = {np.round(s.observation).astype(int).tobytes() for s in result}
+    assert len(matrices) == len(result)
+    for a in result[::5]:
+        for b in result[::3]:
             product = np.round(a.observation @ b.observation).astype(int)
             assert product.tobytes() in matrices
 
@@ -172,13 +172,13 @@ def test_a_custom_task_has_its_own_symmetries(tmp_path, register):
     register("pull_rope", Pull)
     env = softgym_mj.load("pull_rope", split=[3])
     env.reset(3)
-    found = symmetries(env)
-    assert len(found) == 4  # With and without the mirror, and the pickers exchanged.
+    result = symmetries(env)
+    assert len(result) == 4  # With and without the mirror, and the pickers exchanged.
     seen = env.task.observe("reduced")
     points, pickers = seen[:-6].reshape(-1, 3), seen[-6:].reshape(2, 3)
     mirror = np.diag([1.0, -1.0, 1.0])
     expected = np.concatenate([(points @ mirror)[::-1], pickers @ mirror])
-    np.testing.assert_array_equal(found[2].observation @ seen, expected.ravel())
+    np.testing.assert_array_equal(result[2].observation @ seen, expected.ravel())
     training = TrainingSettings(
         "pull_rope", env_steps=16, num_envs=2, part=16, episodes=1, final_episodes=1
     )
@@ -199,10 +199,10 @@ def test_the_custom_task_of_the_docs_is_the_same_in_all_its_forms():
     env.reset(3)
     for action in np.random.default_rng(0).uniform(-1.0, 1.0, (3, 8)):
         env.step(action)
-    found = symmetries(env)
-    assert len(found) == 32
+    result = symmetries(env)
+    assert len(result) == 32
     seen = env.task.observe("reduced")
-    for symmetry in found:
+    for symmetry in result:
         state, episode = _moved(env, symmetry)
         measured = env.task.measure(state, episode).performance
         assert measured == pytest.approx(env.task.last_evaluation.performance, abs=1e-12)

@@ -76,14 +76,14 @@ def _model(seeds=(1, 2)):
 
 def test_two_neighbouring_bins_tell_a_number():
     numbers = torch.tensor([-3e4, -200.0, -0.3, 0.0, 0.07, 1.0, 21.5, 22_025.0, 1e6])
-    found = two_hot(numbers, 101)
-    for row, number in zip(found.tolist(), numbers.tolist(), strict=True):
+    result = two_hot(numbers, 101)
+    for row, number in zip(result.tolist(), numbers.tolist(), strict=True):
         logarithm = math.copysign(math.log(1.0 + abs(number)), number)
         place = (min(max(logarithm, -10.0), 10.0) + 10.0) / 0.2
         low = min(math.floor(place), 99)
-        wanted = [0.0] * 101
-        wanted[low], wanted[low + 1] = 1.0 - (place - low), place - low
-        np.testing.assert_allclose(row, wanted, atol=2e-4)
+        target = [0.0] * 101
+        target[low], target[low + 1] = 1.0 - (place - low), place - low
+        np.testing.assert_allclose(row, target, atol=2e-4)
     inside = numbers[1:-2]
     back = expected((two_hot(inside, 101) + 1e-30).log())
     torch.testing.assert_close(back, inside, rtol=1e-3, atol=1e-4)
@@ -91,12 +91,12 @@ def test_two_neighbouring_bins_tell_a_number():
 
 
 def test_cross_entropies_are_those_of_pytorch():
-    logits, wanted = torch.randn(40, 21), 30.0 * torch.randn(40)
-    oracle = nn.functional.cross_entropy(logits, two_hot(wanted, 21), reduction="none")
-    torch.testing.assert_close(cross_entropy(logits, wanted), oracle)
+    logits, target = torch.randn(40, 21), 30.0 * torch.randn(40)
+    oracle = nn.functional.cross_entropy(logits, two_hot(target, 21), reduction="none")
+    torch.testing.assert_close(cross_entropy(logits, target), oracle)
     # Least where the shares are those of the number.
-    best = (two_hot(wanted, 21) + 1e-30).log()
-    assert (cross_entropy(best, wanted) < oracle).all()
+    best = (two_hot(target, 21) + 1e-30).log()
+    assert (cross_entropy(best, target) < oracle).all()
 
 
 # ---------------------------------------------------------------------- networks
@@ -126,11 +126,11 @@ def test_networks_are_those_of_pytorch():
     observation = _normal(source, 2, NUMBER, 4, OBSERVATION)
     latent, action = model.encode(observation), _normal(source, 2, NUMBER, 4, ACTION)
     both = torch.cat([latent, action], -1)
-    found = (
+    result = (
         latent, model.following(latent, action), model.rewards(latent, action),
         *model.values(latent, action).unbind(1),
     )  # fmt: skip
-    assert found[3].shape == (2, NUMBER, 4, 21)
+    assert result[3].shape == (2, NUMBER, 4, 21)
     for k in range(2):
         oracles = (
             _single(model.encoder, k, 4)(observation[k]),
@@ -138,7 +138,7 @@ def test_networks_are_those_of_pytorch():
             _single(model.reward, k)(both[k]),
             *(_single(model.critics, 3 * k + i)(both[k]) for i in range(3)),
         )
-        for own, oracle in zip(found, oracles, strict=True):
+        for own, oracle in zip(result, oracles, strict=True):
             torch.testing.assert_close(own[k], oracle, rtol=1e-4, atol=1e-5)
     groups = latent.unflatten(-1, (2, 4))
     torch.testing.assert_close(groups.sum(-1), torch.ones_like(groups[..., 0]))
@@ -152,11 +152,11 @@ def test_dropout_leaves_out_a_share_of_the_first_layer():
     assert kept.unique().tolist() == [0.0, 1.25]
     assert (kept == 0.0).float().mean().item() == pytest.approx(0.2, abs=0.02)
     both = torch.rand(2, 400, 8 + ACTION)
-    found = model.values(*both.split([8, ACTION], -1), kept)
+    result = model.values(*both.split([8, ACTION], -1), kept)
     for k, i in np.ndindex(2, 3):
         layers = _single(model.critics, 3 * k + i)
         oracle = layers[1:](layers[0](both[k]) * kept[3 * k + i])
-        torch.testing.assert_close(found[k, i], oracle, rtol=1e-4, atol=1e-4)
+        torch.testing.assert_close(result[k, i], oracle, rtol=1e-4, atol=1e-4)
 
 
 def test_the_published_model_has_5_million_parameters():
@@ -180,14 +180,14 @@ def test_losses_are_those_of_a_loop_over_states():
     model.targets = copy.deepcopy(_model((8, 9)).critics)
     noise = _normal(source, 2, NUMBER, HORIZON, ACTION)
     pair = torch.tensor([[2, 0], [1, 2]])
-    found, _ = losses.model_losses(model, step, noise, pair, discount=DISCOUNT, rho=RHO)
+    result, _ = losses.model_losses(model, step, noise, pair, discount=DISCOUNT, rho=RHO)
     valid = [[t <= i or i > 2 for t in range(HORIZON)] for i in range(NUMBER)]
     for k in range(2):
         encoder, dynamics = _single(model.encoder, k, 4), _single(model.dynamics, k, 4)
         reward = _single(model.reward, k)
         critics = [_single(model.critics, 3 * k + i) for i in range(3)]
         targets = [_single(model.targets, 3 * k + i) for i in pair[k].tolist()]
-        wanted = {"consistency": 0.0, "reward": 0.0, "value": 0.0}
+        target = {"consistency": 0.0, "reward": 0.0, "value": 0.0}
         for i in range(NUMBER):
             latent = encoder(step.observation[k, i, 0])
             for t in range(HORIZON):
@@ -199,13 +199,13 @@ def test_losses_are_those_of_a_loop_over_states():
                 )
                 value = step.reward[k, i, t] + DISCOUNT * (not step.terminated[k, i, t]) * later
                 both = torch.cat([latent, step.action[k, i, t]])
-                wanted["reward"] += weight * cross_entropy(reward(both), step.reward[k, i, t])
+                target["reward"] += weight * cross_entropy(reward(both), step.reward[k, i, t])
                 for critic in critics:
-                    wanted["value"] += weight * cross_entropy(critic(both), value) / 3
+                    target["value"] += weight * cross_entropy(critic(both), value) / 3
                 latent = dynamics(both)
-                wanted["consistency"] += weight * ((latent - seen) ** 2).mean()
-        for name, loss in wanted.items():
-            assert found[name][k].item() == pytest.approx(loss.item(), rel=1e-4), name
+                target["consistency"] += weight * ((latent - seen) ** 2).mean()
+        for name, loss in target.items():
+            assert result[name][k].item() == pytest.approx(loss.item(), rel=1e-4), name
 
 
 def test_nothing_is_learned_beyond_an_end():
@@ -223,14 +223,14 @@ def test_nothing_is_learned_beyond_an_end():
     gradients = []
     for each in (step, other):
         model.zero_grad()
-        found, _ = losses.model_losses(model, each, noise, pair, discount=DISCOUNT, rho=RHO)
-        sum(loss.sum() for loss in found.values()).backward()
+        result, _ = losses.model_losses(model, each, noise, pair, discount=DISCOUNT, rho=RHO)
+        sum(loss.sum() for loss in result.values()).backward()
         gradients.append([p.grad.clone() for p in model.dynamics.parameters()])
     for one, two in zip(*gradients, strict=True):
         torch.testing.assert_close(one, two, rtol=1e-5, atol=1e-7)
     other.reward[:, 0, 0] += 1.0
     changed, _ = losses.model_losses(model, other, noise, pair, discount=DISCOUNT, rho=RHO)
-    assert (changed["reward"] - found["reward"]).abs().min() > 1e-4
+    assert (changed["reward"] - result["reward"]).abs().min() > 1e-4
 
 
 def test_what_the_policy_is_worth():
@@ -254,8 +254,8 @@ def test_what_the_policy_is_worth():
 
 def test_weights_of_losses_and_spreads_of_values():
     counts = torch.tensor([[[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]])
-    wanted = torch.tensor([[[0.5, 0.5, 0.0], [0.5, 0.0, 0.0]]]) / 3.0
-    torch.testing.assert_close(losses.shares(counts, 0.5), wanted)
+    target = torch.tensor([[[0.5, 0.5, 0.0], [0.5, 0.0, 0.0]]]) / 3.0
+    torch.testing.assert_close(losses.shares(counts, 0.5), target)
     values = torch.randn(3, 37)
     low, high = np.percentile(values.numpy(), [5, 95], axis=1)
     np.testing.assert_allclose(losses.spread(values), high - low, rtol=1e-4)
@@ -346,17 +346,17 @@ def test_returns_are_imagined_step_by_step():
     latent = model.encode(_normal(source, 2, NUMBER, 4, OBSERVATION))
     actions = _normal(source, 2, NUMBER, 4, HORIZON, ACTION).tanh()
     noise, pair = _normal(source, 2, NUMBER, 4, ACTION), torch.tensor([[2, 1], [0, 2]])
-    found = imagined(model, latent, actions, noise, pair, DISCOUNT)
-    wanted = torch.zeros(2, NUMBER, 4)
+    result = imagined(model, latent, actions, noise, pair, DISCOUNT)
+    target = torch.zeros(2, NUMBER, 4)
     for t in range(HORIZON):
         action = actions[..., t, :]
-        wanted += DISCOUNT**t * expected(model.rewards(latent, action)).detach()
+        target += DISCOUNT**t * expected(model.rewards(latent, action)).detach()
         latent = model.following(latent, action)
     last, _ = model.sample(latent, noise)
     values = expected(model.values(latent, last)).detach()
     for k in range(2):
         own = (values[k, pair[k, 0]] + values[k, pair[k, 1]]) / 2
-        torch.testing.assert_close(found[k], wanted[k] + DISCOUNT**HORIZON * own)
+        torch.testing.assert_close(result[k], target[k] + DISCOUNT**HORIZON * own)
 
 
 # ---------------------------------------------------------------------- learner
@@ -413,11 +413,11 @@ def test_updates_are_those_of_pytorch_s_own_optimisers():
     for seed in range(3):
         step = _stretches(1, seed)
         learner.update(step)
-        found, latent = losses.model_losses(
+        result, latent = losses.model_losses(
             oracle, step, *draws[-2], discount=DISCOUNT, rho=settings.rho
         )
         adam.zero_grad()
-        (20.0 * found["consistency"] + 0.1 * found["reward"] + 0.1 * found["value"]).backward()
+        (20.0 * result["consistency"] + 0.1 * result["reward"] + 0.1 * result["value"]).backward()
         assert nn.utils.clip_grad_norm_([*encoder, *rest], 0.3) > 0.3
         adam.step()
         of_policy.zero_grad()
@@ -506,9 +506,9 @@ def test_the_policy_prior_is_what_acts_without_plans():
 def test_when_it_plans(plans, remembers):
     learner = _learner([1], TDMPC2Settings(**{**vars(SMALL), "plans": plans, "random_steps": 0}))
     seen, first = _step([1], 0).observation, torch.ones(1, 2, dtype=torch.bool)
-    for explore, wanted in zip((True, False), remembers, strict=True):
+    for explore, target in zip((True, False), remembers, strict=True):
         action, memory = learner.act(seen, first, None, explore=explore)
-        assert (memory is not None) == bool(wanted)
+        assert (memory is not None) == bool(target)
         assert action.shape == (1, 2, ACTION) and (action.abs() <= 1.0).all()
 
 

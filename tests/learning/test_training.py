@@ -86,7 +86,7 @@ def test_episodes_are_left_early_where_they_are_learned_from(tmp_path, no_polici
 
     training._make = monitored
     training.run()
-    ended = training.learner.replay.kept["ended"][:, 0, 0].tolist()
+    ended = training.learner.replay.arrays["ended"][:, 0, 0].tolist()
     # The newest 24 of four parts of 8, each of which begins anew: episodes of 4, none of 6.
     assert ended == 6 * [False, False, False, True]
     assert horizons == [6]  # Of evaluations.
@@ -260,11 +260,11 @@ def test_a_training_that_has_ended_goes_on_to_more_env_steps(whole, tmp_path, no
 
 
 def test_points_are_told_within_parts_with_scores_of_explored_episodes(tmp_path, no_policies):
-    told = []
-    _training(tmp_path).run(lambda now, news: told.append((now.covered, news)), points=8)
-    assert [covered for covered, _ in told] == [4, 8, 12, 16, 20, 24, 28, 32]
+    calls = []
+    _training(tmp_path).run(lambda now, news: calls.append((now.covered, news)), points=8)
+    assert [covered for covered, _ in calls] == [4, 8, 12, 16, 20, 24, 28, 32]
     name = "explored/normalized_performance"
-    scores = [news[name] for _, news in told if name in news]
+    scores = [news[name] for _, news in calls if name in news]
     assert scores and all(len(each) == len(SEEDS) for each in scores)
     # Episodes have six env steps; those of a part's first environments begin half over.
     assert not any(math.isnan(score) for score in scores[1])
@@ -300,7 +300,7 @@ def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, no_policies, devi
 
 
 @pytest.mark.parametrize(
-    "arguments, said",
+    "arguments, message",
     [
         ({"observation": "full"}, "observation"),
         ({"image_size": [8, 8]}, "image_size"),
@@ -310,15 +310,15 @@ def test_a_task_is_trained_with_arguments_of_its_own(tmp_path, no_policies, devi
         ({"action_repeat": "4"}, "action_repeat='4'"),
     ],
 )
-def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, said):
+def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, message):
     command = ["train", "sac", "straighten_rope", "--device", "host", "--out", str(tmp_path)]
     done = CliRunner().invoke(commands.app, [*command, "--task-settings", json.dumps(arguments)])
     assert done.exit_code != 0
-    assert re.search(said, " ".join(f"{done.output} {done.exception}".split()))
+    assert re.search(message, " ".join(f"{done.output} {done.exception}".split()))
 
 
 @pytest.mark.parametrize(
-    "settings, said",
+    "settings, message",
     [
         ({"task": "fold_cloth"}, "settings='task'"),
         ({"name": "bc"}, "settings='name'"),
@@ -331,7 +331,7 @@ def test_bad_arguments_of_tasks_are_refused(tmp_path, arguments, said):
         ),
     ],
 )
-def test_impossible_settings_are_refused(tmp_path, settings, said):
+def test_impossible_settings_are_refused(tmp_path, settings, message):
     settings |= {"num_envs": 4, "env_steps": 4, "part": 4}
-    with pytest.raises(InvalidArgumentError, match=said):
+    with pytest.raises(InvalidArgumentError, match=message):
         Training(*find_preset("sac", "night", "straighten_rope", **settings), [0], tmp_path, "host")

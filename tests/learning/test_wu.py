@@ -53,8 +53,8 @@ def _batch(seeds, number=6, seed=0, size=SIZE):
 
 
 def test_cloth_is_linen_or_crimson():
-    found = cloth_pixels(torch.tensor([LINEN, CRIMSON, FLOOR, SHADOW, RING, (0, 0, 0)]))
-    assert found.tolist() == [True, True, False, False, False, False]
+    result = cloth_pixels(torch.tensor([LINEN, CRIMSON, FLOOR, SHADOW, RING, (0, 0, 0)]))
+    assert result.tolist() == [True, True, False, False, False, False]
     dark = cloth_pixels((torch.tensor([LINEN, CRIMSON, FLOOR, SHADOW, RING]) * 0.4).byte())
     assert dark.tolist() == [True, True, False, False, False]
 
@@ -167,9 +167,9 @@ def test_losses_are_those_of_the_paper(monkeypatch):
             next_image, image = batch.next_observation[k, i], batch.observation[k, i]
             place, density = _drawn_place(wu, k, next_image, following[k, i], noises[0, k, i])
             each = [_looked(t, k, next_image, following[k, i], place) for t in wu.targets.pair]
-            wanted = batch.reward[k, i] + 0.9 * (min(each) - before[k] * density)
+            target = batch.reward[k, i] + 0.9 * (min(each) - before[k] * density)
             for own in wu.critics.pair:
-                expected += 0.5 * (_looked(own, k, image, picked, placed) - wanted) ** 2 / 6
+                expected += 0.5 * (_looked(own, k, image, picked, placed) - target) ** 2 / 6
             place, density = _drawn_place(wu, k, image, picked, noises[1, k, i])
             each = [_looked(own, k, image, picked, place) for own in wu.critics.pair]
             of_actor += (before[k] * density - min(each)) / 6
@@ -189,7 +189,7 @@ def test_the_best_are_a_fifth_of_the_cloth_by_what_critics_say(min_q_weight):
     images = _blobs(corner, SIZE, half=2)
     images[1, 0, 2, 6:9] = torch.tensor(FLOOR, dtype=torch.uint8)  # Fewer than of the other.
     cloth = cloth_pixels(images)[:, 0].flatten(1)
-    found = wu.best(images.expand(-1, number, -1, -1, -1), generators([0, 1], "cpu"))
+    result = wu.best(images.expand(-1, number, -1, -1, -1), generators([0, 1], "cpu"))
     for k in range(2):
         actions = []
         for pick in pixel_centres(*SIZE)[cloth[k]]:
@@ -200,7 +200,7 @@ def test_the_best_are_a_fifth_of_the_cloth_by_what_critics_say(min_q_weight):
         actions.sort(key=lambda each: -each[0])
         assert len(actions) == (25, 22)[k]
         best = torch.stack([action for _, action in actions[:5]])  # Rounded up.
-        near = (found[k][:, None] - best).abs().amax(-1) < 1e-4
+        near = (result[k][:, None] - best).abs().amax(-1) < 1e-4
         assert near.any(1).all() and near.any(0).all()
 
 

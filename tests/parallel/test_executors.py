@@ -69,20 +69,20 @@ def test_results_come_in_order_whoever_computes_them(executor: Executor):
 
 
 def test_the_error_of_a_call_comes_after_what_had_begun(executor: Executor, tmp_path):
-    found = []
+    result = []
     with pytest.raises(ArithmeticError, match="call 2 fails"):
         for index, value in executor.results(fail_at_two, [(str(tmp_path), i) for i in range(6)]):
             assert index == value
-            found.append(index)
+            result.append(index)
     begun = {int(file.name.split("_")[0]) for file in tmp_path.iterdir()}
-    assert begun == set(found)
+    assert begun == set(result)
     assert executor.all(square, [(4,)]) == [16]  # They are still good.
 
 
 @pytest.mark.parametrize("executor", ["processes", RAY], indirect=True)
 def test_a_killed_worker_is_replaced_and_nothing_counts_twice(executor: Executor, tmp_path):
-    found = executor.results(die_once, [(str(tmp_path), i) for i in range(8)])
-    assert sorted(found) == [(i, 10 * i) for i in range(8)]
+    result = executor.results(die_once, [(str(tmp_path), i) for i in range(8)])
+    assert sorted(result) == [(i, 10 * i) for i in range(8)]
     assert len(list(tmp_path.glob("3_*"))) == 2  # The lost call was made again.
 
 

@@ -26,20 +26,20 @@ def closeness(sequences):
 
 @both_planners
 def test_the_best_sequence_is_found(planner):
-    found = planner(6, budget=60_000).plan(closeness, np.zeros((6, 2)), np.random.default_rng(0))
+    result = planner(6, budget=60_000).plan(closeness, np.zeros((6, 2)), np.random.default_rng(0))
     best = np.clip(TARGET, -1.0, 1.0)
     # The last populations have a standard deviation of 0.05: 0.03 in six squares and more.
-    assert closeness(found.actions[None])[0] > closeness(best[None])[0] - 0.1
-    assert found.best_return > closeness(best[None])[0] - 0.1
-    assert found.env_steps == 60_000
+    assert closeness(result.actions[None])[0] > closeness(best[None])[0] - 0.1
+    assert result.best_return > closeness(best[None])[0] - 0.1
+    assert result.env_steps == 60_000
 
 
 def test_the_budget_is_split_as_in_the_paper():
     # docs/softgym.md 4.2: 21000 // 10 // H.
     expected = {"transport_water": 300, "pour_water": 52, "straighten_rope": 140,
                 "spread_cloth": 140, "fold_cloth": 70, "drop_cloth": 140}  # fmt: skip
-    found = {task: make_planner("cem", task).population for task in expected}
-    assert found == expected
+    result = {task: make_planner("cem", task).population for task in expected}
+    assert result == expected
 
 
 class Replayed:
@@ -67,11 +67,11 @@ def test_an_iteration_by_hand():
         return sequences.ravel()
 
     random = Replayed(first.reshape(shape), second.reshape(shape))
-    found = planner.plan(score, np.zeros((1, 1)), random)
+    result = planner.plan(score, np.zeros((1, 1)), random)
     np.testing.assert_allclose(seen[0], np.clip(np.sqrt(0.5) * first, -1, 1))
     # The two best are both clipped to 1, so that the variance is at its floor, 0.05^2.
     np.testing.assert_allclose(seen[1][:3], [1.0, 0.95, 1.0])
-    assert found.actions.item() == 1.0 and found.env_steps == 40
+    assert result.actions.item() == 1.0 and result.env_steps == 40
 
 
 def test_a_plan_is_shifted_by_what_was_executed():
@@ -177,8 +177,8 @@ def test_a_journal_continues_an_episode_exactly(env, tmp_path):
     play(env, make_policy(env, journal=journal, on_decision=plans.append), 3)
     assert len(plans) == len(journal.read()) == 2
     plans.clear()
-    found = play(env, make_policy(env, journal=journal, on_decision=plans.append), 9)
-    np.testing.assert_array_equal(found, expected)
+    result = play(env, make_policy(env, journal=journal, on_decision=plans.append), 9)
+    np.testing.assert_array_equal(result, expected)
     assert len(plans) == 3  # Of five decisions.
     other = play(env, make_policy(env, seed=1), 9)
     assert not np.array_equal(other, expected)
@@ -250,14 +250,14 @@ def test_trials_together_are_those_alone(task):
     together = rollouts.all(trials)
     alone = [DeviceRollouts(task, settings, "host", variations).returns(*each) for each in trials]
     expected = ExecutorRollouts(task, settings, SerialExecutor()).all(trials[:2])
-    for found, same in zip(together, alone, strict=True):
-        np.testing.assert_array_equal(found, same)
-    for found, same in zip(together, expected, strict=False):
-        np.testing.assert_allclose(found, same, rtol=1e-12)
+    for result, same in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(result, same)
+    for result, same in zip(together, expected, strict=False):
+        np.testing.assert_allclose(result, same, rtol=1e-12)
     assert not together[2].any()
     # What is read of a snapshot is not taken for another one's.
-    for found, same in zip(rollouts.all(trials[::-1]), alone[::-1], strict=True):
-        np.testing.assert_array_equal(found, same)
+    for result, same in zip(rollouts.all(trials[::-1]), alone[::-1], strict=True):
+        np.testing.assert_array_equal(result, same)
 
 
 class Doubled(Rollouts):
@@ -276,15 +276,15 @@ class Doubled(Rollouts):
 
 def asker(number):
     """Asks for the returns of 1, 2, .. `number`; returns them."""
-    found = []
+    result = []
     for k in range(number):
-        found += [*(yield None, np.full((1, 1, 1), k + 1.0))]
-    return found
+        result += [*(yield None, np.full((1, 1, 1), k + 1.0))]
+    return result
 
 
 def test_trials_of_several_are_played_together():
     rollouts = Doubled()
-    found = answered([asker(2), asker(0), asker(3)], rollouts)
-    assert found == [[2.0, 4.0], [], [2.0, 4.0, 6.0]]
+    result = answered([asker(2), asker(0), asker(3)], rollouts)
+    assert result == [[2.0, 4.0], [], [2.0, 4.0, 6.0]]
     assert rollouts.numbers == [2, 2, 1]
     assert answered([], rollouts) == []

@@ -191,8 +191,8 @@ def test_a_policy_observes_what_its_file_names(env, tmp_path, where):
     name = _noted(tmp_path, where, "markov")
     configuration = Configuration("straighten_rope", name, (800,), (3,), SHORT)
     assert configuration.settings == {**SHORT, "observation": "markov"}
-    told = Configuration("straighten_rope", name, (800,), (3,), configuration.settings)
-    assert told.settings == configuration.settings
+    given = Configuration("straighten_rope", name, (800,), (3,), configuration.settings)
+    assert given.settings == configuration.settings
     result = evaluate(configuration, tmp_path / "evaluation", trust=True)
     assert np.isfinite(result["summary"]["mean"])
     with pytest.raises(InvalidArgumentError, match=r"observation='full'.*'markov', with which"):

@@ -61,8 +61,8 @@ def archive(member, edit, **more):
     result = io.BytesIO()
     with zipfile.ZipFile(content) as source, zipfile.ZipFile(result, "w") as target:
         for name in source.namelist():
-            found = source.read(name)
-            target.writestr(name, edit(found) if name.endswith(member) else found)
+            output = source.read(name)
+            target.writestr(name, edit(output) if name.endswith(member) else output)
         root = source.namelist()[0].split("/")[0]
         for name, data in more.items():
             target.writestr(f"{root}/data/{name}/model.pt", data)

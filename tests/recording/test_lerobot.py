@@ -47,7 +47,7 @@ def test_columns_by_hand(actor):
         "rgb": pictures[:, 1],
     }
     episode = _episode(observations, expert_action=own[:COUNT])
-    found = columns(episode, tuple(observations), actor)
+    result = columns(episode, tuple(observations), actor)
     expected = {
         "observation.state": observations["proprioception"][:COUNT],
         "observation.environment_state": observations["reduced"][:COUNT],
@@ -62,20 +62,20 @@ def test_columns_by_hand(actor):
         "next.success": np.array([[False], [True], [True]]),
         "variation": np.full((COUNT, 1), 7),
     }
-    assert set(found) == set(expected)
+    assert set(result) == set(expected)
     for key, values in expected.items():
-        np.testing.assert_array_equal(found[key].values, values, strict=True)
-        assert found[key].is_film == key.startswith("observation.images.")
-    assert found["observation.state"].names[3] == "gripper 1 (x, y, z) [m], 0"
+        np.testing.assert_array_equal(result[key].values, values, strict=True)
+        assert result[key].is_film == key.startswith("observation.images.")
+    assert result["observation.state"].names[3] == "gripper 1 (x, y, z) [m], 0"
     ways = ("dx [m]", "dy [m]", "dz [m]", "grip")
-    assert found["action"].names[:4] == [f"gripper 0, {way}" for way in ways]
+    assert result["action"].names[:4] == [f"gripper 0, {way}" for way in ways]
 
 
 def test_a_single_observation_is_the_state(actor):
-    found = columns(_episode(_over_time(36)), ("reduced",), actor)
-    np.testing.assert_array_equal(found["observation.state"].values, _over_time(36)[:COUNT])
-    np.testing.assert_array_equal(found["action"].values, _episode(None)["actions"])
-    assert "observation.environment_state" not in found and "executed_action" not in found
+    result = columns(_episode(_over_time(36)), ("reduced",), actor)
+    np.testing.assert_array_equal(result["observation.state"].values, _over_time(36)[:COUNT])
+    np.testing.assert_array_equal(result["action"].values, _episode(None)["actions"])
+    assert "observation.environment_state" not in result and "executed_action" not in result
     pictures = _over_time(4, 6, 3, kind=np.uint8)
     for name, camera in (("rgb", "task"), ("goal_rgb", "goal"), ("mine", "mine")):
         assert f"observation.images.{camera}" in columns(_episode(pictures), (name,), actor)
@@ -118,13 +118,13 @@ def test_it_reads_what_minari_reads(lerobot, codec, error):
         "noise": 0.05,
     }
     expected = record(ROPE, (3, 801), **how)
-    found = lerobot(record(ROPE, (3, 801), format="lerobot", codec=codec, **how))
-    assert (found.fps, found.num_episodes, len(found)) == (12.5, 2, 24)
-    assert found.meta.info["codebase_version"] == "v3.0" and found.meta.robot_type == "picker"
+    result = lerobot(record(ROPE, (3, 801), format="lerobot", codec=codec, **how))
+    assert (result.fps, result.num_episodes, len(result)) == (12.5, 2, 24)
+    assert result.meta.info["codebase_version"] == "v3.0" and result.meta.robot_type == "picker"
     errors = []
     for number, episode in enumerate(expected):
         for k in range(12):
-            row = found[12 * number + k]
+            row = result[12 * number + k]
             for key, values in (
                 ("observation.state", episode.observations["proprioception"]),
                 ("observation.environment_state", episode.observations["reduced"]),
@@ -141,15 +141,15 @@ def test_it_reads_what_minari_reads(lerobot, codec, error):
             picture = 255 * row["observation.images.task"].numpy().transpose(1, 2, 0)
             errors.append(np.abs(picture - episode.observations["rgb"][k]).mean())
     assert max(errors) < error
-    films = list(pathlib.Path(found.root).glob("videos/observation.images.task/chunk-*/*.mp4"))
+    films = list(pathlib.Path(result.root).glob("videos/observation.images.task/chunk-*/*.mp4"))
     assert len(films) == 1
 
 
 def test_it_gives_chunks_of_actions(lerobot):
     made = record(ROPE, (3,), format="lerobot", horizon=6)
-    found = lerobot(made, delta_timestamps={"action": [k / 12.5 for k in range(3)]})
+    result = lerobot(made, delta_timestamps={"action": [k / 12.5 for k in range(3)]})
     each = lerobot(made)
-    row = found[4]
+    row = result[4]
     assert row["action_is_pad"].tolist() == [False, False, True]
     np.testing.assert_array_equal(row["action"][1], each[5]["action"])
 

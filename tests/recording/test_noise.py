@@ -84,7 +84,7 @@ def _bytes(folder):
 
 
 def test_the_same_bytes_from_any_number_of_processes(tmp_path, monkeypatch):
-    found = []
+    result = []
     for name, jobs, settings in (
         ("one", 1, {"noise": 0.1}),
         ("two", 2, {"noise": 0.1}),
@@ -97,8 +97,8 @@ def test_the_same_bytes_from_any_number_of_processes(tmp_path, monkeypatch):
             variations=(4, 0, 801), jobs=jobs, horizon=5, dataset="a-v0", **settings, **ROPE
         )
         assert [int(episode.infos["variation"][0]) for episode in dataset] == [4, 0, 801]
-        found.append(_bytes(tmp_path / name))
-    one, two, seed, none, usual = found
+        result.append(_bytes(tmp_path / name))
+    one, two, seed, none, usual = result
     assert len(one) == 1 and one == two and none == usual
     assert len({*map(tuple, (one, seed, none))}) == 3
     assert all("expert_action" not in episode.infos for episode in dataset)

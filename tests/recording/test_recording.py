@@ -161,8 +161,8 @@ def test_only_successful_episodes():
     # The score of an episode is in the infos; returns have no reference scores. Recorded actions
     # are of single precision.
     for episode, variation in zip(dataset, expected, strict=True):
-        found = episode.infos["normalized_performance"]
-        np.testing.assert_allclose(found, scores[variation], atol=1e-6)
+        result = episode.infos["normalized_performance"]
+        np.testing.assert_allclose(result, scores[variation], atol=1e-6)
     with pytest.raises(ValueError, match="Reference score not provided"):
         minari.get_normalized_score(dataset, np.zeros(1))
 

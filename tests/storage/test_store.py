@@ -40,17 +40,17 @@ def contents(store: Store) -> dict[str, bytes]:
 def test_arrays_come_back(tmp_path):
     store = Store(tmp_path, SPECIFICATION, ARRAYS)
     store.put(3, ARRAY_VALUE)
-    found = store.get(3)
-    assert list(found) == list(ARRAY_VALUE)
+    result = store.get(3)
+    assert list(result) == list(ARRAY_VALUE)
     for name, array in ARRAY_VALUE.items():
-        np.testing.assert_array_equal(found[name], array)
-        assert found[name].dtype == array.dtype
+        np.testing.assert_array_equal(result[name], array)
+        assert result[name].dtype == array.dtype
 
 
 def test_json_comes_back(store):
     store.put(3, JSON_VALUE)
-    found = store.get(3)
-    assert list(found.items()) == list(JSON_VALUE.items())
+    result = store.get(3)
+    assert list(result.items()) == list(JSON_VALUE.items())
 
 
 def test_a_key_has_a_file(store):

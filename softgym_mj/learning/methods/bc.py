@@ -162,8 +162,8 @@ class BC:
         """See `Learner`."""
         self.actor.load_state_dict(state["actor"])
         self._adam.load_state_dict(copy.deepcopy(state["adam"]))
-        for source, kept in zip(self._replay.sources, state["random"], strict=True):
-            source.set_state(kept)
+        for source, saved in zip(self._replay.sources, state["random"], strict=True):
+            source.set_state(saved)
         self.updates = state["updates"]
 
 

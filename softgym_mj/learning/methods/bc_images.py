@@ -57,8 +57,8 @@ class _Shown(Frames):
         return {"random": [source.get_state() for source in self.sources]}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        for source, kept in zip(self.sources, state["random"], strict=True):
-            source.set_state(kept)
+        for source, saved in zip(self.sources, state["random"], strict=True):
+            source.set_state(saved)
 
 
 class BCImages(Distill):

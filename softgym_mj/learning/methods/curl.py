@@ -94,11 +94,11 @@ class CURL(PixelSAC):
             for pictures in (batch.observation, batch.next_observation, batch.observation)
         )
         seen = dataclasses.replace(batch, observation=anchor, next_observation=following)
-        found = super().update(seen)
+        result = super().update(seen)
         loss = self.contrastive_loss(anchor, other)
         step(self._contrast_adam, loss)
         self._encoder_adam.step()  # By the same gradients.
-        return found | {"contrastive_loss": loss.detach()}
+        return result | {"contrastive_loss": loss.detach()}
 
     def contrastive_loss(self, anchors: Tensor, others: Tensor) -> Tensor:
         """Of each seed (seeds,): how hard it is to find an anchor's other crop among all.

@@ -241,9 +241,9 @@ class Distill:
         left = max(1.0 - self._steps * self._problem.num_envs / self._problem.env_steps, 0.0)
         risen = min(self._steps / self._settings.warm_up, 1.0)
         self._rate.fill_(self._settings.rate * risen * left)
-        found = [self._again() for _ in range(self._settings.updates)]
+        result = [self._again() for _ in range(self._settings.updates)]
         self.updates += self._settings.updates
-        return found[-1]
+        return result[-1]
 
     def _update(self) -> dict[str, Tensor]:
         losses = []
@@ -282,14 +282,14 @@ class Distill:
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Continues from what `get_state` returned."""
-        for student, kept in zip(self.students, state["students"], strict=True):
-            student.load_state_dict(kept)
-        for optimizer, kept in zip(self._optimizers, state["optimizers"], strict=True):
-            optimizer.load_state_dict(kept)
+        for student, saved in zip(self.students, state["students"], strict=True):
+            student.load_state_dict(saved)
+        for optimizer, saved in zip(self._optimizers, state["optimizers"], strict=True):
+            optimizer.load_state_dict(saved)
             optimizer.param_groups[0]["lr"] = self._rate
         self.frames.set_state(state["frames"])
-        for source, kept in zip(self._noise, state["noise"], strict=True):
-            source.set_state(kept)
+        for source, saved in zip(self._noise, state["noise"], strict=True):
+            source.set_state(saved)
         self.updates, self._steps = state["counts"]
 
 

@@ -63,9 +63,9 @@ class DrQ(PixelSAC):
             whole[name] = cropped(whole[name], self._size, shares, self.settings.pad)
         return Batch(**whole)
 
-    def wanted(self, batch: Batch, noise: Tensor) -> Tensor:
+    def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
         """As of `SAC`: means of both shifts (seeds, 2 n)."""
-        each = super().wanted(batch, noise).unflatten(1, (_SHIFTS, -1))
+        each = super().critic_target(batch, noise).unflatten(1, (_SHIFTS, -1))
         return each.mean(1).repeat(1, _SHIFTS)
 
     def critic_loss(self, batch: Batch, noise: Tensor) -> Tensor:

@@ -83,7 +83,9 @@ class HindsightReplay(Replay):
         left = self._left(first, env_index)
         ahead = left if self._is_final else torch.minimum((later * (left + 1)).long(), left)
         at = self._from(first, env_index, ahead[..., None])
-        reached = self._goals.reached(*self._goals.read(self.kept["next_observation"][at][:, :, 0]))
+        reached = self._goals.reached(
+            *self._goals.read(self.arrays["next_observation"][at][:, :, 0])
+        )
         own = self._goals.read(batch.observation)[1].goal
         goal = {name: _where(share < self._share, reached[name], own[name]) for name in own}
         return Batch(
@@ -106,7 +108,7 @@ class HindsightReplay(Replay):
         size, oldest = self._extent
         age = (first - oldest) % self._capacity
         ahead = torch.arange(self._horizon, device=first.device)
-        ended = self.kept["ended"][self._from(first, env_index, ahead)]
+        ended = self.arrays["ended"][self._from(first, env_index, ahead)]
         last = ended | (age[..., None] + ahead >= size - 1)
         return (last.cumsum(-1) == 0).sum(-1).clamp(max=self._horizon - 1)
 
@@ -114,10 +116,10 @@ class HindsightReplay(Replay):
         """Sums (seeds, n) as of `Batch` that begin in these vector steps, with these goals."""
         ahead = torch.arange(self._steps, device=first.device)
         at = self._from(first, env_index, ahead)
-        state, episode = self._goals.read(self.kept["next_observation"][at])
+        state, episode = self._goals.read(self.arrays["next_observation"][at])
         same = {name: array[:, :, None] for name, array in goal.items()}
         measures = self._goals.task.measure(state, dataclasses.replace(episode, goal=same))
-        ended = self.kept["ended"][at].long()
+        ended = self.arrays["ended"][at].long()
         factors = self.discount**ahead * (ended.cumsum(-1) - ended == 0)
         return (factors * self._reward_scale * measures.reward).sum(-1).float()
 

@@ -106,16 +106,16 @@ class PointSets(nn.Module):
     def forward(self, full: Tensor) -> Tensor:
         """Of (seeds, n, k): (seeds, n, size)."""
         rest = full[..., self.rest]
-        found = [rest]
+        result = [rest]
         for network, (start, number) in zip(self.each, self._sets, strict=True):
             points = full[..., start : start + 3 * number].unflatten(-1, (number, 3))
             beside = rest[..., None, :].expand(-1, -1, number, -1)
             seen = torch.cat([points, beside], dim=-1)
             each = network(seen.flatten(1, 2)).unflatten(1, (-1, number))
             there = (points != 0).any(-1, keepdim=True)  # Full states are padded with zeros.
-            found.append(each.masked_fill(~there, -torch.inf).amax(-2))
-            found.append(each.masked_fill(~there, 0.0).sum(-2) / there.sum(-2))
-        return torch.cat(found, dim=-1)
+            result.append(each.masked_fill(~there, -torch.inf).amax(-2))
+            result.append(each.masked_fill(~there, 0.0).sum(-2) / there.sum(-2))
+        return torch.cat(result, dim=-1)
 
 
 class PointActor(Actor):
@@ -202,14 +202,14 @@ def full_symmetries(env: Environment) -> list[Symmetry]:
         InvalidArgumentError: for a task or an actor that has none.
     """
     number = env.task.observe("full").size // 3  # Points alone: `symmetries` has checked it.
-    found = []
+    result = []
     for symmetry in symmetries(env):
         if symmetry.order == "same":
             pickers = len(symmetry.pickers)
             order = [*range(number - pickers), *(number - pickers + k for k in symmetry.pickers)]
             turned = np.kron(np.eye(number, dtype=np.int8)[order], symmetry.turn.astype(np.int8))
-            found.append(symmetry._replace(observation=turned))
-    return found
+            result.append(symmetry._replace(observation=turned))
+    return result
 
 
 def make(settings: PointSetSettings, problem: Problem) -> OffPolicy:
@@ -224,7 +224,7 @@ def make(settings: PointSetSettings, problem: Problem) -> OffPolicy:
     sac = PointSAC(settings, problem.seeds, layout(env), problem.action, problem.device)
 
     def replay(*args: Any, **arguments: Any) -> Replay:
-        found = full_symmetries(env) if settings.symmetric else ()
-        return Replay(*args, **{**arguments, "symmetries": found})
+        result = full_symmetries(env) if settings.symmetric else ()
+        return Replay(*args, **{**arguments, "symmetries": result})
 
     return OffPolicy(settings, problem, sac, replay)

@@ -118,7 +118,7 @@ class RLPD(SAC):
     def _noise(self, *shape: int) -> Tensor:
         return drawn(self._own, *shape)
 
-    def wanted(self, batch: Batch, noise: Tensor) -> Tensor:
+    def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
         """As of `SAC`, but for the value: the least of some critics, drawn anew."""
         settings = self.settings
         with torch.no_grad():

@@ -189,7 +189,7 @@ class SAC:
         """The value (seeds, n) by what critics say (critics, seeds, n)."""
         return torch.lerp(values.mean(0), values.amin(0), self.settings.min_q_weight)
 
-    def wanted(self, batch: Batch, noise: Tensor) -> Tensor:
+    def critic_target(self, batch: Batch, noise: Tensor) -> Tensor:
         """Returns (seeds, n) that critics are to find; arguments as of `critic_loss`."""
         with torch.no_grad():
             action, density = self.actor.sample(batch.next_observation, noise)
@@ -204,8 +204,8 @@ class SAC:
             batch: what is learned from.
             noise: of next actions (seeds, n, action).
         """
-        found = self.critics(batch.observation, batch.action)
-        return ((found - self.wanted(batch, noise)) ** 2).mean(-1).sum(0)
+        result = self.critics(batch.observation, batch.action)
+        return ((result - self.critic_target(batch, noise)) ** 2).mean(-1).sum(0)
 
     def actor_losses(self, batch: Batch, noise: Tensor) -> tuple[Tensor, Tensor]:
         """Of each seed (seeds,): of the actor, and of the entropy weight.
@@ -217,8 +217,8 @@ class SAC:
         action, density = self.actor.sample(batch.observation, noise)
         value = self._judged(self.critics(batch.observation, action))
         actor = (self.alpha[:, None] * density - value).mean(-1)
-        wanted = self.settings.target_entropy * action.shape[-1]
-        surplus = (-density - wanted).detach().mean(-1)
+        target = self.settings.target_entropy * action.shape[-1]
+        surplus = (-density - target).detach().mean(-1)
         return actor, self.log_alpha.exp() * surplus
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
@@ -228,7 +228,7 @@ class SAC:
             self._halve()
         loss = self._critic_loss(batch, self._noise(*size))
         step(self._critic_adam, loss)
-        found = {"critic_loss": loss.detach(), "alpha": self.alpha}
+        result = {"critic_loss": loss.detach(), "alpha": self.alpha}
         self.updates += 1
         if self.updates % self.settings.actor_every == 0:
             self.critics.requires_grad_(False)
@@ -237,10 +237,10 @@ class SAC:
             step(self._actor_adam, actor + alpha)  # Each has weights of its own.
             self._alpha_adam.step()
             self.critics.requires_grad_(True)
-            found["actor_loss"] = actor.detach()
+            result["actor_loss"] = actor.detach()
         if self.updates % self.settings.target_every == 0:
             self._follow()
-        return found
+        return result
 
     def _halve(self) -> None:
         """Sets the rates of this update."""
@@ -278,12 +278,12 @@ class SAC:
             getattr(self, name).load_state_dict(state[name])
         with torch.no_grad():
             self.log_alpha.copy_(state["log_alpha"])
-        for optimizer, kept in zip(self._adams, state["adam"], strict=True):
+        for optimizer, saved in zip(self._adams, state["adam"], strict=True):
             rate = optimizer.param_groups[0]["lr"]  # Stays where it is.
-            optimizer.load_state_dict(copy.deepcopy(kept))
+            optimizer.load_state_dict(copy.deepcopy(saved))
             optimizer.param_groups[0]["lr"] = rate
-        for source, kept in zip(self.sources, state["random"], strict=True):
-            source.set_state(kept)
+        for source, saved in zip(self.sources, state["random"], strict=True):
+            source.set_state(saved)
         self.updates = state["updates"]
         self._done.fill_(self.updates)
 

@@ -57,31 +57,31 @@ class ClothExpert(PickerExpert):
         return next(itertools.islice(can_take, rank, None), free[0])
 
     def _take(
-        self, wanted: dict[int, int], grips: list[bool], away: float = NEAR_GOAL
+        self, targets: dict[int, int], grips: list[bool], away: float = NEAR_GOAL
     ) -> Iterator[np.ndarray]:
-        """Takes vertices, `wanted` by picker; sets `grips` where it succeeds.
+        """Takes vertices, `targets` by picker; sets `grips` where it succeeds.
 
-        That is where it holds one within `away` grid steps of the wanted one.
+        That is where it holds one within `away` grid steps of its target.
         """
         up = self._actor.positions()
-        for i in wanted:
+        for i in targets:
             up[i, 2] = max(TRAVEL_HEIGHT, up[i, 2])
         yield from self._move(up, grips, near=PASSED)
         for stage, near in (("over", PASSED), ("standoff", PASSED / 2), ("grasp", ARRIVED)):
             goals = self._actor.positions()
-            for i, vertex in wanted.items():
+            for i, vertex in targets.items():
                 centre, direction, _ = self._grasp(vertex)
                 goals[i] = centre + STANDOFF * direction * (stage != "grasp")
                 if stage == "over":
                     goals[i, 2] = max(goals[i, 2], up[i, 2])
             for i in range(2):
-                if i not in wanted and not grips[i]:
+                if i not in targets and not grips[i]:
                     goals = self._aside(goals, i)
             yield from self._move(goals, grips, near=near)
-        for i in wanted:
+        for i in targets:
             grips[i] = True
         yield self._step(goals, grips)
-        for i, vertex in wanted.items():
+        for i, vertex in targets.items():
             held = int(self._actor.held[i])
             grips[i] = bool(held >= 0 and self._steps(held, vertex) <= away)
 
@@ -103,9 +103,9 @@ class ClothExpert(PickerExpert):
         ends = sorted({vertex for a, b, _ in pairs for vertex in (a, b)})
         clear = {v: self._grasp(v)[2] for v in ends}
         a, b, _ = max(pairs, key=lambda pair: (min(clear[pair[0]], clear[pair[1]]), pair[2]))
-        wanted = dict(enumerate(self._matched([a, b])))
-        if min(self._clearance(i, v) for i, v in wanted.items()) > 0.0:
-            yield from self._take(wanted, grips)
+        targets = dict(enumerate(self._matched([a, b])))
+        if min(self._clearance(i, v) for i, v in targets.items()) > 0.0:
+            yield from self._take(targets, grips)
         for trial in range(TRIALS):
             at_end = [self._nearest(int(held), ends) is not None for held in self._actor.held]
             if all(grips):
@@ -161,13 +161,13 @@ class ClothExpert(PickerExpert):
         Where another one gives way to a gripper and is taken, that one is put to its own place.
         """
         if len(chosen) == 2:
-            wanted = dict(enumerate(self._matched(chosen)))
+            targets = dict(enumerate(self._matched(chosen)))
         else:
-            wanted = {self._nearest_picker(v): v for v in chosen}
+            targets = {self._nearest_picker(v): v for v in chosen}
         grips = [False, False]
-        yield from self._take(wanted, grips, math.inf)
+        yield from self._take(targets, grips, math.inf)
         start, goals = self._actor.positions(), self._actor.positions()
-        for i in wanted:
+        for i in targets:
             goals[i, 2] = TRAVEL_HEIGHT
             if grips[i]:
                 vertex = int(self._actor.held[i])

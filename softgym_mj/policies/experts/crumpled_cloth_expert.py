@@ -66,8 +66,8 @@ class CrumpledClothExpert(ClothExpert, RehearsingExpert):
     def _takes(self) -> list[Take]:
         """Ways to take it."""
         if self._has_arms:
-            wanted = [dict(enumerate(hold)) for hold in self._holds()]
-            return [functools.partial(self._take, w, away=math.inf) for w in wanted]
+            target = [dict(enumerate(hold)) for hold in self._holds()]
+            return [functools.partial(self._take, w, away=math.inf) for w in target]
         choices = itertools.product(self._pairs(), RANKS)
         return [functools.partial(self._take_pair, pairs, rank=rank) for pairs, rank in choices]
 

@@ -40,8 +40,8 @@ class FoldCloth(ClothExpert):
         commanded = self._actor.commanded_quaternions()
         if self._down is None:
             self._down = commanded
-        wanted = turns.compose(turns.quaternions(self._leaning * self._room(goals)), self._down)
-        fractions = turns.between(commanded, wanted) / (MAX_TURN * self._env.task.action_repeat)
+        target = turns.compose(turns.quaternions(self._leaning * self._room(goals)), self._down)
+        fractions = turns.between(commanded, target) / (MAX_TURN * self._env.task.action_repeat)
         fractions /= np.maximum(np.abs(fractions).max(axis=1, keepdims=True), 1.0)
         moves = action.reshape(2, -1)
         return self._actor.posing(moves[:, :3], fractions, moves[:, -1] > 0.0)
@@ -59,11 +59,11 @@ class FoldCloth(ClothExpert):
 
     def _episode(self) -> Iterator[np.ndarray]:
         cloth, grips = self._env.task.cloth, [False, False]
-        wanted, mirrors = self._pairs()
-        self._lean(cloth.points()[mirrors] - cloth.points()[wanted], 1.0)
-        yield from self._take(dict(enumerate(wanted)), grips)
+        targets, mirrors = self._pairs()
+        self._lean(cloth.points()[mirrors] - cloth.points()[targets], 1.0)
+        yield from self._take(dict(enumerate(targets)), grips)
         ends = cloth.points()[mirrors]
-        ways = ends - cloth.points()[wanted]
+        ways = ends - cloth.points()[targets]
         short, landing = (ARM_SHORT, ARM_LANDING) if self._has_arms else (SHORT, LANDING)
         ends -= short * ways / np.linalg.norm(ways, axis=1, keepdims=True)
         yield from self._swing(ends + [0.0, 0.0, landing])
@@ -73,7 +73,7 @@ class FoldCloth(ClothExpert):
 
         They are the corners of column 0, or as near to these as the gripper reaches both.
         """
-        cloth, wanted, mirrors = self._env.task.cloth, [], []
+        cloth, targets, mirrors = self._env.task.cloth, [], []
         rows, columns = cloth.shape
         vertices = np.arange(rows * columns).reshape(rows, columns)
         half = slice(0, columns // 2)
@@ -84,9 +84,9 @@ class FoldCloth(ClothExpert):
             pairs = list(zip(upper[order].tolist(), lower[order].tolist(), strict=True))
             reached = (pair for pair in pairs if all(self._can_reach(i, v) for v in pair))
             vertex, mirror = next(reached, pairs[0])
-            wanted.append(vertex)
+            targets.append(vertex)
             mirrors.append(mirror)
-        return wanted, mirrors
+        return targets, mirrors
 
     def _swing(self, ends: np.ndarray) -> Iterator[np.ndarray]:
         """Carries what both pickers hold to `ends` (2, 3) [m] in half a circle and lets go."""

@@ -40,19 +40,19 @@ class RegraspingExpert(ClothExpert):
     """Takes hanging cloth anew, one gripper after the other, while it hangs from the other one."""
 
     def _regrasp(
-        self, wanted: list[int], order: Sequence[int], swinging: float, latest: int
+        self, targets: list[int], order: Sequence[int], swinging: float, latest: int
     ) -> Iterator[np.ndarray]:
         """Takes a vertex with each gripper; gives up after `latest` env steps of the episode.
 
         Args:
-            wanted: the vertices.
+            targets: the vertices.
             order: of the grippers.
             swinging: speed of a vertex [m/s] from which it is awaited.
             latest: env step.
         """
         for i in order:
-            if self._actor.held[i] != wanted[i]:
-                yield from self._fetch(i, wanted[i], swinging, latest)
+            if self._actor.held[i] != targets[i]:
+                yield from self._fetch(i, targets[i], swinging, latest)
 
     def _fetch(self, i: int, vertex: int, swinging: float, latest: int) -> Iterator[np.ndarray]:
         """Lets go with gripper `i` and takes a vertex as soon as it is the nearest one."""
@@ -86,25 +86,25 @@ class RegraspingExpert(ClothExpert):
         Args:
             anew: which grippers (2,) bool let go.
         """
-        wanted, stride, step = self._actor.held.copy(), self._stride, self._env.control_timestep()
+        targets, stride, step = self._actor.held.copy(), self._stride, self._env.control_timestep()
         for _ in range(THROW):
             yield np.tile([0.0, 0.0, 1.0, 1.0], 2)
-        y = self._env.task.cloth.flat()[wanted, 1]
+        y = self._env.task.cloth.flat()[targets, 1]
         outside = np.zeros((2, 3))
         outside[:, 1], outside[:, 2] = np.sign(y) * math.cos(FROM_ABOVE), math.sin(FROM_ABOVE)
         closed = ~anew
         for n in range(FLIGHT):
             points, centres = self._target.points(), self._actor.positions()
             away = np.linalg.norm(points - centres[:, None], axis=2)
-            nearest = (away.argmin(axis=1) == wanted) & (away.min(axis=1) < NEARBY)
+            nearest = (away.argmin(axis=1) == targets) & (away.min(axis=1) < NEARBY)
             closed |= nearest & (n > 0)
-            ways = self._target.velocities()[wanted] * step
+            ways = self._target.velocities()[targets] * step
             ways[:, 2] -= GRAVITY * step**2 / 2
             ways[~anew, :2] = 0.0
-            ways[anew] += (points[wanted] + REACH * outside - centres)[anew]
+            ways[anew] += (points[targets] + REACH * outside - centres)[anew]
             ways = np.clip(ways / stride, -1.0, 1.0)
             yield np.column_stack([ways, np.where(closed, 1.0, -1.0)]).ravel()
-            if (self._actor.held == wanted).all():
+            if (self._actor.held == targets).all():
                 return
 
     def _side_grasp(self, i: int, vertex: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -135,10 +135,10 @@ class WorldModel(nn.Module):
         # All that does not depend on the step before is done for all steps at once.
         embedding = self.encoder(image.flatten(1, 2))
         first = self._posterior[0]
-        told = action.flatten(1, 2) @ self._join.weight[:, self.latent :] + self._join.bias
+        action_part = action.flatten(1, 2) @ self._join.weight[:, self.latent :] + self._join.bias
         seen = embedding @ first.weight[:, self.belief :] + first.bias
         lead = image.shape[1:3]
-        told, seen = told.unflatten(1, lead), seen.unflatten(1, lead)
+        action_part, seen = action_part.unflatten(1, lead), seen.unflatten(1, lead)
         going = torch.cat([torch.zeros_like(ended[:, :, :1]), ended[:, :, :-1]], 2).logical_not()
         going = going[..., None].float()
         # They need a gradient as later ones do, so that one program serves all steps.
@@ -148,7 +148,7 @@ class WorldModel(nn.Module):
         )
         steps = []
         for t in range(lead[1]):
-            own = told[:, :, t], seen[:, :, t], noise[:, :, t], going[:, :, t]
+            own = action_part[:, :, t], seen[:, :, t], noise[:, :, t], going[:, :, t]
             steps.append(self._one_step(belief, latent, *own))
             belief, latent = steps[-1][:2]
         beliefs, latents, *both = (torch.stack(each, 2) for each in zip(*steps, strict=True))
@@ -159,7 +159,7 @@ class WorldModel(nn.Module):
         self,
         belief: Tensor,
         latent: Tensor,
-        told: Tensor,
+        action_part: Tensor,
         seen: Tensor,
         noise: Tensor,
         going: Tensor,
@@ -168,11 +168,11 @@ class WorldModel(nn.Module):
 
         Args:
             belief, latent: before.
-            told, seen: shares of the action and of the image in first layers (seeds, n, ...).
+            action_part, seen: Shares of action and image in the first layers (seeds, n, ...).
             noise: of the latent.
             going: 0 where an episode begins, else 1 (seeds, n, 1).
         """
-        joined = torch.bmm(going * latent, self._join.weight[:, : self.latent]) + told
+        joined = torch.bmm(going * latent, self._join.weight[:, : self.latent]) + action_part
         belief = self._cell(functional.relu(joined), going * belief)
         first, *others = self._posterior
         x = torch.bmm(belief, first.weight[:, : self.belief]) + seen

@@ -34,12 +34,12 @@ class GRU(nn.Module):
     def __init__(self, sources: Sequence[torch.Generator], inputs: int, size: int):
         super().__init__()
         self.seen = Dense(sources, inputs, 3 * size, size)
-        self.kept = Dense(sources, size, 3 * size, size)
+        self.state_gates = Dense(sources, size, 3 * size, size)
 
     def forward(self, x: Tensor, state: Tensor) -> Tensor:
         """The state (seeds, n, size) after inputs (seeds, n, inputs)."""
         reset, update, new = self.seen(x).chunk(3, dim=-1)
-        own_reset, own_update, own_new = self.kept(state).chunk(3, dim=-1)
+        own_reset, own_update, own_new = self.state_gates(state).chunk(3, dim=-1)
         new = torch.tanh(new + torch.sigmoid(reset + own_reset) * own_new)
         return torch.lerp(new, state, torch.sigmoid(update + own_update))
 
@@ -147,5 +147,5 @@ def _uniform(sources: Sequence[torch.Generator], fan_in: int, *shape: int) -> nn
 
 def dense_layers(sources: Sequence[torch.Generator], *sizes: int) -> nn.Sequential:
     """Dense ones with ReLU between them."""
-    found = [(Dense(sources, *pair), nn.ReLU()) for pair in itertools.pairwise(sizes)]
-    return nn.Sequential(*itertools.chain(*found))[:-1]
+    result = [(Dense(sources, *pair), nn.ReLU()) for pair in itertools.pairwise(sizes)]
+    return nn.Sequential(*itertools.chain(*result))[:-1]

@@ -248,12 +248,12 @@ class PlaNet:
         self.replay.add(step)
         learns = self._seen >= own.random_steps and self.replay.size >= own.length - 1
         self._seen += self.problem.num_envs
-        found: dict[str, Tensor] = {}
+        result: dict[str, Tensor] = {}
         if learns:
             for _ in range(own.updates):
-                found = self._few()
+                result = self._few()
             self.updates += own.updates
-        return found
+        return result
 
     def _update(self) -> dict[str, Tensor]:
         """One update."""
@@ -263,12 +263,12 @@ class PlaNet:
         frames = step.next_observation
         image = centred(frames, own.bits, drawn(self._sources, *frames.shape[1:], normal=False))
         noise = drawn(self._sources, *frames.shape[1:3], own.latent)
-        found = losses(self.model, step, image, noise, own.free_nats)
+        result = losses(self.model, step, image, noise, own.free_nats)
         self._adam.zero_grad(set_to_none=True)
-        torch.stack([*found.values()]).sum().backward()
+        torch.stack([*result.values()]).sum().backward()
         clip_grad_norm([*self.model.parameters()], len(self._sources), own.gradient_norm)
         self._adam.step()
-        return {name: loss.detach() for name, loss in found.items()}
+        return {name: loss.detach() for name, loss in result.items()}
 
     # ------------------------------------------------------------------ state
 
@@ -287,8 +287,8 @@ class PlaNet:
         """See `Learner`."""
         self.model.load_state_dict(state["model"])
         self._adam.load_state_dict(copy.deepcopy(state["adam"]))
-        for source, kept in zip(self._sources, state["random"], strict=True):
-            source.set_state(kept)
+        for source, saved in zip(self._sources, state["random"], strict=True):
+            source.set_state(saved)
         self.replay.set_state(state["replay"])
         self.updates, self._seen = state["updates"], state["seen"]
 

@@ -110,8 +110,8 @@ def record(
     for _ in range(steps):
         action, memory = learner.act(frames[-1], first, memory, explore=False)
         flat, first = action.flatten(0, 1), torch.zeros_like(first)
-        told = flat if flat.is_cuda else flat.numpy()
-        seen, _, terminated, truncated, _ = envs.step(told)
+        inputs = flat if flat.is_cuda else flat.numpy()
+        seen, _, terminated, truncated, _ = envs.step(inputs)
         frames.append(split_by_seed(problem, seen))
         actions.append(action)
         if (terminated | truncated).any():
@@ -183,6 +183,6 @@ def predict_task(training: Training, variations: Sequence[int], file: pathlib.Pa
         frames, actions = record(learner, envs, variations, CONTEXT + PREDICTED - 1)
     finally:
         envs.close()
-    found = predict(learner, frames, actions)
-    draw(found, file)
-    return found
+    result = predict(learner, frames, actions)
+    draw(result, file)
+    return result

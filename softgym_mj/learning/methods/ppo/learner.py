@@ -109,11 +109,11 @@ class Gaussian(nn.Module):
 
 def _network(sources: Sequence[torch.Generator], sizes: Sequence[int]) -> MLP:
     """Layers with tanh between them."""
-    found = MLP(sources, sizes)
-    for k, layer in enumerate(found):
+    result = MLP(sources, sizes)
+    for k, layer in enumerate(result):
         if isinstance(layer, nn.ReLU):
-            found[k] = nn.Tanh()
-    return found
+            result[k] = nn.Tanh()
+    return result
 
 
 class PPO:
@@ -176,47 +176,47 @@ class PPO:
             return {}
         self._prepare()
         for _ in range(self.settings.epochs):
-            found = self._epoch()
+            result = self._epoch()
         self.updates += self.settings.epochs * self.settings.minibatches
-        return {**found, "going": self._going.float()}
+        return {**result, "going": self._going.float()}
 
     def _prepare(self) -> None:
         """Sets the rollout by what the networks say now, by which actions were drawn."""
-        kept, settings = self._steps.kept, self.settings
+        steps, settings = self._steps.arrays, self.settings
         self._going.fill_(True)
         with torch.no_grad():
             value, next_value = (
-                torch.stack([self.values(seen)[..., 0] for seen in kept[name]])
+                torch.stack([self.values(seen)[..., 0] for seen in steps[name]])
                 for name in ("observation", "next_observation")
             )
             advantage = advantages(
-                kept["reward"], value, next_value, kept["terminated"], kept["ended"],
+                steps["reward"], value, next_value, steps["terminated"], steps["ended"],
                 discount=settings.discount, trace=settings.trace,
             )  # fmt: skip
             log_density = torch.stack(
                 [
                     self.policies.log_density(*each)
-                    for each in zip(kept["observation"], kept["action"], strict=True)
+                    for each in zip(steps["observation"], steps["action"], strict=True)
                 ]
             )
-            found = Rollout(
-                kept["observation"], kept["action"], log_density, advantage, advantage + value
+            result = Rollout(
+                steps["observation"], steps["action"], log_density, advantage, advantage + value
             )
             for name, array in vars(self._rollout).items():
-                array.copy_(getattr(found, name).transpose(0, 1).flatten(1, 2))
+                array.copy_(getattr(result, name).transpose(0, 1).flatten(1, 2))
 
     def _learn_all(self) -> dict[str, Tensor]:
         """An epoch."""
         total = self._rollout.advantage.shape[1]
         order = drawn(self._sources, total, normal=False).argsort(-1)
         seed = torch.arange(len(order), device=order.device)[:, None]
-        found: dict[str, Tensor] = {}
+        result: dict[str, Tensor] = {}
         for at in order.chunk(self.settings.minibatches, dim=1):
             part = Rollout(*(array[seed, at] for array in vars(self._rollout).values()))
-            loss, found = self.losses(part)
-            self._going &= found["divergence"] <= self.settings.target_divergence
+            loss, result = self.losses(part)
+            self._going &= result["divergence"] <= self.settings.target_divergence
             self._adam.step(loss, self._going)
-        return found
+        return result
 
     def losses(self, part: Rollout) -> tuple[Tensor, dict[str, Tensor]]:
         """Of each seed (seeds,): the sum, then by name what it is made of, and the divergence.
@@ -231,13 +231,13 @@ class PPO:
         ratio = log_ratio.exp()
         clipped = ratio.clamp(1.0 - settings.clip, 1.0 + settings.clip)
         policy = -torch.minimum(ratio * advantage, clipped * advantage).mean(-1)
-        value = 0.5 * ((self.values(part.observation)[..., 0] - part.wanted) ** 2).mean(-1)
+        value = 0.5 * ((self.values(part.observation)[..., 0] - part.value_target) ** 2).mean(-1)
         entropy = self.policies.entropy()
         loss = policy + settings.value_weight * value - settings.entropy_weight * entropy
         divergence = (ratio - 1.0 - log_ratio).mean(-1)
-        found = {"policy_loss": policy, "value_loss": value, "entropy": entropy}
-        found["divergence"] = divergence
-        return loss, {name: each.detach() for name, each in found.items()}
+        result = {"policy_loss": policy, "value_loss": value, "entropy": entropy}
+        result["divergence"] = divergence
+        return loss, {name: each.detach() for name, each in result.items()}
 
     def policy(self, seed: int) -> nn.Module:
         """See `Learner`."""
@@ -264,8 +264,8 @@ class PPO:
         self.values.load_state_dict(state["values"])
         self._adam.set_state(state["adam"])
         self._steps.set_state(state["steps"])
-        for source, kept in zip(self._sources, state["random"], strict=True):
-            source.set_state(kept)
+        for source, saved in zip(self._sources, state["random"], strict=True):
+            source.set_state(saved)
         self._seen, self.updates = state["seen"], state["updates"]
 
 

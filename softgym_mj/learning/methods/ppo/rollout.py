@@ -26,11 +26,11 @@ def advantages(
     """
     # Not by a factor of 0: what follows divergence may be no number.
     error = reward + discount * torch.where(terminated, 0.0, next_value) - value
-    found, last = torch.empty_like(error), torch.zeros_like(error[0])
+    result, last = torch.empty_like(error), torch.zeros_like(error[0])
     for k in reversed(range(len(error))):
         last = error[k] + discount * trace * torch.where(ended[k], 0.0, last)
-        found[k] = last
-    return found
+        result[k] = last
+    return result
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Rollout:
         observation, action: what was seen, and drawn.
         log_density: of the action, by the policy that drew it (seeds, n).
         advantage: (seeds, n).
-        wanted: value (seeds, n).
+        value_target: value (seeds, n).
     """
 
     observation: Tensor
     action: Tensor
     log_density: Tensor
     advantage: Tensor
-    wanted: Tensor
+    value_target: Tensor

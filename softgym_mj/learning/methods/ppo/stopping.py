@@ -51,8 +51,10 @@ class StoppingAdam:
                 lead = -1, *[1] * (weight.ndim - 1)
                 scaled = gradient * share.view(lead)
                 goes = going.view(lead)
-                for kept, new, beta in ((mean, scaled, 0), (square, scaled**2, 1)):
-                    kept.copy_(torch.where(goes, torch.lerp(new, kept, _BETAS[beta]), kept))
+                for average, new, beta in ((mean, scaled, 0), (square, scaled**2, 1)):
+                    average.copy_(
+                        torch.where(goes, torch.lerp(new, average, _BETAS[beta]), average)
+                    )
                 size = (square / second.view(lead)).sqrt() + _EPSILON
                 following = weight - self._rate * mean / first.view(lead) / size
                 weight.copy_(torch.where(goes, following, weight))
@@ -67,9 +69,9 @@ class StoppingAdam:
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Goes on from what `get_state` returned."""
-        for own, kept in zip(
+        for own, saved in zip(
             [*self._means, *self._squares, self._count],
             [*state["means"], *state["squares"], state["count"]],
             strict=True,
         ):
-            own.copy_(kept)
+            own.copy_(saved)

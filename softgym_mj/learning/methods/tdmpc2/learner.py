@@ -132,13 +132,13 @@ class TDMPC2:
         self.replay.add(step)
         learns = self._seen >= settings.random_steps and self.replay.size >= settings.horizon
         self._seen += self._num_envs
-        found: dict[str, Tensor] = {}
+        result: dict[str, Tensor] = {}
         if learns:
             number = settings.updates + (0 if self.updates else settings.pretraining)
             for _ in range(number):
-                found = self._again()
+                result = self._again()
             self.updates += number
-        return found
+        return result
 
     def _learn_once(self) -> dict[str, Tensor]:
         return self.update(self.replay.slices(self.settings.batch, self.settings.horizon))
@@ -147,10 +147,10 @@ class TDMPC2:
         """Learns from stretches (seeds, n, horizon, ...); returns losses (seeds,) by name."""
         settings, model = self.settings, self.model
         number, length = step.reward.shape[1:]
-        found, latent = losses.model_losses(
+        result, latent = losses.model_losses(
             model, step, *self._draws(number, length), discount=self._discount, rho=settings.rho
         )
-        weighted = [getattr(settings, name) * loss for name, loss in found.items()]
+        weighted = [getattr(settings, name) * loss for name, loss in result.items()]
         self._follow([self._encoder_adam, self._model_adam], sum(weighted[1:], weighted[0]))
         counts = losses.counted(step.ended)
         counts = torch.cat([counts[..., :1], counts], dim=-1)  # A state does if its step does.
@@ -163,14 +163,14 @@ class TDMPC2:
         self._follow([self._policy_adam], loss)
         model.critics.requires_grad_(True)
         polyak_update(model.targets, model.critics, settings.tau)
-        told = {f"{name}_loss": value.detach() for name, value in found.items()}
-        return {**told, "policy_loss": loss.detach(), "scale": self.scale.clone()}
+        summary = {f"{name}_loss": value.detach() for name, value in result.items()}
+        return {**summary, "policy_loss": loss.detach(), "scale": self.scale.clone()}
 
     def _draws(self, number: int, length: int) -> tuple[Tensor, Tensor, Tensor]:
         """Noise of actions, two critics and dropout, of an update's states."""
         noise = drawn(self._sources, number, length, self._action)
-        kept = self.model.dropout(self._sources, number * length)
-        return noise, self._pairs(self._sources), kept
+        kept_mask = self.model.dropout(self._sources, number * length)
+        return noise, self._pairs(self._sources), kept_mask
 
     def _follow(self, optimizers: Sequence[torch.optim.Adam], loss: Tensor) -> None:
         """Each seed's weights follow its own loss (seeds,), by gradients of limited norm."""
@@ -207,10 +207,10 @@ class TDMPC2:
         """See `Learner`."""
         self.model.load_state_dict(state["model"])
         self.scale.copy_(state["scale"])
-        for optimizer, kept in zip(self._adams, state["adam"], strict=True):
-            optimizer.load_state_dict(copy.deepcopy(kept))
-        for source, kept in zip((*self._sources, *self._noise), state["random"], strict=True):
-            source.set_state(kept)
+        for optimizer, saved in zip(self._adams, state["adam"], strict=True):
+            optimizer.load_state_dict(copy.deepcopy(saved))
+        for source, saved in zip((*self._sources, *self._noise), state["random"], strict=True):
+            source.set_state(saved)
         self.updates, self._seen = state["updates"], state["seen"]
         self.replay.set_state(state["replay"])
 

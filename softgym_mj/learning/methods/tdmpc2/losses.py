@@ -20,7 +20,7 @@ def model_losses(
     step: Step,
     noise: Tensor,
     pair: Tensor,
-    kept: Tensor | None = None,
+    kept_mask: Tensor | None = None,
     *,
     discount: float,
     rho: float,
@@ -32,7 +32,7 @@ def model_losses(
         step: stretches (seeds, n, horizon, ...).
         noise: of next actions (seeds, n, horizon, action).
         pair: two critics of each seed (seeds, 2).
-        kept: dropout of the critics.
+        kept_mask: dropout of the critics.
         discount: of rewards.
         rho: as of `shares`.
 
@@ -44,13 +44,13 @@ def model_losses(
         action, _ = model.sample(following, noise)
         later = expected(two_of(model.values(following, action, target=True), pair)).amin(1)
         # Of an episode that has come to its horizon the value goes on.
-        wanted = step.reward + discount * (~step.terminated).float() * later
+        target = step.reward + discount * (~step.terminated).float() * later
     states = [model.encode(step.observation[:, :, 0])]
     for action in step.action.unbind(2):
         states.append(model.following(states[-1], action))
     latent = torch.stack(states, 2)
     before = latent[:, :, :-1]
-    values = cross_entropy(model.values(before, step.action, kept), wanted[:, None])
+    values = cross_entropy(model.values(before, step.action, kept_mask), target[:, None])
     each = {
         "consistency": ((latent[:, :, 1:] - following) ** 2).mean(-1),
         "reward": cross_entropy(model.rewards(before, step.action), step.reward),
@@ -61,7 +61,7 @@ def model_losses(
 
 
 def policy_values(
-    model: WorldModel, latent: Tensor, noise: Tensor, pair: Tensor, kept: Tensor | None = None
+    model: WorldModel, latent: Tensor, noise: Tensor, pair: Tensor, kept_mask: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
     """What the policy's actions are worth, and its entropies times their size (seeds, n, length).
 
@@ -70,10 +70,10 @@ def policy_values(
         latent: states (seeds, n, length, latent).
         noise: of actions (seeds, n, length, action).
         pair: two critics of each seed (seeds, 2).
-        kept: dropout of the critics.
+        kept_mask: dropout of the critics.
     """
     action, density = model.sample(latent, noise)
-    values = expected(two_of(model.values(latent, action, kept), pair)).mean(1)
+    values = expected(two_of(model.values(latent, action, kept_mask), pair)).mean(1)
     return values, -noise.shape[-1] * density
 
 

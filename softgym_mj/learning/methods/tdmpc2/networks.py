@@ -84,18 +84,18 @@ class NormedMLP(nn.Module):
         self.layers, self.norms = nn.ModuleList(layers), nn.ModuleList(norms)
         self._simplex = simplex
 
-    def forward(self, x: Tensor, kept: Tensor | None = None) -> Tensor:
+    def forward(self, x: Tensor, kept_mask: Tensor | None = None) -> Tensor:
         """Of (networks, n, inputs): (networks, n, outputs).
 
         Args:
             x: inputs.
-            kept: factors to the first layer (networks, n, its size): dropout.
+            kept_mask: factors to the first layer (networks, n, its size): dropout.
         """
         last = len(self.layers) - 1
         for k, layer in enumerate(self.layers):
             x = layer(x)
-            if k == 0 and kept is not None:
-                x = x * kept
+            if k == 0 and kept_mask is not None:
+                x = x * kept_mask
             if k < len(self.norms):
                 x = self.norms[k](x)
             if k < last:
@@ -153,20 +153,25 @@ class WorldModel(nn.Module):
         return _each(self.reward, torch.cat([latent, action], dim=-1))
 
     def values(
-        self, latent: Tensor, action: Tensor, kept: Tensor | None = None, *, target: bool = False
+        self,
+        latent: Tensor,
+        action: Tensor,
+        kept_mask: Tensor | None = None,
+        *,
+        target: bool = False,
     ) -> Tensor:
         """Logits (seeds, critics, ..., bins) of returns of actions.
 
         Args:
             latent: states.
             action: in them.
-            kept: by `dropout`, if any is left out.
+            kept_mask: by `dropout`, if any is left out.
             target: whether the targets are asked.
         """
         number, (seeds, *middle) = self.settings.critics, latent.shape[:-1]
         both = torch.cat([latent, action], dim=-1).flatten(1, -2)
-        told = both[:, None].expand(-1, number, -1, -1).flatten(0, 1)
-        return (self.targets if target else self.critics)(told, kept).reshape(
+        inputs = both[:, None].expand(-1, number, -1, -1).flatten(0, 1)
+        return (self.targets if target else self.critics)(inputs, kept_mask).reshape(
             seeds, number, *middle, -1
         )
 
@@ -205,13 +210,13 @@ def imagined(
         pair: two critics of each seed (seeds, 2), whose mean counts.
         discount: of rewards.
     """
-    found, factor = torch.zeros_like(noise[..., 0]), 1.0
+    result, factor = torch.zeros_like(noise[..., 0]), 1.0
     for action in actions.unbind(-2):
-        found = found + factor * expected(model.rewards(latent, action))
+        result = result + factor * expected(model.rewards(latent, action))
         latent = model.following(latent, action)
         factor *= discount
     last, _ = model.sample(latent, noise)
-    return found + factor * expected(two_of(model.values(latent, last), pair)).mean(1)
+    return result + factor * expected(two_of(model.values(latent, last), pair)).mean(1)
 
 
 class Prior(nn.Module):

@@ -33,6 +33,6 @@ def expected(logits: Tensor) -> Tensor:
     return symexp((logits.softmax(-1) * centres).sum(-1))
 
 
-def cross_entropy(logits: Tensor, wanted: Tensor) -> Tensor:
+def cross_entropy(logits: Tensor, target: Tensor) -> Tensor:
     """Of logits (..., bins) and the numbers that are wanted: (...)."""
-    return -(two_hot(wanted, logits.shape[-1]) * logits.log_softmax(-1)).sum(-1)
+    return -(two_hot(target, logits.shape[-1]) * logits.log_softmax(-1)).sum(-1)

@@ -140,8 +140,8 @@ class PickAndPlace(SAC):
         pick = self._centres[order]  # (seeds, n, pixels, 2).
         flat, pixels = pick.flatten(1, 2), order.shape[-1]
         looking = [self.actor.body, *self.critics.pair]
-        found, *pair = (own.convolutions(images).repeat_interleave(pixels, 1) for own in looking)
-        place = self.actor.body.judge(found, flat).chunk(2, dim=-1)[0].tanh()
+        result, *pair = (own.convolutions(images).repeat_interleave(pixels, 1) for own in looking)
+        place = self.actor.body.judge(result, flat).chunk(2, dim=-1)[0].tanh()
         judged = [
             critic.judge(features, flat, place)[..., 0].unflatten(1, (-1, pixels))
             for critic, features in zip(self.critics.pair, pair, strict=True)
