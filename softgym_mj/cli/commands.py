@@ -1,5 +1,6 @@
 """The command line: softgym-mj list | demo | rollout | expert | evaluate | plot | ..."""
 
+import logging
 import os
 import platform
 import signal
@@ -8,6 +9,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 import mujoco
+import rich.logging
 import typer
 import typer.core
 
@@ -24,20 +26,21 @@ from softgym_mj.cli import (
     validation,
     view,
 )
+from softgym_mj.cli.console import console
 from softgym_mj.exceptions import SoftGymError
 
 
 class _Commands(typer.core.TyperGroup):
-    """Ends with one line and exit status 130 when it is interrupted."""
+    """Command group that ends with one line and exit status 130 when it is interrupted."""
 
     def invoke(self, ctx):
         before = signal.getsignal(signal.SIGINT)
         try:
-            if before is signal.SIG_DFL:  # Of `softgym_mj_command`, which is silent.
+            if before is signal.SIG_DFL:  # `softgym_mj_command` sets it to end without a traceback.
                 signal.signal(signal.SIGINT, signal.default_int_handler)
             return super().invoke(ctx)
         except KeyboardInterrupt as interrupt:
-            before = signal.SIG_DFL  # Once more, and it ends at once.
+            before = signal.SIG_DFL  # A second Ctrl-C ends the process at once.
             signal.signal(signal.SIGINT, before)
             typer.echo("; ".join(["interrupted", *map(str, interrupt.args)]), err=True)
             raise typer.Exit(130) from None
@@ -48,7 +51,7 @@ class _Commands(typer.core.TyperGroup):
 app = typer.Typer(
     cls=_Commands,
     no_args_is_help=True,
-    rich_markup_mode="markdown",  # "rich" takes units, [m], for its own.
+    rich_markup_mode="markdown",  # "rich" reads units such as [m] as markup.
 )
 _PANELS: dict[str, dict[str, Callable[..., None]]] = {
     "Tasks": {
@@ -99,10 +102,14 @@ def options(
 def main() -> None:
     """Runs the command line; an error of this package or of a file is one line, exit status 1.
 
-    Modules of the current folder can be imported, as with `python -m`: tasks and policies of yours.
+    Custom tasks and policies can be imported from the current folder, as with `python -m`.
     """
+    # Long work, such as a first reset, is announced by the package at level INFO.
+    log = logging.getLogger("softgym_mj")
+    log.handlers = [rich.logging.RichHandler(console=console, show_level=False, show_path=False)]
+    log.setLevel(logging.INFO)
     if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())  # Behind what is installed, such as this package.
+        sys.path.append(os.getcwd())  # At the end: installed packages have priority.
     try:
         app()
     except (SoftGymError, OSError) as error:

@@ -1,6 +1,7 @@
-"""What the commands share: the terminal, progress bars, common arguments."""
+"""Shared parts of the commands: the terminal, progress bars, common arguments."""
 
 import json
+import pathlib
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -13,29 +14,30 @@ from softgym_mj.registry import TASKS, TaskRecord
 from softgym_mj.rendering.look import LOOKS, PAPER
 from softgym_mj.variations.indices import split_indices
 
-console = rich.console.Console(markup=False, emoji=False)  # Users give much of the text.
+# Without markup: much of the text comes from users.
+console = rich.console.Console(markup=False, emoji=False)
 
 Task = Annotated[
     str,
     typer.Argument(
-        help="Task name, see `softgym-mj list`; MODULE:NAME for one that a module of yours, "
-        "installed or in the current folder, registers when it is imported.",
+        help="Task name, see `softgym-mj list`; MODULE:NAME for a custom task that MODULE "
+        "(installed or in the current folder) registers on import.",
         autocompletion=lambda incomplete: [name for name in TASKS if name.startswith(incomplete)],
     ),
 ]
 Actor = Annotated[
-    str | None, typer.Option(help="What acts, such as picker or franka; else the task's own.")
+    str | None, typer.Option(help="Actor, such as picker or franka; default: the task's own.")
 ]
 Grasp = Annotated[
-    str | None, typer.Option(help="How arms hold: attach or friction; else the task's own.")
+    str | None, typer.Option(help="Grasp of arms: attach or friction; default: the task's own.")
 ]
 Look = Annotated[
     str | None,
-    typer.Option(help=f"How it is drawn: {' or '.join(LOOKS)}, which is slower, for people."),
+    typer.Option(help=f"Look of images: {' or '.join(LOOKS)} (slower, for people)."),
 ]
 Trust = Annotated[
     bool,
-    typer.Option("--trust", help="Load FILE.pt2, which can run any code: whose it is, you trust."),
+    typer.Option("--trust", help="Load FILE.pt2 although it can run any code: trust its author."),
 ]
 Settings = Annotated[
     str,
@@ -45,26 +47,35 @@ Settings = Annotated[
 ]
 Ray = Annotated[
     str | None,
-    typer.Option(help="Ray cluster: its address, auto, or local for one of --jobs cores."),
+    typer.Option(help="Ray cluster: address, auto, or local (starts one of --jobs cores)."),
 ]
 
 
+PUBLISHED = "docs/results/policies/{}.pt2"  # Policies in a checkout of the repository.
+
+
+def policy_file(name: str) -> str:
+    """Returns the file of a published policy, such as straighten_rope-sac; other names as given."""
+    file = PUBLISHED.format(name)
+    return file if pathlib.Path(file).is_file() else name
+
+
 def given(**options: str | None) -> dict[str, Any]:
-    """Those of some options that were given, as arguments of a task."""
+    """Returns the options that are not None, as arguments of a task."""
     return {name: value for name, value in options.items() if value is not None}
 
 
 def for_people(
     record: TaskRecord, actor: str | None, grasp: str | None, look: str | None = None
 ) -> dict[str, Any]:
-    """Arguments of a task whose pictures are for people; a custom one need not take a look."""
+    """Returns arguments of a task whose images are for people; custom tasks may lack `look`."""
     if look is None and "look" in record.arguments:
         look = PAPER.name
     return given(actor=actor, grasp=grasp, look=look)
 
 
 def parsed_settings(settings: str) -> dict[str, Any]:
-    """What `Settings` says.
+    """Returns the content of the option `Settings`.
 
     Raises:
         InvalidArgumentError: if it is not a JSON object.
@@ -79,16 +90,16 @@ def parsed_settings(settings: str) -> dict[str, Any]:
 
 
 def first_variations(split: str, episodes: int, start: int | None = None) -> Sequence[int]:
-    """The variations of a split that `episodes` episodes play, one each.
+    """Returns variations of a split, one for each episode.
 
     Args:
         split: "train", "evaluate" or "all".
-        episodes: how many.
-        start: the first of them; None for the split's.
+        episodes: Number of variations.
+        start: First variation; None for the split's first.
 
     Raises:
-        InvalidArgumentError: if there is no such split; if the split has no such variation, or not
-            so many.
+        InvalidArgumentError: for an unknown split, a variation outside of it, or more variations
+            than it has.
     """
     indices = split_indices(split)
     if start is not None:
@@ -103,7 +114,7 @@ def first_variations(split: str, episodes: int, start: int | None = None) -> Seq
 
 
 def progress_bar(*columns: rich.progress.ProgressColumn) -> rich.progress.Progress:
-    """A bar with counts and times, and further columns behind them."""
+    """Returns a progress bar with counts and times, followed by `columns`."""
     return rich.progress.Progress(
         rich.progress.TextColumn("{task.description}", markup=False),
         rich.progress.BarColumn(),

@@ -19,6 +19,7 @@ from softgym_mj.cli.console import (
     first_variations,
     given,
     parsed_settings,
+    policy_file,
     progress_bar,
 )
 from softgym_mj.exceptions import InvalidArgumentError, check_name
@@ -27,7 +28,7 @@ from softgym_mj.registry import TASKS, find
 from softgym_mj.variations.indices import NUM_VARIATIONS
 from softgym_mj.vector.make import DEVICES, make_device
 
-ALL = "all"  # Instead of a task: each of the package.
+ALL = "all"  # Stands for all tasks of this package.
 
 
 def generate(
@@ -37,14 +38,14 @@ def generate(
     jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
     ray: Ray = None,
     device: Annotated[
-        str, typer.Option(help="Where: cpu (by --jobs), host or cuda, many together.")
+        str, typer.Option(help="Device: cpu (by --jobs), host or cuda (many at once).")
     ] = "cpu",
     fidelity: Annotated[str, typer.Option(help="Resolution of cloth and water.")] = "default",
     pack: Annotated[
-        pathlib.Path | None, typer.Option(help="Also write all 1000 into this file.")
+        pathlib.Path | None, typer.Option(help="Also write all 1000 to this file.")
     ] = None,
 ) -> None:
-    """Generates settled initial states into the cache; may be killed and run again."""
+    """Generates settled initial states in the cache. The same command continues a stopped one."""
     check_name("device", device, DEVICES)
     batch_device = None if device == "cpu" else make_device(device, num)
     record = find(task)
@@ -54,13 +55,13 @@ def generate(
         valid = f"with all {NUM_VARIATIONS} variations: without --start and --num"
         raise InvalidArgumentError("pack", str(pack), valid)
     if store is None:
-        raise InvalidArgumentError("task", record.name, "a task that keeps its initial states")
+        raise InvalidArgumentError("task", record.name, "a task that stores its initial states")
     with make_executor(jobs, ray) as executor, progress_bar() as progress:
         bar = progress.add_task(f"{record.name} variations", total=num)
         made = store.generate_missing(
             range(start, start + num), executor, lambda index: progress.advance(bar), batch_device
         )
-    console.print(f"{made} generated, {num - made} were there, in {store.folder}")
+    console.print(f"generated {made}, found {num - made}, in {store.folder}")
     if pack is not None:
         store.pack(pack)
         console.print(f"packed into {pack} ({pack.stat().st_size / 1e6:.2f} MB)")
@@ -81,12 +82,13 @@ def record(
     observation: Annotated[
         str | None,
         typer.Option(
-            help="Observations, with commas; reduced if not given, for lerobot proprioception, too."
+            help="Observations, separated by commas; default: reduced, for lerobot also "
+            "proprioception."
         ),
     ] = None,
     look: Look = None,
     settings: Settings = "{}",
-    seed: Annotated[int, typer.Option(help="Of the random policy and noise.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random policy and noise.", min=0)] = 0,
     trust: Trust = False,
     successful_only: Annotated[
         bool, typer.Option("--successful-only", help="Leave out episodes without success.")
@@ -96,7 +98,9 @@ def record(
     ] = "keep",
     noise: Annotated[
         float,
-        typer.Option(help="Deviation of noise on actions; the expert's own are in the infos."),
+        typer.Option(
+            help="Standard deviation of noise on actions; infos have the expert's own actions."
+        ),
     ] = 0.0,
     jobs: Annotated[int, typer.Option(help="Worker processes.")] = 1,
     dataset: Annotated[
@@ -105,17 +109,17 @@ def record(
     ] = None,
     format: Annotated[str, typer.Option(help="minari or lerobot.")] = "minari",
     codec: Annotated[
-        str | None, typer.Option(help="Of LeRobot's films; AV1 (libsvtav1) if not given.")
+        str | None, typer.Option(help="Video codec of LeRobot; AV1 (libsvtav1) if not given.")
     ] = None,
-    author: Annotated[str | None, typer.Option(help="Of a Minari dataset.")] = None,
-    author_email: Annotated[str | None, typer.Option(help="Where to reach the author.")] = None,
+    author: Annotated[str | None, typer.Option(help="Author of a Minari dataset.")] = None,
+    author_email: Annotated[str | None, typer.Option(help="E-mail of the author.")] = None,
     code_permalink: Annotated[
-        str | None, typer.Option(help="Address of the code, in the version that was run.")
+        str | None, typer.Option(help="URL of the code, in the version that was run.")
     ] = None,
 ) -> None:
-    """Records episodes as a dataset, one a variation; may be killed and run again.
+    """Records a dataset, an episode a variation. The same command continues a stopped one.
 
-    TASK can be `all`: then each task gets a dataset, unless it has the same one already.
+    TASK `all` records a dataset of each task that does not have the same one already.
     """
     from softgym_mj import recording
 
@@ -130,7 +134,7 @@ def record(
     if task == ALL and dataset is not None:
         raise InvalidArgumentError("dataset", dataset, "none with all tasks, as ids name the task")
     how: dict[str, Any] = {
-        "policy": policy,
+        "policy": policy_file(policy),
         "format": format,
         "codec": codec,
         "seed": seed,
@@ -150,10 +154,10 @@ def record(
 
 
 def _record(task: str, variations: Sequence[int], **how: Any) -> None:
-    """Records a dataset, with a bar and a line about it.
+    """Records a dataset, with a progress bar; prints a summary.
 
     Args:
-        task, variations, how: as of `recording.record`.
+        task, variations, how: Arguments of `recording.record`.
     """
     from softgym_mj import recording
 
@@ -169,12 +173,12 @@ def _record(task: str, variations: Sequence[int], **how: Any) -> None:
             made = recording.record(task, variations, on_episode=on_episode, **how)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
-            f"{len(finished)} episodes of {task} are kept: the same command goes on from them; "
-            f"with --episodes {len(finished)} it makes a dataset of as many"
+            f"{len(finished)} episodes of {task} are stored: the same command continues from them; "
+            f"--episodes {len(finished)} makes a dataset of them alone"
         ) from None
     episodes, steps, call = recording.make_format(how["format"]).summary(made)
     dropped = f"; dropped {len(variations) - episodes} without success"
     console.print(
-        f"{'recorded' if finished else 'is there already:'} {episodes} episodes, {steps} steps"
+        f"{'recorded' if finished else 'exists already:'} {episodes} episodes, {steps} steps"
         f"{dropped if how['successful_only'] else ''}; {call}"
     )

@@ -1,4 +1,4 @@
-"""Commands for GPUs: kernels compiled ahead of time, and how many env steps a device makes."""
+"""Commands for devices: kernels compiled ahead of time, env steps per second."""
 
 import math
 import time
@@ -11,15 +11,15 @@ from softgym_mj.cli.console import Settings, Task, console, parsed_settings
 from softgym_mj.exceptions import UnavailableError, check_count, check_number
 from softgym_mj.vector.make import DEVICES, make_vec
 
-_WARM_UP = 3  # Env steps before the clock runs.
+_WARM_UP = 3  # Env steps before measuring starts.
 
 
 def compile_kernels(
     arch: Annotated[
-        str | None, typer.Option(help="Such as 90 for an H100; else of this machine's GPU.")
+        str | None, typer.Option(help="Architecture, such as 90 (H100); default: this GPU's.")
     ] = None,
 ) -> None:
-    """Compiles the kernels of GPUs, which else happens when they are first used; needs no GPU."""
+    """Compiles GPU kernels ahead of their first use; needs no GPU."""
     from softgym_mj.batch import gpu
 
     if arch is None:
@@ -38,12 +38,12 @@ def compile_kernels(
 
 def bench(
     task: Task,
-    num_envs: Annotated[int, typer.Option(help="Environments.")] = 16,
-    device: Annotated[str, typer.Option(help=f"What simulates: {', '.join(DEVICES)}.")] = "cpu",
-    seconds: Annotated[float, typer.Option(help="For which the clock runs, about.")] = 5.0,
+    num_envs: Annotated[int, typer.Option(help="Number of environments.")] = 16,
+    device: Annotated[str, typer.Option(help=f"Simulation device: {', '.join(DEVICES)}.")] = "cpu",
+    seconds: Annotated[float, typer.Option(help="Approximate measuring time.")] = 5.0,
     settings: Settings = "{}",
 ) -> None:
-    """Counts env steps a second: random actions, evaluation variations, episodes that reset."""
+    """Measures env steps per second with random actions, including resets."""
     check_count("num_envs", num_envs, 1)
     check_number("seconds", seconds, ge=0.0, lt=math.inf)
     arguments: dict[str, Any] = {"split": "evaluate", **parsed_settings(settings)}
@@ -68,6 +68,6 @@ def bench(
 
 
 def _now(outcome: Any) -> float:
-    """The time when an env step's outcome is there."""
-    float(outcome[1].sum())  # Waits for a device.
+    """Returns the time at which a device has finished an env step."""
+    float(outcome[1].sum())  # Waits for the device.
     return time.perf_counter()

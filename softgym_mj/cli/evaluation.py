@@ -20,6 +20,7 @@ from softgym_mj.cli.console import (
     console,
     given,
     parsed_settings,
+    policy_file,
     progress_bar,
 )
 from softgym_mj.exceptions import InvalidArgumentError, check_count
@@ -29,7 +30,7 @@ from softgym_mj.registry import TASKS, find
 if TYPE_CHECKING:
     from softgym_mj.evaluation import Configuration, Progress
 
-_EPISODES = 10  # What an evaluation plays if nothing is said.
+_EPISODES = 10  # Default number of episodes of an evaluation.
 
 
 def evaluate(
@@ -38,41 +39,42 @@ def evaluate(
         str,
         typer.Option(
             help="scripted, random, zero, cem, icem, FILE.pt2 or MODULE:FUNCTION; FILE_{seed}.pt2 "
-            "for a file of each seed."
+            "for one file a seed; the name of a file in docs/results/policies of a checkout."
         ),
     ] = "scripted",
     trust: Trust = False,
     actor: Actor = None,
     grasp: Grasp = None,
-    split: Annotated[str | None, typer.Option(help="evaluate, if not given, train or all.")] = None,
+    split: Annotated[str | None, typer.Option(help="evaluate (default), train or all.")] = None,
     episodes: Annotated[
         int | None,
-        typer.Option(help=f"Variations, from the split's first on; {_EPISODES} if not given."),
+        typer.Option(help=f"Number of variations from the split's first; default: {_EPISODES}."),
     ] = None,
     variations: Annotated[
-        str | None, typer.Option(help="Instead of a split: such as 800,803,810-819.")
+        str | None, typer.Option(help="Variations instead of a split, such as 800,803,810-819.")
     ] = None,
     seeds: Annotated[int, typer.Option(help="Seeds 0.. of the policy.", min=1, max=1000)] = 1,
     horizon: Annotated[
-        int | None, typer.Option(help="Env steps that a plan looks ahead; the task's if not given.")
+        int | None, typer.Option(help="Planning horizon in env steps; default: the task's.")
     ] = None,
-    budget: Annotated[int, typer.Option(help="Env steps for a decision of a planner.")] = BUDGET,
-    iterations: Annotated[int, typer.Option(help="Of a planner.")] = ITERATIONS,
-    replan_every: Annotated[int, typer.Option(help="Env steps that a plan is executed for.")] = 1,
+    budget: Annotated[int, typer.Option(help="Simulated env steps per decision.")] = BUDGET,
+    iterations: Annotated[int, typer.Option(help="Iterations of a planner.")] = ITERATIONS,
+    replan_every: Annotated[int, typer.Option(help="Env steps between two plans.")] = 1,
     settings: Settings = "{}",
     jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
     ray: Ray = None,
     device: Annotated[
-        str, typer.Option(help="Where it is simulated: cpu (by --jobs), host or cuda, all at once.")
+        str, typer.Option(help="Simulation device: cpu (by --jobs), host or cuda (all at once).")
     ] = "cpu",
     out: Annotated[pathlib.Path, typer.Option(help="Folder of this evaluation.")] = pathlib.Path(
         "evaluation"
     ),
 ) -> None:
-    """Scores a policy as the paper does; may be killed and run again."""
+    """Scores a policy as the paper does. The same command continues one that was stopped."""
     from softgym_mj import evaluation
     from softgym_mj.parallel.executors import make_executor
 
+    policy = policy_file(policy)
     planning = evaluation.Planning(horizon, budget, iterations, replan_every)
     configuration = evaluation.Configuration(
         find(task).name,
@@ -88,7 +90,7 @@ def evaluate(
                 configuration, out, executor, progress, trust=trust, device=device
             )
     except KeyboardInterrupt:
-        message = f"{out} keeps what is done: the same command goes on from it"
+        message = f"{out} has the finished episodes: the same command continues from them"
         raise KeyboardInterrupt(message) from None
     numbers = result["summary"]
     console.print(
@@ -102,7 +104,7 @@ def evaluate(
 def plot(
     results: Annotated[list[pathlib.Path], typer.Argument(help="result.json files or folders.")],
     x: Annotated[
-        str | None, typer.Option(help="Curves over horizon, budget or replan_every; bars if not.")
+        str | None, typer.Option(help="Draw curves over horizon, budget or replan_every, not bars.")
     ] = None,
     out: Annotated[pathlib.Path, typer.Option(help="Picture to write.")] = pathlib.Path(
         "results.png"
@@ -134,7 +136,7 @@ def plot(
 
 
 def _table(rows: list[dict]) -> rich.table.Table:
-    """What fits into 80 columns; the rest is in the CSV file."""
+    """Returns the columns that fit into 80 characters; the CSV file has all."""
     table = rich.table.Table(show_lines=True)
     for title in ("task", "policy"):
         table.add_column(title, overflow="fold")
@@ -166,7 +168,7 @@ def _variations(named: str | None, split: str | None, episodes: int | None) -> t
 
 @contextlib.contextmanager
 def progress_of(configuration: "Configuration") -> Iterator["Progress"]:
-    """Shows a bar, of episodes or the decisions of a planner; gives what is to be told of them."""
+    """Shows a bar of episodes, or of a planner's decisions; yields the callbacks that move it."""
     from softgym_mj.evaluation import Progress
 
     planning = configuration.planning
@@ -190,7 +192,10 @@ def progress_of(configuration: "Configuration") -> Iterator["Progress"]:
         note = f"best return {plan.best_return:.3f}, {rate:.0f} env steps/s"
         bar.update(shown, advance=1, note=note)
 
+    def on_step(step: int) -> None:
+        bar.update(shown, note=f"env step {step} of {steps}")
+
     with progress_bar(rich.progress.TextColumn("{task.fields[note]}", markup=False)) as bar:
         name = "decisions" if decisions > 1 else "episodes"
         shown = bar.add_task(name, total=len(configuration.episodes) * decisions, note="")
-        yield Progress(on_episode, on_decision)
+        yield Progress(on_episode, on_decision, on_step)

@@ -18,22 +18,22 @@ from softgym_mj.storage.files import make_folder, read_json, write_json
 
 app = typer.Typer(help="Parameters of a fabric from recordings of it.", no_args_is_help=True)
 
-Folder = Annotated[pathlib.Path, typer.Argument(help="Where the data set is.")]
+Folder = Annotated[pathlib.Path, typer.Argument(help="Folder of the data set.")]
 FabricName = Annotated[str, typer.Option(help="Name of a fabric of cloth.fabrics.")]
 Parameters = Annotated[
     pathlib.Path | None,
-    typer.Option(help="JSON of attributes of entities.Fabric that replace the named one's."),
+    typer.Option(help="JSON file with attributes of entities.Fabric that replace the fabric's."),
 ]
 Density = Annotated[
     float | None,
-    typer.Option(help="Mass of a unit of area, from scales, in kg/m^2; else the fabric's."),
+    typer.Option(help="Measured mass per area in kg/m^2; default: the fabric's."),
 ]
-Seeds = Annotated[int, typer.Option(help="How many searches.", min=1)]
-Evaluations = Annotated[int, typer.Option(help="Of each search.", min=12)]
-Jobs = Annotated[int, typer.Option(help="Processes; what is found does not depend on them.")]
+Seeds = Annotated[int, typer.Option(help="Number of searches.", min=1)]
+Evaluations = Annotated[int, typer.Option(help="Evaluations of each search.", min=12)]
+Jobs = Annotated[int, typer.Option(help="Worker processes; the result does not depend on them.")]
 Out = Annotated[
     pathlib.Path,
-    typer.Option(help="Folder for identification.json, fabric.json and what a new start needs."),
+    typer.Option(help="Folder for identification.json, fabric.json and intermediate results."),
 ]
 _OUT = pathlib.Path("identification")
 _MM = 1e3
@@ -41,9 +41,9 @@ _MM = 1e3
 
 @app.callback()
 def identify() -> None:
-    """Parameters of a fabric from recordings of it: values, 95 % intervals, and what stays open.
+    """Identifies parameters of a fabric from recordings: values and 95 % intervals.
 
-    A search by least squares for each seed; it may be killed and run again.
+    Each seed runs a least-squares search. The same command continues one that was stopped.
     """
 
 
@@ -55,17 +55,17 @@ def rags(
     parameters: Parameters = None,
     density: Density = None,
     width: Annotated[
-        float, typer.Option(help="Of the rag between the grippers, in metres.")
+        float, typer.Option(help="Width of the rag between the grippers, in meters.")
     ] = 0.478,
-    length: Annotated[float, typer.Option(help="Of the rag, down, in metres.")] = 0.63,
-    table: Annotated[float, typer.Option(help="Height of its top, in metres.")] = 0.2,
-    spacing: Annotated[float, typer.Option(help="Of the mesh, in metres.")] = 0.0263,
+    length: Annotated[float, typer.Option(help="Hanging length of the rag, in meters.")] = 0.63,
+    table: Annotated[float, typer.Option(help="Height of the table top, in meters.")] = 0.2,
+    spacing: Annotated[float, typer.Option(help="Vertex spacing of the mesh, in meters.")] = 0.0263,
     camera: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(help="Its place, in metres; else an assumed one."),
+        typer.Option(help="Position of the camera, in meters; default: an assumed one."),
     ] = None,
     blind: Annotated[
-        bool, typer.Option("--blind", help="Without a camera: from real points only.")
+        bool, typer.Option("--blind", help="Ignore the camera: use measured points only.")
     ] = False,
     seeds: Seeds = 3,
     evaluations: Evaluations = 240,
@@ -73,7 +73,7 @@ def rags(
     ray: Ray = None,
     out: Out = _OUT,
 ) -> None:
-    """From clouds of a rag: fitted to repeat 0 of both primitives, reported on the others."""
+    """Identifies from point clouds of a rag: fits repeat 0 of both primitives, tests the others."""
     from softgym_mj.reality.identification import rag_data
 
     base = _base(fabric, parameters, density)
@@ -89,7 +89,7 @@ def rags(
 
 
 def _base(name: str, parameters: pathlib.Path | None, density: float | None) -> Fabric:
-    """The fabric that a search starts from."""
+    """Returns the fabric that a search starts from."""
     from softgym_mj.reality.identification.unknowns import THICKNESS
 
     thin = dataclasses.replace(_replaced(Fabric.named(name), parameters), thickness=THICKNESS)
@@ -97,7 +97,7 @@ def _base(name: str, parameters: pathlib.Path | None, density: float | None) -> 
 
 
 def _replaced(fabric: Fabric, parameters: pathlib.Path | None) -> Fabric:
-    """A fabric with the attributes of a file."""
+    """Returns a fabric with the attributes of a JSON file."""
     if parameters is None:
         return fabric
     values = read_json(parameters)
@@ -113,7 +113,7 @@ def _identify(
     task, settings: Mapping[str, Any], seeds: int, evaluations: int,
     jobs: int, ray: str | None, out: pathlib.Path,
 ) -> None:  # fmt: skip
-    """Searches, writes and shows what was found."""
+    """Runs the searches; writes and prints the result."""
     from softgym_mj.parallel.executors import make_executor
     from softgym_mj.reality.identification.identify import identify, open_store
     from softgym_mj.reality.identification.unknowns import fabric_of
@@ -125,7 +125,7 @@ def _identify(
         with _progress(seeds * evaluations) as progress, make_executor(jobs, ray) as executor:
             result = identify(task, executor, tuple(range(seeds)), evaluations, store, progress)
     except KeyboardInterrupt:
-        message = f"{out} keeps what is done: the same command goes on from it"
+        message = f"{out} has the finished part: the same command continues from it"
         raise KeyboardInterrupt(message) from None
     write_json(out / "identification.json", {**result, "settings": {**settings, "seeds": seeds}})
     values = {name: entry["value"] for name, entry in result["parameters"].items()}
@@ -136,7 +136,7 @@ def _identify(
 
 @contextlib.contextmanager
 def _progress(total: int) -> Iterator[Any]:
-    """Shows how many evaluations are made, and the least loss."""
+    """Shows a bar of evaluations and the least loss."""
     with progress_bar(rich.progress.TextColumn("{task.fields[note]}", markup=False)) as bar:
         shown = bar.add_task("evaluations", total=total, note="")
 
@@ -149,23 +149,23 @@ def _progress(total: int) -> Iterator[Any]:
         bar.update(shown, completed=total)
 
 
-def _show(found: dict[str, Any]) -> None:
+def _show(result: dict[str, Any]) -> None:
     table = rich.table.Table(box=rich.box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     for title in ("parameter", "unit"):
         table.add_column(title, no_wrap=True)
     for title in ("start", "value", "95 %"):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("", overflow="fold")
-    for name, entry in found["parameters"].items():
+    for name, entry in result["parameters"].items():
         numbers = (f"{entry[key]:.3g}" for key in ("start", "value"))
         interval = f"{entry['low']:.3g} to {entry['high']:.3g}"
         table.add_row(name, entry["unit"], *numbers, interval, _remark(entry))
     console.print(table)
     for title, name in (("fitted", "fit"), ("held out", "held_out")):
-        if found[name]["found"] is not None:
-            here, start = (_MM * found[name][key] for key in ("found", "start"))
+        if result[name]["found"] is not None:
+            here, start = (_MM * result[name][key] for key in ("found", "start"))
             console.print(f"{title}: {here:.2f} mm, before {start:.2f} mm")
-    for name, clock in found["clocks"].items():
+    for name, clock in result["clocks"].items():
         if clock["is_clock_off"]:
             console.print(f"{name}: its clock is off by {_MM * clock['clock_error']:+.0f} ms")
 

@@ -12,10 +12,10 @@ from softgym_mj.cli.console import Ray, Trust, console
 from softgym_mj.exceptions import StoreError
 from softgym_mj.storage.files import read_json
 
-app = typer.Typer(help="Learned results, trainings, what is still to be run.", no_args_is_help=True)
+app = typer.Typer(help="Published results, trainings, and queued runs.", no_args_is_help=True)
 Folders = Annotated[
     list[pathlib.Path] | None,
-    typer.Argument(help="Of trainings, or of evaluations of planners.", metavar="FOLDER..."),
+    typer.Argument(help="Folders of trainings or of planner evaluations.", metavar="FOLDER..."),
 ]
 Results = Annotated[
     pathlib.Path, typer.Option(help="Folder of learning.csv, references.csv and queue.toml.")
@@ -36,10 +36,10 @@ def print_table(
     ] = None,
     results: Results = RESULTS,
 ) -> None:
-    """Prints what was learned, by last checkpoints on held out variations; with folders' curves.
+    """Prints published results (last checkpoint, held-out variations) and those of folders.
 
-    Minutes are of all seeds that learn side by side, the gap is train minus held out, others are
-    numbers of references.csv.
+    Minutes are for all seeds together, gap is train minus held-out, others are published numbers
+    of references.csv.
     """
     from softgym_mj.learning import results as learned
     from softgym_mj.learning.entering import enter
@@ -85,7 +85,7 @@ def print_table(
 
 
 def _published(folder: pathlib.Path, name: str) -> pathlib.Path:
-    """A file of the published results.
+    """Returns the path of a file of the published results.
 
     Raises:
         StoreError: if the folder does not have it.
@@ -102,13 +102,13 @@ def _published(folder: pathlib.Path, name: str) -> pathlib.Path:
 @app.command()
 def join(
     folders: Annotated[
-        list[pathlib.Path], typer.Argument(help="Of trainings that ended.", metavar="FOLDER...")
+        list[pathlib.Path], typer.Argument(help="Finished trainings.", metavar="FOLDER...")
     ],
     out: Annotated[pathlib.Path, typer.Option(help="Folder of the result.")] = pathlib.Path(
         "joined"
     ),
 ) -> None:
-    """Makes one result of trainings of other seeds, such as of two cards."""
+    """Joins trainings that differ in their seeds, such as those of two GPUs, to one result."""
     from softgym_mj.learning import joining
 
     seeds = joining.join(folders, out)
@@ -117,18 +117,20 @@ def join(
 
 @app.command()
 def submit(
-    folder: Annotated[pathlib.Path, typer.Argument(help="Of card.json and policies, a seed each.")],
+    folder: Annotated[
+        pathlib.Path, typer.Argument(help="Folder with card.json and policy_SEED.pt2 files.")
+    ],
     trust: Trust = False,
     jobs: Annotated[int, typer.Option(help="Worker processes.", min=1)] = 1,
     ray: Ray = None,
     device: Annotated[
-        str, typer.Option(help="Where it is simulated: cpu (by --jobs), host or cuda, all at once.")
+        str, typer.Option(help="Simulation device: cpu (by --jobs), host or cuda (all at once).")
     ] = "cpu",
 ) -> None:
-    """Scores policies of other code, held out; writes the curve that `table --merge` takes.
+    """Scores policies trained elsewhere; writes the curve that `table --merge` reads.
 
-    Plays 200 held-out variations and 200 of training with each policy_SEED.pt2. May be killed and
-    run again.
+    Each policy_SEED.pt2 plays 200 held-out variations and 200 of training. The same command
+    continues one that was stopped.
     """
     from softgym_mj.cli.evaluation import progress_of
     from softgym_mj.learning import submission as submitted
@@ -148,10 +150,10 @@ def submit(
 @app.command()
 def status(
     folders: Annotated[
-        list[pathlib.Path], typer.Argument(help="Of trainings.", metavar="FOLDER...")
+        list[pathlib.Path], typer.Argument(help="Folders of trainings.", metavar="FOLDER...")
     ],
 ) -> None:
-    """Prints how far trainings are."""
+    """Prints the progress of trainings."""
     from softgym_mj.learning.curves import FILE
     from softgym_mj.learning.results import read_rows
 
@@ -178,7 +180,7 @@ def status(
 
 
 def _env_steps(card: pathlib.Path) -> int | None:
-    """Of a whole training, by its card; None without one."""
+    """Returns the env steps of a whole training from its card; None without a card."""
     result = read_json(card).get("training") if card.exists() else None
     number = result.get("env_steps") if isinstance(result, dict) else None
     if not isinstance(number, int | None):
@@ -189,11 +191,11 @@ def _env_steps(card: pathlib.Path) -> int | None:
 @app.command("queue")
 def print_queue(
     is_next: Annotated[
-        bool, typer.Option("--next", help="Print only the command of the first that is not done.")
+        bool, typer.Option("--next", help="Print only the command of the first unfinished run.")
     ] = False,
     results: Results = RESULTS,
 ) -> None:
-    """Lists the runs still to be made, in order; those whose rows are in learning.csv are done."""
+    """Lists the queued runs in order; a run is done when learning.csv has its rows."""
     from softgym_mj.learning.queue import read_queue
     from softgym_mj.learning.results import read_rows
 

@@ -19,35 +19,37 @@ def photo(
     actor: Actor = None,
     grasp: Grasp = None,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
-    step: Annotated[int, typer.Option(help="Env steps before the photograph.", min=0)] = 0,
+    step: Annotated[int, typer.Option(help="Env steps before the picture.", min=0)] = 0,
     policy: Annotated[
-        str, typer.Option(help=f"Until then: {', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
+        str, typer.Option(help=f"Policy: {', '.join(SIMPLE)}, FILE.pt2 or MODULE:FUNCTION.")
     ] = "scripted",
     trust: Trust = False,
     camera: Annotated[str, typer.Option(help="task, overview or another of the model.")] = "task",
     size: Annotated[int, typer.Option(help="Image side [pixels].")] = 512,
     samples: Annotated[
-        int, typer.Option(help="Of which a pixel is the mean; glass and water want 256.", min=1)
+        int, typer.Option(help="Samples per pixel; 256 for glass and water.", min=1)
     ] = photos.SAMPLES,
-    denoise: Annotated[bool, typer.Option(help="Remove the grain.")] = True,
-    film: Annotated[
-        bool, typer.Option("--film", help="A video of the whole episode instead, from its start.")
+    denoise: Annotated[bool, typer.Option(help="Remove noise.")] = True,
+    video: Annotated[
+        bool, typer.Option("--video", help="Render a video of the whole episode.")
     ] = False,
-    every: Annotated[int, typer.Option(help="Env steps between its pictures.", min=1)] = 1,
+    every: Annotated[int, typer.Option(help="Env steps between video frames.", min=1)] = 1,
     out: Annotated[
         pathlib.Path | None, typer.Option(help="The file; TASK.png or TASK.mp4 if not given.")
     ] = None,
 ) -> None:
-    """Photographs a task with a renderer that follows light: seconds to minutes a picture."""
-    record, ending = find(task), ".mp4" if film else ".png"
+    """Renders a task with a path tracer: seconds to minutes a picture."""
+    record, ending = find(task), ".mp4" if video else ".png"
     file = out or pathlib.Path(f"{record.name}{ending}")
     if file.suffix.lower() != ending:
         raise InvalidArgumentError("out", str(file), f"a file that ends in {ending}")
-    view = photos.PhotoCamera(camera, size, samples, denoise)  # Refuses before anything is played.
+    view = photos.PhotoCamera(
+        camera, size, samples, denoise
+    )  # Checks its arguments before the episode.
     env = softgym_mj.load(record, split="all", **for_people(record, actor, grasp))
     act = make_policy(policy, env, trust=trust)
     with progress_bar() as progress:
-        if film:
+        if video:
             bar = progress.add_task("env steps", total=env.horizon)
             photos.film(env, act, variation, view, every=every,
                         on_step=lambda: progress.advance(bar)).write(file)  # fmt: skip

@@ -22,10 +22,12 @@ from softgym_mj.cli.console import (
     first_variations,
     for_people,
     given,
+    policy_file,
     progress_bar,
 )
 from softgym_mj.envs.environment import Environment
 from softgym_mj.policies.episodes import Episode, play
+from softgym_mj.policies.exported import observes
 from softgym_mj.policies.factory import SIMPLE
 from softgym_mj.registry import find
 from softgym_mj.rendering.look import PAPER
@@ -37,9 +39,9 @@ VIDEO_SIZE = 480  # Side of a video [pixels].
 
 
 def list_tasks() -> None:
-    """Lists the tasks; if it is read by a program, one a line, with tabs.
+    """Lists the tasks: a table, or tab-separated lines if the output is not a terminal.
 
-    Such a line has name, Gymnasium id, tags, horizon, action repeat and goal.
+    The columns of a line are name, Gymnasium id, tags, horizon, action repeat and goal.
     """
     if not console.is_terminal:
         for record in softgym_mj.TASKS.values():
@@ -70,9 +72,9 @@ def demo(
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 806,
     look: Look = PAPER.name,
 ) -> None:
-    """Plays every task with its scripted policy; writes a video and a picture of each.
+    """Plays every task with its scripted expert; writes a video and a picture of each.
 
-    And `tasks.png`: the start, the middle and the end of all of them.
+    The picture `tasks.png` shows the start, middle and end of all tasks.
     """
     check_variation(variation)
     make_folder(out)
@@ -98,7 +100,7 @@ def demo(
 def _demonstrate(
     env: Environment, variation: int, size: int, advance: Callable[[], None]
 ) -> tuple[Episode, list[np.ndarray]]:
-    """The expert's episode, and pictures of its start, middle and end, drawn finer than a film."""
+    """Plays the expert's episode; also returns pictures of its start, middle and end."""
     stills, view = [], CameraView("task", size, size)
 
     def on_step() -> None:
@@ -127,11 +129,13 @@ def rollout(
 ) -> None:
     """Runs a policy on the first variations of a split; prints one JSON line an episode."""
     record, variations = find(task), first_variations(split, episodes)
+    policy = policy_file(policy)
     if video is not None:
         make_folder(video)
-    env = softgym_mj.load(record, split=split, **for_people(record, actor, grasp, look))
+    settings = {**for_people(record, actor, grasp, look), **observes(policy)}
+    env = softgym_mj.load(record, split=split, **settings)
     for index in variations:
-        episode = _filmed(env, policy, index, video is not None, seed=seed, trust=trust)
+        episode = _played(env, policy, index, video is not None, seed=seed, trust=trust)
         if video is not None:
             _write(episode, video / f"{record.name}_{index:04d}.mp4")
         line = {"task": record.name, "actor": actor, "grasp": grasp, "policy": policy,
@@ -163,7 +167,7 @@ def expert(
         bar = progress.add_task(record.name, total=len(variations))
         for index in variations:
             first = index == variations[0]
-            episode = _filmed(env, "scripted", index, first)
+            episode = _played(env, "scripted", index, first)
             if first:
                 _write(episode, out / f"{name}.mp4")
             scores[index] = _score(episode)
@@ -181,25 +185,25 @@ def expert(
     )
 
 
-def _filmed(env, policy: str, variation: int, filmed: bool, **settings: Any) -> Episode:
-    """Plays an episode; pictures, which take most of the time, only if they are wanted."""
-    camera = "task" if filmed else None
+def _played(env, policy: str, variation: int, with_video: bool, **settings: Any) -> Episode:
+    """Plays an episode, with images only if asked for: they take most of the time."""
+    camera = "task" if with_video else None
     return play(env, policy, variation, camera=camera, size=VIDEO_SIZE, **settings)
 
 
 def _score(episode: Episode) -> float:
-    """Normalised performance at the end."""
+    """Returns the normalized performance at the end."""
     return float(episode.info["normalized_performance"][-1])
 
 
 def _write(episode: Episode, file: pathlib.Path) -> None:
-    """Writes the video, and the last picture as a PNG beside it."""
+    """Writes the video, and its last picture as a PNG file next to it."""
     episode.video.write(file)
     write_picture(episode.frames[-1], file.with_suffix(".png"))
 
 
 def _write_sheet(strips: list[np.ndarray], file: pathlib.Path) -> None:
-    """Writes strips in two columns, half as large."""
+    """Writes strips in two columns, at half their size."""
     strips = strips + [np.full_like(strips[0], 255)] * (len(strips) % 2)
     rows = [np.hstack(pair) for pair in zip(strips[::2], strips[1::2], strict=True)]
     sheet = np.vstack(rows)

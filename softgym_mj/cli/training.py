@@ -7,13 +7,20 @@ import rich.progress
 import typer
 
 from softgym_mj.cli.console import (
+    PUBLISHED,
     Ray,
     Task,
     Trust,
     console,
     parsed_settings,
+    policy_file,
 )
-from softgym_mj.exceptions import InvalidArgumentError, check_count, check_name
+from softgym_mj.exceptions import (
+    InvalidArgumentError,
+    UnavailableError,
+    check_count,
+    check_name,
+)
 from softgym_mj.parallel.executors import make_executor
 from softgym_mj.registry import find
 from softgym_mj.vector.make import DEVICES
@@ -21,46 +28,50 @@ from softgym_mj.vector.make import DEVICES
 if TYPE_CHECKING:
     from softgym_mj.learning.training import Training
 
+_CPU_PRESET = "night"  # Small networks that learn in hours on a CPU.
+
 
 def train(
     method: Annotated[
         str,
         typer.Argument(
-            help="Such as sac; an unknown one lists all. MODULE:FUNCTION for one of a module of "
-            "yours, installed or in the current folder."
+            help="Method, such as sac (an unknown name lists all), or MODULE:FUNCTION of a module "
+            "that is installed or in the current folder."
         ),
     ],
     task: Task,
-    preset: Annotated[str, typer.Option(help="paper, fast, or night (sac).")] = "fast",
-    seeds: Annotated[int, typer.Option(help="How many, side by side.", min=1)] = 1,
+    preset: Annotated[
+        str, typer.Option(help="fast, paper, night (sac, for a CPU) or minutes (images).")
+    ] = "fast",
+    seeds: Annotated[int, typer.Option(help="Number of seeds, trained together.", min=1)] = 1,
     first_seed: Annotated[
-        int, typer.Option(help="The first; `learning join` makes one result of several folders.")
+        int, typer.Option(help="First seed; `learning join` joins the results of several folders.")
     ] = 0,
     device: Annotated[
-        str, typer.Option(help="Of environments: cpu (worker processes), host or cuda.")
+        str, typer.Option(help="Device of environments: cuda, cpu (worker processes) or host.")
     ] = "cuda",
     learner_device: Annotated[
-        str | None, typer.Option(help="Of networks: cpu or cuda; the environments' if not given.")
+        str | None, typer.Option(help="Device of networks: cpu or cuda; default: as --device.")
     ] = None,
     observation: Annotated[
         str | None,
         typer.Option(
-            help="What the policy observes, in place of the preset's: reduced, markov, full or "
-            "rgb; of distill names such as rgb,proprioception,held."
+            help="Observation of the policy instead of the preset's: reduced, markov, full or "
+            "rgb; of distill, names such as rgb,proprioception,held."
         ),
     ] = None,
     teacher: Annotated[
         str | None,
         typer.Option(
-            help="Policy that distill imitates: FILE.pt2, or the name of one in docs/results/"
-            "policies of a checkout; with --trust.",
+            help="Policy that distill imitates, with --trust: FILE.pt2, or the name of one in "
+            "docs/results/policies of a checkout.",
         ),
     ] = None,
     trust: Trust = False,
     settings: Annotated[
         str,
         typer.Option(
-            help="Settings of the training or the method as JSON, in place of the preset's: "
+            help="Settings of the training or the method as JSON, instead of the preset's: "
             "'{\"env_steps\": 200000}'."
         ),
     ] = "{}",
@@ -72,7 +83,7 @@ def train(
         ),
     ] = "{}",
     jobs: Annotated[
-        int, typer.Option(help="Processes that train a seed each; 1: all side by side.", min=1)
+        int, typer.Option(help="Processes, one seed each; 1: all seeds in one process.", min=1)
     ] = 1,
     ray: Ray = None,
     log: Annotated[str, typer.Option(help="none, tensorboard or wandb.")] = "none",
@@ -80,9 +91,9 @@ def train(
         "training"
     ),
 ) -> None:
-    """Trains a policy; may be killed and run again."""
+    """Trains a policy. The same command continues a training that was stopped."""
     from softgym_mj.learning import reports
-    from softgym_mj.learning.registry import find_preset
+    from softgym_mj.learning.registry import find_preset, preset_names
     from softgym_mj.learning.spreading import train_each
     from softgym_mj.learning.training import Training
 
@@ -100,19 +111,21 @@ def train(
     if arguments := parsed_settings(task_settings):
         chosen["arguments"] = arguments
     training, result = find_preset(method, preset, find(task).name, **chosen)
+    if "cuda" in (device, learner_device):
+        _check_gpu(method, task, preset if _CPU_PRESET not in preset_names(method) else _CPU_PRESET)
     try:
         if jobs == 1 and ray is None:
             reports.line(
-                f"{method} {training.task}: makes {training.num_envs * seeds} environments"
+                f"{method} {training.task}: creating {training.num_envs * seeds} environments"
             )
             run = Training(training, result, chosen_seeds, out, device, learner_device)
             rows = _side_by_side(run, log)
         else:
-            check_name("log", log, ("none",))  # Of seeds side by side only.
+            check_name("log", log, ("none",))  # Only seeds in one process share a log.
             with make_executor(jobs, ray) as executor:
                 rows = train_each(
                     training, result, chosen_seeds, out, device, learner_device, executor,
-                    lambda seed, own: print(f"seed {seed} has ended", flush=True),
+                    lambda seed, own: print(f"seed {seed} is finished", flush=True),
                 )  # fmt: skip
     except KeyboardInterrupt:
         message = f"{out} keeps its last checkpoint: the same command continues from it"
@@ -126,17 +139,28 @@ def train(
     console.print(f"wrote {out / 'curve.csv'}")
 
 
+def _check_gpu(method: str, task: str, preset: str) -> None:
+    """Raises `UnavailableError`, with the command for a CPU, unless there is a CUDA device."""
+    import torch
+
+    if not torch.cuda.is_available():
+        raise UnavailableError(
+            "there is no CUDA device that PyTorch can use; to train on the CPU, run "
+            f"`softgym-mj train {method} {task} --preset {preset} --device cpu`"
+        )
+
+
 def _teacher(name: str, trust: bool) -> dict[str, Any]:
     """Returns settings of distill for a teacher."""
     from softgym_mj.policies.exported import SUFFIX, has_images, observes
 
-    file = name if name.endswith(SUFFIX) else f"docs/results/policies/{name}{SUFFIX}"
-    if not pathlib.Path(file).is_file():
-        raise InvalidArgumentError("teacher", name, f"a file; there is no {file}")
+    file = policy_file(name)
+    if not file.endswith(SUFFIX) or not pathlib.Path(file).is_file():
+        raise InvalidArgumentError("teacher", name, f"FILE{SUFFIX}, or {PUBLISHED.format('NAME')}")
     if not trust:
         raise InvalidArgumentError(
-            f"teacher={file!r} is not loaded: such a file can run any code on this machine. If you "
-            "trust whoever made it, say so by --trust"
+            f"teacher={file!r} is not loaded: loading can run any code on this machine; add "
+            "--trust if you trust its author"
         )
     observed = observes(file).get("observation", "markov")
     if not isinstance(observed, str) or has_images([observed]):
@@ -145,7 +169,7 @@ def _teacher(name: str, trust: bool) -> dict[str, Any]:
 
 
 def _side_by_side(training: "Training", log: str) -> list[dict[str, Any]]:
-    """Trains all seeds here; shows a bar or, without a terminal, lines. Returns the curve."""
+    """Trains all seeds in this process, with a progress bar or lines. Returns the curve."""
     from softgym_mj.learning import logs, reports
 
     tell = logs.make_log(log, training.folder)

@@ -12,7 +12,7 @@ app = typer.Typer(help="Simulated cloth against theory.", no_args_is_help=True)
 
 _TITLES = "measured", "theory", "off %", "bound %"
 _LINE = "{:<36} {:<21} {:>10} {:>10} {:>7} {}"
-_TOLD = ("cells", "load")  # Of an experiment's settings.
+_SHOWN = ("cells", "load")  # Settings of an experiment that are printed.
 
 
 @app.callback()
@@ -24,25 +24,25 @@ def validate() -> None:
 def lab(
     fabric: Annotated[
         list[str] | None,
-        typer.Option(help="Name of a fabric, once for each; all of cloth.fabrics if not given."),
+        typer.Option(help="Name of a fabric, repeatable; default: all of cloth.fabrics."),
     ] = None,
     experiment: Annotated[
         list[str] | None,
         typer.Option(
             help="cantilever, cantilever_sheet, hanging, hanging_sheet, falling, swinging, tilting "
-            "or sliding, once for each; else all."
+            "or sliding, repeatable; default: all."
         ),
     ] = None,
     thorough: Annotated[
-        bool, typer.Option("--thorough", help="Cantilevers of 6 to 40 cells; else of 12.")
+        bool, typer.Option("--thorough", help="Cantilevers of 6 to 40 cells instead of 12.")
     ] = False,
     out: Annotated[
         pathlib.Path | None, typer.Option(help="Folder for lab.csv and lab.json.")
     ] = None,
 ) -> None:
-    """Measures named fabrics in experiments whose outcome theory knows; needs no data.
+    """Measures fabrics in simulated experiments with theoretical solutions; needs no data.
 
-    Exit status 1 if a number is further from theory than its bound.
+    The exit status is 1 if an error exceeds its bound.
     """
     from softgym_mj.cloth.fabrics import FABRICS
     from softgym_mj.reality.lab import BOUNDS, run, write
@@ -53,7 +53,7 @@ def lab(
     result = []
     for m in run(fabric or list(FABRICS), experiment or list(BOUNDS), thorough):
         result.append(m)
-        how = [m.experiment, m.mesh, *(f"{m.settings[k]:g}" for k in _TOLD if k in m.settings)]
+        how = [m.experiment, m.mesh, *(f"{m.settings[k]:g}" for k in _SHOWN if k in m.settings)]
         numbers = f"{m.value:.4g}", f"{m.expected:.4g}", f"{100 * m.error:+.1f}"
         bound = f"{100 * m.bound:.0f}{'' if m.passed else ' FAILED'}"
         typer.echo(_LINE.format(" ".join(how), m.fabric, *numbers, bound))

@@ -23,17 +23,19 @@ def view(
     grasp: Grasp = None,
     look: Look = None,
     variation: Annotated[int, typer.Option(help="Variation 0..999.")] = 800,
-    browser: Annotated[bool, typer.Option("--browser", help="In a browser: no display.")] = False,
+    browser: Annotated[
+        bool, typer.Option("--browser", help="Show it in a browser; needs no display.")
+    ] = False,
     host: Annotated[
         str, typer.Option(help="Address for browsers; 0.0.0.0 lets other machines in.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port for browsers; 0 for any free one.")] = 8080,
     allow_origin: Annotated[
         list[str] | None,
-        typer.Option(help="Of a proxy that shows the page: https://NAME; may be given again."),
+        typer.Option(help="Origin of a proxy that serves the page: https://NAME; repeatable."),
     ] = None,
 ) -> None:
-    """Shows a task in MuJoCo's viewer or in a browser; you play it by hand, or a policy does."""
+    """Shows a task in MuJoCo's viewer or a browser, teleoperated or with a policy."""
     find(task)
     check_variation(variation)
     settings = given(actor=actor, grasp=grasp, look=look)
@@ -42,13 +44,13 @@ def view(
 
         with open_server(host, port, allow_origin or ()) as server:
             session = Session(task, policy, variation, trust=trust, **settings)
-            console.print("Ctrl+C ends it")
+            console.print("Press Ctrl+C to stop")
             Browser(session, server).run()
         return
     if not has_display():
         raise UnavailableError(
             "the viewer needs a display and neither DISPLAY nor WAYLAND_DISPLAY is set; "
-            f"look on in a browser: softgym-mj view {task} --browser, "
+            f"use a browser: softgym-mj view {task} --browser, "
             f"or make a video: softgym-mj rollout {task} --video videos"
         )
     from softgym_mj.viewing.keys import keys_of

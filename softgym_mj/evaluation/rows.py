@@ -1,6 +1,7 @@
 """Episodes of policies that look at observations alone, side by side on a device."""
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -36,6 +37,7 @@ def play_rows(
     trust: bool,
     device: str,
     calls: Sequence[tuple[int, int]],
+    on_step: Callable[[int], None] = lambda step: None,
 ) -> list[dict]:
     """Plays episodes; returns the scores of each, as `running.play_episode`.
 
@@ -44,6 +46,7 @@ def play_rows(
         policy, trust: as in `make_policy`.
         device: of `make_vec`, but not "cpu".
         calls: variation and seed of each.
+        on_step: called before each env step with the number of those before.
 
     Raises:
         SimulationError: if an episode diverges.
@@ -59,7 +62,10 @@ def play_rows(
         known: Any = SimpleNamespace(task=SimpleNamespace(actor=actor, variation=variation))
         policies.append(make_policy(policy, known, seed, trust=trust))
 
+    steps = itertools.count()
+
     def act(seen: Any, first: np.ndarray) -> np.ndarray:
+        on_step(next(steps))
         rows, actions = _rows(seen, example.observation_space), []
         for i, choose in enumerate(policies):
             kind = dm_env.StepType.FIRST if first[i] else dm_env.StepType.MID

@@ -40,15 +40,17 @@ MOST_ENVS = 4096  # Of the samples of episodes that are played together: more co
 
 @dataclasses.dataclass
 class Progress:
-    """What the listener of an evaluation may want to show; nothing is called by default.
+    """Callbacks of an evaluation; each does nothing by default.
 
     Attributes:
-        on_episode: called with each episode's result, as `play_episode` returns it.
-        on_decision: called with each plan of a planner.
+        on_episode: Called with each episode's result, as `play_episode` returns it.
+        on_decision: Called with each plan of a planner.
+        on_step: Called with the number of env steps so far of episodes that are played together.
     """
 
     on_episode: Callable[[dict], None] = lambda episode: None
     on_decision: Callable[[Plan], None] = lambda plan: None
+    on_step: Callable[[int], None] = lambda step: None
 
 
 def evaluate(
@@ -103,7 +105,9 @@ def evaluate(
     elif device != "cpu":
         task, settings = configuration.task, configuration.settings
         policy = configuration.policy
-        play = functools.partial(play_rows, task, settings, policy, trust, device)
+        play = functools.partial(
+            play_rows, task, settings, policy, trust, device, on_step=progress.on_step
+        )
         executor = Together(MOST)
     else:
         sent = sent_to(executor, configuration.task)

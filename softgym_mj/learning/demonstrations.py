@@ -41,8 +41,7 @@ _APART = 0x44454D4F  # Keeps the random numbers of batches apart from those of o
 
 _log = logging.getLogger(__name__)
 _NOTICE = (
-    "%d episodes of the expert of %s are played now by %d processes, which takes seconds to "
-    "minutes, and kept in %s"
+    "Collecting %d demonstrations of %s in %d processes (seconds to minutes); they are stored in %s"
 )
 
 
@@ -149,7 +148,7 @@ def _collected(
 
     with make_executor(jobs or num_cores()) as executor:
         if missing := sum(not store.has(variation) for variation in range(episodes)):
-            _log.warning(_NOTICE, missing, problem.task, executor.number, store.folder)
+            _log.info(_NOTICE, missing, problem.task, executor.number, store.folder)
         written = json.dumps(settings, sort_keys=True)
         play_one = functools.partial(_played, sent_to(executor, problem.task), written, noise)
         store.run(range(episodes), play_one, executor, add, replace=True)

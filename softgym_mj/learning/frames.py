@@ -140,7 +140,7 @@ class Frames:
         self._size, self._is_cut = len(state["arrays"]["_age"]), state["is_cut"]
         self._next = self._size % self._capacity
         if self._size < state["whole"]:
-            _log.warning("Continues with the newest %d of %d steps", self._size, state["whole"])
+            _log.info("Continues with the newest %d of %d steps", self._size, state["whole"])
         for name, array in {**self._arrays, "_age": self._age}.items():
             array[: self._size] = state["arrays"][name]
         for source, saved in zip(self.sources, state["random"], strict=True):

@@ -96,6 +96,11 @@ def _imported(name: str) -> _Found:
     return _Found(first, make, getattr(module, "PRESETS", {"fast": {}}))
 
 
+def preset_names(name: str) -> list[str]:
+    """Returns the names of a method's presets; `name` as in `find_preset`."""
+    return [*_find(name).presets]
+
+
 def find_preset(
     name: str, preset: str, task: str, /, **replaced: Any
 ) -> tuple[TrainingSettings, Method]:

@@ -186,7 +186,7 @@ class Replay:
         """Goes on from what `get_state` returned."""
         self.size, self._next = state["size"], state["next"]
         if self.size < state["whole"]:
-            _log.warning("Goes on with the newest %d of %d steps", self.size, state["whole"])
+            _log.info("Continues with the newest %d of %d steps", self.size, state["whole"])
         for name, array in state["arrays"].items():
             self.arrays[name][: self.size] = array
         for source, saved in zip(self._sources, state["random"], strict=True):

@@ -61,7 +61,7 @@ class VariationStore(Store):
         if states is not None:
             return states[index].copy()
         if not self.has(index):
-            level = logging.WARNING if self.is_empty() else logging.INFO  # Shown the first time.
+            level = logging.INFO if self.is_empty() else logging.DEBUG  # Once a task.
             _log.log(level, _NOTICE, index, self._start.name, self.folder)
             self.put(index, self._start.generate(index))
         return self.get(index)

@@ -1,5 +1,6 @@
 """Values that commands refuse by name, and texts of users that are shown as they are."""
 
+import json
 import pathlib
 
 import pytest
@@ -20,7 +21,7 @@ REFUSED = {
     "NaN": ["bench", ROPE, "--seconds", "nan"],
     "infinity": ["bench", ROPE, "--seconds", "inf"],
     "ending": ["photo", ROPE, "--out", "x.zzz"],
-    "ending of a film": ["photo", ROPE, "--film", "--out", "x.png"],
+    "ending of a film": ["photo", ROPE, "--video", "--out", "x.png"],
     "architecture": ["compile", "--arch", "3"],
     "teacher": ["train", "distill", ROPE, "--teacher", "none.pt2", "--trust"],
     "trust": ["train", "distill", ROPE, "--teacher", str(RESULTS / "policies/fold_cloth-sac.pt2")],
@@ -40,6 +41,8 @@ WORDS = {
     "architecture": ["architecture='3'", "'90'"], "markup of a task": ["[/b]"],
     "markup of a number": ["--episodes"], "markup of a folder": ["[/b]"],
 }  # fmt: skip
+
+ROOT = RESULTS.parents[1]
 
 
 def run(arguments, capsys, monkeypatch):
@@ -80,3 +83,27 @@ def test_texts_of_users_are_no_markup(capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("COLUMNS", "200")
     status, printed = run(["learning", "queue", "--results", "."], capsys, monkeypatch)
     assert status == 0 and "[/b] and [red]" in printed
+
+
+@pytest.mark.parametrize(("method", "preset"), [("sac", "night"), ("ppo", "fast")])
+def test_without_a_gpu_train_prints_the_command_for_a_cpu(
+    method, preset, capsys, monkeypatch, tmp_path
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    status, printed = run(["train", method, ROPE], capsys, monkeypatch)
+    assert status == 1
+    command = f"`softgym-mj train {method} {ROPE} --preset {preset} --device cpu`"
+    assert printed.count("\n") == 1 and command in printed
+
+
+def test_a_published_policy_is_evaluated_by_name(capsys, monkeypatch, tmp_path):
+    """With the observation of its card: images and proprioception, without an option."""
+    monkeypatch.chdir(ROOT)
+    command = ["evaluate", ROPE, "--policy", "straighten_rope-distill", "--episodes", "1"]
+    monkeypatch.setattr("sys.argv", ["softgym-mj", *command, "--trust", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as end:
+        commands.main()
+    assert end.value.code == 0, capsys.readouterr()
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert {*result["settings"]["observation"]} == {"rgb", "proprioception", "held"}

@@ -80,10 +80,10 @@ def test_all_tasks_by_one_command(capsys, monkeypatch):
     monkeypatch.setattr(recording, "record", stops)
     assert run(command + settings, monkeypatch) == 130
     assert played == names[: place + 1]
-    assert "0 episodes of pour_water are kept" in capsys.readouterr().err
+    assert "0 episodes of pour_water are stored" in capsys.readouterr().err
     assert run(command + settings, monkeypatch) == 0
     assert played == [*names[: place + 1], *names]
-    assert capsys.readouterr().out.count("is there already") == place
+    assert capsys.readouterr().out.count("exists already") == place
     for name in names:
         dataset = minari.load_dataset(f"softgym_mj/{name}/zero-v0")
         assert [len(episode) for episode in dataset] == [2, 2]

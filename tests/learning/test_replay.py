@@ -84,7 +84,8 @@ def test_a_state_has_the_newest_images(monkeypatch, caplog):
     for t in range(8):
         seen = torch.full((1, 2, 1, 1, 3), t, dtype=torch.uint8)
         first.add(Step(seen, torch.zeros(1, 2, 1), torch.full((1, 2), float(t)), seen + 1, no, no))
-    second.set_state(first.get_state())
+    with caplog.at_level("INFO"):
+        second.set_state(first.get_state())
     assert "newest 3 of 6" in caplog.text  # Vector steps of two environments each.
     batch = second.sample(200)
     assert set(batch.reward.ravel().tolist()) == {5.0, 6.0, 7.0}

@@ -32,7 +32,7 @@ def test_a_log_has_lines_of_how_a_training_goes(tmp_path, monkeypatch):
     assert done.exit_code != 0
     lines = done.output.splitlines()
     name = r"\d\d:\d\d:\d\d sac straighten_rope, seeds 0: "
-    assert lines[0].endswith(" sac straighten_rope: makes 2 environments")
+    assert lines[0].endswith(" sac straighten_rope: creating 2 environments")
     assert any(re.fullmatch(f"{name}starts in {tmp_path}", s) for s in lines)
     assert any(re.match(f"{name}learns: 8 of 16 env steps, .*/s, .* min left", s) for s in lines)
     monkeypatch.setattr(SAC, "update", update)

@@ -212,7 +212,7 @@ def test_the_command_writes_stills_and_films(monkeypatch, tmp_path):
     monkeypatch.setitem(softgym_mj.TASKS, "short", TaskRecord("straighten_rope", horizon=2))
     command = ["photo", "short", "--size", "32", "--samples", "2", "--no-denoise"]
     still, film = tmp_path / "still.png", tmp_path / "film.mp4"
-    for options in (["--step", "1", "--out", still], ["--film", "--every", "2", "--out", film]):
+    for options in (["--step", "1", "--out", still], ["--video", "--every", "2", "--out", film]):
         result = CliRunner().invoke(commands.app, [*command, *map(str, options)])
         assert result.exit_code == 0, result.output
     assert imageio.imread(still).shape == (32, 32, 3)
