@@ -75,7 +75,7 @@ def compiled(name: str, architecture: str) -> bytes:
     check_name("architecture", architecture, _architectures())
     kept = cache_folder() / "kernels" / f"{name}-sm_{architecture}-{key}.cubin"
     if not kept.exists():
-        _log.warning(_NOTICE, name, architecture)
+        _log.info(_NOTICE, name, architecture)
         paths = [str(_FOLDER), str(_FOLDER / "batch" / "cuda")]
         options = core.ProgramOptions(arch=f"sm_{architecture}", include_path=paths, **settings)
         start = time.perf_counter()

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 import mujoco
+import rich.console
 import rich.logging
 import typer
 import typer.core
@@ -26,7 +27,6 @@ from softgym_mj.cli import (
     validation,
     view,
 )
-from softgym_mj.cli.console import console
 from softgym_mj.exceptions import SoftGymError
 
 
@@ -106,7 +106,8 @@ def main() -> None:
     """
     # Long work, such as a first reset, is announced by the package at level INFO.
     log = logging.getLogger("softgym_mj")
-    log.handlers = [rich.logging.RichHandler(console=console, show_level=False, show_path=False)]
+    errors = rich.console.Console(stderr=True)
+    log.handlers = [rich.logging.RichHandler(console=errors, show_level=False, show_path=False)]
     log.setLevel(logging.INFO)
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())  # At the end: installed packages have priority.

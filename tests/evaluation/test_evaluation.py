@@ -269,7 +269,7 @@ def test_the_command_line_evaluates(tmp_path, monkeypatch):
 
     monkeypatch.setattr(evaluation, "evaluate", interrupt)
     stopped = CliRunner().invoke(commands.app, arguments)
-    assert stopped.exit_code == 130 and "the same command goes on" in stopped.output
+    assert stopped.exit_code == 130 and "the same command continues" in stopped.output
     failed = CliRunner().invoke(commands.app, ["evaluate", "straighten_rope", "--settings", "[1]"])
     assert isinstance(failed.exception, InvalidArgumentError)
     assert "settings='[1]'" in str(failed.exception)
