@@ -28,7 +28,7 @@ def test_kernels_are_compiled_once(tmp_path, monkeypatch, kernels):
     monkeypatch.setenv("SOFTGYM_MJ_CACHE", str(tmp_path))
     first = CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
     assert first.exit_code == 0, first.output
-    assert sorted(gpu.KERNELS) == [line.split()[0] for line in sorted(first.output.splitlines())]
+    assert sorted(gpu.KERNELS) == [line.split()[0] for line in sorted(first.stdout.splitlines())]
     kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "kernels").iterdir()}
     assert len(kept) == len(gpu.KERNELS)
     CliRunner().invoke(commands.app, ["compile", "--arch", "90"])
