@@ -260,7 +260,7 @@ def sheet(name: str) -> str:
     lower, upper = bounds(env)
     text, task = paragraphs(record), env.task
     facts = table(
-        ("", ""),
+        ("property", "value"),
         (
             ("name", f"`{name}`"),
             ("Gymnasium id", f"`{record.gymnasium_id}`"),
