@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 from dm_control import mjcf
+from PIL import Image
 
 from softgym_mj.rendering.look import Color, Look
 from softgym_mj.rendering.patterns import pattern, second_tone
@@ -28,10 +29,8 @@ KEPT = 8  # Cache size per kind: a texture takes some megabytes, and random ones
 
 def asset(pixels: np.ndarray) -> mjcf.Asset:
     """Returns an image (height, width, 3) uint8 as an asset file of a model."""
-    import imageio.v3 as imageio
-
     file = io.BytesIO()
-    imageio.imwrite(file, pixels, extension=".png", compress_level=1)
+    Image.fromarray(pixels).save(file, "png", compress_level=1)
     return mjcf.Asset(file.getvalue(), ".png")
 
 
