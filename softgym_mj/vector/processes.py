@@ -21,9 +21,13 @@ from softgym_mj.vector.pool import WorkerPool
 from softgym_mj.vector.variation_sampler import VariationSampler
 from softgym_mj.vector.worker import OUTCOME
 
-# What a fork server imports once for all workers, most of what they need: no OpenGL, which does not
-# survive a fork.
-_PRELOADED = ["softgym_mj.vector.worker", "softgym_mj.metrics", "mujoco"]
+# Modules that a fork server imports once for all workers. None opens OpenGL, which does not survive
+# a fork.
+_PRELOADED = [
+    "softgym_mj.vector.worker",
+    "softgym_mj.envs.environment",
+    "softgym_mj.envs.gymnasium_env",
+]
 
 
 class ProcessBackend(Backend):
