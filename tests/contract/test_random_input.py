@@ -249,16 +249,16 @@ LINES = st.sampled_from(list(COMMANDS)).flatmap(command_line)
 # ---------------------------------------------------------------- tests
 
 DOORS = {
-    "load": (LOADED, 50),
-    "make": (MADE, 35),
-    "make_vec": (VECTORS, 15),
-    "suite": (SUITED, 35),
-    "command": (LINES, 60),
+    "load": (LOADED, 17),
+    "make": (MADE, 12),
+    "make_vec": (VECTORS, 5),
+    "suite": (SUITED, 12),
+    "command": (LINES, 20),
 }
 CASES = [
     pytest.param(door, factor * number, id=f"{door}-{factor * number}", marks=marks)
     for door, (_, number) in DOORS.items()
-    for factor, marks in ((1, ()), (3, pytest.mark.long), (60, pytest.mark.slow))
+    for factor, marks in ((1, ()), (9, pytest.mark.long), (180, pytest.mark.slow))
 ]
 
 
