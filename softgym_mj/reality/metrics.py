@@ -55,22 +55,6 @@ def symmetric_distance(first: np.ndarray, second: np.ndarray) -> float:
     return float(np.mean(there) + np.mean(back)) / 2
 
 
-def marker_error(simulated: np.ndarray, real: np.ndarray) -> float:
-    """Root of the mean squared distance [m] of points that are known to belong together.
-
-    Args:
-        simulated, real: (..., 3) [m], of the same shape.
-
-    Raises:
-        InvalidArgumentError: if they are empty, not finite or of different shapes.
-    """
-    simulated, real = np.asarray(simulated, float), np.asarray(real, float)
-    if simulated.shape != real.shape:
-        raise InvalidArgumentError("simulated", simulated.shape, f"the shape {real.shape} of real")
-    away = _cloud("simulated", simulated.reshape(-1, 3)) - _cloud("real", real.reshape(-1, 3))
-    return float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
-
-
 def jitter(positions: np.ndarray, step: float) -> float:
     """Mean norm of the second difference of positions over time [m/s^2].
 

@@ -58,35 +58,6 @@ class Hold:
     follows: bool = False
 
 
-def recorded_path(times: np.ndarray, positions: np.ndarray) -> Path:
-    """A path through positions (n, k, 3) [m] at increasing times (n,) [s], straight in between.
-
-    Before the first and after the last of them it stands still.
-
-    Raises:
-        InvalidArgumentError: if shapes do not belong together, times do not increase or anything is
-            not finite.
-    """
-    times, positions = np.asarray(times, float), np.asarray(positions, float)
-    if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
-        raise InvalidArgumentError("times", times.shape, "finite, of a shape (n,), n > 0")
-    if not (np.diff(times) > 0.0).all():
-        raise InvalidArgumentError("times", times, "increasing")
-    if positions.ndim != 3 or positions.shape[::2] != (len(times), 3):
-        raise InvalidArgumentError("positions", positions.shape, f"a shape ({len(times)}, k, 3)")
-    if not np.isfinite(positions).all():
-        raise InvalidArgumentError("positions", positions.shape, "finite numbers")
-
-    def path(at: np.ndarray) -> np.ndarray:
-        after = np.clip(np.searchsorted(times, at, side="right"), 1, max(len(times) - 1, 1))
-        first, last = after - 1, np.minimum(after, len(times) - 1)
-        way = np.where(last > first, times[last] - times[first], 1.0)
-        share = np.clip((at - times[first]) / way, 0.0, 1.0)[:, None, None]
-        return (1.0 - share) * positions[first] + share * positions[last]
-
-    return path
-
-
 def check_holds(holds: Sequence[Hold], start: np.ndarray, begin: float) -> None:
     """Raises `InvalidArgumentError` unless vertices at `start` (n, 3) [m] can be held like that.
 

@@ -74,14 +74,6 @@ def test_jitter_of_what_is_known():
     assert metrics.jitter(restless, step) == pytest.approx(2e-4 / step**2 / 5)
 
 
-def test_marker_error_by_hand():
-    real = np.zeros((2, 2, 3))
-    simulated = real + [0.0, 0.3, 0.4]
-    assert metrics.marker_error(simulated, real) == pytest.approx(0.5)
-    simulated[0] = 0.0
-    assert metrics.marker_error(simulated, real) == pytest.approx(0.125**0.5)
-
-
 GOOD = np.zeros((4, 3))
 
 
@@ -107,8 +99,3 @@ def test_no_cloud_is_refused(measure, bad):
 def test_no_motion_is_refused(positions, step):
     with pytest.raises(InvalidArgumentError, match=r"positions|step"):
         metrics.jitter(positions, step)
-
-
-def test_markers_of_other_numbers_are_refused():
-    with pytest.raises(InvalidArgumentError, match="real"):
-        metrics.marker_error(np.zeros((3, 4, 3)), np.zeros((3, 5, 3)))

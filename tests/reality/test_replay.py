@@ -11,7 +11,7 @@ from softgym_mj.exceptions import InvalidArgumentError
 from softgym_mj.reality import recorder as recorders
 from softgym_mj.reality.meshes import Mesh, rectangle
 from softgym_mj.reality.recorder import Recorder
-from softgym_mj.reality.replay import Hold, recorded_path, replay
+from softgym_mj.reality.replay import Hold, replay
 
 SHEET = rectangle(0.15, 0.09, 0.03)  # 6 x 4 vertices.
 NO_AIR = Fabric(drag=0.0)
@@ -164,18 +164,6 @@ def test_strain_of_steps_is_that_of_all_edges():
     assert steps.lowest[0] == pytest.approx(moved[:, 2].min())
 
 
-def test_recorded_paths_are_straight_between_what_was_recorded():
-    path = recorded_path(
-        np.array([0.0, 1.0, 3.0]), np.array([[[0.0] * 3], [[1.0] * 3], [[5.0] * 3]])
-    )
-    np.testing.assert_allclose(
-        path(np.array([-1.0, 0.0, 0.25, 1.0, 2.0, 3.0, 9.0]))[:, 0, 1],
-        [0.0, 0.0, 0.25, 1.0, 3.0, 5.0, 5.0],
-    )
-    alone = recorded_path(np.array([2.0]), np.full((1, 1, 3), 7.0))
-    np.testing.assert_allclose(alone(np.array([0.0, 2.0, 3.0])), 7.0)
-
-
 def still(times):
     return np.zeros((len(times), 1, 3))
 
@@ -222,12 +210,3 @@ def test_no_mesh_is_refused(points, triangles, message):
 def test_no_rectangle_is_refused(sides):
     with pytest.raises(InvalidArgumentError, match=r"width|depth|spacing"):
         rectangle(*sides)
-
-
-@pytest.mark.parametrize(
-    ("times", "positions"),
-    [([0.0, 0.0], np.zeros((2, 1, 3))), ([0.0], np.zeros((2, 1, 3))), ([], np.zeros((0, 1, 3)))],
-)
-def test_no_path_is_refused(times, positions):
-    with pytest.raises(InvalidArgumentError, match=r"times|positions"):
-        recorded_path(np.array(times), positions)
