@@ -6,10 +6,7 @@ actions of the part so far, which environments repeat when the training continue
 that was killed ends with the same numbers, wherever its checkpoints were.
 """
 
-import dataclasses
 import functools
-import pathlib
-import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -18,12 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-import softgym_mj
 from softgym_mj.exceptions import (
     InvalidArgumentError,
-    SoftGymError,
     StoreError,
-    UnavailableError,
 )
 from softgym_mj.learning.checkpoints import (
     alone,
@@ -43,10 +37,8 @@ from softgym_mj.learning.curves import (
     write_curve,
     write_episodes,
 )
-from softgym_mj.learning.exploring import Explorer, problem_of
-from softgym_mj.learning.learner import Learner, Method, Offline
-from softgym_mj.learning.players import Players
-from softgym_mj.learning.settings import TrainingSettings
+from softgym_mj.learning.learner import Offline
+from softgym_mj.learning.setup import TrainingSetup
 from softgym_mj.policies.exported import export_policy
 from softgym_mj.storage.files import write_json, write_whole
 
@@ -55,89 +47,15 @@ from softgym_mj.storage.files import write_json, write_whole
 KEEP_SECONDS, KEEP_RATIO = 60.0, 50.0
 
 
-@dataclasses.dataclass
-class Training:
-    """A training in a folder.
+class Training(TrainingSetup):
+    """A training in a folder that runs, and continues from its last checkpoint.
 
-    Attributes:
-        settings, method: what, and how.
-        seeds: of trainings that go side by side.
-        folder: where it is kept.
-        device: of the environments: "cpu", "host" or "cuda".
-        learner_device: of the networks: "cpu" or "cuda"; None for the environments' own.
-        rows: the curve so far: by `curves.COLUMNS`, one of each evaluation, seed and split.
-        done: parts so far.
-        learner: what learns.
-        phase: what it does: "starts", "starts a part", "repeats a part", "learns", "evaluates" or
-            "ended".
+    It is made of the arguments of `TrainingSetup`, and has its attributes.
     """
 
-    settings: TrainingSettings
-    method: Method
-    seeds: Sequence[int]
-    folder: pathlib.Path
-    device: str = "cpu"
-    learner_device: str | None = None
-    rows: list[dict[str, Any]] = dataclasses.field(default_factory=list, init=False)
-    done: int = dataclasses.field(default=0, init=False)
-    learner: Learner = dataclasses.field(init=False)
-    phase: str = dataclasses.field(default="starts", init=False)
-
     def __post_init__(self):
-        settings = self.settings
-        self._begun, self._before = time.perf_counter(), 0.0  # Seconds: now, and of those before.
-        # Vector steps of the part so far, their actions (seeds, num_envs, n), and what the learner
-        # remembers of the episodes.
-        self._step, self._actions, self._memory = 0, list[Tensor](), None
+        super().__post_init__()
         self._due = time.monotonic() + KEEP_SECONDS  # Of the next checkpoint within a part.
-        own = "cuda" if self.device == "cuda" else "cpu"
-        if self.learner_device == "cuda" and not torch.cuda.is_available():
-            raise UnavailableError("there is no CUDA device that PyTorch can use")
-        number = settings.num_envs * len(self.seeds)
-        left = {} if settings.learned_steps is None else {"horizon": settings.learned_steps}
-        self._envs = self._make(number, autoreset_mode="SameStep", **left)
-        at = self.learner_device or own
-        self._problem = problem_of(settings, self.method, self.seeds, self._envs, at)
-        self._explorer = Explorer(self._problem, self._envs, self.device)
-        self._players = Players(
-            self._problem,
-            lambda number: self._make(number, autoreset_mode="Disabled", split="all"),
-            self._explorer.env_actions,
-        )
-        try:
-            self.learner = self.method.make(self.method.settings, self._problem)
-        except SoftGymError:
-            raise
-        except (RuntimeError, MemoryError) as error:  # PyTorch has no memory for such sizes.
-            raise InvalidArgumentError(
-                f"the networks or the replay of {self.method.name} cannot be made with these "
-                f"settings: {error}"
-            ) from error
-
-    def _make(self, number: int, **settings: Any) -> Any:
-        own, observed = self.settings, self.settings.observed
-        if (privileged := getattr(self.method.settings, "privileged", None)) is not None:
-            observed["observation"] = [*own.observations, *filter(None, [privileged])]
-        return softgym_mj.make_vec(
-            own.task, number, device=self.device, **{**observed, **own.task_settings, **settings}
-        )
-
-    @property
-    def covered(self) -> int:
-        """Env steps of each seed so far, of `settings.env_steps`."""
-        return self.done * self.settings.part + self._step * self.settings.num_envs
-
-    @property
-    def seconds(self) -> float:
-        """All that it took so far: start-up and evaluations, too."""
-        return self._before + time.perf_counter() - self._begun
-
-    @property
-    def env_steps(self) -> int:
-        """Env steps of each seed that were learned from so far."""
-        if isinstance(self.learner, Offline):
-            return self.learner.demonstrated
-        return self.covered
 
     # ------------------------------------------------------------------ learning
 
@@ -224,15 +142,6 @@ class Training:
 
     # ------------------------------------------------------------------ evaluation
 
-    def evaluations(self) -> list[int]:
-        """Env steps of each seed at which a whole curve has its points."""
-        settings = self.settings
-        # Curves are over env steps: one that makes none has one point.
-        if isinstance(self.learner, Offline):
-            return [self.env_steps]
-        apart = settings.part * settings.evaluate_every
-        return [*range(apart, settings.env_steps, apart), settings.env_steps]
-
     def _evaluate(self, *, final: bool) -> None:
         """Plays as many variations of either split with the best actions, in the end 200."""
         self.phase = "evaluates"
@@ -264,31 +173,6 @@ class Training:
         return self._players.play(variations, act)
 
     # ------------------------------------------------------------------ checkpoints
-
-    def _owner(self) -> dict[str, Any]:
-        return {
-            "method": self.method.name,
-            "training": dataclasses.asdict(self.settings),
-            "settings": dataclasses.asdict(self.method.settings),
-            "seeds": list(self.seeds),
-        }
-
-    def card(self) -> dict[str, Any]:
-        """What one who finds the checkpoint has to know of it; JSON."""
-        on = self._problem.device
-        return {
-            **self._owner(),
-            "preset": self.method.preset,
-            "evaluations": self.evaluations(),
-            "env_steps": self.env_steps,
-            "updates": self.learner.updates,
-            "seconds": round(self.seconds, 1),
-            "split": "train",
-            "device": platform.machine() if on == "cpu" else torch.cuda.get_device_name(),
-            "backend": self.device,
-            "versions": {"softgym_mj": softgym_mj.__version__, "torch": torch.__version__},
-            "last": [row for row in self.rows if row["env_steps"] == self.rows[-1]["env_steps"]],
-        }
 
     def _keep(self) -> None:
         """Writes checkpoint, card and curve: each whole or not at all."""
